@@ -1,0 +1,38 @@
+"""The Hirota-Kimura (Kahan) discretization of the nonholonomic Suslov problem.
+
+A body and a batch of angular velocities go in, trajectories come out::
+
+    from suslov_fast import Suslov3D, iterate
+
+    body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    trajectories = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
+
+The system is that of V. Dragovic and B. Gajic, arXiv:0807.2966; docstrings cite its equations by
+the labels of its source.
+"""
+
+from ._bodies import Suslov3D
+from ._conserved import criticality, energy, first_integral
+from ._coordinates import from_xy, to_xy
+from ._full import step_full
+from ._map import iterate, step
+from ._status import SingularStepError, SingularStepWarning, Status
+from ._trajectories import Trajectories
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "SingularStepError",
+    "SingularStepWarning",
+    "Status",
+    "Suslov3D",
+    "Trajectories",
+    "criticality",
+    "energy",
+    "first_integral",
+    "from_xy",
+    "iterate",
+    "step",
+    "step_full",
+    "to_xy",
+]

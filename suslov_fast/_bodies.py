@@ -1,0 +1,198 @@
+"""The bodies whose motion the package computes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._validation import FloatArray, common_shape, real_array, vectors
+
+
+@dataclass(frozen=True, eq=False)
+class Suslov3D:
+    """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
+
+    In that basis the constraint is Omega3 = 0 and the inertia tensor is
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``; I3 enters nothing but :func:`step_full`.
+
+    Parameters
+    ----------
+    I1, I2 : array_like(float, shape=(...))
+        Moments of inertia, positive, in any unit that all four share.
+    I13, I23 : array_like(float, shape=(...))
+        Products of inertia. Where both are 0 every angular velocity is constant.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not a finite real number, I1 or I2 is not positive, or the shapes do not
+        broadcast.
+
+    Notes
+    -----
+    Section 2 of Dragovic and Gajic, equation (s1).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+    >>> Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3).shape
+    (3,)
+    """
+
+    I1: Any
+    I2: Any
+    I13: Any
+    I23: Any
+
+    def __post_init__(self) -> None:
+        arrays = {field.name: real_array(field.name, getattr(self, field.name)) for field in fields(self)}
+        for name in ("I1", "I2"):
+            if not (arrays[name] > 0).all():
+                smallest = arrays[name].min()
+                raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
+        common_shape(**{name: array.shape for name, array in arrays.items()})
+        for name, array in arrays.items():
+            object.__setattr__(self, name, _frozen(array))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the body, () for a single one."""
+        return np.broadcast_shapes(*(np.shape(parameter) for parameter in self.parameters))
+
+    @property
+    def parameters(self) -> tuple[Any, Any, Any, Any]:
+        """I1, I2, I13, I23."""
+        return self.I1, self.I2, self.I13, self.I23
+
+    @cached_property
+    def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Parameters of the order of 1 that define the same map, and the factor that eps gets.
+
+        The map knows only eps I13 / I1 and its like, so that powers of two may move between the
+        moments, the products and eps. Nothing is rounded, and no product of parameters overflows.
+        """
+        I1, I2, I13, I23 = (np.asarray(parameter) for parameter in self.parameters)
+        _, moments = np.frexp(np.maximum(I1, I2))
+        _, products = np.frexp(np.maximum(abs(I13), abs(I23)))
+        with np.errstate(under="ignore", over="ignore"):
+            return (
+                np.ldexp(I1, -moments),
+                np.ldexp(I2, -moments),
+                np.ldexp(I13, -products),
+                np.ldexp(I23, -products),
+                np.ldexp(1.0, products - moments),
+            )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Suslov3D):
+            return NotImplemented
+        return all(map(np.array_equal, self.parameters, other.parameters))
+
+    def __hash__(self) -> int:
+        return hash(tuple(np.asarray(parameter).tobytes() for parameter in self.parameters))
+
+    @classmethod
+    def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
+        """The body with a given inertia tensor and constraint axis.
+
+        Parameters
+        ----------
+        I : array_like(float, shape=(..., 3, 3))
+            Inertia tensor in any basis fixed in the body, symmetric and positive definite.
+        a : array_like(float, shape=(..., 3))
+            The axis, fixed in the body, about which it may not turn; of any length but 0.
+
+        Returns
+        -------
+        body : Suslov3D
+            The body in its adapted basis, where the axis is e3 and I12 = 0.
+        rotation : ndarray(float, shape=(..., 3, 3))
+            The matrix, of determinant 1, that takes components to the adapted basis:
+            ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
+            It is the identity where the given basis is adapted already.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If I is not symmetric to 1e-12 of its size or not positive definite, or a is 0.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Suslov3D
+        >>> I = [[4, 0, -0.5], [0, 1, -0.3], [-0.5, -0.3, 3]]
+        >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
+        >>> body
+        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+        >>> bool((rotation == np.eye(3)).all())
+        True
+        """
+        tensor = vectors("I", I, 3)
+        if tensor.ndim < 2 or tensor.shape[-2] != 3:
+            raise ValueError(f"I: expected shape (..., 3, 3), got {tensor.shape}")
+        axis = vectors("a", a, 3)
+        common_shape(I=tensor.shape[:-2], a=axis.shape[:-1])
+        size = abs(tensor).max(axis=(-2, -1), initial=0.0)
+        asymmetry = abs(tensor - tensor.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
+        if not (asymmetry <= 1e-12 * size).all():
+            raise ValueError(
+                f"I: expected a symmetric inertia tensor, got one with |I - I.T| = {asymmetry.max()}"
+            )
+        smallest = np.linalg.eigvalsh(tensor).min(initial=np.inf)
+        if not smallest > 0:
+            raise ValueError(
+                f"I: expected a positive definite inertia tensor, got the eigenvalue {smallest}"
+            )
+        largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
+        if not (largest > 0).all():
+            raise ValueError("a: expected an axis other than 0, got one of length 0")
+        axis = axis / largest
+        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+
+        to_e3 = _shortest_rotation_to_e3(axis)
+        turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
+        # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.
+        I12 = turned[..., 0, 1]
+        gap = turned[..., 0, 0] - turned[..., 1, 1]
+        angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
+        rotation = _about_e3(angle) @ to_e3
+        I = rotation @ tensor @ rotation.swapaxes(-2, -1)
+        body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2])
+        return body, rotation
+
+
+def _frozen(array: FloatArray) -> float | FloatArray:
+    """A number as a float, an array as a copy that cannot be written to."""
+    if array.ndim == 0:
+        return float(array)
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:
+    """The rotation by the smallest angle that takes each unit axis to e3."""
+    # Half a turn about axis + e3, which exchanges the two, then half a turn about e3. An axis that
+    # points down is first turned by pi about e1.
+    down = axis[..., 2] < 0
+    half_turn = np.where(down[..., None, None], np.diag([1.0, -1.0, -1.0]), np.eye(3))
+    u = (half_turn @ axis[..., None])[..., 0]
+    s = u + [0.0, 0.0, 1.0]
+    exchange = 2.0 * s[..., :, None] * s[..., None, :] / (s * s).sum(-1)[..., None, None] - np.eye(3)
+    return np.diag([-1.0, -1.0, 1.0]) @ exchange @ half_turn
+
+
+def _about_e3(angle: FloatArray) -> FloatArray:
+    """The matrix that takes components to a basis turned by an angle about e3."""
+    rotation = np.zeros((*np.shape(angle), 3, 3))
+    rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
+    rotation[..., 0, 1] = np.sin(angle)
+    rotation[..., 1, 0] = -np.sin(angle)
+    rotation[..., 2, 2] = 1.0
+    return rotation

@@ -1,0 +1,158 @@
+"""What is conserved, and which regime an orbit is in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._bodies import Suslov3D
+from ._core import coordinates, integrals
+from ._core.jit import on_arrays
+from ._validation import FloatArray, common_shape, instance, real_array, vectors
+
+
+def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+    """The energy (I1 Omega1**2 + I2 Omega2**2) / 2, conserved by the continuous motion.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of inertia times that of omega squared.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    The energy integral of equation (s1). The map conserves :func:`first_integral` instead.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, energy
+    >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
+    2.125
+    """
+    instance("body", body, Suslov3D)
+    state = vectors("omega", omega, 2)
+    common_shape(body=body.shape, omega=state.shape[:-1])
+    with np.errstate(all="ignore"):
+        value: FloatArray = on_arrays(integrals.energy)(
+            body.I1, body.I2, state[..., 0], state[..., 1]
+        )
+    # I13 and I23 do not enter, but their batch counts.
+    return np.broadcast_to(value, np.broadcast_shapes(body.shape, np.shape(value)))[()].copy()
+
+
+def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The first integral F of the map.
+
+    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 (I13 Omega1 + I23 Omega2)**2).
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of omega squared over that of inertia.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    Lemma 1, equation (i1). The paper's second expression (i2) is this one times
+    D = I13**2 I2 + I23**2 I1.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, first_integral, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> float(first_integral(body, [1.0, 0.5], eps=0.2).round(12))
+    0.26534472963
+    >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
+    0.26534472963
+    """
+    state, (X, _) = _canonical(body, omega, eps)
+    with np.errstate(all="ignore"):
+        value: FloatArray = on_arrays(integrals.first_integral)(
+            body.I1, body.I2, X, state[..., 0], state[..., 1]
+        )
+    return value
+
+
+def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The number t = eps sqrt(h / (I1 I2)) that decides how an orbit of the map behaves.
+
+    With \\|t\\| < 1 the orbit follows the continuous motion; with \\|t\\| >= 1 the step is too long
+    for that, and the orbit jumps across the line of steady states. t is constant along an orbit.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega; t has its sign.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        t, dimensionless.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    h is the integral of equation (i2), the one that Section 4 of the paper uses.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, criticality
+    >>> body = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2)
+    >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
+    array([0.0351, 1.2281])
+    """
+    _, (X, Y) = _canonical(body, omega, eps)
+    with np.errstate(all="ignore"):
+        level: FloatArray = on_arrays(integrals.level)(X, Y)
+    # Rounding must not carry an orbit across the border: t < 1 exactly where |Y| < 1.
+    below = np.nextafter(1.0, 0.0)
+    level = np.where(abs(Y) < 1.0, np.minimum(level, below), np.maximum(level, 1.0))
+    return np.copysign(level, eps)
+
+
+def _canonical(
+    body: Suslov3D, omega: ArrayLike, eps: ArrayLike
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """The checked state, and its dimensionless coordinates (X, Y)."""
+    instance("body", body, Suslov3D)
+    state = vectors("omega", omega, 2)
+    step_size = real_array("eps", eps)
+    common_shape(body=body.shape, omega=state.shape[:-1], eps=step_size.shape)
+    I1, I2, I13, I23, eps_factor = body.normalised
+    with np.errstate(all="ignore"):
+        return state, on_arrays(coordinates.to_canonical)(
+            I1, I2, I13, I23, step_size * eps_factor, state[..., 0], state[..., 1]
+        )

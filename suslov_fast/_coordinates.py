@@ -1,0 +1,95 @@
+"""The paper's coordinates (x, y)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._bodies import Suslov3D
+from ._core import coordinates
+from ._core.jit import on_arrays
+from ._validation import FloatArray, common_shape, instance, vectors
+
+
+def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+    """The coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
+
+    The steady states are the line x = 0. x is accurate to rounding next to that line too.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        (x, y), in the units of inertia, or inertia squared, times that of omega.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    Equation (xy).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_xy
+    >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
+    array([-0.625, -0.75 ])
+    """
+    instance("body", body, Suslov3D)
+    state = vectors("omega", omega, 2)
+    common_shape(body=body.shape, omega=state.shape[:-1])
+    with np.errstate(all="ignore"):
+        return np.stack(
+            on_arrays(coordinates.to_xy)(*body.parameters, state[..., 0], state[..., 1]), axis=-1
+        )
+
+
+def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
+    """The angular velocities with given coordinates (x, y): the inverse of :func:`to_xy`.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them, with I13 and I23 not both 0.
+    xy : array_like(float, shape=(..., 2))
+        Coordinates (x, y).
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        (Omega1, Omega2).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    The inverse of equation (xy).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, from_xy
+    >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
+    array([1. , 0.5])
+    """
+    instance("body", body, Suslov3D)
+    state = vectors("xy", xy, 2)
+    common_shape(body=body.shape, xy=state.shape[:-1])
+    if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
+        raise ValueError(
+            "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
+        )
+    with np.errstate(all="ignore"):
+        return np.stack(
+            on_arrays(coordinates.from_xy)(*body.parameters, state[..., 0], state[..., 1]), axis=-1
+        )

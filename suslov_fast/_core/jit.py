@@ -1,0 +1,90 @@
+"""Every option of Numba that the package uses, each with its reason."""
+
+import hashlib
+import types
+from pathlib import Path
+
+import numba
+from numba import config
+from numba.core.caching import FunctionCache
+
+_OPTIONS = {
+    # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
+    "error_model": "numpy",
+    # Other Python threads run while a kernel does.
+    "nogil": True,
+    # No fastmath: without it no FMA is formed and no sum is reordered, so that serial, parallel,
+    # vectorised and interpreted runs agree bit for bit.
+    "fastmath": False,
+}
+
+
+def formula(function):
+    """Compile a scalar formula; it is inlined into each loop that calls it."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def on_arrays(compiled):
+    """The formula itself, which NumPy arrays may be passed to if it has no branch."""
+    return getattr(compiled, "py_func", compiled)
+
+
+class Loop:
+    """A loop over `prange`, compiled twice from one body: `serial` and `parallel`.
+
+    Each build compiles when it is first called. Both are cached on disk.
+    """
+
+    def __init__(self, function):
+        self.serial = _cached(function, "serial", parallel=False)
+        self.parallel = _cached(function, "parallel", parallel=True)
+
+
+def _cached(function, build, parallel):
+    # Numba names a cache file after the function: two builds of one function need two names.
+    named = types.FunctionType(
+        function.__code__, function.__globals__, f"{function.__name__}_{build}"
+    )
+    named.__qualname__ = named.__name__
+    compiled = numba.njit(parallel=parallel, **_OPTIONS)(named)
+    if not config.DISABLE_JIT:
+        # No writable folder, or a Numba whose cache works otherwise: compile in each process.
+        try:
+            compiled._cache = _KernelCache(named)
+        except (RuntimeError, AttributeError, OSError):
+            pass
+    return compiled
+
+
+class _KernelCache(FunctionCache):
+    """Numba's cache on disk, fresh after an edit of any kernel source, and never fatal.
+
+    Numba compares the file of the compiled function alone: a formula edited in another file would
+    go unnoticed.
+    """
+
+    def __init__(self, function):
+        super().__init__(function)
+        self._cache_file._source_stamp = _SOURCE_STAMP
+
+    def load_overload(self, sig, target_context):
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # a damaged or vanished file: compile again
+            return None
+
+    def save_overload(self, sig, data):
+        try:
+            super().save_overload(sig, data)
+        except Exception:  # a full or read-only disk: the compiled code is in memory all the same
+            pass
+
+
+def _source_stamp():
+    digest = hashlib.sha256(repr((config.BOUNDSCHECK, config.OPT)).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+_SOURCE_STAMP = _source_stamp()

@@ -1,0 +1,306 @@
+"""Loops over trajectories and steps of the 3D map.
+
+A block of up to LANES trajectories advances together, step by step, so that the compiler puts the
+lanes side by side in vector registers; blocks are independent. A trajectory's arithmetic never
+depends on its block, nor on how its steps are cut into calls.
+
+Common arguments, flat over the batch of B trajectories:
+
+method       PRINTED, CANONICAL or PROJECTIVE. PROJECTIVE takes two steps at a time, from states of
+             even number; where a trajectory could meet a pole it is CANONICAL.
+I1 ... eps   five arrays of B numbers, or of one that serves all.
+omega        (B, 2), the initial states.
+
+Arrays of a block, lanes last; `lanes` of them are in use, in whole vectors:
+
+given          (7, LANES): I1, I2, I13, I23, eps, omega1, omega2.
+state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Y).
+wild           (LANES,): whether PROJECTIVE may not carry the lane.
+frame          (6, LANES): m11, m12, m21, m22, rest1, rest2, where omega = m state + rest.
+coefficients   (4, LANES): those of (ds2).
+tile           (TILE, 2, LANES): angular velocities to be written.
+"""
+
+import numpy as np
+from numba import prange
+
+from .canonical_map import canonical_step, denominator
+from .coordinates import MOTIONLESS, from_canonical, to_canonical
+from .jit import Loop, formula
+from .printed_map import printed_coefficients, printed_denominator, printed_step
+from .projective_map import projective_pair, tame
+
+PRINTED, CANONICAL, PROJECTIVE = range(3)
+OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
+
+# Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
+LANES = 128
+# Lanes in use come in vectors of eight doubles, on cache lines of as many.
+VECTOR = 8
+# 256 bytes of each trajectory are written at a time.
+TILE = 16
+# More than the threads of any machine that this is likely to meet.
+TASKS = 64
+
+# A state X this small on its way to a fixed point becomes 0: subnormals are four times slower.
+NEGLIGIBLE = 2.0**-960
+FLUSH_EVERY = 256
+
+
+@formula
+def rows_of_lanes(rows):
+    """A (rows, LANES) array on a cache line: a vector across two lines costs a quarter."""
+    buffer = np.empty(rows * LANES + VECTOR)
+    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
+    return buffer[offset : offset + rows * LANES].reshape((rows, LANES))
+
+
+@formula
+def spread(parameter, first, width, lanes, row):
+    """A parameter of the trajectories of a block; 1 in the lanes beyond its width."""
+    one_for_all = parameter.size == 1
+    value = parameter[0] if one_for_all else 1.0
+    for l in range(lanes):
+        row[l] = value
+    if not one_for_all:
+        for l in range(width):
+            row[l] = parameter[first + l]
+
+
+@formula
+def gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given):
+    spread(I1, first, width, lanes, given[0])
+    spread(I2, first, width, lanes, given[1])
+    spread(I13, first, width, lanes, given[2])
+    spread(I23, first, width, lanes, given[3])
+    spread(eps, first, width, lanes, given[4])
+    for l in range(width):
+        given[5, l], given[6, l] = omega[first + l, 0], omega[first + l, 1]
+    for l in range(width, lanes):
+        given[5, l], given[6, l] = 1.0, 1.0
+
+
+# Short passes with few results each: one loop over all of this would not be vectorised.
+
+
+@formula
+def enter_canonical(given, state, frame, lanes):
+    for l in range(lanes):
+        state[0, l], state[1, l] = to_canonical(
+            given[0, l], given[1, l], given[2, l], given[3, l], given[4, l], given[5, l], given[6, l]
+        )
+    for l in range(lanes):
+        frame[0, l], frame[1, l], frame[2, l], frame[3, l] = from_canonical(
+            given[0, l], given[1, l], given[2, l], given[3, l], given[4, l]
+        )
+    # The identity map (I13 = I23 = 0, or eps = 0) has no frame: the state rests where it is.
+    for l in range(lanes):
+        rests = abs(state[0, l]) + abs(state[1, l]) < MOTIONLESS
+        for k in range(2):
+            state[k, l] = 0.0 if rests else state[k, l]
+        for k in range(4):
+            frame[k, l] = 0.0 if rests else frame[k, l]
+        for k in range(2):
+            frame[4 + k, l] = given[5 + k, l] if rests else 0.0
+
+
+@formula
+def enter_printed(given, state, frame, coefficients, lanes):
+    for l in range(lanes):
+        state[0, l], state[1, l] = given[5, l], given[6, l]
+        frame[0, l], frame[1, l], frame[2, l], frame[3, l] = 1.0, 0.0, 0.0, 1.0
+        frame[4, l], frame[5, l] = 0.0, 0.0
+    for l in range(lanes):
+        coefficients[0, l], coefficients[1, l], coefficients[2, l], coefficients[3, l] = (
+            printed_coefficients(given[0, l], given[1, l], given[2, l], given[3, l], given[4, l])
+        )
+
+
+@formula
+def advance_printed(state, coefficients, steps, lanes):
+    for _ in range(steps):
+        for l in range(lanes):
+            state[0, l], state[1, l] = printed_step(
+                coefficients[0, l],
+                coefficients[1, l],
+                coefficients[2, l],
+                coefficients[3, l],
+                state[0, l],
+                state[1, l],
+            )
+
+
+@formula
+def advance_canonical(state, steps, lanes):
+    for _ in range(steps):
+        for l in range(lanes):
+            state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l])
+
+
+@formula
+def advance_projective(state, pairs, lanes):
+    for _ in range(pairs):
+        for l in range(lanes):
+            state[0, l], state[1, l] = projective_pair(state[0, l], state[1, l])
+
+
+@formula
+def advance(method, state, coefficients, wild, spare, steps, lanes):
+    if method == PRINTED:
+        advance_printed(state, coefficients, steps, lanes)
+        return
+    all_wild = wild[:lanes].all()
+    pairs = 0 if method == CANONICAL or all_wild else steps // 2
+    if pairs > 0 and wild[:lanes].any():
+        # Which lanes share a block must not matter: each keeps to its own evaluation.
+        for k in range(2):
+            for l in range(lanes):
+                spare[k, l] = state[k, l]
+        advance_canonical(spare, 2 * pairs, lanes)
+        advance_projective(state, pairs, lanes)
+        for k in range(2):
+            for l in range(lanes):
+                state[k, l] = spare[k, l] if wild[l] else state[k, l]
+    else:
+        advance_projective(state, pairs, lanes)
+    advance_canonical(state, steps - 2 * pairs, lanes)
+
+
+@formula
+def flush_negligible(state, lanes):
+    for l in range(lanes):
+        x = state[0, l]
+        state[0, l] = 0.0 if abs(x) < NEGLIGIBLE and state[1, l] < 0.0 else x
+
+
+@formula
+def show(frame, state, tile, row, lanes):
+    """Put the angular velocities of a block into a row of its tile; NaN if one is not finite."""
+    for l in range(lanes):
+        omega1 = frame[0, l] * state[0, l] + frame[1, l] * state[1, l] + frame[4, l]
+        omega2 = frame[2, l] * state[0, l] + frame[3, l] * state[1, l] + frame[5, l]
+        poison = 0.0 * omega1 + 0.0 * omega2
+        tile[row, 0, l] = omega1 + poison
+        tile[row, 1, l] = omega2 + poison
+
+
+@formula
+def write(tile, rows, out, row, batch_last, first, width):
+    """Write the first rows of a tile to the saved states from `row` on."""
+    if batch_last:
+        for r in range(rows):
+            for c in range(2):
+                for l in range(width):
+                    out[c, row + r, first + l] = tile[r, c, l]
+    else:
+        for l in range(width):
+            for r in range(rows):
+                for c in range(2):
+                    out[first + l, row + r, c] = tile[r, c, l]
+
+
+def _iterate(
+    method, I1, I2, I13, I23, eps, omega, start, stop, every, out, batch_last, resume, final, status
+):
+    """Iterate from state `start` to state `stop`.
+
+    out      the saved states: (B, n_saved, 2), or (2, n_saved, B) if batch_last; n_saved may be 0.
+             States whose number is a multiple of `every` are saved.
+    resume   (2, B), what the next call goes on from, or (2, 0) if this is the only one.
+    final    (B, 2), state `stop`; NaN if it does not exist.
+    status   (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist for any reason.
+    """
+    n_blocks = (omega.shape[0] + LANES - 1) // LANES
+    # Each task has its own arrays and goes through several blocks.
+    n_tasks = min(n_blocks, TASKS)
+    for task in prange(n_tasks):
+        given = rows_of_lanes(7)
+        state = rows_of_lanes(2)
+        spare = rows_of_lanes(2)
+        wild = np.empty(LANES, np.bool_)
+        frame = rows_of_lanes(6)
+        coefficients = rows_of_lanes(4)
+        tile = rows_of_lanes(TILE * 2).reshape((TILE, 2, LANES))
+        for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
+            first = block * LANES
+            width = min(LANES, omega.shape[0] - first)
+            lanes = (width + VECTOR - 1) // VECTOR * VECTOR
+
+            gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given)
+            enter_canonical(given, state, frame, lanes)
+            for l in range(lanes):
+                wild[l] = not tame(state[0, l], state[1, l])
+            for l in range(width):
+                status[first + l] = SUPERCRITICAL if abs(state[1, l]) >= 1.0 else OK
+            if method == PRINTED:
+                enter_printed(given, state, frame, coefficients, lanes)
+            if start > 0:
+                for l in range(width):
+                    state[0, l], state[1, l] = resume[0, first + l], resume[1, first + l]
+
+            n = start
+            row = start // every + 1 if start > 0 else 0
+            filled = 0
+            if start == 0:
+                for l in range(lanes):
+                    tile[0, 0, l], tile[0, 1, l] = given[5, l], given[6, l]
+                filled = min(1, out.shape[1])
+            last = 0
+            while True:
+                if filled == TILE or n == stop:
+                    write(tile, filled, out, row, batch_last, first, width)
+                    row += filled
+                    filled = 0
+                if n == stop:
+                    break
+                next_n = min(stop, n - n % every + every, n - n % FLUSH_EVERY + FLUSH_EVERY)
+                advance(method, state, coefficients, wild, spare, next_n - n, lanes)
+                n = next_n
+                if method != PRINTED and n % FLUSH_EVERY == 0:
+                    flush_negligible(state, lanes)
+                if n % every == 0 or n == stop:
+                    show(frame, state, tile, filled, lanes)
+                    last = filled
+                if n % every == 0:
+                    filled += 1
+
+            for l in range(width):
+                final[first + l, 0], final[first + l, 1] = tile[last, 0, l], tile[last, 1, l]
+                if np.isnan(tile[last, 0, l]):
+                    status[first + l] = NONFINITE
+            if resume.shape[1] > 0:
+                for l in range(width):
+                    resume[0, first + l], resume[1, first + l] = state[0, l], state[1, l]
+
+
+def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, failed_at):
+    """Find what went wrong, and the first state that does not exist, in each `failed` trajectory."""
+    for k in prange(failed.size):
+        i = failed[k]
+        given = rows_of_lanes(7)
+        state = rows_of_lanes(2)
+        frame = rows_of_lanes(6)
+        coefficients = rows_of_lanes(4)
+        tile = np.empty((1, 2, LANES))
+        gather(I1, I2, I13, I23, eps, omega, i, 1, 1, given)
+        enter_canonical(given, state, frame, 1)
+        if method == PRINTED:
+            enter_printed(given, state, frame, coefficients, 1)
+        c = coefficients[:, 0]
+        status[i], failed_at[i] = NONFINITE, stop
+        for n in range(1, stop + 1):
+            if method == PRINTED:
+                d, regular = printed_denominator(c[0], c[1], c[2], c[3], state[0, 0], state[1, 0])
+                advance_printed(state, coefficients, 1, 1)
+            else:
+                d, regular = denominator(state[0, 0], state[1, 0])
+                advance_canonical(state, 1, 1)
+            show(frame, state, tile, 0, 1)
+            if not np.isfinite(tile[0, 0, 0]):
+                status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE
+                failed_at[i] = n
+                break
+
+
+iterate = Loop(_iterate)
+locate_failure = Loop(_locate_failure)

@@ -1,0 +1,35 @@
+"""The 3D map as the paper prints it: equation (ds2)."""
+
+import numpy as np
+
+from .canonical_map import ZERO_TO_ROUNDING
+from .jit import formula
+
+
+@formula
+def printed_coefficients(I1, I2, I13, I23, eps):
+    """The four numbers through which the body and the step size enter (ds2)."""
+    return (
+        eps * I13 / (2.0 * I1),
+        eps * I23 / (2.0 * I2),
+        eps * I23 / I1,
+        eps * I13 / I2,
+    )
+
+
+@formula
+def printed_denominator(k1, k2, k3, k4, omega1, omega2):
+    """Delta of (ds2), and whether it differs from 0 beyond rounding and is finite."""
+    product = (k1 * omega1 + k3 * omega2) * (k4 * omega1 + k2 * omega2)
+    delta = (1.0 + k1 * omega2) * (1.0 - k2 * omega1) + product
+    return delta, ZERO_TO_ROUNDING * abs(product) < abs(delta) < np.inf
+
+
+@formula
+def printed_step(k1, k2, k3, k4, omega1, omega2):
+    """Equation (ds2); NaN where there is no next state."""
+    delta, regular = printed_denominator(k1, k2, k3, k4, omega1, omega2)
+    delta = delta if regular else np.nan
+    next1 = omega1 - k2 * omega1 * omega1 - k1 * omega1 * omega2 - k3 * omega2 * omega2
+    next2 = omega2 + k1 * omega2 * omega2 + k2 * omega1 * omega2 + k4 * omega1 * omega1
+    return next1 / delta, next2 / delta

@@ -1,0 +1,78 @@
+"""Which build of a loop runs, and on how many threads."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numba
+
+from ._core.jit import Loop
+from ._validation import integer
+
+# Work, in lane-steps, below which waking a second thread costs more than it gives (measured).
+CROSSOVER = 100_000
+
+# One parallel call at a time: Numba's `workqueue` threads abort under two. Whoever comes second
+# takes the serial build, whose results are the same bit for bit.
+_one_at_a_time = threading.Lock()
+_may_use_threads = True
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Check the `threads` argument of a public function."""
+    if threads is None:
+        return None
+    limit = int(numba.config.NUMBA_NUM_THREADS)
+    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
+    count = integer("threads", threads, 1, expected)
+    if count > limit:
+        raise ValueError(f"threads: expected {expected}, got {count}")
+    return count
+
+
+def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
+    """Call a loop; `work` lane-steps decide between its two builds."""
+    if (
+        threads == 1
+        or work < CROSSOVER
+        or not _may_use_threads
+        or not _one_at_a_time.acquire(blocking=False)
+    ):
+        loop.serial(*arguments)
+        return
+    try:
+        with _numba_threads(threads):
+            loop.parallel(*arguments)
+    finally:
+        _one_at_a_time.release()
+
+
+@contextmanager
+def _numba_threads(threads: int | None) -> Iterator[None]:
+    if threads is None:
+        yield
+        return
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def _after_fork() -> None:
+    """Stay serial in a child of a process whose OpenMP threads ran: they would abort it."""
+    global _may_use_threads, _one_at_a_time
+    _one_at_a_time = threading.Lock()
+    try:
+        _may_use_threads = numba.threading_layer() != "omp"
+    except ValueError:  # no thread was ever started
+        pass
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

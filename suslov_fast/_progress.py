@@ -1,0 +1,42 @@
+"""The `progress` argument of long computations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Union
+
+Progress = Union[bool, None, Callable[[int, int], object]]
+
+
+def check_progress(progress: Progress) -> None:
+    """Check the argument, and that tqdm is there if a bar is asked for."""
+    if progress is True:
+        _tqdm()
+    elif progress not in (None, False) and not callable(progress):
+        raise TypeError(
+            "progress: expected True, False, None or a callable (done, total), "
+            f"got {type(progress).__name__}"
+        )
+
+
+@contextmanager
+def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]]:
+    """A function that takes the number of steps done so far."""
+    if progress is True:
+        with _tqdm()(total=total, unit="step", unit_scale=True) as bar:
+            yield lambda done: bar.update(done - bar.n)
+    elif callable(progress):
+        yield lambda done: progress(done, total)
+    else:
+        yield lambda done: None
+
+
+def _tqdm():  # type: ignore[no-untyped-def]
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise ImportError(
+            "progress=True needs tqdm: pip install 'suslov_fast[progress]', or pass a callable"
+        ) from error
+    return tqdm

@@ -1,0 +1,61 @@
+"""How a trajectory ended, and the warning and the error that say so."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from ._core import loops
+
+if TYPE_CHECKING:
+    from ._trajectories import Trajectories
+
+
+class Status(IntEnum):
+    """How a trajectory ended; negative means that it failed.
+
+    Examples
+    --------
+    >>> from suslov_fast import Status
+    >>> Status.SINGULAR.message
+    'singular step: the state lies on a pole of the map and has no next state'
+    """
+
+    OK = loops.OK
+    SUPERCRITICAL = loops.SUPERCRITICAL
+    SINGULAR = loops.SINGULAR
+    NONFINITE = loops.NONFINITE
+
+    @property
+    def message(self) -> str:
+        """What the status means, as a sentence."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.OK: "finished",
+    Status.SUPERCRITICAL: (
+        "finished, but t >= 1: the step is too long for the orbit to follow the continuous motion; "
+        "choose a smaller eps if it should"
+    ),
+    Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
+    Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
+}
+
+
+class SingularStepWarning(RuntimeWarning):
+    """Some trajectories of a batch came to an end before their last step."""
+
+
+class SingularStepError(ArithmeticError):
+    """Some trajectories of a batch came to an end before their last step.
+
+    Attributes
+    ----------
+    trajectories : Trajectories
+        The finished batch, failed trajectories included.
+    """
+
+    def __init__(self, message: str, trajectories: Trajectories) -> None:
+        super().__init__(message)
+        self.trajectories = trajectories

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ._bodies import Suslov3D
 from ._core.full_map import full_step
 from ._core.jit import on_arrays
-from ._layout import first_index
+from ._layout import first_index, spell
 from ._status import SingularStepWarning
 from ._validation import FloatArray, common_shape, instance, real_array, vectors
 
@@ -69,7 +69,7 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
         following[failed] = np.nan
         message = (
             f"{np.count_nonzero(failed)} of {failed.size} states: singular step, "
-            f"first: {first_index(failed)}"
+            f"first: {spell(first_index(failed))}"
         )
         warnings.warn(message, SingularStepWarning, stacklevel=2)
     return following

@@ -72,3 +72,8 @@ def flat_saved_states(array: FloatArray, order: str) -> FloatArray:
 def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
     """The index of the first element that is true."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def spell(index: tuple[int, ...]) -> str:
+    """An index as users write it: `3` or `(1, 2)`."""
+    return f"{index[0]}" if len(index) == 1 else f"{index}"

@@ -17,6 +17,7 @@ from ._layout import (
     flat_saved_states,
     flat_vectors,
     saved_states,
+    spell,
     unflatten,
 )
 from ._progress import Progress, check_progress, reporter
@@ -273,10 +274,9 @@ def _report(trajectories: Trajectories, on_singular: str, stacklevel: int) -> No
         failed = status == code
         if failed.any():
             index = first_index(failed)
-            where = f"{index[0]}" if len(index) == 1 else f"{index}"
             parts.append(
                 f"{np.count_nonzero(failed)} of {status.size} trajectories: {what}, "
-                f"first: {where} at step {trajectories.failed_at[index]}"
+                f"first: {spell(index)} at step {trajectories.failed_at[index]}"
             )
     message = "; ".join(parts)
     if on_singular == "raise":

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
+import numpy as np
 
 from ._core.jit import Loop
 from ._validation import integer
@@ -42,10 +43,11 @@ def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
         or not _may_use_threads
         or not _one_at_a_time.acquire(blocking=False)
     ):
-        loop.serial(*arguments)
+        with np.errstate(all="ignore"):  # compiled code never warns; interpreted, it would
+            loop.serial(*arguments)
         return
     try:
-        with _numba_threads(threads):
+        with _numba_threads(threads), np.errstate(all="ignore"):
             loop.parallel(*arguments)
     finally:
         _one_at_a_time.release()

@@ -7,7 +7,7 @@ depends on its block, nor on how its steps are cut into calls.
 Common arguments, flat over the batch of B trajectories:
 
 method       PRINTED, CANONICAL or PROJECTIVE. PROJECTIVE takes two steps at a time, from states of
-             even number; where a trajectory could meet a pole it is CANONICAL.
+             even number, in tame trajectories and is CANONICAL in the others.
 I1 ... eps   five arrays of B numbers, or of one that serves all.
 omega        (B, 2), the initial states.
 
@@ -15,7 +15,7 @@ Arrays of a block, lanes last; `lanes` of them are in use, in whole vectors:
 
 given          (7, LANES): I1, I2, I13, I23, eps, omega1, omega2.
 state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Y).
-wild           (LANES,): whether PROJECTIVE may not carry the lane.
+wild           (LANES,): whether the trajectory is not tame.
 frame          (6, LANES): m11, m12, m21, m22, rest1, rest2, where omega = m state + rest.
 coefficients   (4, LANES): those of (ds2).
 tile           (TILE, 2, LANES): angular velocities to be written.
@@ -24,11 +24,11 @@ tile           (TILE, 2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
-from .canonical_map import canonical_step, denominator
+from .canonical_map import canonical_step, denominator, guarded_step, tame
 from .coordinates import MOTIONLESS, from_canonical, to_canonical
 from .jit import Loop, formula
 from .printed_map import printed_coefficients, printed_denominator, printed_step
-from .projective_map import projective_pair, tame
+from .projective_map import projective_pair
 
 PRINTED, CANONICAL, PROJECTIVE = range(3)
 OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
@@ -131,17 +131,20 @@ def advance_printed(state, coefficients, steps, lanes):
 
 
 @formula
-def advance_canonical(state, steps, lanes):
+def advance_guarded(state, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
-            state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l])
+            state[0, l], state[1, l] = guarded_step(state[0, l], state[1, l])
 
 
 @formula
-def advance_projective(state, pairs, lanes):
+def advance_tame(state, pairs, steps, lanes):
     for _ in range(pairs):
         for l in range(lanes):
             state[0, l], state[1, l] = projective_pair(state[0, l], state[1, l])
+    for _ in range(steps - 2 * pairs):
+        for l in range(lanes):
+            state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l])
 
 
 @formula
@@ -149,21 +152,23 @@ def advance(method, state, coefficients, wild, spare, steps, lanes):
     if method == PRINTED:
         advance_printed(state, coefficients, steps, lanes)
         return
-    all_wild = wild[:lanes].all()
-    pairs = 0 if method == CANONICAL or all_wild else steps // 2
-    if pairs > 0 and wild[:lanes].any():
-        # Which lanes share a block must not matter: each keeps to its own evaluation.
+    # Which lanes share a block must not matter: each keeps to its own evaluation. A guard changes
+    # nothing in a tame lane, but pairs of steps do.
+    any_wild = wild[:lanes].any()
+    pairs = steps // 2 if method == PROJECTIVE and not wild[:lanes].all() else 0
+    mixed = any_wild and pairs > 0
+    if mixed:
         for k in range(2):
             for l in range(lanes):
                 spare[k, l] = state[k, l]
-        advance_canonical(spare, 2 * pairs, lanes)
-        advance_projective(state, pairs, lanes)
+    if any_wild:
+        advance_guarded(spare if mixed else state, steps, lanes)
+    if mixed or not any_wild:
+        advance_tame(state, pairs, steps, lanes)
+    if mixed:
         for k in range(2):
             for l in range(lanes):
                 state[k, l] = spare[k, l] if wild[l] else state[k, l]
-    else:
-        advance_projective(state, pairs, lanes)
-    advance_canonical(state, steps - 2 * pairs, lanes)
 
 
 @formula
@@ -294,7 +299,7 @@ def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, 
                 advance_printed(state, coefficients, 1, 1)
             else:
                 d, regular = denominator(state[0, 0], state[1, 0])
-                advance_canonical(state, 1, 1)
+                advance_guarded(state, 1, 1)
             show(frame, state, tile, 0, 1)
             if not np.isfinite(tile[0, 0, 0]):
                 status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE

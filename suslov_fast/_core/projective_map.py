@@ -2,16 +2,6 @@
 
 from .jit import formula
 
-# While |Y| < 1 no pole is near, so no step needs a test; below this X no square overflows.
-LARGE = 2.0**200
-
-
-@formula
-def tame(X, Y):
-    """Whether `projective_pair` may carry this trajectory: it never meets a pole."""
-    return abs(Y) < 1.0 and abs(X) < LARGE
-
-
 @formula
 def projective_step(p, q, s):
     """Equation (xy1) cleared of denominators."""
@@ -22,7 +12,7 @@ def projective_step(p, q, s):
 
 @formula
 def projective_pair(X, Y):
-    """Two steps of the map at the price of one division."""
+    """Two steps of a tame orbit at the price of one division."""
     p, q, s = projective_step(X, 1.0, Y)
     p, q, s = projective_step(p, q, s)
     r = 1.0 / q

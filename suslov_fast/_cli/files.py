@@ -1,0 +1,84 @@
+"""Reading and writing the files of the command line."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from .._validation import FloatArray, vectors
+from .errors import UserError
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[BinaryIO]:
+    """A file that appears under its name once it is complete, and not at all otherwise.
+
+    It is opened, beside its place, before any work is done: a path that cannot be written to is
+    found out at once.
+    """
+    if path.exists() and not path.is_file():
+        raise UserError(f"{path}: expected the name of a file to write, got something else")
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        file = open(beside, "xb")  # noqa: SIM115
+    except OSError as error:
+        raise UserError(
+            f"{path}: expected a name in a folder that can be written to, got: {error.strerror}"
+        ) from error
+    try:
+        with file:
+            yield file
+        os.replace(beside, path)
+    except OSError as error:
+        raise UserError(f"{path}: could not be written: {error.strerror or error}") from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def read_states(path: Path) -> FloatArray:
+    """Angular velocities from a .npy or .csv file of two columns."""
+    readers = {".npy": _read_npy, ".csv": _read_csv}
+    if path.suffix.lower() not in readers:
+        raise UserError(f"{path}: expected a .npy or .csv file, got {path.suffix or 'no suffix'!r}")
+    try:
+        table = readers[path.suffix.lower()](path)
+        if table.ndim != 2:
+            raise ValueError(f"expected two columns, got an array of shape {table.shape}")
+        states = vectors("states", table, 2)
+    except OSError as error:
+        raise UserError(f"{path}: expected a readable file, got: {error.strerror}") from error
+    except (ValueError, TypeError, EOFError) as error:
+        raise UserError(f"{path}: {error}") from error
+    if not len(states):
+        raise UserError(f"{path}: expected at least one state, got none")
+    return states
+
+
+def _read_npy(path: Path) -> FloatArray:
+    with open(path, "rb") as file:
+        if file.read(6) != b"\x93NUMPY":
+            raise ValueError("expected a .npy file as numpy.save writes it, got something else")
+    table: FloatArray = np.load(path, allow_pickle=False)
+    return table
+
+
+def _read_csv(path: Path) -> FloatArray:
+    with open(path, encoding="utf-8") as file:
+        has_header = not _is_number(file.readline().split(",")[0])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*input contained no data")
+        return np.loadtxt(path, delimiter=",", ndmin=2, skiprows=int(has_header), encoding="utf-8")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

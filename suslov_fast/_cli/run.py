@@ -1,0 +1,226 @@
+"""`suslov-fast run`: iterate a batch and print what came of it."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+from .. import __version__
+from .._bodies import Suslov3D
+from .._conserved import first_integral
+from .._map import iterate
+from .._paper import PICTURES
+from .._status import Status
+from .._trajectories import Trajectories
+from .._validation import FloatArray
+from .errors import UserError
+from .files import read_states, written_whole
+from .values import integer, number, positive
+
+_TRAJECTORIES = 65_536
+_PARAMETERS = ("I1", "I2", "I13", "I23")
+# Random starts fill the square |Omega1|, |Omega2| <= _EXTENT.
+_EXTENT = 2.0
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to a parser."""
+    parser = commands.add_parser(
+        "run",
+        help="iterate a batch of trajectories and print a summary",
+        description=(
+            "Iterate a batch of trajectories of the discrete Suslov problem. With no options: "
+            f"{_TRAJECTORIES:,} random starts of the paper's first picture, 1000 steps."
+        ),
+    )
+    parser.set_defaults(command=run)
+    body = parser.add_argument_group("body (a picture of the paper, or all four parameters)")
+    body.add_argument("--picture", metavar="1..4", help="body and step size of a picture (1)")
+    body.add_argument("--I1", type=positive, help="moment of inertia")
+    body.add_argument("--I2", type=positive, help="moment of inertia")
+    body.add_argument("--I13", type=number, help="product of inertia")
+    body.add_argument("--I23", type=number, help="product of inertia")
+    body.add_argument("--eps", type=number, help="step size (that of the picture)")
+    batch = parser.add_argument_group("batch")
+    batch.add_argument(
+        "--trajectories", type=integer(1), metavar="N", help=f"random starts ({_TRAJECTORIES})"
+    )
+    batch.add_argument("--seed", type=integer(0), help="of the random starts (0)")
+    batch.add_argument(
+        "--initial", type=Path, metavar="FILE", help="starts from a .npy or .csv of two columns"
+    )
+    batch.add_argument("--steps", type=integer(0), default=1000, metavar="N", help="(1000)")
+    batch.add_argument(
+        "--method", choices=("auto", "canonical", "ds2"), default="auto", help="(auto)"
+    )
+    batch.add_argument("--threads", type=integer(1), metavar="N", help="(all)")
+    output = parser.add_argument_group("output")
+    output.add_argument(
+        "--save-every", type=integer(1), metavar="K", help="keep every K-th state (the last only)"
+    )
+    output.add_argument(
+        "-o",
+        dest="output",
+        type=Path,
+        metavar="FILE.npz",
+        help="write states, step numbers, parameters and status",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    """Carry out the command."""
+    body, eps = _problem(options)
+    if options.threads is not None and options.threads > numba.config.NUMBA_NUM_THREADS:
+        raise UserError(
+            f"argument --threads: expected at most {numba.config.NUMBA_NUM_THREADS} on this "
+            f"machine, got {options.threads}"
+        )
+    _check_memory(options)
+    omega0 = _starts(options)
+    threads = options.threads or numba.get_num_threads()
+    settings = {"save_every": options.save_every, "method": options.method, "threads": threads}
+    with written_whole(options.output) if options.output else nullcontext() as file:
+        try:
+            # What has to be compiled is compiled by a short run, which is not timed.
+            iterate(body, omega0, eps, min(options.steps, 4), on_singular="ignore", **settings)
+            begin = time.perf_counter()
+            trajectories = iterate(
+                body,
+                omega0,
+                eps,
+                options.steps,
+                on_singular="ignore",
+                progress=_bar(),
+                **settings,
+            )
+            seconds = time.perf_counter() - begin
+        except MemoryError as error:
+            raise UserError(f"expected a batch that fits in memory, got: {error}") from error
+        if file is not None:
+            _save(file, trajectories, omega0, options)
+    _print_summary(trajectories, omega0, options, threads, seconds)
+
+
+def _problem(options: argparse.Namespace) -> tuple[Suslov3D, float]:
+    given = [name for name in _PARAMETERS if getattr(options, name) is not None]
+    if not given:
+        choice = "1" if options.picture is None else options.picture
+        if choice not in map(str, PICTURES):
+            raise UserError(f"argument --picture: expected 1, 2, 3 or 4, got {choice!r}")
+        picture = PICTURES[int(choice)]
+        return picture.body, picture.eps if options.eps is None else options.eps
+    if options.picture is not None:
+        raise UserError(f"expected either --picture or the body's parameters, got --{given[0]} too")
+    missing = [f"--{name}" for name in (*_PARAMETERS, "eps") if getattr(options, name) is None]
+    if missing:
+        raise UserError(
+            "expected all of --I1 --I2 --I13 --I23 --eps or none, got no " + " ".join(missing)
+        )
+    return Suslov3D(*(getattr(options, name) for name in _PARAMETERS)), options.eps
+
+
+def _starts(options: argparse.Namespace) -> FloatArray:
+    if options.initial is None:
+        count = options.trajectories or _TRAJECTORIES
+        return np.random.default_rng(options.seed or 0).uniform(-_EXTENT, _EXTENT, (count, 2))
+    for name in ("trajectories", "seed"):
+        if getattr(options, name) is not None:
+            raise UserError(f"expected either --initial or --{name}, got both")
+    return read_states(options.initial)
+
+
+def _check_memory(options: argparse.Namespace) -> None:
+    """Refuse a batch that no memory holds, rather than be killed in the middle."""
+    saved = 1 if options.save_every is None else options.steps // options.save_every + 1
+    needed = 16 * (options.trajectories or 1) * (saved + 8)
+    if hasattr(os, "sysconf"):
+        available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        if needed > available:
+            raise UserError(
+                f"expected a batch that fits in {available / 2**30:.1f} GiB of memory, "
+                f"got one of {needed / 2**30:.1f} GiB; raise --save-every or lower --trajectories"
+            )
+
+
+def _bar() -> bool:
+    """Whether to show a bar: on a terminal, if tqdm is there."""
+    if not sys.stderr.isatty():
+        return False
+    try:
+        import tqdm  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def _save(file: Any, trajectories: Trajectories, omega0: FloatArray, options: Any) -> None:
+    I1, I2, I13, I23 = trajectories.body.parameters
+    np.savez(
+        file,
+        omega=trajectories.omega,
+        n=trajectories.n,
+        t=trajectories.t,
+        omega0=omega0,
+        final=trajectories.final,
+        status=trajectories.status,
+        failed_at=trajectories.failed_at,
+        I1=I1,
+        I2=I2,
+        I13=I13,
+        I23=I23,
+        eps=trajectories.eps,
+        steps=options.steps,
+        save_every=0 if options.save_every is None else options.save_every,
+        method=options.method,
+        version=__version__,
+    )
+
+
+def _print_summary(
+    trajectories: Trajectories,
+    omega0: FloatArray,
+    options: argparse.Namespace,
+    threads: int,
+    seconds: float,
+) -> None:
+    I1, I2, I13, I23 = trajectories.body.parameters
+    count = len(omega0)
+    rate = count * options.steps / seconds
+    rows = [
+        ("body", f"I1 = {I1:g}, I2 = {I2:g}, I13 = {I13:g}, I23 = {I23:g}"),
+        ("step size", f"eps = {trajectories.eps:g}"),
+        ("trajectories", f"{count:,}"),
+        ("steps", f"{options.steps:,}"),
+        ("threads", f"{threads}"),
+        ("wall time", f"{seconds:.4g} s, after compilation"),
+        ("speed", f"{rate:.3g} steps/s"),
+        ("drift of F", f"{_largest_drift(trajectories, omega0):.2g}, largest relative"),
+    ]
+    for status in Status:
+        number_of = np.count_nonzero(trajectories.status == status)
+        if number_of:
+            rows.append(("status", f"{number_of:,} {status.name}: {status.message}"))
+    if options.output:
+        rows.append(("written", str(options.output)))
+    for name, value in rows:
+        print(f"{name:<14}{value}")
+
+
+def _largest_drift(trajectories: Trajectories, omega0: FloatArray) -> float:
+    """Over the last and the saved states, where there are any."""
+    body, eps = trajectories.body, trajectories.eps
+    start = first_integral(body, omega0, eps)
+    largest = 0.0
+    for states in (trajectories.final, *np.moveaxis(trajectories.omega, -2, 0)):
+        exists = np.isfinite(states).all(axis=-1) & (start > 0)
+        change = first_integral(body, states[exists], eps) / start[exists] - 1.0
+        largest = max(largest, float(abs(change).max(initial=0.0)))
+    return largest

@@ -1,0 +1,26 @@
+"""The four pictures of the paper: their bodies and step sizes (end of Section 4)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ._bodies import Suslov3D
+
+
+class Picture(NamedTuple):
+    """What defines a picture, and how far from 0 its axes reach here.
+
+    The paper does not say where its axes end; these let the single steps be seen.
+    """
+
+    body: Suslov3D
+    eps: float
+    extent: float
+
+
+PICTURES = {
+    1: Picture(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    2: Picture(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    3: Picture(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    4: Picture(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+}

@@ -1,0 +1,35 @@
+import numba
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from suslov_fast import Suslov3D
+
+# The first call of a kernel compiles it, which no deadline allows for.
+settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
+settings.load_profile("suslov_fast")
+
+
+def pytest_collection_modifyitems(items):
+    if numba.config.DISABLE_JIT:
+        interpreted = pytest.mark.skip(reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(interpreted)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261120)
+
+
+@pytest.fixture
+def body():
+    """The paper's first picture."""
+    return Suslov3D(4, 1, -0.5, -0.3)
+
+
+@pytest.fixture
+def unit():
+    """A body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
+    return Suslov3D(1, 1, 1, 0)

@@ -1,0 +1,160 @@
+"""Poles, overflow, and what is said of them."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+METHODS = ("auto", "canonical", "ds2")
+
+# With the body `unit` and eps = 1: X**2 = Omega1**2 / 2 and Y = -Omega2 / 2.
+ON_THE_POLE = [1.0, -3.0]
+UNDEFINED = [0.0, -2.0]
+ONE_STEP_BEFORE_THE_POLE = [1.0, 0.2]
+HEALTHY = [0.3, 0.1]
+
+
+def before_the_pole(steps):
+    """A state from which the map gets to a pole in so many steps, to rounding."""
+    omega = np.array(ON_THE_POLE)
+    for _ in range(steps):
+        omega = sf.step(sf.Suslov3D(1, 1, 1, 0), omega, -1)
+    return omega
+
+
+@pytest.mark.parametrize("save_every", [1, 2, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_singular_steps(unit, method, save_every):
+    omega = [HEALTHY, ON_THE_POLE, UNDEFINED, HEALTHY]
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        result = sf.iterate(unit, omega, 1, 10, method=method, save_every=save_every)
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    assert str(caught[0].message) == "2 of 4 trajectories: singular step, first: 1 at step 1"
+    assert result.status.tolist() == [0, -1, -1, 0]
+    assert result.failed_at.tolist() == [-1, 1, 1, -1]
+    assert not result.ok
+    assert np.isnan(result.final[1:3]).all()
+    if save_every:
+        assert (result.omega[1:3, 0] == omega[1:3]).all()
+        assert np.isnan(result.omega[1:3, 1:]).all()
+    healthy = sf.iterate(unit, HEALTHY, 1, 10, method=method, save_every=save_every)
+    assert (result.omega[0] == healthy.omega).all()
+    assert (result.omega[3] == healthy.omega).all()
+
+
+@pytest.mark.parametrize("I1", [1.0, 2.0, 3.0, 5.0])
+@pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0, 10.0])
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def test_poles_of_exact_data(method, I1, x):
+    """The parabola y = 2a/eps + eps x**2, where sqrt(2a) is not exact."""
+    body = sf.Suslov3D(I1, 1, 1, 0)
+    omega = [x, -(2 * I1 + x * x)]
+    result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
+    assert result.status == sf.Status.SINGULAR
+    assert result.failed_at == 1
+
+
+@pytest.mark.parametrize("save_every", [1, None])
+def test_a_later_singular_step(unit, save_every):
+    omega = before_the_pole(3)
+    result = sf.iterate(unit, omega, 1, 10, save_every=save_every, on_singular="ignore")
+    assert result.status == sf.Status.SINGULAR
+    assert result.failed_at == 4
+    if save_every:
+        assert np.isfinite(result.omega[:4]).all()
+        assert np.isnan(result.omega[4:]).all()
+
+
+def test_passing_a_pole_is_no_failure(unit):
+    """Next to a pole the orbit jumps far away and comes back."""
+    omega = np.array([1.0, -3.0 + 1e-9])
+    result = sf.iterate(unit, omega, 1, 10)
+    assert result.status == sf.Status.SUPERCRITICAL
+    assert abs(result.omega[1]).max() > 1e8
+    F = sf.first_integral(unit, result.omega, 1)
+    np.testing.assert_allclose(F, F[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("omega", [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155], [-1e300, 1e290]])
+def test_overflow(body, method, omega):
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2 trajectories: non-finite step"):
+        result = sf.iterate(body, [omega, HEALTHY], 1, 5, method=method)
+    assert result.status.tolist() == [sf.Status.NONFINITE, sf.Status.OK]
+    assert result.failed_at.tolist() == [1, -1]
+    assert np.isnan(result.omega[0, 1:]).all()
+    assert (result.omega[1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
+
+
+def test_large_but_representable(body):
+    """Below t = 1 a state of any finite size has a next one."""
+    unit = sf.Suslov3D(1, 1, 1, 0)
+    for x in (1e20, 1e70, 1e150):
+        result = sf.iterate(unit, [x, -1.0], 1, 5, save_every=None)
+        assert result.status == sf.Status.OK
+        np.testing.assert_allclose(result.final, [0, 2], atol=1e-15)
+
+
+def test_both_kinds_in_one_message(unit):
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        sf.iterate(unit, [[1e200, 0], ON_THE_POLE, UNDEFINED], 1, 3)
+    assert str(caught[0].message) == (
+        "2 of 3 trajectories: singular step, first: 1 at step 1; "
+        "1 of 3 trajectories: non-finite step, first: 0 at step 1"
+    )
+
+
+def test_index_in_a_batch_of_two_axes(unit):
+    omega = np.tile(HEALTHY, (3, 4, 1))
+    omega[1, 2] = ON_THE_POLE
+    omega[2, 0] = ON_THE_POLE
+    for order in "CF":
+        with pytest.warns(sf.SingularStepWarning, match=r"2 of 12 .* first: \(1, 2\) at step 1"):
+            result = sf.iterate(unit, omega, 1, 3, order=order)
+        assert (result.failed_at >= 0).sum() == 2
+        assert result.failed_at[1, 2] == result.failed_at[2, 0] == 1
+
+
+def test_raise(unit):
+    with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
+        sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
+    assert caught.value.trajectories.status.tolist() == [0, -1]
+    assert np.isfinite(caught.value.trajectories.omega[0]).all()
+
+
+def test_ignore(unit):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not sf.iterate(unit, ON_THE_POLE, 1, 4, on_singular="ignore").ok
+
+
+def test_step(unit):
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        result = sf.step(unit, [ON_THE_POLE, HEALTHY], 1)
+    assert caught[0].filename == __file__
+    assert np.isnan(result[0]).all()
+    assert (result[1] == sf.step(unit, HEALTHY, 1)).all()
+
+
+def test_step_full(unit):
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2 states: singular step, first: 0"):
+        result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
+    assert np.isnan(result[0]).all()
+    assert np.isfinite(result[1]).all()
+
+
+def test_out_is_never_stale(unit):
+    out = np.full((2, 5, 2), 7.0)
+    sf.iterate(unit, [ON_THE_POLE, HEALTHY], 1, 4, out=out, on_singular="ignore")
+    assert np.isnan(out[0, 1:]).all()
+
+
+def test_status_messages():
+    assert {status.name for status in sf.Status} == {
+        "OK", "SUPERCRITICAL", "SINGULAR", "NONFINITE",
+    }  # fmt: skip
+    assert all(status.message for status in sf.Status)
+    assert all((status < 0) == ("step:" in status.message) for status in sf.Status)

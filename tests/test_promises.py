@@ -1,0 +1,245 @@
+"""Results depend on the trajectory alone, bit for bit."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import suslov_fast as sf
+from suslov_fast import _map, _parallel
+from suslov_fast._core import loops
+
+METHODS = ("auto", "canonical", "ds2")
+LANES = loops.LANES
+
+
+def same(first, second):
+    return np.array_equal(first, second, equal_nan=True)
+
+
+def mixed_batch(rng, size):
+    """Trajectories of every kind, each with a body and a step size of its own."""
+    body = sf.Suslov3D(
+        *rng.uniform(0.5, 4, (2, size)), *(rng.normal(size=(2, size)) * rng.choice([0, 0.5], size))
+    )
+    omega = rng.normal(size=(size, 2)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
+    eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
+    return body, omega, eps
+
+
+def part(body, chosen):
+    return sf.Suslov3D(*(parameter[chosen] for parameter in body.parameters))
+
+
+def run(body, omega, eps, steps=40, **options):
+    return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
+
+
+@pytest.mark.parametrize("save_every", [1, 3, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_alone_or_in_a_batch(rng, method, save_every):
+    size = LANES + 22
+    body, omega, eps = mixed_batch(rng, size)
+    options = {"method": method, "save_every": save_every}
+    together = run(body, omega, eps, **options)
+    assert set(np.unique(together.status)) >= {sf.Status.OK, sf.Status.SUPERCRITICAL}
+    for i in (0, 1, 7, LANES - 1, LANES, size - 1):
+        alone = run(part(body, i), omega[i], eps[i], **options)
+        assert same(alone.omega, together.omega[i])
+        assert same(alone.final, together.final[i])
+        assert alone.status == together.status[i]
+
+
+@pytest.mark.parametrize("save_every", [1, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_order_of_the_batch(rng, method, save_every):
+    body, omega, eps = mixed_batch(rng, 2 * LANES + 5)
+    shuffled = rng.permutation(len(omega))
+    options = {"method": method, "save_every": save_every}
+    first = run(body, omega, eps, **options)
+    second = run(part(body, shuffled), omega[shuffled], eps[shuffled], **options)
+    assert same(first.omega[shuffled], second.omega)
+    assert same(first.status[shuffled], second.status)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("save_every", [1, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_number_of_threads(rng, monkeypatch, method, save_every):
+    monkeypatch.setattr(_parallel, "CROSSOVER", 0)
+    body, omega, eps = mixed_batch(rng, 5 * LANES + 3)
+    options = {"method": method, "save_every": save_every}
+    results = [run(body, omega, eps, threads=threads, **options) for threads in (1, 2, None)]
+    for result in results[1:]:
+        assert same(result.omega, results[0].omega)
+        assert same(result.status, results[0].status)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL, loops.PROJECTIVE])
+def test_compiled_equals_interpreted(rng, method):
+    body, omega, eps = mixed_batch(rng, 70)
+    parameters = [np.ascontiguousarray(p) for p in (*body.normalised[:4], eps)]
+
+    def call(loop):
+        out, final = np.empty((70, 41, 2)), np.empty((70, 2))
+        status = np.empty(70, np.int8)
+        with np.errstate(all="ignore"):
+            loop(
+                method, *parameters, omega, 0, 40, 1, out, False, np.empty((2, 0)), final, status
+            )
+        return out, final, status
+
+    compiled = call(loops.iterate.serial)
+    for other in (call(loops.iterate.parallel), call(loops.iterate.serial.py_func)):
+        assert all(map(same, compiled, other))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_slices(rng, monkeypatch, method):
+    """A run that is cut into slices, to look for Ctrl-C, goes on as if it were not."""
+    body, omega, eps = mixed_batch(rng, 70)
+    whole = run(body, omega, eps, 701, method=method, save_every=7)
+    last = run(body, omega, eps, 701, method=method, save_every=None)
+    monkeypatch.setattr(_map, "_SLICE", 70 * 90)
+    slices = []
+    sliced = run(
+        body, omega, eps, 701, method=method, save_every=7, progress=lambda *seen: slices.append(seen)
+    )
+    assert len(slices) > 5
+    assert slices[-1] == (701, 701)
+    assert same(whole.omega, sliced.omega)
+    assert same(whole.final, sliced.final)
+    assert same(whole.status, sliced.status)
+    assert same(last.final, run(body, omega, eps, 701, method=method, save_every=None).final)
+
+
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+def test_save_every(rng, method):
+    body, omega, eps = mixed_batch(rng, 20)
+    every = run(body, omega, eps, 300, method=method)
+    assert same(every.omega[:, -1], every.final)
+    for k in (2, 7, 64, 300, 1000):
+        some = run(body, omega, eps, 300, method=method, save_every=k)
+        assert (some.n == np.arange(0, 301, k)).all()
+        assert same(some.omega, every.omega[:, ::k])
+        assert same(some.final, every.final)
+    last = run(body, omega, eps, 300, method=method, save_every=None)
+    assert (last.n == [300]).all()
+    assert same(last.omega, every.omega[:, -1:])
+
+
+def test_auto_agrees_with_canonical(body, rng):
+    omega = rng.uniform(-5, 5, (300, 2))
+    for steps in (1, 2, 255, 256, 257, 1000):
+        auto = run(body, omega, 0.2, steps, save_every=None).final
+        canonical = run(body, omega, 0.2, steps, save_every=None, method="canonical").final
+        scale = np.hypot(*canonical.T)[:, None]
+        assert (abs(auto - canonical) / scale).max() < 5e-14
+
+
+@pytest.mark.parametrize("batch", [(), (3,), (2, 3), (2, 1, 3), (0,), (2, 0)])
+@pytest.mark.parametrize("given_out", [False, True])
+def test_memory_orders(rng, batch, given_out):
+    body = sf.Suslov3D(rng.uniform(1, 2, batch), 1.5, 0.3, -0.2)
+    omega = rng.normal(size=(*batch, 2))
+    expected = run(body, omega, 0.3, 33, save_every=2)
+    assert expected.omega.shape == (*batch, 17, 2)
+    assert expected.omega.flags.c_contiguous
+    if given_out:
+        out = np.full((*batch, 17, 2), 7.0, order="F")
+        other = run(body, omega, 0.3, 33, save_every=2, out=out)
+        assert other.omega is out
+    else:
+        other = run(body, omega, 0.3, 33, save_every=2, order="F")
+    assert other.omega.flags.f_contiguous
+    assert same(expected.omega, other.omega)
+    assert same(expected.final, other.final)
+    assert expected.final.shape == other.final.shape == (*batch, 2)
+    assert expected.status.shape == other.status.shape == batch
+
+
+def test_out_in_c_order_and_for_the_last_state(body, rng):
+    omega = rng.normal(size=(6, 2))
+    out = np.empty((6, 11, 2))
+    assert run(body, omega, 0.2, 10, out=out).omega is out
+    assert same(out, run(body, omega, 0.2, 10).omega)
+    last = np.empty((6, 1, 2))
+    result = run(body, omega, 0.2, 10, out=last, save_every=None)
+    assert result.omega is last
+    assert same(last[:, 0], result.final)
+
+
+def test_out_may_overlap_the_input(body, rng):
+    buffer = rng.normal(size=(5, 4, 2))
+    eps = buffer[:, 1, 0]
+    omega = buffer[:, 0]
+    expected = run(body, omega.copy(), eps.copy(), 3)
+    assert same(run(body, omega, eps, 3, out=buffer).omega, expected.omega)
+
+
+def test_any_layout_of_the_input(body, rng):
+    omega = rng.normal(size=(6, 2))
+    expected = run(body, omega, 0.2, 5)
+    read_only = omega.copy()
+    read_only.flags.writeable = False
+    inputs = [
+        omega.tolist(),
+        np.asfortranarray(omega),
+        np.repeat(omega, 2, axis=0)[::2],
+        read_only,
+        omega.astype(">f8"),
+        omega.astype(object),
+        np.ma.masked_array(omega),
+    ]
+    compiled = len(getattr(loops.iterate.serial, "signatures", ()))
+    for given_input in inputs:
+        assert same(run(body, given_input, 0.2, 5).omega, expected.omega)
+    assert len(getattr(loops.iterate.serial, "signatures", ())) == compiled
+    assert sf.step(body, [1, 2], 1).dtype == np.float64
+    single = run(body, omega.astype(np.float32), np.float32(0.25), 5)
+    assert single.omega.dtype == np.float64
+
+
+def test_broadcasting(rng):
+    body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1.5, 0.3, [-0.2, 0.1])
+    eps = np.array([0.1, 0.2, -0.1, 0.05]).reshape(4, 1, 1)
+    omega = rng.normal(size=(2, 2))
+    result = run(body, omega, eps, 10)
+    assert result.omega.shape == (4, 3, 2, 11, 2)
+    assert result.t.shape == (4, 1, 1, 11)
+    for i, j, k in np.ndindex(4, 3, 2):
+        one = sf.Suslov3D(body.I1[j, 0], 1.5, 0.3, body.I23[k])
+        alone = run(one, omega[k], eps[i, 0, 0], 10)
+        assert same(alone.omega, result.omega[i, j, k])
+
+
+def test_no_steps(body):
+    result = run(body, [[1, 2], [3, 4]], 0.2, 0)
+    assert (result.omega == [[[1, 2]], [[3, 4]]]).all()
+    assert (result.final == [[1, 2], [3, 4]]).all()
+    assert (run(body, [1, 2], 0.2, 0, save_every=None).omega == [[1, 2]]).all()
+
+
+def test_times_and_description(body):
+    result = run(body, [1, 2], 0.25, 10, save_every=5)
+    assert (result.t == [0, 1.25, 2.5]).all()
+    assert result.eps == 0.25
+    assert result.body is body
+    assert repr(result) == (
+        "Trajectories(omega: (3, 2), n: 0, 5 ... 10, eps: 0.25, failed: 0 of 1)"
+    )
+    assert "n: 10, eps: -1 ... 1" in repr(run(body, [1, 2], [-1, 1], 10, save_every=None))
+    assert "eps: none" in repr(run(body, np.empty((0, 2)), np.empty(0), 10))
+
+
+@given(st.integers(1, 300), st.integers(0, 70), st.integers(1, 20))
+def test_any_batch_size_number_of_steps_and_saving(size, steps, save_every):
+    rng = np.random.default_rng(size)
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    omega = rng.normal(size=(size, 2))
+    result = run(body, omega, 0.2, steps, save_every=save_every)
+    assert result.omega.shape == (size, steps // save_every + 1, 2)
+    assert np.isfinite(result.omega).all()
+    i = size - 1
+    assert same(result.omega[i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)

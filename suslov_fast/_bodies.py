@@ -51,7 +51,9 @@ class Suslov3D:
     I23: Any
 
     def __post_init__(self) -> None:
-        arrays = {field.name: real_array(field.name, getattr(self, field.name)) for field in fields(self)}
+        arrays = {
+            field.name: real_array(field.name, getattr(self, field.name)) for field in fields(self)
+        }
         for name in ("I1", "I2"):
             if not (arrays[name] > 0).all():
                 smallest = arrays[name].min()
@@ -142,7 +144,8 @@ class Suslov3D:
         asymmetry = abs(tensor - tensor.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
         if not (asymmetry <= 1e-12 * size).all():
             raise ValueError(
-                f"I: expected a symmetric inertia tensor, got one with |I - I.T| = {asymmetry.max()}"
+                "I: expected a symmetric inertia tensor, got one with "
+                f"|I - I.T| = {asymmetry.max()}"
             )
         smallest = np.linalg.eigvalsh(tensor).min(initial=np.inf)
         if not smallest > 0:
@@ -183,9 +186,11 @@ def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:
     down = axis[..., 2] < 0
     half_turn = np.where(down[..., None, None], np.diag([1.0, -1.0, -1.0]), np.eye(3))
     u = (half_turn @ axis[..., None])[..., 0]
-    s = u + [0.0, 0.0, 1.0]
-    exchange = 2.0 * s[..., :, None] * s[..., None, :] / (s * s).sum(-1)[..., None, None] - np.eye(3)
-    return np.diag([-1.0, -1.0, 1.0]) @ exchange @ half_turn
+    s = u + np.array([0.0, 0.0, 1.0])
+    square = (s * s).sum(axis=-1)[..., None, None]
+    exchange = 2.0 * s[..., :, None] * s[..., None, :] / square - np.eye(3)
+    rotation: FloatArray = np.diag([-1.0, -1.0, 1.0]) @ exchange @ half_turn
+    return rotation
 
 
 def _about_e3(angle: FloatArray) -> FloatArray:

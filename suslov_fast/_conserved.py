@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ._bodies import Suslov3D
 from ._core import coordinates, integrals
-from ._core.jit import on_arrays
+from ._elementwise import evaluate
 from ._validation import FloatArray, common_shape, instance, real_array, vectors
 
 
@@ -43,13 +43,8 @@ def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     """
     instance("body", body, Suslov3D)
     state = vectors("omega", omega, 2)
-    common_shape(body=body.shape, omega=state.shape[:-1])
-    with np.errstate(all="ignore"):
-        value: FloatArray = on_arrays(integrals.energy)(
-            body.I1, body.I2, state[..., 0], state[..., 1]
-        )
-    # I13 and I23 do not enter, but their batch counts.
-    return np.broadcast_to(value, np.broadcast_shapes(body.shape, np.shape(value)))[()].copy()
+    batch = common_shape(body=body.shape, omega=state.shape[:-1])
+    return evaluate(integrals.energy, batch, body.I1, body.I2, state[..., 0], state[..., 1])
 
 
 def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -90,18 +85,16 @@ def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArr
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.26534472963
     """
-    state, (X, _) = _canonical(body, omega, eps)
-    with np.errstate(all="ignore"):
-        value: FloatArray = on_arrays(integrals.first_integral)(
-            body.I1, body.I2, X, state[..., 0], state[..., 1]
-        )
-    return value
+    state, batch, XY = _canonical(body, omega, eps)
+    return evaluate(
+        integrals.first_integral, batch, body.I1, body.I2, XY[..., 0], state[..., 0], state[..., 1]
+    )
 
 
 def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """The number t = eps sqrt(h / (I1 I2)) that decides how an orbit of the map behaves.
 
-    With \\|t\\| < 1 the orbit follows the continuous motion; with \\|t\\| >= 1 the step is too long
+    With -1 < t < 1 the orbit follows the continuous motion; otherwise the step is too long
     for that, and the orbit jumps across the line of steady states. t is constant along an orbit.
 
     Parameters
@@ -134,25 +127,32 @@ def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.0351, 1.2281])
     """
-    _, (X, Y) = _canonical(body, omega, eps)
-    with np.errstate(all="ignore"):
-        level: FloatArray = on_arrays(integrals.level)(X, Y)
-    # Rounding must not carry an orbit across the border: t < 1 exactly where |Y| < 1.
+    _, batch, XY = _canonical(body, omega, eps)
+    level = evaluate(integrals.level, batch, XY[..., 0], XY[..., 1])
+    # Rounding must not carry an orbit across the border: |t| < 1 exactly where |Y| < 1.
     below = np.nextafter(1.0, 0.0)
-    level = np.where(abs(Y) < 1.0, np.minimum(level, below), np.maximum(level, 1.0))
+    level = np.where(abs(XY[..., 1]) < 1.0, np.minimum(level, below), np.maximum(level, 1.0))
     return np.copysign(level, eps)
 
 
 def _canonical(
     body: Suslov3D, omega: ArrayLike, eps: ArrayLike
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-    """The checked state, and its dimensionless coordinates (X, Y)."""
+) -> tuple[FloatArray, tuple[int, ...], FloatArray]:
+    """The checked state, the batch shape and the dimensionless coordinates (X, Y)."""
     instance("body", body, Suslov3D)
     state = vectors("omega", omega, 2)
     step_size = real_array("eps", eps)
-    common_shape(body=body.shape, omega=state.shape[:-1], eps=step_size.shape)
+    batch = common_shape(body=body.shape, omega=state.shape[:-1], eps=step_size.shape)
     I1, I2, I13, I23, eps_factor = body.normalised
-    with np.errstate(all="ignore"):
-        return state, on_arrays(coordinates.to_canonical)(
-            I1, I2, I13, I23, step_size * eps_factor, state[..., 0], state[..., 1]
-        )
+    XY = evaluate(
+        coordinates.to_canonical,
+        batch,
+        I1,
+        I2,
+        I13,
+        I23,
+        step_size * eps_factor,
+        state[..., 0],
+        state[..., 1],
+    )
+    return state, batch, XY

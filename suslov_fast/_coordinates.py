@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ._bodies import Suslov3D
 from ._core import coordinates
-from ._core.jit import on_arrays
+from ._elementwise import evaluate
 from ._validation import FloatArray, common_shape, instance, vectors
 
 
@@ -45,11 +45,8 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     """
     instance("body", body, Suslov3D)
     state = vectors("omega", omega, 2)
-    common_shape(body=body.shape, omega=state.shape[:-1])
-    with np.errstate(all="ignore"):
-        return np.stack(
-            on_arrays(coordinates.to_xy)(*body.parameters, state[..., 0], state[..., 1]), axis=-1
-        )
+    batch = common_shape(body=body.shape, omega=state.shape[:-1])
+    return evaluate(coordinates.to_xy, batch, *body.parameters, state[..., 0], state[..., 1])
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -84,12 +81,9 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     """
     instance("body", body, Suslov3D)
     state = vectors("xy", xy, 2)
-    common_shape(body=body.shape, xy=state.shape[:-1])
+    batch = common_shape(body=body.shape, xy=state.shape[:-1])
     if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    with np.errstate(all="ignore"):
-        return np.stack(
-            on_arrays(coordinates.from_xy)(*body.parameters, state[..., 0], state[..., 1]), axis=-1
-        )
+    return evaluate(coordinates.from_xy, batch, *body.parameters, state[..., 0], state[..., 1])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ._bodies import Suslov3D
 from ._core.full_map import full_step
-from ._core.jit import on_arrays
+from ._elementwise import evaluate
 from ._layout import first_index, spell
 from ._status import SingularStepWarning
 from ._validation import FloatArray, common_shape, instance, real_array, vectors
@@ -57,14 +57,17 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     batch = common_shape(
         body=body.shape, omega=state.shape[:-1], eps=step_size.shape, I3=third.shape
     )
-    following = np.empty((*batch, 3))
-    with np.errstate(all="ignore"):
-        components = on_arrays(full_step)(
-            *body.parameters, step_size, third, state[..., 0], state[..., 1], state[..., 2]
-        )
-    for k, component in enumerate(components):
-        following[..., k] = component
-    failed = ~np.isfinite(following).all(axis=-1)
+    following = evaluate(
+        full_step,
+        batch,
+        *body.parameters,
+        step_size,
+        third,
+        state[..., 0],
+        state[..., 1],
+        state[..., 2],
+    )
+    failed = np.asarray(~np.isfinite(following).all(axis=-1))
     if failed.any():
         following[failed] = np.nan
         message = (

@@ -72,9 +72,7 @@ def step(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.021283, 0.357443])
     """
-    trajectories = _iterate(
-        body, "omega", omega, eps, 1, None, "canonical", "C", None, None, None
-    )
+    trajectories = _iterate(body, "omega", omega, eps, 1, None, "canonical", "C", None, None, None)
     _report(trajectories, "warn", stacklevel=2)
     return trajectories.final
 
@@ -184,9 +182,7 @@ def _iterate(
     one_of("order", order, ("C", "F"))
     threads = _parallel.thread_count(threads)
     check_progress(progress)
-    batch = common_shape(
-        **{"body": body.shape, "eps": step_size.shape, name: omega.shape[:-1]}
-    )
+    batch = common_shape(**{"body": body.shape, "eps": step_size.shape, name: omega.shape[:-1]})
     n = np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
     saved = None
     if save_every is not None or out is not None:
@@ -219,9 +215,20 @@ def _iterate(
         for start in range(0, max(steps, 1), max(slice_steps, 1)):
             stop = min(start + slice_steps, steps)
             _parallel.run(
-                loops.iterate, _work(size, (stop - start) * weight), threads,
-                code, *arguments, states, start, stop, every, flat_saved, order == "F",
-                resume, final, status,
+                loops.iterate,
+                _work(size, (stop - start) * weight),
+                threads,
+                code,
+                *arguments,
+                states,
+                start,
+                stop,
+                every,
+                flat_saved,
+                order == "F",
+                resume,
+                final,
+                status,
             )
             report(stop)
 
@@ -230,8 +237,16 @@ def _iterate(
     if failed.size:
         failed_at = failed_at.copy()
         _parallel.run(
-            loops.locate_failure, _work(failed.size, steps), threads,
-            code, *arguments, states, steps, failed, status, failed_at,
+            loops.locate_failure,
+            _work(failed.size, steps),
+            threads,
+            code,
+            *arguments,
+            states,
+            steps,
+            failed,
+            status,
+            failed_at,
         )
     final = unflatten(final, batch, order)
     if saved is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numba
@@ -70,10 +70,8 @@ def _after_fork() -> None:
     """Stay serial in a child of a process whose OpenMP threads ran: they would abort it."""
     global _may_use_threads, _one_at_a_time
     _one_at_a_time = threading.Lock()
-    try:
+    with suppress(ValueError):  # no thread was ever started
         _may_use_threads = numba.threading_layer() != "omp"
-    except ValueError:  # no thread was ever started
-        pass
 
 
 if hasattr(os, "register_at_fork"):

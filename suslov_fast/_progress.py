@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Union
+from typing import Any
 
-Progress = Union[bool, None, Callable[[int, int], object]]
+Progress = bool | None | Callable[[int, int], object]
 
 
 def check_progress(progress: Progress) -> None:
@@ -32,7 +32,7 @@ def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]
         yield lambda done: None
 
 
-def _tqdm():  # type: ignore[no-untyped-def]
+def _tqdm() -> Any:
     try:
         from tqdm import tqdm
     except ImportError as error:

@@ -44,7 +44,7 @@ class Trajectories:
 
     @property
     def t(self) -> FloatArray:
-        """The times n eps of the saved states, shape (n_saved,), or (..., n_saved) if eps varies."""
+        """The times n eps of the saved states: (n_saved,), or (..., n_saved) if eps varies."""
         times: FloatArray = np.multiply.outer(self.eps, self.n)
         return times
 

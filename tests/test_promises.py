@@ -85,9 +85,7 @@ def test_compiled_equals_interpreted(rng, method):
         out, final = np.empty((70, 41, 2)), np.empty((70, 2))
         status = np.empty(70, np.int8)
         with np.errstate(all="ignore"):
-            loop(
-                method, *parameters, omega, 0, 40, 1, out, False, np.empty((2, 0)), final, status
-            )
+            loop(method, *parameters, omega, 0, 40, 1, out, False, np.empty((2, 0)), final, status)
         return out, final, status
 
     compiled = call(loops.iterate.serial)
@@ -104,7 +102,13 @@ def test_slices(rng, monkeypatch, method):
     monkeypatch.setattr(_map, "_SLICE", 70 * 90)
     slices = []
     sliced = run(
-        body, omega, eps, 701, method=method, save_every=7, progress=lambda *seen: slices.append(seen)
+        body,
+        omega,
+        eps,
+        701,
+        method=method,
+        save_every=7,
+        progress=lambda *seen: slices.append(seen),
     )
     assert len(slices) > 5
     assert slices[-1] == (701, 701)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -24,16 +25,22 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         options.command(options)
         sys.stdout.flush()
     except UserError as error:
-        print("suslov-fast: " + " ".join(str(error).split()), file=sys.stderr)
-        sys.exit(2)
+        _stop(2, str(error))
     except KeyboardInterrupt:
-        print("suslov-fast: interrupted", file=sys.stderr)
-        sys.exit(130)
-    except BrokenPipeError:
-        # Whoever read the summary has gone; nothing more can be printed, at exit either.
-        sys.stdout = None  # type: ignore[assignment]
-        sys.exit(1)
+        _stop(130, "interrupted")
+    except OSError as error:
+        # Files are dealt with where they are opened: this is the output. What is left of it cannot
+        # be written when Python ends either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            sys.exit(1)
+        _stop(2, f"standard output: {error.strerror}")
     sys.exit(0)
+
+
+def _stop(status: int, message: str) -> NoReturn:
+    print("suslov-fast: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(status)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -48,16 +48,15 @@ def read_states(path: Path) -> FloatArray:
         raise UserError(f"{path}: expected a .npy or .csv file, got {path.suffix or 'no suffix'!r}")
     try:
         table = readers[path.suffix.lower()](path)
+        if not table.size:
+            raise ValueError("expected at least one state, got none")
         if table.ndim != 2:
             raise ValueError(f"expected two columns, got an array of shape {table.shape}")
-        states = vectors("states", table, 2)
+        return vectors("states", table, 2)
     except OSError as error:
         raise UserError(f"{path}: expected a readable file, got: {error.strerror}") from error
     except (ValueError, TypeError, EOFError) as error:
         raise UserError(f"{path}: {error}") from error
-    if not len(states):
-        raise UserError(f"{path}: expected at least one state, got none")
-    return states
 
 
 def _read_npy(path: Path) -> FloatArray:

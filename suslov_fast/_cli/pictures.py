@@ -75,12 +75,13 @@ def _orbits(picture: Picture) -> list[FloatArray]:
 
 def _line(body: Suslov3D) -> FloatArray:
     """The direction of the repelling half of the line of steady states."""
-    return np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+    direction: FloatArray = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+    return direction
 
 
 def _steps_shown(orbit: FloatArray, extent: float) -> FloatArray:
     """The steps (from, to) that lie within the picture, those in the middle of the orbit first."""
-    inside = (abs(orbit) < 0.97 * extent).all(axis=-1)
+    inside = np.asarray((abs(orbit) < 0.97 * extent).all(axis=-1))
     steps = np.flatnonzero(inside[:-1] & inside[1:])
     steps = steps[np.argsort(abs(steps - len(orbit) // 2))]
     return np.stack([orbit[steps], orbit[steps + 1]], axis=1)
@@ -92,20 +93,20 @@ def _draw(number: int, picture: Picture) -> Any:
 
     body, eps, extent = picture.body, picture.eps, picture.extent
     figure = Figure(figsize=(6.4, 6.8), layout="constrained")
-    axes = figure.add_subplot()
+    axes: Any = figure.add_subplot()
     colours = colormaps["viridis"](np.linspace(0.15, 0.85, _LEVELS))
     for k, orbit in enumerate(_orbits(picture)):
         colour = colours[k // 2]
         axes.plot(*orbit.T, "-", color=colour, linewidth=0.7, alpha=0.6)
         axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
         for tail, head in _steps_shown(orbit, extent)[:1]:
-            style = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 13}
-            axes.annotate("", xy=head, xytext=tail, arrowprops=style)
+            arrow = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 13}
+            axes.annotate("", xy=head, xytext=tail, arrowprops=arrow)
     repelling, attracting = (np.outer([0, s * extent], _line(body)) for s in (2.0, -2.0))
     line = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2 = 0$"
-    axes.plot(*attracting.T, color="crimson", linewidth=2.6, label=f"{line}, attracting")
-    dashes = {"linestyle": (0, (4, 2)), "label": f"{line}, repelling"}
-    axes.plot(*repelling.T, color="crimson", linewidth=2.6, **dashes)
+    style = {"color": "crimson", "linewidth": 2.6}
+    axes.plot(*attracting.T, label=f"{line}, attracting", **style)
+    axes.plot(*repelling.T, label=f"{line}, repelling", linestyle=(0, (4, 2)), **style)
     axes.set(
         xlim=(-extent, extent),
         ylim=(-extent, extent),

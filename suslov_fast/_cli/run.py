@@ -83,7 +83,6 @@ def run(options: argparse.Namespace) -> None:
             f"argument --threads: expected at most {numba.config.NUMBA_NUM_THREADS} on this "
             f"machine, got {options.threads}"
         )
-    _check_memory(options)
     omega0 = _starts(options)
     threads = options.threads or numba.get_num_threads()
     settings = {"save_every": options.save_every, "method": options.method, "threads": threads}
@@ -130,17 +129,20 @@ def _problem(options: argparse.Namespace) -> tuple[Suslov3D, float]:
 def _starts(options: argparse.Namespace) -> FloatArray:
     if options.initial is None:
         count = options.trajectories or _TRAJECTORIES
+        _check_memory(count, options)
         return np.random.default_rng(options.seed or 0).uniform(-_EXTENT, _EXTENT, (count, 2))
     for name in ("trajectories", "seed"):
         if getattr(options, name) is not None:
             raise UserError(f"expected either --initial or --{name}, got both")
-    return read_states(options.initial)
+    states = read_states(options.initial)
+    _check_memory(len(states), options)
+    return states
 
 
-def _check_memory(options: argparse.Namespace) -> None:
+def _check_memory(count: int, options: argparse.Namespace) -> None:
     """Refuse a batch that no memory holds, rather than be killed in the middle."""
     saved = 1 if options.save_every is None else options.steps // options.save_every + 1
-    needed = 16 * (options.trajectories or 1) * (saved + 8)
+    needed = 16 * count * (saved + 8)
     if hasattr(os, "sysconf"):
         available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
         if needed > available:

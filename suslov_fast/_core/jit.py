@@ -2,11 +2,13 @@
 
 import hashlib
 import types
+from contextlib import suppress
 from pathlib import Path
 
 import numba
 from numba import config
 from numba.core.caching import FunctionCache
+from numba.extending import register_jitable
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -20,13 +22,11 @@ _OPTIONS = {
 
 
 def formula(function):
-    """Compile a scalar formula; it is inlined into each loop that calls it."""
-    return numba.njit(**_OPTIONS)(function)
+    """Let loops call and inline a scalar formula, which stays a Python function for all others.
 
-
-def on_arrays(compiled):
-    """The formula itself, which NumPy arrays may be passed to if it has no branch."""
-    return getattr(compiled, "py_func", compiled)
+    Without branches it serves NumPy arrays as it is.
+    """
+    return register_jitable(**_OPTIONS)(function)
 
 
 class Loop:
@@ -49,10 +49,8 @@ def _cached(function, build, parallel):
     compiled = numba.njit(parallel=parallel, **_OPTIONS)(named)
     if not config.DISABLE_JIT:
         # No writable folder, or a Numba whose cache works otherwise: compile in each process.
-        try:
+        with suppress(RuntimeError, AttributeError, OSError):
             compiled._cache = _KernelCache(named)
-        except (RuntimeError, AttributeError, OSError):
-            pass
     return compiled
 
 
@@ -74,10 +72,8 @@ class _KernelCache(FunctionCache):
             return None
 
     def save_overload(self, sig, data):
-        try:
+        with suppress(Exception):  # a full or read-only disk: the code is in memory all the same
             super().save_overload(sig, data)
-        except Exception:  # a full or read-only disk: the compiled code is in memory all the same
-            pass
 
 
 def _source_stamp():

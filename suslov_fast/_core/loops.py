@@ -87,7 +87,13 @@ def gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given):
 def enter_canonical(given, state, frame, lanes):
     for l in range(lanes):
         state[0, l], state[1, l] = to_canonical(
-            given[0, l], given[1, l], given[2, l], given[3, l], given[4, l], given[5, l], given[6, l]
+            given[0, l],
+            given[1, l],
+            given[2, l],
+            given[3, l],
+            given[4, l],
+            given[5, l],
+            given[6, l],
         )
     for l in range(lanes):
         frame[0, l], frame[1, l], frame[2, l], frame[3, l] = from_canonical(
@@ -279,7 +285,7 @@ def _iterate(
 
 
 def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, failed_at):
-    """Find what went wrong, and the first state that does not exist, in each `failed` trajectory."""
+    """Find what went wrong in each `failed` trajectory, and its first missing state."""
     for k in prange(failed.size):
         i = failed[k]
         given = rows_of_lanes(7)

@@ -2,6 +2,7 @@
 
 from .jit import formula
 
+
 @formula
 def projective_step(p, q, s):
     """Equation (xy1) cleared of denominators."""

@@ -1,0 +1,28 @@
+"""Formulas evaluated over arrays by NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ._validation import FloatArray
+
+
+def evaluate(formula: Callable[..., Any], batch: tuple[int, ...], *arguments: Any) -> FloatArray:
+    """A formula without branches over a batch: (...), or (..., k) if it returns k numbers.
+
+    What leaves the range of float64 is infinite or NaN, without a warning.
+    """
+    with np.errstate(all="ignore"):
+        result = formula(*arguments)
+    values: FloatArray
+    if not isinstance(result, tuple):
+        values = np.empty(batch)
+        values[...] = result
+        return values[()]
+    values = np.empty((*batch, len(result)))
+    for k, component in enumerate(result):
+        values[..., k] = component
+    return values

@@ -1,0 +1,128 @@
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+
+def random_inertia(rng, shape=()):
+    root = rng.normal(size=(*shape, 3, 3))
+    return root @ root.swapaxes(-2, -1) + 0.1 * np.eye(3)
+
+
+def adapted(rotation, inertia):
+    return rotation @ inertia @ rotation.swapaxes(-2, -1)
+
+
+def test_parameters_are_kept():
+    body = sf.Suslov3D(4, np.int32(1), -0.5, np.float32(0.25))
+    assert body.parameters == (4.0, 1.0, -0.5, 0.25)
+    assert all(type(parameter) is float for parameter in body.parameters)
+    assert body.shape == ()
+
+
+def test_batches():
+    I1 = np.array([1.0, 2.0, 3.0])
+    body = sf.Suslov3D(I1, [[1], [2]], 0.1, 0.2)
+    assert body.shape == (2, 3)
+    I1[0] = 7
+    assert body.I1[0] == 1, "the body keeps a copy"
+    with pytest.raises(ValueError, match="read-only"):
+        body.I1[0] = 7
+
+
+def test_frozen():
+    with pytest.raises(AttributeError):
+        sf.Suslov3D(4, 1, 0, 0).I1 = 3
+
+
+def test_equality_and_copies():
+    body = sf.Suslov3D(4, 1, -0.5, [0.1, 0.2])
+    assert body == sf.Suslov3D(4.0, 1.0, -0.5, np.array([0.1, 0.2]))
+    assert hash(body) == hash(copy.deepcopy(body))
+    assert body != sf.Suslov3D(4, 1, -0.5, [0.1, 0.3])
+    assert body != 4
+    sf.step(body, [1, 2], 0.1)
+    assert pickle.loads(pickle.dumps(body)) == body
+
+
+def test_from_inertia(rng):
+    for _ in range(50):
+        inertia, axis = random_inertia(rng), rng.normal(size=3)
+        body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+        assert np.linalg.det(rotation) > 0
+        np.testing.assert_allclose(
+            rotation @ axis, [0, 0, np.linalg.norm(axis)], atol=1e-14 * np.linalg.norm(axis)
+        )
+        turned = adapted(rotation, inertia)
+        size = abs(inertia).max()
+        np.testing.assert_allclose(turned[0, 1], 0, atol=1e-14 * size)
+        expected = [turned[0, 0], turned[1, 1], turned[0, 2], turned[1, 2]]
+        np.testing.assert_allclose(body.parameters, expected, atol=1e-14 * size)
+
+
+@pytest.mark.parametrize("axis", [[0, 0, 1], [0, 0, 5], [0, 0, 1e-200], [0, 0, 1e200]])
+@pytest.mark.parametrize("I1", [1.0, 2.0, 4.0])
+def test_an_adapted_basis_is_kept(axis, I1):
+    inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
+    body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
+    assert body == sf.Suslov3D(I1, 2, -0.5, -0.3)
+    assert (rotation == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("axis", [[0, 0, -1], [1, 0, 0], [1e-9, 0, -1], [0, -1, 0]])
+def test_special_axes(rng, axis):
+    inertia = random_inertia(rng)
+    body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
+    np.testing.assert_allclose(rotation @ axis, [0, 0, np.linalg.norm(axis)], atol=1e-15)
+    assert np.linalg.det(rotation) > 0
+    assert abs(adapted(rotation, inertia)[0, 1]) < 1e-14
+    assert body.I1 > 0
+
+
+def test_the_motion_does_not_depend_on_the_basis(rng):
+    """Turn the body and its axis: the angular velocities turn along."""
+    inertia, axis = random_inertia(rng), rng.normal(size=3)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    first, to_first = sf.Suslov3D.from_inertia(inertia, axis)
+    second, to_second = sf.Suslov3D.from_inertia(adapted(turn, inertia), turn @ axis)
+    omega = to_first.T @ [0.3, 0.4, 0.0]
+    end = to_first.T @ [*sf.iterate(first, (to_first @ omega)[:2], 0.1, 20).final, 0]
+    start = to_second @ turn @ omega
+    assert abs(start[2]) < 1e-14
+    same_end = to_second.T @ [*sf.iterate(second, start[:2], 0.1, 20).final, 0]
+    np.testing.assert_allclose(turn @ end, same_end, atol=1e-12)
+
+
+def test_from_inertia_in_batches(rng):
+    inertia, axis = random_inertia(rng, (4, 1)), rng.normal(size=(3, 3))
+    body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
+    assert body.shape == (4, 3)
+    assert rotation.shape == (4, 3, 3, 3)
+    one, its_rotation = sf.Suslov3D.from_inertia(inertia[2, 0], axis[1])
+    np.testing.assert_allclose(body.I13[2, 1], one.I13, rtol=1e-12)
+    np.testing.assert_allclose(rotation[2, 1], its_rotation, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "axis", "message"),
+    [
+        (np.eye(2), [0, 0, 1], r"I: expected shape \(..., 3\), got \(2, 2\)"),
+        (np.ones(3), [0, 0, 1], r"I: expected shape \(..., 3, 3\), got \(3,\)"),
+        (np.ones((2, 3)), [0, 0, 1], r"I: expected shape \(..., 3, 3\), got \(2, 3\)"),
+        (np.eye(3), [0, 1], r"a: expected shape \(..., 3\), got \(2,\)"),
+        (np.eye(3), [0, 0, 0], "a: expected an axis other than 0"),
+        (np.triu(np.ones((3, 3))), [0, 0, 1], "I: expected a symmetric inertia tensor"),
+        (np.diag([1, 1, -1]), [0, 0, 1], "I: expected a positive definite .* eigenvalue -1.0"),
+        (np.diag([1, 1, 0]), [0, 0, 1], "I: expected a positive definite"),
+        (np.full((3, 3), np.nan), [0, 0, 1], "I: expected finite real numbers"),
+        (np.ones((2, 3, 3)), np.ones((3, 3)), r"broadcast .* I \(2,\), a \(3,\)"),
+    ],
+)
+def test_bad_inertia(inertia, axis, message):
+    with pytest.raises(ValueError, match=message):
+        sf.Suslov3D.from_inertia(inertia, axis)

@@ -1,0 +1,158 @@
+"""Bad input: a clear message, and nothing done."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+NAN, INF = float("nan"), float("inf")
+OMEGA = [[1.0, 0.5], [0.2, 0.3]]
+
+# A call with one bad argument, the error, and what its message says was received and expected.
+BAD_BODIES = [
+    ({"I1": 0}, ValueError, "I1: expected positive moments of inertia, got 0.0"),
+    ({"I2": -2}, ValueError, "I2: expected positive moments of inertia, got -2.0"),
+    ({"I1": [1, 2, -3]}, ValueError, "I1: expected positive .* got -3.0"),
+    ({"I1": NAN}, ValueError, "I1: expected finite real numbers, got nan"),
+    ({"I13": [1, INF]}, ValueError, r"I13: expected finite real numbers, got inf at index \(1,\)"),
+    ({"I23": 1j}, TypeError, "I23: expected real numbers, got 1j of dtype complex128"),
+    ({"I23": "0.3"}, TypeError, "I23: expected real numbers, got '0.3' of dtype <U3"),
+    ({"I13": None}, TypeError, "I13: expected real numbers, got None of type NoneType"),
+    ({"I1": True}, TypeError, "I1: expected real numbers, got True of dtype bool"),
+    ({"I1": [1, 2], "I2": [1, 2, 3]}, ValueError, r"broadcast .* I1 \(2,\), I2 \(3,\)"),
+]
+BAD_ARGUMENTS = [
+    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D, got tuple"),
+    ({"omega0": [1, NAN]}, ValueError, r"omega0: expected finite .* got nan at index \(1,\)"),
+    ({"omega0": [[1, 2], [3, -INF]]}, ValueError, r"got -inf at index \(1, 1\)"),
+    ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
+    ({"omega0": 1.0}, ValueError, r"omega0: expected shape \(..., 2\), got \(\)"),
+    ({"omega0": []}, ValueError, r"omega0: expected shape \(..., 2\), got \(0,\)"),
+    ({"omega0": np.zeros((2, 5))}, ValueError, r"expected shape \(..., 2\), got \(2, 5\)"),
+    ({"omega0": [1 + 1j, 2]}, TypeError, "omega0: expected real numbers, got .* complex128"),
+    ({"omega0": ["a", "b"]}, TypeError, r"omega0: expected real numbers, got \['a', 'b'\]"),
+    ({"omega0": [[1, 2], [3]]}, ValueError, "omega0: expected a rectangular array"),
+    ({"omega0": [None, 1]}, TypeError, "omega0: .* got None of type NoneType"),
+    ({"omega0": {"x": 1}}, TypeError, "omega0: expected real numbers, got .* of type dict"),
+    ({"omega0": [10**400, 1]}, ValueError, "omega0: expected numbers in the range of float64"),
+    ({"omega0": [True, False]}, TypeError, "omega0: expected real numbers, got .* dtype bool"),
+    ({"omega0": np.array(["2020-01-01"] * 2, "M8[D]")}, TypeError, "omega0: expected real numbers"),
+    ({"omega0": np.ma.masked_less([1.0, -1.0], 0)}, ValueError, "masked array with missing values"),
+    ({"eps": NAN}, ValueError, "eps: expected finite real numbers, got nan"),
+    ({"eps": 0.1j}, TypeError, "eps: expected real numbers, got 0.1j"),
+    ({"eps": "0.1"}, TypeError, "eps: expected real numbers, got '0.1'"),
+    ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), eps \(3,\), omega0 \(2,\)"),
+    ({"steps": -1}, ValueError, "steps: expected an integer of at least 0, got -1"),
+    ({"steps": 10.0}, TypeError, "steps: expected an integer of at least 0, got 10.0 of type float"),
+    ({"steps": "10"}, TypeError, "steps: expected an integer of at least 0, got '10' of type str"),
+    ({"steps": True}, TypeError, "steps: expected an integer of at least 0, got True of type bool"),
+    ({"steps": None}, TypeError, "steps: .* got None of type NoneType"),
+    ({"steps": 2**64}, ValueError, "steps: expected an integer of at least 0, got 18446744073709"),
+    ({"steps": [10]}, TypeError, r"steps: .* got \[10\] of type list"),
+    ({"save_every": 0}, ValueError, "save_every: expected None or an integer of at least 1, got 0"),
+    ({"save_every": 1.5}, TypeError, "save_every: expected None or an integer .* got 1.5"),
+    ({"method": "rk4"}, ValueError, "method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'"),
+    ({"method": None}, ValueError, "method: expected one of .* got None"),
+    ({"order": "K"}, ValueError, "order: expected one of 'C', 'F', got 'K'"),
+    ({"threads": 0}, ValueError, "threads: expected None or an integer from 1 to .* got 0"),
+    ({"threads": 10**6}, ValueError, "threads: expected None or an integer from 1 to .* got 1000000"),
+    ({"threads": 1.5}, TypeError, "threads: expected None or an integer from 1 to .* got 1.5"),
+    ({"on_singular": "stop"}, ValueError, "on_singular: expected one of 'warn', .* got 'stop'"),
+    ({"progress": 3}, TypeError, r"progress: expected True, False, None or a callable .* got int"),
+    ({"out": [[0, 0]]}, TypeError, "out: expected a NumPy array, got list"),
+    ({"out": np.zeros((2, 4, 2), "f4")}, TypeError, "out: expected dtype float64, got float32"),
+    ({"out": np.zeros((2, 4, 2), ">f8")}, TypeError, "out: expected dtype float64, got >f8"),
+    ({"out": np.zeros((2, 3, 2))}, ValueError, r"out: expected shape \(2, 4, 2\), got \(2, 3, 2\)"),
+    ({"out": np.zeros((2, 4, 4))[..., ::2]}, ValueError, "out: expected a C- or F-contiguous"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("bad", "error", "message"), BAD_BODIES)
+def test_bodies(bad, error, message):
+    with pytest.raises(error, match=message):
+        sf.Suslov3D(**{"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3, **bad})
+
+
+@pytest.mark.parametrize(("bad", "error", "message"), BAD_ARGUMENTS)
+def test_iterate(body, bad, error, message):
+    out = np.full((2, 4, 2), 7.0)
+    arguments = {"body": body, "omega0": OMEGA, "eps": 0.2, "steps": 3, "out": out, **bad}
+    with pytest.raises(error, match=message):
+        sf.iterate(**arguments)
+    assert (out == 7).all()
+
+
+def test_out_that_cannot_be_written_to(body):
+    out = np.zeros((2, 4, 2))
+    out.flags.writeable = False
+    with pytest.raises(ValueError, match="out: expected a writeable, aligned array"):
+        sf.iterate(body, OMEGA, 0.2, 3, out=out)
+    unaligned = np.zeros(2 * 4 * 2 * 8 + 1, np.uint8)[1:].view(np.float64).reshape(2, 4, 2)
+    with pytest.raises(ValueError, match="out: expected a writeable, aligned array"):
+        sf.iterate(body, OMEGA, 0.2, 3, out=unaligned)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda body, omega: sf.step(body, omega, 0.2),
+        lambda body, omega: sf.first_integral(body, omega, 0.2),
+        lambda body, omega: sf.criticality(body, omega, 0.2),
+        sf.energy,
+        sf.to_xy,
+        sf.from_xy,
+    ],
+)
+def test_other_functions(body, call):
+    with pytest.raises(TypeError, match="body: expected Suslov3D, got NoneType"):
+        call(None, OMEGA)
+    with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
+        call(body, [1, 2, 3])
+    with pytest.raises(ValueError, match="expected finite real numbers, got nan"):
+        call(body, [NAN, 2])
+    with pytest.raises(ValueError, match="expected batch shapes that broadcast"):
+        call(sf.Suslov3D([1, 2, 3], 1, 1, 1), OMEGA)
+
+
+@pytest.mark.parametrize("function", [sf.step, sf.first_integral, sf.criticality])
+def test_eps_of_other_functions(body, function):
+    with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
+        function(body, OMEGA, INF)
+    with pytest.raises(ValueError, match=r"broadcast .* eps \(3,\)"):
+        function(body, OMEGA, [1, 2, 3])
+
+
+def test_step_full(body):
+    with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
+        sf.step_full(body, [1, 2], 0.1, 3)
+    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
+        sf.step_full(body, [1, 2, 3], 0.1, 0)
+    with pytest.raises(TypeError, match="body: expected Suslov3D"):
+        sf.step_full(4, [1, 2, 3], 0.1, 3)
+    with pytest.raises(ValueError, match=r"broadcast .* I3 \(2,\)"):
+        sf.step_full(body, np.zeros((3, 3)), 0.1, [3, 3])
+
+
+def test_from_xy_of_a_body_without_coordinates():
+    with pytest.raises(ValueError, match="body: expected I13 or I23 other than 0, got both 0"):
+        sf.from_xy(sf.Suslov3D(1, 1, [1, 0], 0), [1, 2])
+
+
+def test_progress_without_tqdm(body, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "tqdm", None)
+    with pytest.raises(ImportError, match=r"progress=True needs tqdm: pip install"):
+        sf.iterate(body, OMEGA, 0.2, 3, progress=True)
+
+
+def test_unusual_numbers_are_welcome(body):
+    expected = sf.iterate(body, [0.5, 2.0], 0.25, 2).final
+    for omega in ([Fraction(1, 2), 2], np.array([0.5, 2], np.longdouble), np.float16([0.5, 2])):
+        assert (sf.iterate(body, omega, Fraction(1, 4), np.int8(2)).final == expected).all()
+
+
+def test_long_doubles_beyond_float64(body):
+    if np.finfo(np.longdouble).max > np.finfo(np.float64).max:
+        with pytest.raises(ValueError, match="expected finite real numbers, got inf"):
+            sf.step(body, [np.longdouble("1e400"), 1], 0.1)

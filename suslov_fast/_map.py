@@ -70,7 +70,7 @@ def step(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> from suslov_fast import Suslov3D, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
-    array([1.021283, 0.357443])
+    array([1.013781, 0.372248])
     """
     trajectories = _iterate(body, "omega", omega, eps, 1, None, "canonical", "C", None, None, None)
     _report(trajectories, "warn", stacklevel=2)

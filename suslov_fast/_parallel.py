@@ -38,7 +38,7 @@ def thread_count(threads: int | None) -> int | None:
 def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a loop; `work` lane-steps decide between its two builds."""
     if (
-        threads == 1
+        (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or work < CROSSOVER
         or not _may_use_threads
         or not _one_at_a_time.acquire(blocking=False)

@@ -1,0 +1,72 @@
+"""Every block of code in the README runs, and prints what its comments say."""
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(.*?)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def blocks(language):
+    return [code for name, code in BLOCKS if name == language]
+
+
+def test_every_block_is_of_a_known_kind():
+    assert {name for name, _ in BLOCKS} == {"python", "sh", "sh setup", "text"}
+
+
+def test_python_blocks():
+    """One after the other, as a reader would."""
+    names = {}
+    for code in blocks("python"):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(code, "README.md", "exec"), names)
+        expected = re.findall(r"print\(.*\) +# (.*)", code)
+        assert printed.getvalue().splitlines() == expected
+
+
+def test_shell_blocks(tmp_path):
+    folder = Path(sys.executable).parent
+    for line in "".join(blocks("sh")).splitlines():
+        done = subprocess.run(
+            shlex.split(line),
+            cwd=tmp_path,
+            env=os.environ | {"PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 0, (line, done.stderr)
+    assert np.load(tmp_path / "orbits.npz")["omega"].shape == (1000, 6, 2)
+    assert (tmp_path / "pictures" / "picture4.png").exists()
+
+
+def test_setup_lines_are_the_ones_that_ci_runs():
+    (setup,) = blocks("sh setup")
+    first, second = setup.splitlines()
+    assert first.endswith(".venv/bin/suslov-fast run")
+    assert second.endswith(".venv/bin/pytest")
+    assert "sh setup" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_the_summary_has_the_lines_that_the_command_prints():
+    done = subprocess.run(
+        [sys.executable, "-m", "suslov_fast", "run", "--trajectories", "5", "--steps", "5"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    (shown,) = blocks("text")
+    assert [line[:14] for line in done.stdout.splitlines()] == [
+        line[:14] for line in shown.splitlines()
+    ]

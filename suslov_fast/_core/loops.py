@@ -293,24 +293,25 @@ def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, 
         frame = rows_of_lanes(6)
         coefficients = rows_of_lanes(4)
         tile = np.empty((1, 2, LANES))
+        d, regular = 1.0, True
         gather(I1, I2, I13, I23, eps, omega, i, 1, 1, given)
         enter_canonical(given, state, frame, 1)
         if method == PRINTED:
             enter_printed(given, state, frame, coefficients, 1)
         c = coefficients[:, 0]
-        status[i], failed_at[i] = NONFINITE, stop
-        for n in range(1, stop + 1):
+        n = 0
+        tile[0, 0, 0] = omega[i, 0]
+        while n < stop and np.isfinite(tile[0, 0, 0]):
             if method == PRINTED:
                 d, regular = printed_denominator(c[0], c[1], c[2], c[3], state[0, 0], state[1, 0])
                 advance_printed(state, coefficients, 1, 1)
             else:
                 d, regular = denominator(state[0, 0], state[1, 0])
                 advance_guarded(state, 1, 1)
+            n += 1
             show(frame, state, tile, 0, 1)
-            if not np.isfinite(tile[0, 0, 0]):
-                status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE
-                failed_at[i] = n
-                break
+        status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE
+        failed_at[i] = n
 
 
 iterate = Loop(_iterate)

@@ -75,5 +75,5 @@ def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
 
 
 def spell(index: tuple[int, ...]) -> str:
-    """An index as users write it: `3` or `(1, 2)`."""
-    return f"{index[0]}" if len(index) == 1 else f"{index}"
+    """An index as users write it: `3`, `(1, 2)`, or `0` where there is only one."""
+    return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

@@ -1,5 +1,6 @@
 """Results depend on the trajectory alone, bit for bit."""
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -69,7 +70,8 @@ def test_number_of_threads(rng, monkeypatch, method, save_every):
     monkeypatch.setattr(_parallel, "CROSSOVER", 0)
     body, omega, eps = mixed_batch(rng, 5 * LANES + 3)
     options = {"method": method, "save_every": save_every}
-    results = [run(body, omega, eps, threads=threads, **options) for threads in (1, 2, None)]
+    counts = [None, *range(1, numba.config.NUMBA_NUM_THREADS + 1)]
+    results = [run(body, omega, eps, threads=threads, **options) for threads in counts]
     for result in results[1:]:
         assert same(result.omega, results[0].omega)
         assert same(result.status, results[0].status)

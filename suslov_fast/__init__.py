@@ -11,10 +11,14 @@ The system is that of V. Dragovic and B. Gajic, arXiv:0807.2966; docstrings cite
 the labels of its source.
 """
 
+from ._attitude import attitude
 from ._bodies import Suslov3D
-from ._conserved import criticality, energy, first_integral
+from ._conserved import criticality, energy, first_integral, modified_energy
+from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
+from ._exact import exact, flow, limits
 from ._full import step_full
+from ._linearised import jacobian, multipliers
 from ._map import iterate, step
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
@@ -27,12 +31,21 @@ __all__ = [
     "Status",
     "Suslov3D",
     "Trajectories",
+    "attitude",
     "criticality",
     "energy",
+    "exact",
     "first_integral",
+    "flow",
     "from_xy",
     "iterate",
+    "jacobian",
+    "limits",
+    "modified_energy",
+    "multipliers",
+    "reaction",
     "step",
     "step_full",
     "to_xy",
+    "vector_field",
 ]

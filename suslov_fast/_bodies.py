@@ -67,6 +67,10 @@ class Suslov3D:
         """The batch shape of the body, () for a single one."""
         return np.broadcast_shapes(*(np.shape(parameter) for parameter in self.parameters))
 
+    def along_time(self) -> Suslov3D:
+        """The same batch with an axis of length 1 more, for states with a time axis."""
+        return Suslov3D(*(np.asarray(parameter)[..., np.newaxis] for parameter in self.parameters))
+
     @property
     def parameters(self) -> tuple[Any, Any, Any, Any]:
         """I1, I2, I13, I23."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._arguments import check, components
 from ._bodies import Suslov3D
 from ._core import coordinates, integrals
 from ._elementwise import evaluate
-from ._validation import FloatArray, common_shape, instance, real_array, vectors
+from ._validation import FloatArray
 
 
 def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -41,10 +42,13 @@ def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    instance("body", body, Suslov3D)
-    state = vectors("omega", omega, 2)
-    batch = common_shape(body=body.shape, omega=state.shape[:-1])
-    return evaluate(integrals.energy, batch, body.I1, body.I2, state[..., 0], state[..., 1])
+    (state,), batch = check(body, {"omega": omega})
+    return energy_of(body, state, batch)
+
+
+def energy_of(body: Suslov3D, state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """The energy of states that are checked already, or that may hold NaN."""
+    return evaluate(integrals.energy, batch, body.I1, body.I2, *components(state))
 
 
 def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -85,10 +89,57 @@ def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArr
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.265344729629
     """
-    state, batch, XY = _canonical(body, omega, eps)
-    return evaluate(
-        integrals.first_integral, batch, body.I1, body.I2, XY[..., 0], state[..., 0], state[..., 1]
-    )
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    return first_integral_of(body, state, step_size, batch)
+
+
+def first_integral_of(
+    body: Suslov3D, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
+) -> FloatArray:
+    """F of states that are checked already, or that may hold NaN."""
+    X = _canonical(body, state, step_size, batch)[..., 0]
+    return evaluate(integrals.first_integral, batch, body.I1, body.I2, X, *components(state))
+
+
+def modified_energy(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The energy that the map conserves: 2 I1 I2 F, which tends to the energy as eps does to 0.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of inertia times that of omega squared.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    E**2 / (E + eps**2 f.Jf / 8), with the energy E, the vector field f of (s1) and J = (I1, I2);
+    in three dimensions Lemma 1 in another unit.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, modified_energy, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> float(modified_energy(body, [1.0, 0.5], eps=0.2).round(12))
+    2.122757837035
+    >>> float(modified_energy(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
+    2.122757837035
+    """
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    X = _canonical(body, state, step_size, batch)[..., 0]
+    return evaluate(integrals.modified_energy, batch, energy_of(body, state, batch), X)
 
 
 def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -127,32 +178,20 @@ def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    _, batch, XY = _canonical(body, omega, eps)
-    level = evaluate(integrals.level, batch, XY[..., 0], XY[..., 1])
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    XY = _canonical(body, state, step_size, batch)
+    level = evaluate(integrals.level, batch, *components(XY))
     # Rounding must not carry an orbit across the border: |t| < 1 exactly where |Y| < 1.
     below = np.nextafter(1.0, 0.0)
     level = np.where(abs(XY[..., 1]) < 1.0, np.minimum(level, below), np.maximum(level, 1.0))
-    return np.copysign(level, eps)
+    return np.copysign(level, step_size)
 
 
 def _canonical(
-    body: Suslov3D, omega: ArrayLike, eps: ArrayLike
-) -> tuple[FloatArray, tuple[int, ...], FloatArray]:
-    """The checked state, the batch shape and the dimensionless coordinates (X, Y)."""
-    instance("body", body, Suslov3D)
-    state = vectors("omega", omega, 2)
-    step_size = real_array("eps", eps)
-    batch = common_shape(body=body.shape, omega=state.shape[:-1], eps=step_size.shape)
-    I1, I2, I13, I23, eps_factor = body.normalised
-    XY = evaluate(
-        coordinates.to_canonical,
-        batch,
-        I1,
-        I2,
-        I13,
-        I23,
-        step_size * eps_factor,
-        state[..., 0],
-        state[..., 1],
+    body: Suslov3D, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
+) -> FloatArray:
+    """The dimensionless coordinates (X, Y)."""
+    I1, I2, I13, I23, factor = body.normalised
+    return evaluate(
+        coordinates.to_canonical, batch, I1, I2, I13, I23, step_size * factor, *components(state)
     )
-    return state, batch, XY

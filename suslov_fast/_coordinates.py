@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._arguments import check, components
 from ._bodies import Suslov3D
 from ._core import coordinates
 from ._elementwise import evaluate
-from ._validation import FloatArray, common_shape, instance, vectors
+from ._validation import FloatArray
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -43,10 +44,8 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    instance("body", body, Suslov3D)
-    state = vectors("omega", omega, 2)
-    batch = common_shape(body=body.shape, omega=state.shape[:-1])
-    return evaluate(coordinates.to_xy, batch, *body.parameters, state[..., 0], state[..., 1])
+    (state,), batch = check(body, {"omega": omega})
+    return evaluate(coordinates.to_xy, batch, *body.parameters, *components(state))
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -79,11 +78,9 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    instance("body", body, Suslov3D)
-    state = vectors("xy", xy, 2)
-    batch = common_shape(body=body.shape, xy=state.shape[:-1])
+    (state,), batch = check(body, {"xy": xy})
     if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return evaluate(coordinates.from_xy, batch, *body.parameters, state[..., 0], state[..., 1])
+    return evaluate(coordinates.from_xy, batch, *body.parameters, *components(state))

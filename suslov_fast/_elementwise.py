@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ._layout import first_index, spell
+from ._status import SingularStepWarning
 from ._validation import FloatArray
 
 
@@ -25,4 +28,17 @@ def evaluate(formula: Callable[..., Any], batch: tuple[int, ...], *arguments: An
     values = np.empty((*batch, len(result)))
     for k, component in enumerate(result):
         values[..., k] = component
+    return values
+
+
+def without_poles(values: FloatArray) -> FloatArray:
+    """Values (..., k) with NaN for rows that are not finite, and one warning that counts them."""
+    failed = np.asarray(~np.isfinite(values).all(axis=-1))
+    if failed.any():
+        values[failed] = np.nan
+        message = (
+            f"{np.count_nonzero(failed)} of {failed.size} states: singular step, "
+            f"first: {spell(first_index(failed))}"
+        )
+        warnings.warn(message, SingularStepWarning, stacklevel=3)
     return values

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
-
-import numpy as np
 from numpy.typing import ArrayLike
 
+from ._arguments import check, components
 from ._bodies import Suslov3D
 from ._core.full_map import full_step
-from ._elementwise import evaluate
-from ._layout import first_index, spell
-from ._status import SingularStepWarning
-from ._validation import FloatArray, common_shape, instance, real_array, vectors
+from ._elementwise import evaluate, without_poles
+from ._validation import FloatArray
 
 
 def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> FloatArray:
@@ -48,31 +44,11 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.988568,  0.315951, -0.1     ])
     """
-    instance("body", body, Suslov3D)
-    state = vectors("omega", omega, 3)
-    step_size = real_array("eps", eps)
-    third = real_array("I3", I3)
+    (state, step_size, third), batch = check(
+        body, {"omega": omega}, {"eps": eps, "I3": I3}, dimension=3
+    )
     if not (third > 0).all():
         raise ValueError(f"I3: expected a positive moment of inertia, got {third.min()}")
-    batch = common_shape(
-        body=body.shape, omega=state.shape[:-1], eps=step_size.shape, I3=third.shape
+    return without_poles(
+        evaluate(full_step, batch, *body.parameters, step_size, third, *components(state))
     )
-    following = evaluate(
-        full_step,
-        batch,
-        *body.parameters,
-        step_size,
-        third,
-        state[..., 0],
-        state[..., 1],
-        state[..., 2],
-    )
-    failed = np.asarray(~np.isfinite(following).all(axis=-1))
-    if failed.any():
-        following[failed] = np.nan
-        message = (
-            f"{np.count_nonzero(failed)} of {failed.size} states: singular step, "
-            f"first: {spell(first_index(failed))}"
-        )
-        warnings.warn(message, SingularStepWarning, stacklevel=2)
-    return following

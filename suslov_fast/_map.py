@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import _parallel
 from ._bodies import Suslov3D
-from ._core import loops
+from ._core import loops_map as loops
 from ._layout import (
     first_index,
     flat_parameter,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from ._core import loops
+from ._core import loops_map as loops
 
 if TYPE_CHECKING:
     from ._trajectories import Trajectories

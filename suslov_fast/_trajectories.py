@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._bodies import Suslov3D
+from ._conserved import energy_of, first_integral_of
 from ._validation import FloatArray
 
 
@@ -52,6 +53,55 @@ class Trajectories:
     def ok(self) -> bool:
         """Whether every trajectory finished."""
         return bool((self.status >= 0).all())
+
+    def first_integral(self) -> FloatArray:
+        """F of the saved states, shape (..., n_saved); see :func:`suslov_fast.first_integral`."""
+        body, eps = self.body.along_time(), np.asarray(self.eps)[..., np.newaxis]
+        return first_integral_of(body, self.omega, eps, self.omega.shape[:-1])
+
+    def energy(self) -> FloatArray:
+        """The energy of the saved states, shape (..., n_saved); see :func:`suslov_fast.energy`."""
+        return energy_of(self.body.along_time(), self.omega, self.omega.shape[:-1])
+
+    def to_xarray(self) -> Any:
+        """The result as an `xarray.Dataset`, with step numbers and times as coordinates.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed: ``pip install 'suslov_fast[xarray]'``.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError(
+                "to_xarray needs xarray: pip install 'suslov_fast[xarray]'"
+            ) from error
+        axes = self.status.ndim
+        batch = ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
+
+        def over_batch(value: Any) -> Any:
+            return batch, np.broadcast_to(value, self.status.shape)
+
+        t = self.t if np.ndim(self.eps) == 0 else np.broadcast_to(self.t, self.omega.shape[:-1])
+        return xarray.Dataset(
+            {
+                "omega": ((*batch, "n", "component"), self.omega),
+                "final": ((*batch, "component"), self.final),
+                "status": over_batch(self.status),
+                "failed_at": over_batch(self.failed_at),
+                "eps": over_batch(self.eps),
+                **{
+                    name: over_batch(getattr(self.body, name))
+                    for name in ("I1", "I2", "I13", "I23")
+                },
+            },
+            coords={
+                "n": self.n,
+                "t": ((*batch, "n")[-t.ndim :], t),
+                "component": ["Omega1", "Omega2"],
+            },
+        )
 
     def __repr__(self) -> str:
         failed = np.count_nonzero(self.status < 0)

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
-def real_array(name: str, value: ArrayLike) -> FloatArray:
-    """Any array-like of finite real numbers as float64."""
+def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
+    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -31,7 +31,7 @@ def real_array(name: str, value: ArrayLike) -> FloatArray:
         raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
     with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
         array = array.astype(np.float64, copy=False)
-    finite = np.isfinite(array)
+    finite = ~np.isinf(array) if allow_nan else np.isfinite(array)
     if not finite.all():
         index = tuple(int(i) for i in np.argwhere(~finite)[0])
         where = f" at index {index}" if index else ""
@@ -53,9 +53,9 @@ def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArra
         ) from error
 
 
-def vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
+def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
     """An array of finite real vectors, components on the last axis."""
-    array = real_array(name, value)
+    array = real_array(name, value, allow_nan)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise ValueError(f"{name}: expected shape (..., {dimension}), got {array.shape}")
     return array

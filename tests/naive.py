@@ -5,6 +5,8 @@ written down as printed, the coefficients of the unknowns are read off by evalua
 linear system is solved.
 """
 
+from itertools import pairwise
+
 import mpmath
 from mpmath import mp, mpf
 
@@ -109,3 +111,76 @@ def relative_error(computed, exact):
     difference = mpmath.norm([mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)])
     size = mpmath.norm(list(exact))
     return float(difference / size) if size else float(difference)
+
+
+def vector_field(I1, I2, I13, I23, omega):
+    """The first two equations of (s1)."""
+    w1, w2 = omega
+    return [
+        (-I13 * w1 * w2 - I23 * w2 * w2) / I1,
+        (I13 * w1 * w1 + I23 * w1 * w2) / I2,
+    ]
+
+
+def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
+    """The solution of (s1) at a time, by Taylor series."""
+    I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
+    h /= steps
+    state = exactly(*omega)
+    for _ in range(steps):
+        series1, series2 = [state[0]], [state[1]]
+        for k in range(order):
+            w11 = sum(series1[j] * series1[k - j] for j in range(k + 1))
+            w12 = sum(series1[j] * series2[k - j] for j in range(k + 1))
+            w22 = sum(series2[j] * series2[k - j] for j in range(k + 1))
+            series1.append((-I13 * w12 - I23 * w22) / I1 / (k + 1))
+            series2.append((I13 * w11 + I23 * w12) / I2 / (k + 1))
+        state = [sum(c * h**k for k, c in enumerate(series)) for series in (series1, series2)]
+    return state
+
+
+def jacobian(I1, I2, I13, I23, eps, omega):
+    """The derivative of the map by central differences in 60 digits."""
+    h = mpf(10) ** -20
+    state = exactly(*omega)
+    columns = []
+    for j in range(2):
+        ends = []
+        for sign in (1, -1):
+            moved = list(state)
+            moved[j] += sign * h
+            ends.append(step(I1, I2, I13, I23, eps, moved))
+        columns.append([(p - m) / (2 * h) for p, m in zip(*ends, strict=True)])
+    return [[columns[j][i] for j in range(2)] for i in range(2)]
+
+
+def reaction(I1, I2, I13, I23, omega, derivative):
+    """The multiplier of the third equation of (s1)."""
+    I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
+    w1, w2 = (mpf(component) for component in omega)
+    return I13 * derivative[0] + I23 * derivative[1] - (I1 - I2) * w1 * w2
+
+
+def discrete_reaction(I1, I2, I13, I23, eps, omega, following):
+    """The same with a difference quotient and a polarised product."""
+    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
+    (w1, w2), (v1, v2) = omega, following
+    x, x_next = I13 * w1 + I23 * w2, I13 * v1 + I23 * v2
+    return (x_next - x) / eps - (I1 - I2) * (w1 * v2 + v1 * w2) / 2
+
+
+def attitude(omega, eps):
+    """R_next = R cay(eps (Omega + Omega_next) / 2), with matrices as they stand."""
+
+    def hat(w1, w2):
+        return mpmath.matrix([[0, 0, w2], [0, 0, -w1], [-w2, w1, 0]])
+
+    eps = mpf(float(eps))
+    states = [exactly(*state) for state in omega]
+    R = mpmath.eye(3)
+    rotations = [R]
+    for (w1, w2), (v1, v2) in pairwise(states):
+        S = hat(eps * (w1 + v1) / 2, eps * (w2 + v2) / 2)
+        R = R * mpmath.inverse(mpmath.eye(3) - S / 2) * (mpmath.eye(3) + S / 2)
+        rotations.append(R)
+    return rotations

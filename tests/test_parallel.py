@@ -14,7 +14,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _parallel
-from suslov_fast._core import loops
+from suslov_fast._core import loops_map as loops
 
 SETUP = """
 import numpy as np, suslov_fast as sf

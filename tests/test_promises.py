@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast import _map, _parallel
-from suslov_fast._core import loops
+from suslov_fast._core import loops_map as loops
 
 METHODS = ("auto", "canonical", "ds2")
 LANES = loops.LANES

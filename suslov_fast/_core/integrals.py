@@ -18,6 +18,12 @@ def first_integral(I1, I2, X, omega1, omega2):
 
 
 @formula
+def modified_energy(E, X):
+    """2 I1 I2 F, from the energy."""
+    return E / (1.0 + 0.5 * X * X)
+
+
+@formula
 def level(X, Y):
     """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) = |eps| sqrt(h / (I1 I2)), conserved by the map."""
     X_over_root2 = X * np.sqrt(0.5)

@@ -1,0 +1,101 @@
+"""The orientation of the body in space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _parallel
+from ._bodies import Suslov3D
+from ._core import loops_attitude as loops
+from ._layout import flat_parameter
+from ._validation import FloatArray, common_shape, instance, real_array, vectors
+
+# Work of one turn, in steps of the map.
+_WORK = 100
+
+
+def attitude(
+    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, R0: ArrayLike | None = None
+) -> FloatArray:
+    """The orientation of the body along stored trajectories.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., N + 1, 2))
+        Trajectories (Omega1, Omega2), as `iterate` stores them; NaN after a failure.
+    eps : array_like(float, shape=(...))
+        Time between two states: the step size, times `save_every`.
+    R0 : array_like(float, shape=(..., 3, 3)), optional
+        Orientation at the first state, a rotation matrix; by default the identity.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., N + 1, 3, 3))
+        Matrices R that take components in the body to components in space, orthogonal to
+        rounding however long the trajectory; NaN where omega is.
+        ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` turns them into
+        SciPy's rotations.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    R_next = R cay(eps (Omega + Omega_next) / 2), the Cayley map: the discrete counterpart of
+    R' = R Omega, of order 2. It is computed with unit quaternions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, attitude, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)
+    >>> R.shape
+    (101, 3, 3)
+    >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
+    True
+    """
+    instance("body", body, Suslov3D)
+    states = vectors("omega", omega, 2, allow_nan=True)
+    if states.ndim < 2 or states.shape[-2] == 0:
+        raise ValueError(f"omega: expected shape (..., N + 1, 2), got {states.shape}")
+    interval = real_array("eps", eps)
+    start = None if R0 is None else _rotations("R0", R0)
+    batch = common_shape(
+        body=body.shape,
+        omega=states.shape[:-2],
+        eps=interval.shape,
+        R0=() if start is None else start.shape[:-2],
+    )
+    length = states.shape[-2]
+    flat = np.broadcast_to(states, (*batch, length, 2)).reshape(-1, length, 2)
+    flat = np.require(flat, np.float64, ["C", "A", "W"])
+    turns = np.empty((len(flat), length, 3, 3))
+    _parallel.run(
+        loops.reconstruct,
+        len(flat) * length * _WORK if len(flat) > 1 else 0,
+        None,
+        flat,
+        flat_parameter(interval, batch, "C"),
+        turns,
+    )
+    turns = turns.reshape((*batch, length, 3, 3))
+    return turns if start is None else start[..., np.newaxis, :, :] @ turns
+
+
+def _rotations(name: str, value: ArrayLike) -> FloatArray:
+    matrices = vectors(name, value, 3)
+    if matrices.ndim < 2 or matrices.shape[-2] != 3:
+        raise ValueError(f"{name}: expected shape (..., 3, 3), got {matrices.shape}")
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(3)).max(initial=0.0)
+    if error > 1e-10 or not (np.linalg.det(matrices) > 0).all():
+        raise ValueError(
+            f"{name}: expected rotation matrices, got |R R.T - 1| = {error:.2g} and determinant "
+            f"{np.linalg.det(matrices).min(initial=np.inf):.2g}"
+        )
+    return matrices

@@ -1,0 +1,96 @@
+"""The derivative of the map, and how fast orbits leave or reach steady states."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arguments import check, components
+from ._bodies import Suslov3D
+from ._core import linearised
+from ._elementwise import evaluate, without_poles
+from ._validation import FloatArray
+
+
+def jacobian(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The derivative of the map.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2, 2))
+        Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
+        with one :class:`SingularStepWarning`, where the map has a pole.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    DPhi = A(omega; eps)**-1 A(omega_next; -eps), with the matrix A that the paper inverts to
+    get (ds2).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, jacobian
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> jacobian(body, [1.0, 0.5], eps=0.2).round(6)
+    array([[ 1.006511,  0.037232],
+           [-0.221645,  0.937189]])
+    """
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    I1, I2, I13, I23, factor = body.normalised
+    entries = evaluate(
+        linearised.jacobian, batch, I1, I2, I13, I23, step_size * factor, *components(state)
+    )
+    return without_poles(entries).reshape((*batch, 2, 2))
+
+
+def multipliers(body: Suslov3D, c: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The eigenvalues of the derivative of the map at the steady state c (I23, -I13).
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    c : array_like(float, shape=(...))
+        Where on the line of steady states; the unit is that of omega over that of inertia.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        Dimensionless: 1, for the direction of the line, and the multiplier of the distance from
+        it: above 1 in size where the line repels, below where it attracts, infinite at the pole.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, multipliers
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> multipliers(body, c=[-2.0, 2.0], eps=0.2).round(6)
+    array([[1.      , 0.940805],
+           [1.      , 1.062919]])
+    """
+    (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
+    I1, I2, I13, I23 = body.parameters
+    return np.asarray(evaluate(linearised.multipliers, batch, I1, I2, I13, I23, step_size, where))

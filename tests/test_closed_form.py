@@ -1,0 +1,273 @@
+"""`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
+
+import warnings
+
+import naive
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import suslov_fast as sf
+
+
+def random_problem(rng):
+    parameters = (*10 ** rng.uniform(-0.7, 0.7, 2), *rng.uniform(-0.5, 0.5, 2))
+    eps = 10 ** rng.uniform(-2, 0) * rng.choice([-1, 1])
+    return parameters, eps, rng.normal(size=2) * 10 ** rng.uniform(-1, 2.3)
+
+
+def worst_error(computed, exact):
+    return max(map(naive.relative_error, computed, exact))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_states_of_the_map(rng, sign):
+    seen = {True: 0, False: 0}
+    for _ in range(60):
+        parameters, eps, omega = random_problem(rng)
+        body = sf.Suslov3D(*parameters)
+        below = bool(abs(sf.criticality(body, omega, eps)) < 1)
+        seen[below] += 1
+        exact = naive.orbit(*parameters, sign * eps, omega, 80 if below else 12)
+        computed = sf.exact(body, omega, eps, sign * np.arange(len(exact)))
+        assert worst_error(computed, exact) < 2e-14
+    assert min(seen.values()) > 3
+
+
+@pytest.mark.parametrize("eps", [1, -1])
+@pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 3e-16, 1e-12, -1e-8, 1e-4])
+@pytest.mark.parametrize("x", [1e-9, 1e-3, 0.3, 5.0, 1e5])
+def test_on_and_next_to_the_critical_line(gap, x, eps):
+    """|y| = 2 I1 I2 / |eps|, which the unit body holds exactly."""
+    unit = sf.Suslov3D(1, 1, 1, 0)
+    for y in (2 * (1 + gap), -2 * (1 + gap)):
+        exact = naive.orbit(1, 1, 1, 0, eps, [x, -y], 4)
+        computed = sf.exact(unit, [x, -y], eps, np.arange(5))
+        with np.errstate(all="ignore"):
+            assert worst_error(computed, exact) < 2e-15
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1e-8, 1e-15, 1e-60, 1e-170])
+def test_orbits_that_leave_the_repelling_line(distance):
+    """Here x is exact and as small as can be; after some steps it is not small any more."""
+    body = sf.Suslov3D(2, 1, 0, 0.5)
+    omega = [1.5, distance]  # x = Omega2 / 2
+    steps = int(-2 * np.log(distance)) + 40
+    exact = naive.orbit(2, 1, 0, 0.5, 0.9, omega, steps)
+    computed = sf.exact(body, omega, 0.9, np.arange(steps + 1))
+    assert worst_error(computed, exact) < 3e-16 * (15 - np.log(distance))
+
+
+def test_real_n_is_the_same_curve(body):
+    """Two half steps are a whole one, and the level of F is kept."""
+    omega = np.array([[1.0, 0.5], [-0.3, 2.0], [3.0, 1.0]])
+    n = np.linspace(-30, 30, 241)
+    states = sf.exact(body, omega, 0.4, n)
+    F = sf.first_integral(body, states, 0.4)
+    assert abs(F / F[:, :1] - 1).max() < 1e-14
+    assert (states[:, 120] == omega).all()
+    again = sf.exact(body, states[:, 122], 0.4, np.arange(-5, 6) + 0.5)
+    np.testing.assert_allclose(
+        again, sf.exact(body, omega, 0.4, np.arange(-5, 6) + 1.0), rtol=1e-13
+    )
+    np.testing.assert_allclose(sf.step(body, states[:, 121], 0.4), states[:, 125], rtol=1e-13)
+
+
+@given(
+    st.floats(0.05, 20),
+    st.floats(-2, 2),
+    st.floats(-2, 2),
+    st.floats(-1, 1),
+    st.tuples(st.floats(-5, 5), st.floats(-5, 5)),
+    st.integers(-40, 40),
+)
+def test_there_and_back(I1, I13, I23, eps, omega, n):
+    body = sf.Suslov3D(I1, 1, I13, I23)
+    t = abs(sf.criticality(body, omega, eps))
+    if t * abs(n) > 3 or t > 0.9:
+        n = np.sign(n)
+    if t > 0.9:
+        return
+    back = sf.exact(body, sf.exact(body, omega, eps, n), eps, -n)
+    size = np.hypot(*omega) * max(np.sqrt(I1), 1 / np.sqrt(I1))
+    growth = np.exp(2 * np.arctanh(t) * abs(n)) / (1 - t)
+    assert abs(back - omega).max() <= 1e-14 * size * growth**2
+
+
+def test_agrees_with_iterate(body, rng):
+    omega = rng.uniform(-5, 5, (50, 2))
+    orbits = sf.iterate(body, omega, 0.2, 100)
+    computed = sf.exact(body, omega, 0.2, orbits.n)
+    scale = np.hypot(*np.moveaxis(orbits.omega, -1, 0))[..., None]
+    assert (abs(computed - orbits.omega) / scale).max() < 2e-14
+
+
+@pytest.mark.parametrize("n", [10**12, 10**15])
+@pytest.mark.parametrize("omega", [[1.0, 0.5], [-3.0, 0.2], [60.0, -40.0], [1e-3, 2e-3]])
+def test_far_away_states_are_the_limits(body, omega, n):
+    minus, plus = sf.limits(body, omega, 0.2)
+    np.testing.assert_allclose(sf.exact(body, omega, 0.2, n), plus, rtol=1e-14)
+    np.testing.assert_allclose(sf.exact(body, omega, 0.2, -n), minus, rtol=1e-14)
+    assert (minus == -plus).all()
+    assert abs(sf.to_xy(body, plus)[0]) < 1e-15 * np.hypot(*omega)
+
+
+def test_far_away_states_of_slow_orbits(body):
+    """1e15 steps of an orbit that has moved a little by then."""
+    omega = np.array([1.0, 0.5]) * 1e-14
+    near = sf.exact(body, omega, 0.2, 1e15)
+    flowed = sf.flow(body, omega, 0.2e15)
+    np.testing.assert_allclose(near, flowed, rtol=1e-13)
+    assert abs(near / omega - 1).max() > 1e-3
+
+
+def test_limits_against_the_paper(rng):
+    for _ in range(20):
+        (I1, I2, I13, I23), eps, omega = random_problem(rng)
+        body = sf.Suslov3D(I1, I2, I13, I23)
+        D = I13**2 * I2 + I23**2 * I1
+        h = D * sf.first_integral(body, omega, eps)
+        point = 2 * np.sqrt(I1 * I2 * h) * np.array([I23, -I13]) / D
+        minus, plus = sf.limits(body, omega, eps)
+        np.testing.assert_allclose(minus, np.sign(eps) * point, rtol=1e-13)
+        np.testing.assert_allclose(plus, -np.sign(eps) * point, rtol=1e-13)
+
+
+def test_states_that_do_not_move(body):
+    for still, omega, eps in (
+        (body, [0.0, 0.0], 0.2),
+        (body, [1.0, 0.5], 0.0),
+        (sf.Suslov3D(1, 2, 0, 0), [1.0, 0.5], 0.2),
+    ):
+        assert (sf.exact(still, omega, eps, [-(10**15), 0.5, 7]) == omega).all()
+        assert (np.array(sf.limits(still, omega, eps)) == omega).all()
+    body = sf.Suslov3D(4, 1, -0.5, -0.25)
+    steady = np.array([[0.375, -0.75], [-0.375, 0.75]])
+    states = sf.exact(body, steady, 0.2, [-(10**15), -1, 0.5, 10**15])
+    np.testing.assert_allclose(states, np.repeat(steady[:, None], 4, axis=1), rtol=1e-15)
+    for limit in sf.limits(body, steady, 0.2):
+        np.testing.assert_allclose(limit, steady, rtol=1e-15)
+
+
+def test_shapes(body, rng):
+    omega = rng.normal(size=(3, 1, 2))
+    eps = np.array([0.1, -0.2])
+    assert sf.exact(body, omega, eps, 3).shape == (3, 2, 2)
+    many = sf.exact(body, omega, eps, np.arange(1200))
+    assert many.shape == (3, 2, 1200, 2)
+    assert (many[2, 1, 700] == sf.exact(body, omega[2, 0], -0.2, 700)).all()
+    assert sf.exact(body, omega, eps, []).shape == (3, 2, 0, 2)
+    assert sf.exact(body, np.empty((0, 2)), 0.1, [1, 2]).shape == (0, 2, 2)
+    assert [limit.shape for limit in sf.limits(body, omega, eps)] == [(3, 2, 2)] * 2
+    assert sf.flow(body, omega, [1.0, 2.0]).shape == (3, 1, 2, 2)
+    assert sf.flow(body, omega, 1).shape == (3, 1, 2)
+
+
+def test_no_state_between_steps_beyond_t_1(unit):
+    with pytest.warns(RuntimeWarning, match="1 of 4 states: no state between") as caught:
+        states = sf.exact(unit, [[0.3, 0.1], [0.5, -9.0]], 1, [2.5, 3])
+    assert caught[0].filename == __file__
+    assert caught[0].category is RuntimeWarning
+    assert np.isnan(states).all(axis=-1).tolist() == [[False, False], [True, False]]
+
+
+@pytest.mark.parametrize("omega", [[1.0, -3.0], [0.5, -2.25], [0.0, -2.0], [3.0, -11.0]])
+def test_no_state_at_a_pole(unit, omega):
+    with pytest.warns(sf.SingularStepWarning, match="1 of 3 states: no state there") as caught:
+        states = sf.exact(unit, omega, 1, [-1, 0, 1])
+    assert caught[0].filename == __file__
+    assert np.isnan(states[2]).all()
+    np.testing.assert_allclose(states[0], sf.step(unit, omega, -1), rtol=1e-15)
+
+
+def test_beyond_the_pole_the_orbit_goes_on(unit):
+    """The closed form passes through infinity where iteration ends."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sf.SingularStepWarning)
+        states = sf.exact(unit, [1.0, -3.0], 1, np.arange(6))
+    np.testing.assert_allclose(sf.step(unit, states[2], 1), states[3], rtol=1e-14)
+    F = sf.first_integral(unit, states[[0, 2, 3, 4, 5]], 1)
+    np.testing.assert_allclose(F, F[0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("time", [0.3, -0.7, 5.0, -20.0])
+def test_flow_against_taylor_series(rng, time):
+    for _ in range(4):
+        parameters, _, omega = random_problem(rng)
+        omega = omega / np.hypot(*omega)
+        exact = naive.flow(*parameters, omega, time, steps=int(10 + 5 * abs(time)))
+        assert naive.relative_error(sf.flow(sf.Suslov3D(*parameters), omega, time), exact) < 1e-14
+
+
+@pytest.mark.parametrize("distance", [1e-8, 1e-30])
+def test_flow_next_to_the_repelling_line(distance):
+    body, omega = sf.Suslov3D(2, 1, 0, 0.5), [1.5, distance]
+    time = -2 * np.log(distance)
+    exact = naive.flow(2, 1, 0, 0.5, omega, time, steps=int(4 * time))
+    computed = sf.flow(body, omega, time)
+    assert naive.relative_error(computed, exact) < 3e-16 * (15 - np.log(distance))
+
+
+def test_flow_to_the_end_of_time(body):
+    omega = np.array([[1.0, 0.5], [-1.0, -2.0], [0.0, 0.0], [0.375, -0.625]])
+    states = sf.flow(body, omega, [-1e300, -1e3, 0, 1e3, 1e300])
+    np.testing.assert_allclose(states[:, 0], states[:, 1], rtol=1e-13)
+    np.testing.assert_allclose(states[:, 3], states[:, 4], rtol=1e-13)
+    assert (states[:, 2] == omega).all()
+    E = sf.energy(body, states)
+    np.testing.assert_allclose(E, E[:, 2:3] + np.zeros(5), rtol=1e-14)
+    assert (sf.flow(sf.Suslov3D(1, 2, 0, 0), [1, 2], [1e300, -5]) == [1, 2]).all()
+
+
+@pytest.mark.parametrize("scale", [2.0**-400, 2.0**400])
+def test_scales(body, scale):
+    omega = np.array([1.0, 0.5])
+    expected = sf.exact(body, omega, 0.25, [7, 90])
+    np.testing.assert_allclose(
+        sf.exact(body, omega * scale, 0.25 / scale, [7, 90]) / scale, expected, rtol=1e-14
+    )
+    np.testing.assert_allclose(
+        sf.flow(body, omega * scale, 3.0 / scale) / scale, sf.flow(body, omega, 3.0), rtol=1e-14
+    )
+    heavy = sf.Suslov3D(*(scale * parameter for parameter in body.parameters))
+    np.testing.assert_allclose(sf.exact(heavy, omega, 0.25, [7, 90]), expected, rtol=1e-14)
+    np.testing.assert_allclose(sf.flow(heavy, omega, 3.0), sf.flow(body, omega, 3.0), rtol=1e-14)
+
+
+def test_the_map_tends_to_the_flow_with_order_2(body):
+    """Measured by regression of the logarithm of the error."""
+    omega, time = [1.0, 0.5], 4.0
+    steps = 2 ** np.arange(5, 12)
+    errors = [
+        np.hypot(*(sf.exact(body, omega, time / n, int(n)) - sf.flow(body, omega, time)))
+        for n in steps
+    ]
+    order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert abs(order - 2) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("bad", "error", "message"),
+    [
+        ({"n": [[1, 2]]}, ValueError, r"n: expected a number or a 1-D array, got shape \(1, 2\)"),
+        ({"n": "3"}, TypeError, "n: expected real numbers, got '3'"),
+        ({"n": np.nan}, ValueError, "n: expected finite real numbers, got nan"),
+        ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
+        ({"eps": [1, 2, 3]}, ValueError, r"broadcast .* eps \(3,\)"),
+        ({"body": None}, TypeError, "body: expected Suslov3D, got NoneType"),
+    ],
+)
+def test_bad_input(body, bad, error, message):
+    arguments = {"body": body, "omega0": [[1, 2], [3, 4]], "eps": 0.2, "n": 3}
+    with pytest.raises(error, match=message):
+        sf.exact(**{**arguments, **bad})
+
+
+def test_bad_input_of_flow_and_limits(body):
+    with pytest.raises(ValueError, match=r"t: expected a number or a 1-D array"):
+        sf.flow(body, [1, 2], [[1]])
+    with pytest.raises(ValueError, match=r"t: expected finite real numbers, got inf"):
+        sf.flow(body, [1, 2], np.inf)
+    with pytest.raises(ValueError, match=r"omega0: expected shape"):
+        sf.limits(body, [1], 0.2)

@@ -77,23 +77,34 @@ class Suslov3D:
         return self.I1, self.I2, self.I13, self.I23
 
     @cached_property
-    def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Parameters of the order of 1 that define the same map, and the factor that eps gets.
+    def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Parameters of the order of 1 that define the same map, with `normalised_eps`.
 
         The map knows only eps I13 / I1 and its like, so that powers of two may move between the
         moments, the products and eps. Nothing is rounded, and no product of parameters overflows.
         """
-        I1, I2, I13, I23 = (np.asarray(parameter) for parameter in self.parameters)
-        _, moments = np.frexp(np.maximum(I1, I2))
-        _, products = np.frexp(np.maximum(abs(I13), abs(I23)))
-        with np.errstate(under="ignore", over="ignore"):
-            return (
-                np.ldexp(I1, -moments),
-                np.ldexp(I2, -moments),
-                np.ldexp(I13, -products),
-                np.ldexp(I23, -products),
-                np.ldexp(1.0, products - moments),
-            )
+        moments, products = self.exponents
+        return (
+            np.ldexp(self.I1, -moments),
+            np.ldexp(self.I2, -moments),
+            np.ldexp(self.I13, -products),
+            np.ldexp(self.I23, -products),
+        )
+
+    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+        """The step size, or the unit of time, that goes with `normalised`."""
+        moments, products = self.exponents
+        with np.errstate(all="ignore"):
+            scaled: FloatArray = np.ldexp(eps, products - moments)
+        return scaled
+
+    @cached_property
+    def exponents(self) -> tuple[Any, Any]:
+        """The powers of two that `normalised` takes out of the moments and of the products."""
+        _, first = np.frexp(self.I1)
+        _, second = np.frexp(self.I2)
+        _, products = np.frexp(np.maximum(np.abs(self.I13), np.abs(self.I23)))
+        return (first + second) // 2, products
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Suslov3D):
@@ -101,7 +112,11 @@ class Suslov3D:
         return all(map(np.array_equal, self.parameters, other.parameters))
 
     def __hash__(self) -> int:
-        return hash(tuple(np.asarray(parameter).tobytes() for parameter in self.parameters))
+        # Adding 0 makes one of the two zeros, which are equal.
+        return hash(tuple((np.asarray(parameter) + 0.0).tobytes() for parameter in self.parameters))
+
+    def __reduce__(self) -> tuple[type, tuple[Any, Any, Any, Any]]:
+        return Suslov3D, self.parameters
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
@@ -151,10 +166,11 @@ class Suslov3D:
                 "I: expected a symmetric inertia tensor, got one with "
                 f"|I - I.T| = {asymmetry.max()}"
             )
-        smallest = np.linalg.eigvalsh(tensor).min(initial=np.inf)
-        if not smallest > 0:
+        eigenvalues = np.linalg.eigvalsh(tensor)
+        if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
             raise ValueError(
-                f"I: expected a positive definite inertia tensor, got the eigenvalue {smallest}"
+                "I: expected a positive definite inertia tensor, got the eigenvalue "
+                f"{eigenvalues.min()}"
             )
         largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
         if not (largest > 0).all():

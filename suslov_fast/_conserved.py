@@ -191,7 +191,5 @@ def _canonical(
     body: Suslov3D, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
 ) -> FloatArray:
     """The dimensionless coordinates (X, Y)."""
-    I1, I2, I13, I23, factor = body.normalised
-    return evaluate(
-        coordinates.to_canonical, batch, I1, I2, I13, I23, step_size * factor, *components(state)
-    )
+    parameters = (*body.normalised, body.normalised_eps(step_size))
+    return evaluate(coordinates.to_canonical, batch, *parameters, *components(state))[..., :2]

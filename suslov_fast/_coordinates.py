@@ -45,7 +45,8 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     array([-0.625, -0.75 ])
     """
     (state,), batch = check(body, {"omega": omega})
-    return evaluate(coordinates.to_xy, batch, *body.parameters, *components(state))
+    xy = evaluate(coordinates.to_xy, batch, *body.normalised, *components(state))
+    return _rescaled(body, xy, 1)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -83,4 +84,14 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return evaluate(coordinates.from_xy, batch, *body.parameters, *components(state))
+    xy = _rescaled(body, np.broadcast_to(state, (*batch, 2)), -1)
+    return evaluate(coordinates.from_xy, batch, *body.normalised, *components(xy))
+
+
+def _rescaled(body: Suslov3D, xy: FloatArray, sign: int) -> FloatArray:
+    """Put back, or take out, the powers of two by which the body is normalised."""
+    moments, products = body.exponents
+    powers = sign * np.stack(np.broadcast_arrays(products, products + moments), axis=-1)
+    with np.errstate(all="ignore"):
+        rescaled: FloatArray = np.ldexp(xy, powers)
+    return rescaled

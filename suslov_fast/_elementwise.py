@@ -37,7 +37,7 @@ def without_poles(values: FloatArray) -> FloatArray:
     if failed.any():
         values[failed] = np.nan
         message = (
-            f"{np.count_nonzero(failed)} of {failed.size} states: singular step, "
+            f"{np.count_nonzero(failed)} of {failed.size} states: singular or non-finite step, "
             f"first: {spell(first_index(failed))}"
         )
         warnings.warn(message, SingularStepWarning, stacklevel=3)

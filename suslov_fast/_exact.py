@@ -154,9 +154,8 @@ def limits(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArra
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    I1, I2, I13, I23, factor = body.normalised
-    parameters = (I1, I2, I13, I23, step_size * factor)
-    XY = evaluate(coordinates.to_canonical, batch, *parameters, *components(state))
+    parameters = (*body.normalised, body.normalised_eps(step_size))
+    XY = evaluate(coordinates.to_canonical, batch, *parameters, *components(state))[..., :2]
     frame = evaluate(coordinates.from_canonical, batch, *parameters)
     level = np.asarray(evaluate(integrals.level, batch, *components(XY)))
     moves = (XY[..., 0] != 0) & (abs(XY).sum(axis=-1) >= coordinates.MOTIONLESS)
@@ -182,8 +181,7 @@ def _fill(
     times: FloatArray,
     flow: bool,
 ) -> FloatArray:
-    I1, I2, I13, I23, factor = body.normalised
-    parameters = (I1, I2, I13, I23, step_size * factor)
+    parameters = (*body.normalised, body.normalised_eps(step_size))
     states = flat_vectors(state, batch, "C")
     flat_times = np.array(times, ndmin=1)
     out = np.empty((len(states), flat_times.size, 2))

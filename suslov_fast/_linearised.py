@@ -49,10 +49,8 @@ def jacobian(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
            [-0.221645,  0.937189]])
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
-    I1, I2, I13, I23, factor = body.normalised
-    entries = evaluate(
-        linearised.jacobian, batch, I1, I2, I13, I23, step_size * factor, *components(state)
-    )
+    parameters = (*body.normalised, body.normalised_eps(step_size))
+    entries = evaluate(linearised.jacobian, batch, *parameters, *components(state))
     return without_poles(entries).reshape((*batch, 2, 2))
 
 

@@ -108,7 +108,8 @@ def iterate(
     steps : int
         Number of steps, 0 or more.
     save_every : int or None
-        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
+        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last, which `omega` and
+        `final` of the result then share.
     method : {"auto", "canonical", "ds2"}
         "canonical" iterates the parameter-free form of the map, "ds2" the formula as the paper
         prints it, which is slower and less accurate. "auto" is "canonical" where states are saved;
@@ -183,15 +184,22 @@ def _iterate(
     threads = _parallel.thread_count(threads)
     check_progress(progress)
     batch = common_shape(**{"body": body.shape, "eps": step_size.shape, name: omega.shape[:-1]})
-    n = np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
-    saved = None
-    if save_every is not None or out is not None:
-        saved = saved_states((*batch, n.size, 2), order, out)
-        order = "C" if saved.flags.c_contiguous else "F"
+    n_saved = 1 if save_every is None else steps // save_every + 1
+    shape = (*batch, n_saved, 2)
+    try:
+        if np.prod(shape, dtype=float) > 2**60:  # more than NumPy could even ask for
+            raise MemoryError
+        n = np.arange(n_saved) * (save_every or 1) + (steps if save_every is None else 0)
+        saved = None
+        if save_every is not None or order == "F" or out is not None:
+            saved = saved_states(shape, order, out)
+            order = "C" if saved.flags.c_contiguous else "F"
+    except MemoryError as error:
+        raise MemoryError(
+            f"expected saved states that fit in memory, got shape {shape}; raise save_every"
+        ) from error
 
-    I1, I2, I13, I23, eps_factor = body.normalised
-    with np.errstate(over="ignore", under="ignore"):
-        parameters = (I1, I2, I13, I23, step_size * eps_factor)
+    parameters = (*body.normalised, body.normalised_eps(step_size))
     arguments = [flat_parameter(parameter, batch, order) for parameter in parameters]
     states = flat_vectors(omega, batch, order)
     if out is not None:
@@ -211,6 +219,7 @@ def _iterate(
     if steps * max(size, loops.LANES // 2) * weight > _SLICE:
         slice_steps = max(2, int(_SLICE / (max(size, loops.LANES // 2) * weight)) // 2 * 2)
     resume = np.empty((2, size if slice_steps < steps else 0))
+    eps = float(step_size) if step_size.ndim == 0 else step_size.copy()
     with reporter(progress, steps) as report:
         for start in range(0, max(steps, 1), max(slice_steps, 1)):
             stop = min(start + slice_steps, steps)
@@ -256,7 +265,7 @@ def _iterate(
     return Trajectories(
         omega=saved,
         n=n,
-        eps=float(step_size) if step_size.ndim == 0 else step_size.copy(),
+        eps=eps,
         body=body,
         status=unflatten(status, batch, order),
         final=final,

@@ -13,7 +13,7 @@ def check_progress(progress: Progress) -> None:
     """Check the argument, and that tqdm is there if a bar is asked for."""
     if progress is True:
         _tqdm()
-    elif progress not in (None, False) and not callable(progress):
+    elif not (progress is None or progress is False or callable(progress)):
         raise TypeError(
             "progress: expected True, False, None or a callable (done, total), "
             f"got {type(progress).__name__}"

@@ -59,3 +59,6 @@ class SingularStepError(ArithmeticError):
     def __init__(self, message: str, trajectories: Trajectories) -> None:
         super().__init__(message)
         self.trajectories = trajectories
+
+    def __reduce__(self) -> tuple[type, tuple[str, Trajectories]]:
+        return type(self), (str(self), self.trajectories)

@@ -82,8 +82,10 @@ def integer(name: str, value: Any, minimum: int, expected: str) -> int:
         raise TypeError(
             f"{name}: expected {expected}, got {_short(value)} of type {type(value).__name__}"
         ) from error
-    if not minimum <= number < 2**62:
-        raise ValueError(f"{name}: expected {expected}, got {_short(number)}")
+    if number < minimum:
+        raise ValueError(f"{name}: expected {expected}, got {number}")
+    if number >= 2**62:
+        raise ValueError(f"{name}: expected an integer below 2**62, got {_short(number)}")
     return number
 
 

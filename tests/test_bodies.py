@@ -45,7 +45,11 @@ def test_equality_and_copies():
     assert body != sf.Suslov3D(4, 1, -0.5, [0.1, 0.3])
     assert body != 4
     sf.step(body, [1, 2], 0.1)
-    assert pickle.loads(pickle.dumps(body)) == body
+    for again in (pickle.loads(pickle.dumps(body)), copy.copy(body), copy.deepcopy(body)):
+        assert again == body
+        with pytest.raises(ValueError, match="read-only"):
+            again.I23[0] = 7
+    assert hash(sf.Suslov3D(1, 1, 0.0, 1)) == hash(sf.Suslov3D(1, 1, -0.0, 1))
 
 
 def test_from_inertia(rng):
@@ -119,6 +123,7 @@ def test_from_inertia_in_batches(rng):
         (np.triu(np.ones((3, 3))), [0, 0, 1], "I: expected a symmetric inertia tensor"),
         (np.diag([1, 1, -1]), [0, 0, 1], "I: expected a positive definite .* eigenvalue -1.0"),
         (np.diag([1, 1, 0]), [0, 0, 1], "I: expected a positive definite"),
+        (np.diag([1, 1, 1e-17]), [1, 2, 3], "I: expected a positive definite"),
         (np.full((3, 3), np.nan), [0, 0, 1], "I: expected finite real numbers"),
         (np.ones((2, 3, 3)), np.ones((3, 3)), r"broadcast .* I \(2,\), a \(3,\)"),
     ],

@@ -114,9 +114,11 @@ def test_seeds(tmp_path):
     assert a.shape == (5, 1, 2)
 
 
-@pytest.mark.parametrize("header", ["", "omega1,omega2\n", "# two columns\n"])
+@pytest.mark.parametrize(
+    "header", ["", "omega1,omega2\n", "# two columns\n", "\ufeff", "\ufeffΩ1, Ω2\n"]
+)
 def test_csv(tmp_path, header):
-    (tmp_path / "starts.csv").write_text(header + "0.3,0.1\n1.0, 2.5e-1\n")
+    (tmp_path / "starts.csv").write_text(header + "0.3,0.1\n1.0, 2.5e-1\n", encoding="utf-8")
     done = run(*"run --initial starts.csv --steps 0 -o o.npz".split(), folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert np.load(tmp_path / "o.npz")["omega0"].tolist() == [[0.3, 0.1], [1.0, 0.25]]
@@ -140,6 +142,7 @@ BAD = [
     ("run --trajectories 0", "--trajectories: expected an integer of at least 1, got '0'"),
     ("run --trajectories 1000000000000", "expected a batch that fits in"),
     ("run --steps 1000000000 --save-every 1", "raise --save-every or lower --trajectories"),
+    ("run --steps 99999999999999999999", "--steps: expected an integer below 2**62, got '9999"),
     ("run --save-every 0", "--save-every: expected an integer of at least 1, got '0'"),
     ("run --seed -3", "--seed: expected an integer of at least 0, got '-3'"),
     ("run --threads 0", "--threads: expected an integer of at least 1, got '0'"),
@@ -151,9 +154,15 @@ BAD = [
     ("run --initial three.npy", "three.npy: states: expected shape (..., 2), got (4, 3)"),
     ("run --initial flat.npy", "flat.npy: expected two columns, got an array of shape (4,)"),
     ("run --initial complex.npy", "complex.npy: states: expected real numbers"),
-    ("run --initial objects.npy", "objects.npy: Object arrays cannot be loaded"),
+    ("run --initial objects.npy", "save writes it, got: Object arrays cannot be loaded"),
     ("run --initial nan.csv", "nan.csv: states: expected finite real numbers, got nan at index"),
     ("run --initial words.csv", "words.csv: could not convert string 'b'"),
+    ("run --initial typo.csv", "typo.csv: could not convert string '1.O'"),
+    ("run --initial blank.csv", "blank.csv: could not convert string ''"),
+    ("run --initial semicolon.csv", "semicolon.csv: could not convert string '0.3;0.1'"),
+    ("run --initial nanhead.csv", "nanhead.csv: states: expected finite real numbers, got nan"),
+    ("run --initial huge.npy", "huge.npy: expected a .npy file as numpy.save writes it"),
+    ("run --initial torn.npy", "torn.npy: expected a .npy file as numpy.save writes it"),
     ("run --initial ragged.csv", "ragged.csv: the number of columns changed from 2 to 1"),
     ("run --initial binary.csv", "binary.csv:"),
     ("run --initial empty.csv", "empty.csv: expected at least one state, got none"),
@@ -163,8 +172,9 @@ BAD = [
     ("run --initial good.npy --seed 3", "expected either --initial or --seed, got both"),
     ("run -o missing/o.npz", "missing/o.npz: expected a name in a folder that can be written to"),
     ("run -o good.npy/o.npz", "good.npy/o.npz: expected a name in a folder"),
-    ("run -o folder.npy", "folder.npy: expected the name of a file to write, got something else"),
-    ("run -o /dev/null", "/dev/null: expected the name of a file to write, got something else"),
+    ("run -o folder.npz", "folder.npz: expected the name of a file to write, got something else"),
+    ("run -o /dev/null", "-o: expected the name of a .npz file, got '/dev/null'"),
+    ("run -o result/", "-o: expected the name of a .npz file, got 'result/'"),
     ("pictures -o good.npy", "good.npy: expected a folder or a name for one, got: File exists"),
     ("pictures -o good.npy/deeper", "good.npy/deeper: expected a folder or a name for one"),
 ]
@@ -174,6 +184,7 @@ BAD = [
 def bad_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
     (folder / "folder.npy").mkdir()
+    (folder / "folder.npz").mkdir()
     np.save(folder / "good.npy", np.ones((4, 2)))
     np.save(folder / "three.npy", np.ones((4, 3)))
     np.save(folder / "flat.npy", np.ones(4))
@@ -182,6 +193,13 @@ def bad_files(tmp_path_factory):
     (folder / "starts.txt").write_text("1,2\n")
     (folder / "nan.csv").write_text("1,2\n3,nan\n")
     (folder / "words.csv").write_text("1,2\n3,b\n")
+    (folder / "typo.csv").write_text("1.O,2.0\n0.4,0.2\n")
+    (folder / "blank.csv").write_text(",0.1\n0.4,0.2\n")
+    (folder / "semicolon.csv").write_text("0.3;0.1\n0.4;0.2\n")
+    (folder / "nanhead.csv").write_text("nan,0.1\n0.4,0.2\n")
+    good = (folder / "good.npy").read_bytes()
+    (folder / "huge.npy").write_bytes(good.replace(b"(4, 2), }     ", b"(10**9, 2), } "))
+    (folder / "torn.npy").write_bytes(good.replace(b"}", b" "))
     (folder / "ragged.csv").write_text("1,2\n3\n")
     (folder / "binary.csv").write_bytes(bytes(range(256)))
     (folder / "empty.csv").write_text("")
@@ -228,7 +246,8 @@ def test_an_existing_result_survives_a_failure(tmp_path):
 
 @pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
-def test_ctrl_c_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signals_leave_nothing_behind(tmp_path, name):
     result = tmp_path / "o.npz"
     process = subprocess.Popen(
         [*COMMAND, *f"run --trajectories 300 --steps 10000000000000 -o {result}".split()],
@@ -238,24 +257,75 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     while not list(tmp_path.iterdir()):
         time.sleep(0.05)
     time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(getattr(signal, name))
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
     assert errors == "suslov-fast: interrupted\n"
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("value", ["-1e-3", "-.5", "-5.", "-0.25"])
+def test_negative_numbers(value):
+    done = run("run", "--eps", value, "--trajectories", 5, "--steps", 5)
+    assert done.returncode == 0, done.stderr
+    assert summary(done.stdout)["step size"] == [f"eps = {float(value):g}"]
+
+
+def test_drift_is_that_of_the_saved_states(tmp_path):
+    """Next to a pole F is lost to rounding, and the summary says so."""
+    np.save(tmp_path / "starts.npy", [[1.0, -3.0 + 1e-9], [0.0, 0.0]])
+    body = "--I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --initial starts.npy".split()
+    done = run("run", *body, *"--steps 3 --save-every 1".split(), folder=tmp_path)
+    drift = float(summary(done.stdout)["drift of F"][0].split(",")[0])
+    orbit = sf.iterate(sf.Suslov3D(1, 1, 1, 0), [1.0, -3.0 + 1e-9], 1, 3)
+    F = orbit.first_integral()
+    assert drift == pytest.approx(abs(F / F[0] - 1).max(), rel=0.1)
+    assert drift > 0
+
+
+def test_drift_beyond_float64(tmp_path):
+    (tmp_path / "starts.csv").write_text("1e160,2\n1,2\n")
+    body = "--I1 1 --I2 1 --I13 0 --I23 0 --eps 1 --initial starts.csv".split()
+    done = run("run", *body, "--steps", 3, folder=tmp_path)
+    assert done.stderr == ""
+    assert summary(done.stdout)["drift of F"] == [
+        "0, largest relative; 2 states with F beyond float64"
+    ]
+
+
+def test_a_link_stays(tmp_path):
+    (tmp_path / "link.npz").symlink_to(tmp_path / "target.npz")
+    assert (
+        run(*"run --trajectories 3 --steps 3 -o link.npz".split(), folder=tmp_path).returncode == 0
+    )
+    assert (tmp_path / "link.npz").is_symlink()
+    assert np.load(tmp_path / "target.npz")["omega"].shape == (3, 1, 2)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-"])
+def test_closed_streams(tmp_path, closed):
+    done = subprocess.run(
+        ["sh", "-c", f"'{COMMAND[0]}' run --trajectories 5 --steps 5 -o o.npz {closed}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "o.npz").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_reported():
-    if not Path("/dev/full").exists():
-        pytest.skip("needs /dev/full")
-    shown = subprocess.run(
+    done = subprocess.run(
         ["sh", "-c", f"'{COMMAND[0]}' run --trajectories 10 --steps 1 > /dev/full"],
         capture_output=True,
         text=True,
         timeout=60,
     )
-    assert shown.returncode == 2
-    assert shown.stderr == "suslov-fast: standard output: No space left on device\n"
+    assert done.returncode == 2
+    assert done.stderr == "suslov-fast: standard output: No space left on device\n"
 
 
 def test_a_closed_pipe_is_no_traceback():

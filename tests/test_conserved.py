@@ -70,6 +70,17 @@ def test_xy_in_batches(rng):
     np.testing.assert_allclose(sf.from_xy(body, xy), np.broadcast_to(omega, (4, 3, 2)), rtol=1e-13)
 
 
+@pytest.mark.parametrize("scale", [1e-150, 1e-105, 1e105, 1e150])
+def test_xy_of_light_and_heavy_bodies(scale):
+    body = sf.Suslov3D(4 * scale, scale, -0.5 * scale, -0.3 * scale)
+    np.testing.assert_allclose(
+        sf.to_xy(body, [1.0, 0.5]), np.array([-0.65, -0.95]) * [scale, 0] + [0, -0.95 * scale**2],
+        rtol=1e-14,
+    )  # fmt: skip
+    back = sf.from_xy(body, sf.to_xy(body, [1.0, 0.5]))
+    np.testing.assert_allclose(back, [1.0, 0.5], rtol=1e-13)
+
+
 def test_criticality(rng):
     for _ in range(50):
         parameters, eps, omega = random_problem(rng)

@@ -85,7 +85,7 @@ def test_jacobian_preserves_the_invariant_density(body, rng):
 
 
 def test_jacobian_shapes_and_poles(unit):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 6 states: singular step, first") as seen:
+    with pytest.warns(sf.SingularStepWarning, match="1 of 6 states: singular or") as seen:
         computed = sf.jacobian(unit, [[[1, -3]], [[0.3, 0.1]], [[1, 1]]], [1, 0.5])
     assert seen[0].filename == __file__
     assert computed.shape == (3, 2, 2, 2)

@@ -1,5 +1,6 @@
 """Poles, overflow, and what is said of them."""
 
+import pickle
 import warnings
 
 import numpy as np
@@ -47,7 +48,7 @@ def test_singular_steps(unit, method, save_every):
 
 @pytest.mark.parametrize("I1", [1.0, 2.0, 3.0, 5.0])
 @pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0, 10.0])
-@pytest.mark.parametrize("method", ["auto", "canonical"])
+@pytest.mark.parametrize("method", METHODS)
 def test_poles_of_exact_data(method, I1, x):
     """The parabola y = 2a/eps + eps x**2, where sqrt(2a) is not exact."""
     body = sf.Suslov3D(I1, 1, 1, 0)
@@ -89,8 +90,8 @@ def test_overflow(body, method, omega):
     assert (result.omega[1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
 
 
-def test_large_but_representable(body):
-    """Below t = 1 a state of any finite size has a next one."""
+def test_large_but_representable():
+    """Where the square of X is in range, a state below t = 1 has a next one."""
     unit = sf.Suslov3D(1, 1, 1, 0)
     for x in (1e20, 1e70, 1e150):
         result = sf.iterate(unit, [x, -1.0], 1, 5, save_every=None)
@@ -118,6 +119,44 @@ def test_index_in_a_batch_of_two_axes(unit):
         assert result.failed_at[1, 2] == result.failed_at[2, 0] == 1
 
 
+def test_overflow_on_the_way(unit):
+    """A state beyond float64 between others that are not: the orbit ends there all the same."""
+    omega = np.array([1.0, -3.0 + 1e-11]) / 1e-298
+    for method in METHODS:
+        for save_every in (1, 2, None):
+            result = sf.iterate(
+                unit, omega, 1e-298, 5, method=method, save_every=save_every, on_singular="ignore"
+            )
+            assert result.status == sf.Status.NONFINITE
+            assert result.failed_at == 1
+            assert np.isnan(result.final).all()
+
+
+def test_the_error_survives_pickling(unit):
+    """As it must, to come back from another process."""
+    with pytest.raises(sf.SingularStepError) as caught:
+        sf.iterate(unit, ON_THE_POLE, 1, 4, on_singular="raise")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
+    assert again.trajectories.status == sf.Status.SINGULAR
+
+
+@pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0])
+def test_poles_of_step_full_and_jacobian(x):
+    body = sf.Suslov3D(3, 1, 1, 0)
+    omega = [x, -(6 + x * x)]
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.jacobian(body, omega, 1)).all()
+
+
+def test_one_trajectory(unit):
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        sf.step(unit, ON_THE_POLE, 1)
+    assert str(caught[0].message) == "1 of 1 trajectories: singular step, first: 0 at step 1"
+
+
 def test_raise(unit):
     with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
@@ -140,7 +179,9 @@ def test_step(unit):
 
 
 def test_step_full(unit):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 states: singular step, first: 0"):
+    with pytest.warns(
+        sf.SingularStepWarning, match="1 of 2 states: singular or non-finite step, first: 0"
+    ):
         result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
     assert np.isnan(result[0]).all()
     assert np.isfinite(result[1]).all()

@@ -26,7 +26,11 @@ def random_problem(rng, spread=1.0):
 
 
 def worst_error(orbit, exact):
-    return max(map(naive.relative_error, orbit.omega, exact))
+    return worst_error_of(orbit.omega, exact)
+
+
+def worst_error_of(states, exact):
+    return max(map(naive.relative_error, states, exact))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -209,6 +213,53 @@ def test_F_over_a_long_run(body, rng, method):
     states = sf.iterate(body, omega, 0.2, 100_000, save_every=5000, method=method).omega
     F = sf.first_integral(body, states, 0.2)
     assert abs(F / F[:, :1] - 1).max() < 2e-13
+
+
+def near_criticality(rng, t):
+    """A problem that starts next to the repelling half of the line, with a given t."""
+    I1, I2 = rng.uniform(0.5, 4, 2)
+    I13, I23 = rng.uniform(-0.5, 0.5, 2)
+    eps = rng.uniform(0.1, 1)
+    y = 2 * I1 * I2 / eps * t
+    omega = y / (I13**2 * I2 + I23**2 * I1) * np.array([I23, -I13])
+    omega = omega * (1 + rng.normal(size=2) * 10 ** rng.uniform(-14, -4) * (1 - t))
+    return (I1, I2, I13, I23), eps, omega
+
+
+@pytest.mark.parametrize("gap", [0.5, 0.2, 0.05, 1e-2, 1e-4, 1e-8, 1e-13])
+def test_orbits_up_to_the_critical_line(rng, gap):
+    """There 1 - Y is small, and what follows is proportional to it."""
+    seen = 0
+    for _ in range(30):
+        parameters, eps, omega = near_criticality(rng, 1 - gap)
+        body = sf.Suslov3D(*parameters)
+        if sf.criticality(body, omega, eps) < 1:
+            seen += 1
+            exact = naive.orbit(*parameters, eps, omega, 60)
+            assert worst_error(sf.iterate(body, omega, eps, 60), exact) < 1e-14
+            final = sf.iterate(body, omega, eps, 60, save_every=None).final
+            assert naive.relative_error(final, exact[-1]) < 1e-14
+            assert worst_error_of(sf.exact(body, omega, eps, np.arange(61)), exact) < 2e-14
+    assert seen > 10
+
+
+def test_a_repelled_orbit_leaves_however_close_it_starts():
+    """X is as small as what is flushed to 0 elsewhere, but it grows."""
+    body, omega, steps = sf.Suslov3D(2, 1, 0, 0.5), [1.5, 1e-300], 1500
+    orbit = sf.iterate(body, omega, 0.9, steps)
+    exact = sf.exact(body, omega, 0.9, orbit.n)
+    assert abs(orbit.omega[:, 1]).max() > 0.1
+    np.testing.assert_allclose(orbit.omega, exact, atol=1e-11)
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+def test_the_identity_holds_for_every_number(method):
+    for still, eps in ((sf.Suslov3D(1, 2, 0, 0), 0.5), (sf.Suslov3D(1, 2, 0.1, 0.2), 0.0)):
+        result = sf.iterate(still, [1e305, -1e-305], eps, 5, method=method)
+        assert (result.omega == [1e305, -1e-305]).all()
+    huge = sf.Suslov3D(1e-300, 1e-300, 1e300, 0)
+    assert (sf.step(huge, [1, 1], 0) == 1).all()
+    assert (sf.step(sf.Suslov3D(1e200, 1e-200, 0, 0), [1, 1], 1) == 1).all()
 
 
 @pytest.mark.compiled

@@ -81,7 +81,7 @@ def test_number_of_threads(rng, monkeypatch, method, save_every):
 @pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL, loops.PROJECTIVE])
 def test_compiled_equals_interpreted(rng, method):
     body, omega, eps = mixed_batch(rng, 70)
-    parameters = [np.ascontiguousarray(p) for p in (*body.normalised[:4], eps)]
+    parameters = [np.ascontiguousarray(p) for p in (*body.normalised, eps)]
 
     def call(loop):
         out, final = np.empty((70, 41, 2)), np.empty((70, 2))
@@ -165,6 +165,14 @@ def test_memory_orders(rng, batch, given_out):
     assert expected.status.shape == other.status.shape == batch
 
 
+def test_order_of_the_last_state(body, rng):
+    omega = rng.normal(size=(5, 3, 2))
+    for order in "CF":
+        result = run(body, omega, 0.2, 7, save_every=None, order=order)
+        assert result.omega.flags[f"{order}_CONTIGUOUS"]
+        assert same(result.omega[..., 0, :], result.final)
+
+
 def test_out_in_c_order_and_for_the_last_state(body, rng):
     omega = rng.normal(size=(6, 2))
     out = np.empty((6, 11, 2))
@@ -176,12 +184,17 @@ def test_out_in_c_order_and_for_the_last_state(body, rng):
     assert same(last[:, 0], result.final)
 
 
-def test_out_may_overlap_the_input(body, rng):
-    buffer = rng.normal(size=(5, 4, 2))
-    eps = buffer[:, 1, 0]
-    omega = buffer[:, 0]
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_out_may_overlap_the_input(body, rng, order):
+    buffer = np.asarray(rng.normal(size=(5, 4, 2)), order=order)
+    eps, omega = buffer[:, 1, 0], buffer[:, 0]
     expected = run(body, omega.copy(), eps.copy(), 3)
-    assert same(run(body, omega, eps, 3, out=buffer).omega, expected.omega)
+    result = run(body, omega, eps, 3, out=buffer)
+    assert same(result.omega, expected.omega)
+    assert same(result.eps, expected.eps)
+    flat = rng.normal(size=12)
+    expected = run(body, flat[:2].copy(), flat[2:4].copy(), 2)
+    assert same(run(body, flat[:2], flat[2:4], 2, out=flat.reshape(2, 3, 2)).omega, expected.omega)
 
 
 def test_any_layout_of_the_input(body, rng):

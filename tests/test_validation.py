@@ -49,7 +49,8 @@ BAD_ARGUMENTS = [
     ({"steps": "10"}, TypeError, "steps: expected an integer of at least 0, got '10' of type str"),
     ({"steps": True}, TypeError, "steps: expected an integer of at least 0, got True of type bool"),
     ({"steps": None}, TypeError, "steps: .* got None of type NoneType"),
-    ({"steps": 2**64}, ValueError, "steps: expected an integer of at least 0, got 18446744073709"),
+    ({"steps": 2**64}, ValueError, r"steps: expected an integer below 2\*\*62, got 18446744073709"),
+    ({"steps": 2**61}, MemoryError, r"saved states that fit in memory, got shape \(2, 2305843009213693953"),
     ({"steps": [10]}, TypeError, r"steps: .* got \[10\] of type list"),
     ({"save_every": 0}, ValueError, "save_every: expected None or an integer of at least 1, got 0"),
     ({"save_every": 1.5}, TypeError, "save_every: expected None or an integer .* got 1.5"),
@@ -60,6 +61,8 @@ BAD_ARGUMENTS = [
     ({"threads": 10**6}, ValueError, "threads: expected None or an integer from 1 to .* got 1000000"),
     ({"threads": 1.5}, TypeError, "threads: expected None or an integer from 1 to .* got 1.5"),
     ({"on_singular": "stop"}, ValueError, "on_singular: expected one of 'warn', .* got 'stop'"),
+    ({"progress": 0}, TypeError, r"progress: expected True, False, None or a callable .* got int"),
+    ({"progress": np.ones(2)}, TypeError, r"progress: expected .* got ndarray"),
     ({"progress": 3}, TypeError, r"progress: expected True, False, None or a callable .* got int"),
     ({"out": [[0, 0]]}, TypeError, "out: expected a NumPy array, got list"),
     ({"out": np.zeros((2, 4, 2), "f4")}, TypeError, "out: expected dtype float64, got float32"),
@@ -103,6 +106,13 @@ def test_out_that_cannot_be_written_to(body):
         sf.energy,
         sf.to_xy,
         sf.from_xy,
+        sf.vector_field,
+        sf.reaction,
+        lambda body, omega: sf.modified_energy(body, omega, 0.2),
+        lambda body, omega: sf.jacobian(body, omega, 0.2),
+        lambda body, omega: sf.limits(body, omega, 0.2),
+        lambda body, omega: sf.exact(body, omega, 0.2, 3),
+        lambda body, omega: sf.flow(body, omega, 3),
     ],
 )
 def test_other_functions(body, call):
@@ -116,7 +126,10 @@ def test_other_functions(body, call):
         call(sf.Suslov3D([1, 2, 3], 1, 1, 1), OMEGA)
 
 
-@pytest.mark.parametrize("function", [sf.step, sf.first_integral, sf.criticality])
+@pytest.mark.parametrize(
+    "function",
+    [sf.step, sf.first_integral, sf.criticality, sf.modified_energy, sf.jacobian, sf.limits],
+)
 def test_eps_of_other_functions(body, function):
     with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
         function(body, OMEGA, INF)
@@ -150,6 +163,7 @@ def test_unusual_numbers_are_welcome(body):
     expected = sf.iterate(body, [0.5, 2.0], 0.25, 2).final
     for omega in ([Fraction(1, 2), 2], np.array([0.5, 2], np.longdouble), np.float16([0.5, 2])):
         assert (sf.iterate(body, omega, Fraction(1, 4), np.int8(2)).final == expected).all()
+    assert sf.criticality(body, [0.5, 2], Fraction(1, 4)) == sf.criticality(body, [0.5, 2], 0.25)
 
 
 def test_long_doubles_beyond_float64(body):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -19,11 +21,19 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and exit: with 0, with 2 and one line if the user erred, 130 on Ctrl-C."""
+    """Run a command and exit: with 0, with 2 and one line if the user erred, 130 on a signal."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever started this process
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
+            signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
-        options = _parser().parse_args(arguments)
-        options.command(options)
-        sys.stdout.flush()
+        try:
+            options = _parser().parse_args(_with_numbers_joined(arguments))
+            options.command(options)
+        finally:
+            sys.stdout.flush()
     except UserError as error:
         _stop(2, str(error))
     except KeyboardInterrupt:
@@ -36,6 +46,25 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.exit(1)
         _stop(2, f"standard output: {error.strerror}")
     sys.exit(0)
+
+
+def _with_numbers_joined(arguments: Sequence[str] | None) -> list[str]:
+    """Write `--eps -1e-3` as `--eps=-1e-3`: argparse takes some negative numbers for options."""
+    joined: list[str] = []
+    for argument in sys.argv[1:] if arguments is None else arguments:
+        if joined and joined[-1].startswith("--") and _is_negative_number(argument):
+            joined[-1] += f"={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _is_negative_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.startswith("-")
 
 
 def _stop(status: int, message: str) -> NoReturn:

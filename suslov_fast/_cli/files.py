@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +16,16 @@ import numpy as np
 from .._validation import FloatArray, vectors
 from .errors import UserError
 
+# What the head of a column may be; "nan" and "inf" are numbers, and rejected as such.
+_NAME = r"(?!(nan|inf|infinity)$)[A-Za-zΩ_][\wΩ ]*"
+
+
+def output_file(text: str) -> Path:
+    """Read the name of a .npz file."""
+    if not text.endswith(".npz"):
+        raise argparse.ArgumentTypeError(f"expected the name of a .npz file, got {text!r}")
+    return Path(text)
+
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[BinaryIO]:
@@ -24,6 +36,7 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
     """
     if path.exists() and not path.is_file():
         raise UserError(f"{path}: expected the name of a file to write, got something else")
+    path = path.resolve()  # a link stays, and what it points to is replaced
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         file = open(beside, "xb")  # noqa: SIM115
@@ -63,21 +76,20 @@ def _read_npy(path: Path) -> FloatArray:
     with open(path, "rb") as file:
         if file.read(6) != b"\x93NUMPY":
             raise ValueError("expected a .npy file as numpy.save writes it, got something else")
-    table: FloatArray = np.load(path, allow_pickle=False)
+    try:
+        table: FloatArray = np.load(path, allow_pickle=False)
+    except OSError:
+        raise
+    except Exception as error:  # NumPy's reader raises what a damaged header makes it
+        raise ValueError(f"expected a .npy file as numpy.save writes it, got: {error}") from error
     return table
 
 
 def _read_csv(path: Path) -> FloatArray:
-    with open(path, encoding="utf-8") as file:
-        has_header = not _is_number(file.readline().split(",")[0])
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*input contained no data")
-        return np.loadtxt(path, delimiter=",", ndmin=2, skiprows=int(has_header), encoding="utf-8")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    with open(path, encoding="utf-8-sig") as file:  # spreadsheets begin files with a mark
+        header = [cell.strip() for cell in file.readline().split(",")]
+        if not all(re.fullmatch(_NAME, cell) for cell in header) or len(header) < 2:
+            file.seek(0)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*input contained no data")
+            return np.loadtxt(file, delimiter=",", ndmin=2)

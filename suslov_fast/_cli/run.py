@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,14 @@ import numpy as np
 
 from .. import __version__
 from .._bodies import Suslov3D
-from .._conserved import first_integral
+from .._conserved import first_integral, first_integral_of
 from .._map import iterate
 from .._paper import PICTURES
 from .._status import Status
 from .._trajectories import Trajectories
 from .._validation import FloatArray
 from .errors import UserError
-from .files import read_states, written_whole
+from .files import output_file, read_states, written_whole
 from .values import integer, number, positive
 
 _TRAJECTORIES = 65_536
@@ -69,7 +70,7 @@ def add_to(commands: Any) -> None:
     output.add_argument(
         "-o",
         dest="output",
-        type=Path,
+        type=output_file,
         metavar="FILE.npz",
         help="write states, step numbers, parameters and status",
     )
@@ -180,7 +181,7 @@ def _save(file: Any, trajectories: Trajectories, omega0: FloatArray, options: An
         I23=I23,
         eps=trajectories.eps,
         steps=options.steps,
-        save_every=0 if options.save_every is None else options.save_every,
+        **({} if options.save_every is None else {"save_every": options.save_every}),
         method=options.method,
         version=__version__,
     )
@@ -204,7 +205,7 @@ def _print_summary(
         ("threads", f"{threads}"),
         ("wall time", f"{seconds:.4g} s, after compilation"),
         ("speed", f"{rate:.3g} steps/s"),
-        ("drift of F", f"{_largest_drift(trajectories, omega0):.2g}, largest relative"),
+        ("drift of F", _drift(trajectories, omega0)),
     ]
     for status in Status:
         number_of = np.count_nonzero(trajectories.status == status)
@@ -216,13 +217,25 @@ def _print_summary(
         print(f"{name:<14}{value}")
 
 
-def _largest_drift(trajectories: Trajectories, omega0: FloatArray) -> float:
-    """Over the last and the saved states, where there are any."""
+def _drift(trajectories: Trajectories, omega0: FloatArray) -> str:
+    """The largest relative drift of F over the last and the saved states."""
     body, eps = trajectories.body, trajectories.eps
     start = first_integral(body, omega0, eps)
-    largest = 0.0
-    for states in (trajectories.final, *np.moveaxis(trajectories.omega, -2, 0)):
-        exists = np.isfinite(states).all(axis=-1) & (start > 0)
-        change = first_integral(body, states[exists], eps) / start[exists] - 1.0
-        largest = max(largest, float(abs(change).max(initial=0.0)))
-    return largest
+    largest, unknown = 0.0, 0
+    states = [trajectories.final[:, np.newaxis], trajectories.omega]
+    for saved in (some for array in states for some in _portions(array)):
+        F = first_integral_of(body, saved, np.asarray(eps), saved.shape[:-1])
+        exists = np.isfinite(saved).all(axis=-1) & (start > 0)[:, np.newaxis]
+        with np.errstate(all="ignore"):
+            drift = abs(F / start[:, np.newaxis] - 1.0)[exists]
+        largest = max(largest, float(drift[np.isfinite(drift)].max(initial=0.0)))
+        unknown += int(np.count_nonzero(~np.isfinite(drift)))
+    text = f"{largest:.2g}, largest relative"
+    return f"{text}; {unknown:,} states with F beyond float64" if unknown else text
+
+
+def _portions(states: FloatArray) -> Iterator[FloatArray]:
+    """Parts of the saved states, along time, for which temporary arrays are affordable."""
+    length = max(1, 2**20 // len(states))
+    for first in range(0, states.shape[1], length):
+        yield states[:, first : first + length]

@@ -37,10 +37,12 @@ def integer(minimum: int) -> Callable[[str], int]:
             value = int(text)
         except ValueError:
             value = minimum - 1
-        if not minimum <= value < 2**62:
+        if value < minimum:
             raise argparse.ArgumentTypeError(
                 f"expected an integer of at least {minimum}, got {text!r}"
             )
+        if value >= 2**62:
+            raise argparse.ArgumentTypeError(f"expected an integer below 2**62, got {text!r}")
         return value
 
     return read

@@ -1,4 +1,8 @@
-"""The 3D map in the dimensionless coordinates (X, Y): one map for every body and step size."""
+"""The 3D map in the dimensionless coordinates (X, Y): one map for every body and step size.
+
+A state is held as (X, Z) with Z = c - Y. c is 0 where Y is small, and 1 where 1 - Y is, so that
+neither is a difference of rounded numbers; it stays the same along an orbit.
+"""
 
 import numpy as np
 
@@ -8,42 +12,55 @@ from .jit import formula
 # Four units 2**-53 is what rounding of the body, the state and the terms may come to.
 ZERO_TO_ROUNDING = 2.0**-50
 
-
-@formula
-def denominator(X, Y):
-    """1 - Y + X**2, and whether it differs from 0 beyond rounding and is finite.
-
-    Near X = 0, where 1 - Y is exact and the steady states (0, Y) reach up to the point (0, 1), less
-    and less is taken for 0. While |Y| < 1 nothing is.
-    """
-    square = X * X
-    d = (1.0 - Y) + square
-    return d, abs(d) > ZERO_TO_ROUNDING * min(1.0 + square, 2.0**20 * square)
-
-
-@formula
-def canonical_step(X, Y):
-    """Equation (xy1) solved for the next state.
-
-    X' = X (1 + Y) / (1 - Y + X**2),  Y' = Y - X X'.
-    """
-    X_next = X * (1.0 + Y) / ((1.0 - Y) + X * X)
-    return X_next, Y - X * X_next
-
-
-@formula
-def guarded_step(X, Y):
-    """`canonical_step`, and NaN where there is no next state."""
-    _, regular = denominator(X, Y)
-    X_next, Y_next = canonical_step(X, Y)
-    return X_next if regular else np.nan, Y_next if regular else np.nan
-
-
-# |X| below this keeps every product in range.
+# |X| below this keeps every product of a tame orbit in range.
 LARGE = 2.0**200
 
 
 @formula
-def tame(X, Y):
-    """Whether the orbit never meets a pole and stays in range, so that no step needs a guard."""
-    return abs(Y) < 1.0 and abs(X) < LARGE
+def nan_at_zero(difference, size):
+    """A difference of terms of a given size, or NaN if it is zero to rounding."""
+    return difference + 0.0 / (abs(difference) > ZERO_TO_ROUNDING * size)
+
+
+@formula
+def shifted(Y, lost):
+    """The shift c, and Z = c - (Y + lost)."""
+    c = 1.0 if Y > 0.5 else 0.0
+    return c, (c - Y) - lost
+
+
+@formula
+def tame(X, Z, c):
+    """Whether the orbit has c = 0, never meets a pole and stays in range: -1 < Y <= 1/2."""
+    return c == 0.0 and Z < 1.0 and abs(X) < LARGE
+
+
+@formula
+def canonical_step(X, Z, c):
+    """Equation (xy1) solved for the next state.
+
+    X' = X (1 + Y) / (1 - Y + X**2),  Y' = Y - X X'.
+    """
+    X_next = X * ((1.0 + c) - Z) / (((1.0 - c) + Z) + X * X)
+    return X_next, Z + X * X_next
+
+
+@formula
+def denominator(X, Z, c):
+    """1 - Y + X**2, and whether it differs from 0 beyond rounding and is finite.
+
+    Near X = 0, where the steady states (0, Y) reach up to the point (0, 1), less and less is taken
+    for 0. While |Y| < 1 nothing is.
+    """
+    square = X * X
+    d = ((1.0 - c) + Z) + square
+    return d, abs(d) > ZERO_TO_ROUNDING * min(1.0 + square, 2.0**20 * square)
+
+
+@formula
+def guarded_step(X, Z, c, bound):
+    """`canonical_step`, and NaN where there is no next state or it is beyond a bound."""
+    _, regular = denominator(X, Z, c)
+    X_next, Z_next = canonical_step(X, Z, c)
+    exists = regular and abs(X_next) + abs(Z_next) < bound
+    return X_next if exists else np.nan, Z_next if exists else np.nan

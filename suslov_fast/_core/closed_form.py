@@ -12,10 +12,10 @@ from .jit import formula
 
 
 @formula
-def rate(X, Y):
+def rate(X, Y, lost):
     """The constants of an orbit of the map: T, 1 - T**2, r = (1 - T)/(1 + T) and log |r|."""
     T = level(X, Y)
-    complement = (1.0 - Y) * (1.0 + Y) / (1.0 + 0.5 * X * X)
+    complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / (1.0 + 0.5 * X * X)
     r = complement / ((1.0 + T) * (1.0 + T))
     # Where |r| is not small log |r| is, and r does not hold its digits.
     distance = 2.0 * min(T, 1.0) / (1.0 + T)

@@ -17,11 +17,20 @@ def split(v):
 
 
 @formula
-def product_error(v, w, vw):
-    """v*w - vw exactly, for vw = v*w rounded (Dekker)."""
+def two_product(v, w):
+    """v*w, rounded, and what the rounding lost (Dekker)."""
+    product = v * w
     v1, v2 = split(v)
     w1, w2 = split(w)
-    return v2 * w2 - (((vw - v1 * w1) - v2 * w1) - v1 * w2)
+    return product, v2 * w2 - (((product - v1 * w1) - v2 * w1) - v1 * w2)
+
+
+@formula
+def two_sum(v, w):
+    """v + w, rounded, and what the rounding lost (Knuth)."""
+    total = v + w
+    t = total - v
+    return total, (v - (total - t)) + (w - t)
 
 
 @formula
@@ -30,12 +39,10 @@ def sum_of_products(v1, w1, v2, w2):
 
     Near the steady-state line x is a small difference, and the map amplifies its relative error.
     """
-    p1 = v1 * w1
-    p2 = v2 * w2
-    s = p1 + p2
-    t = s - p1
-    sum_error = (p1 - (s - t)) + (p2 - t)
-    return s + (sum_error + (product_error(v1, w1, p1) + product_error(v2, w2, p2)))
+    p1, error1 = two_product(v1, w1)
+    p2, error2 = two_product(v2, w2)
+    total, error = two_sum(p1, p2)
+    return total + (error + (error1 + error2))
 
 
 @formula
@@ -55,10 +62,30 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 @formula
 def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
-    """X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2), in which no parameter is left."""
-    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
-    a2 = 2.0 * I1 * I2
-    return eps * x / np.sqrt(a2), eps * y / a2
+    """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and what rounding lost of Y.
+
+    No parameter is left in the map. Next to Y = 1 it amplifies the relative error of 1 - Y, which
+    is (1 - Y) - lost to a few ulps.
+    """
+    x = sum_of_products(I13, omega1, I23, omega2)
+    a2, a2_lost = two_product(2.0 * I1, I2)
+    c1, c1_lost = two_product(I23, I1)
+    c2, c2_lost = two_product(-I13, I2)
+    y1, y1_lost = two_product(c1, omega1)
+    y2, y2_lost = two_product(c2, omega2)
+    y, y_lost = two_sum(y1, y2)
+    y_lost = y_lost + ((y1_lost + c1_lost * omega1) + (y2_lost + c2_lost * omega2))
+    n, n_lost = two_product(eps, y)
+    Y = n / a2
+    back, back_lost = two_product(Y, a2)
+    lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) / a2
+    return eps * x / np.sqrt(a2), Y, lost
+
+
+@formula
+def at_rest(I13, I23, eps, X, Y):
+    """Whether the map is the identity, or does not move this state by any digit."""
+    return (I13 == 0.0 and I23 == 0.0) or eps == 0.0 or abs(X) + abs(Y) < MOTIONLESS
 
 
 @formula

@@ -22,10 +22,16 @@ _OPTIONS = {
 
 
 def formula(function):
-    """Let loops call and inline a scalar formula, which stays a Python function for all others.
+    """Let loops inline a scalar formula, which stays a Python function for all others.
 
     Without branches it serves NumPy arrays as it is.
     """
+    # A call that is left standing keeps a loop from being vectorised.
+    return register_jitable(forceinline=True, **_OPTIONS)(function)
+
+
+def part(function):
+    """Let loops call a part of a loop."""
     return register_jitable(**_OPTIONS)(function)
 
 

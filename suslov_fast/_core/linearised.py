@@ -1,5 +1,6 @@
 """The derivative of the 3D map."""
 
+from .canonical_map import nan_at_zero
 from .jit import formula
 from .printed_map import printed_coefficients
 
@@ -14,7 +15,8 @@ def jacobian(I1, I2, I13, I23, eps, omega1, omega2):
     k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
     a11, a12 = 1.0 + k1 * omega2, k1 * omega1 + k3 * omega2
     a21, a22 = -k4 * omega1 - k2 * omega2, 1.0 - k2 * omega1
-    det = a11 * a22 - a12 * a21
+    size = (1.0 + abs(k1 * omega2)) * (1.0 + abs(k2 * omega1)) + abs(a12 * a21)
+    det = nan_at_zero(a11 * a22 - a12 * a21, size)
     next1 = (a22 * omega1 - a12 * omega2) / det
     next2 = (a11 * omega2 - a21 * omega1) / det
     b11, b12 = 1.0 - k1 * next2, -k1 * next1 - k3 * next2

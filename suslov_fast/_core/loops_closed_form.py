@@ -4,14 +4,14 @@ import numpy as np
 from numba import prange
 
 from .closed_form import flow_point, map_point, rate
-from .coordinates import MOTIONLESS, from_canonical, to_canonical
-from .jit import Loop, formula
+from .coordinates import at_rest, from_canonical, to_canonical
+from .jit import Loop, part
 
 # Times that one task takes.
 CHUNK = 512
 
 
-@formula
+@part
 def pick(parameter, i):
     """The parameter of trajectory i, or the one that serves all."""
     return parameter[i] if parameter.size > 1 else parameter[0]
@@ -31,10 +31,10 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, out):
         first = task % chunks * CHUNK
         I1_, I2_, I13_, I23_ = pick(I1, i), pick(I2, i), pick(I13, i), pick(I23, i)
         eps_ = pick(eps, i)
-        X, Y = to_canonical(I1_, I2_, I13_, I23_, eps_, omega[i, 0], omega[i, 1])
+        X, Y, lost = to_canonical(I1_, I2_, I13_, I23_, eps_, omega[i, 0], omega[i, 1])
         m11, m12, m21, m22 = from_canonical(I1_, I2_, I13_, I23_, eps_)
-        T, complement, r, log_r = rate(X, Y)
-        rests = X == 0.0 and Y == 0.0 if flow else abs(X) + abs(Y) < MOTIONLESS
+        T, complement, r, log_r = rate(X, Y, lost)
+        rests = X == 0.0 and Y == 0.0 if flow else at_rest(I13_, I23_, eps_, X, Y)
         for j in range(first, min(first + CHUNK, times.size)):
             if rests or times[j] == 0.0:
                 omega1, omega2 = omega[i, 0], omega[i, 1]

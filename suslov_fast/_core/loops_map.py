@@ -14,7 +14,9 @@ omega        (B, 2), the initial states.
 Arrays of a block, lanes last; `lanes` of them are in use, in whole vectors:
 
 given          (7, LANES): I1, I2, I13, I23, eps, omega1, omega2.
-state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Y).
+state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Z).
+shift          (LANES,): c, where Z = c - Y.
+bound          (LANES,): for |X| + |Z|, beyond which omega would overflow.
 wild           (LANES,): whether the trajectory is not tame.
 frame          (6, LANES): m11, m12, m21, m22, rest1, rest2, where omega = m state + rest.
 coefficients   (4, LANES): those of (ds2).
@@ -24,9 +26,9 @@ tile           (TILE, 2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
-from .canonical_map import canonical_step, denominator, guarded_step, tame
-from .coordinates import MOTIONLESS, from_canonical, to_canonical
-from .jit import Loop, formula
+from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
+from .coordinates import at_rest, from_canonical, to_canonical
+from .jit import Loop, part
 from .printed_map import printed_coefficients, printed_denominator, printed_step
 from .projective_map import projective_pair
 
@@ -47,7 +49,7 @@ NEGLIGIBLE = 2.0**-960
 FLUSH_EVERY = 256
 
 
-@formula
+@part
 def rows_of_lanes(rows):
     """A (rows, LANES) array on a cache line: a vector across two lines costs a quarter."""
     buffer = np.empty(rows * LANES + VECTOR)
@@ -55,7 +57,7 @@ def rows_of_lanes(rows):
     return buffer[offset : offset + rows * LANES].reshape((rows, LANES))
 
 
-@formula
+@part
 def spread(parameter, first, width, lanes, row):
     """A parameter of the trajectories of a block; 1 in the lanes beyond its width."""
     one_for_all = parameter.size == 1
@@ -67,7 +69,7 @@ def spread(parameter, first, width, lanes, row):
             row[l] = parameter[first + l]
 
 
-@formula
+@part
 def gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given):
     spread(I1, first, width, lanes, given[0])
     spread(I2, first, width, lanes, given[1])
@@ -83,10 +85,10 @@ def gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given):
 # Short passes with few results each: one loop over all of this would not be vectorised.
 
 
-@formula
-def enter_canonical(given, state, frame, lanes):
+@part
+def enter_canonical(given, state, frame, shift, bound, wild, beyond, lanes):
     for l in range(lanes):
-        state[0, l], state[1, l] = to_canonical(
+        state[0, l], state[1, l], shift[l] = to_canonical(
             given[0, l],
             given[1, l],
             given[2, l],
@@ -101,16 +103,28 @@ def enter_canonical(given, state, frame, lanes):
         )
     # The identity map (I13 = I23 = 0, or eps = 0) has no frame: the state rests where it is.
     for l in range(lanes):
-        rests = abs(state[0, l]) + abs(state[1, l]) < MOTIONLESS
+        rests = at_rest(given[2, l], given[3, l], given[4, l], state[0, l], state[1, l])
         for k in range(2):
             state[k, l] = 0.0 if rests else state[k, l]
+        shift[l] = 0.0 if rests else shift[l]
         for k in range(4):
             frame[k, l] = 0.0 if rests else frame[k, l]
         for k in range(2):
             frame[4 + k, l] = given[5 + k, l] if rests else 0.0
+    for l in range(lanes):
+        beyond[l] = abs(state[1, l]) >= 1.0
+        shift[l], state[1, l] = shifted(state[1, l], shift[l])
+        wild[l] = not tame(state[0, l], state[1, l], shift[l])
+    for l in range(lanes):
+        bound[l] = 1e307 / max(
+            max(abs(frame[0, l]), abs(frame[1, l])), max(abs(frame[2, l]), abs(frame[3, l]))
+        )
+        frame[4, l] += frame[1, l] * shift[l]
+        frame[5, l] += frame[3, l] * shift[l]
+        frame[1, l], frame[3, l] = -frame[1, l], -frame[3, l]
 
 
-@formula
+@part
 def enter_printed(given, state, frame, coefficients, lanes):
     for l in range(lanes):
         state[0, l], state[1, l] = given[5, l], given[6, l]
@@ -122,7 +136,7 @@ def enter_printed(given, state, frame, coefficients, lanes):
         )
 
 
-@formula
+@part
 def advance_printed(state, coefficients, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
@@ -136,25 +150,25 @@ def advance_printed(state, coefficients, steps, lanes):
             )
 
 
-@formula
-def advance_guarded(state, steps, lanes):
+@part
+def advance_guarded(state, shift, bound, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
-            state[0, l], state[1, l] = guarded_step(state[0, l], state[1, l])
+            state[0, l], state[1, l] = guarded_step(state[0, l], state[1, l], shift[l], bound[l])
 
 
-@formula
+@part
 def advance_tame(state, pairs, steps, lanes):
     for _ in range(pairs):
         for l in range(lanes):
             state[0, l], state[1, l] = projective_pair(state[0, l], state[1, l])
     for _ in range(steps - 2 * pairs):
         for l in range(lanes):
-            state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l])
+            state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l], 0.0)
 
 
-@formula
-def advance(method, state, coefficients, wild, spare, steps, lanes):
+@part
+def advance(method, state, shift, bound, coefficients, wild, spare, steps, lanes):
     if method == PRINTED:
         advance_printed(state, coefficients, steps, lanes)
         return
@@ -168,7 +182,7 @@ def advance(method, state, coefficients, wild, spare, steps, lanes):
             for l in range(lanes):
                 spare[k, l] = state[k, l]
     if any_wild:
-        advance_guarded(spare if mixed else state, steps, lanes)
+        advance_guarded(spare if mixed else state, shift, bound, steps, lanes)
     if mixed or not any_wild:
         advance_tame(state, pairs, steps, lanes)
     if mixed:
@@ -177,14 +191,14 @@ def advance(method, state, coefficients, wild, spare, steps, lanes):
                 state[k, l] = spare[k, l] if wild[l] else state[k, l]
 
 
-@formula
-def flush_negligible(state, lanes):
+@part
+def flush_negligible(state, shift, lanes):
     for l in range(lanes):
-        x = state[0, l]
-        state[0, l] = 0.0 if abs(x) < NEGLIGIBLE and state[1, l] < 0.0 else x
+        X = state[0, l]
+        state[0, l] = 0.0 if abs(X) < NEGLIGIBLE and state[1, l] > shift[l] else X
 
 
-@formula
+@part
 def show(frame, state, tile, row, lanes):
     """Put the angular velocities of a block into a row of its tile; NaN if one is not finite."""
     for l in range(lanes):
@@ -195,7 +209,7 @@ def show(frame, state, tile, row, lanes):
         tile[row, 1, l] = omega2 + poison
 
 
-@formula
+@part
 def write(tile, rows, out, row, batch_last, first, width):
     """Write the first rows of a tile to the saved states from `row` on."""
     if batch_last:
@@ -228,7 +242,8 @@ def _iterate(
         given = rows_of_lanes(7)
         state = rows_of_lanes(2)
         spare = rows_of_lanes(2)
-        wild = np.empty(LANES, np.bool_)
+        shift, bound = rows_of_lanes(1)[0], rows_of_lanes(1)[0]
+        wild, beyond = np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
         frame = rows_of_lanes(6)
         coefficients = rows_of_lanes(4)
         tile = rows_of_lanes(TILE * 2).reshape((TILE, 2, LANES))
@@ -238,11 +253,9 @@ def _iterate(
             lanes = (width + VECTOR - 1) // VECTOR * VECTOR
 
             gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given)
-            enter_canonical(given, state, frame, lanes)
-            for l in range(lanes):
-                wild[l] = not tame(state[0, l], state[1, l])
+            enter_canonical(given, state, frame, shift, bound, wild, beyond, lanes)
             for l in range(width):
-                status[first + l] = SUPERCRITICAL if abs(state[1, l]) >= 1.0 else OK
+                status[first + l] = SUPERCRITICAL if beyond[l] else OK
             if method == PRINTED:
                 enter_printed(given, state, frame, coefficients, lanes)
             if start > 0:
@@ -265,10 +278,10 @@ def _iterate(
                 if n == stop:
                     break
                 next_n = min(stop, n - n % every + every, n - n % FLUSH_EVERY + FLUSH_EVERY)
-                advance(method, state, coefficients, wild, spare, next_n - n, lanes)
+                advance(method, state, shift, bound, coefficients, wild, spare, next_n - n, lanes)
                 n = next_n
                 if method != PRINTED and n % FLUSH_EVERY == 0:
-                    flush_negligible(state, lanes)
+                    flush_negligible(state, shift, lanes)
                 if n % every == 0 or n == stop:
                     show(frame, state, tile, filled, lanes)
                     last = filled
@@ -290,12 +303,14 @@ def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, 
         i = failed[k]
         given = rows_of_lanes(7)
         state = rows_of_lanes(2)
+        shift, bound = rows_of_lanes(1)[0], rows_of_lanes(1)[0]
+        wild, beyond = np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
         frame = rows_of_lanes(6)
         coefficients = rows_of_lanes(4)
         tile = np.empty((1, 2, LANES))
         d, regular = 1.0, True
         gather(I1, I2, I13, I23, eps, omega, i, 1, 1, given)
-        enter_canonical(given, state, frame, 1)
+        enter_canonical(given, state, frame, shift, bound, wild, beyond, 1)
         if method == PRINTED:
             enter_printed(given, state, frame, coefficients, 1)
         c = coefficients[:, 0]
@@ -306,8 +321,8 @@ def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, 
                 d, regular = printed_denominator(c[0], c[1], c[2], c[3], state[0, 0], state[1, 0])
                 advance_printed(state, coefficients, 1, 1)
             else:
-                d, regular = denominator(state[0, 0], state[1, 0])
-                advance_guarded(state, 1, 1)
+                d, regular = denominator(state[0, 0], state[1, 0], shift[0])
+                advance_guarded(state, shift, bound, 1, 1)
             n += 1
             show(frame, state, tile, 0, 1)
         status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE

@@ -21,9 +21,9 @@ def printed_coefficients(I1, I2, I13, I23, eps):
 def printed_denominator(k1, k2, k3, k4, omega1, omega2):
     """Delta of (ds2), and whether it differs from 0 beyond rounding and is finite."""
     product = (k1 * omega1 + k3 * omega2) * (k4 * omega1 + k2 * omega2)
-    diagonal = (1.0 + k1 * omega2) * (1.0 - k2 * omega1)
-    delta = diagonal + product
-    return delta, ZERO_TO_ROUNDING * (abs(diagonal) + abs(product)) < abs(delta) < np.inf
+    delta = (1.0 + k1 * omega2) * (1.0 - k2 * omega1) + product
+    size = (1.0 + abs(k1 * omega2)) * (1.0 + abs(k2 * omega1)) + abs(product)
+    return delta, ZERO_TO_ROUNDING * size < abs(delta) < np.inf
 
 
 @formula

@@ -1,20 +1,20 @@
-"""The 3D map in homogeneous coordinates X = p/q, Y = s/q: several steps for one division."""
+"""The 3D map in homogeneous coordinates X = p/q, Y = -z/q: several steps for one division."""
 
 from .jit import formula
 
 
 @formula
-def projective_step(p, q, s):
+def projective_step(p, q, z):
     """Equation (xy1) cleared of denominators."""
-    t = q - s
+    t = q + z
     square = p * p
-    return p * (q + s), q * t + square, s * t - square
+    return p * (q - z), q * t + square, z * t + square
 
 
 @formula
-def projective_pair(X, Y):
+def projective_pair(X, Z):
     """Two steps of a tame orbit at the price of one division."""
-    p, q, s = projective_step(X, 1.0, Y)
-    p, q, s = projective_step(p, q, s)
+    p, q, z = projective_step(X, 1.0, Z)
+    p, q, z = projective_step(p, q, z)
     r = 1.0 / q
-    return p * r, s * r
+    return p * r, z * r

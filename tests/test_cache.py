@@ -61,7 +61,7 @@ def test_an_edit_of_any_module_counts(copy):
     edited = copy / "suslov_fast" / "_core" / "canonical_map.py"
     source = edited.read_text()
     stat = edited.stat()
-    changed = source.replace("X * (1.0 + Y) /", "X * (1.0 - Y) /")
+    changed = source.replace("X * ((1.0 + c) - Z) /", "X * ((2.0 + c) - Z) /")
     assert changed != source
     edited.write_text(changed)
     os.utime(edited, ns=(stat.st_atime_ns, stat.st_mtime_ns))

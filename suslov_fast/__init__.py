@@ -13,6 +13,7 @@ the labels of its source.
 
 from ._attitude import attitude
 from ._bodies import Suslov3D
+from ._bodies_nd import SuslovND
 from ._conserved import criticality, energy, first_integral, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
@@ -20,16 +21,19 @@ from ._exact import exact, flow, limits
 from ._full import step_full
 from ._linearised import jacobian, multipliers
 from ._map import iterate, step
+from ._reduction import NotIntegrableError
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "NotIntegrableError",
     "SingularStepError",
     "SingularStepWarning",
     "Status",
     "Suslov3D",
+    "SuslovND",
     "Trajectories",
     "attitude",
     "criticality",

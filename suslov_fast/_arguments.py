@@ -5,22 +5,27 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from ._bodies import Suslov3D
+from ._bodies_nd import SuslovND
 from ._validation import FloatArray, common_shape, instance, real_array, vectors
+
+Body = Suslov3D | SuslovND
 
 
 def check(
-    body: Suslov3D,
+    body: Body,
     states: dict[str, ArrayLike],
     numbers: dict[str, ArrayLike] | None = None,
-    dimension: int = 2,
+    dimension: int | None = None,
     allow_nan: bool = False,
 ) -> tuple[list[FloatArray], tuple[int, ...]]:
     """All arguments as arrays, in the order given, and the batch shape they broadcast to.
 
-    Only stored trajectories may hold NaN.
+    States have the dimension of the body, unless another is asked for, which only
+    three-dimensional bodies have. Only stored trajectories may hold NaN.
     """
-    instance("body", body, Suslov3D)
-    checked = {name: vectors(name, value, dimension, allow_nan) for name, value in states.items()}
+    instance("body", body, Suslov3D if dimension else (Suslov3D, SuslovND))
+    size = dimension or body.dimension
+    checked = {name: vectors(name, value, size, allow_nan) for name, value in states.items()}
     shapes = {name: array.shape[:-1] for name, array in checked.items()}
     for name, value in (numbers or {}).items():
         checked[name] = real_array(name, value)

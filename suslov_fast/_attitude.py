@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _parallel
+from ._arguments import Body
 from ._bodies import Suslov3D
+from ._bodies_nd import SuslovND
 from ._core import loops_attitude as loops
 from ._layout import flat_parameter
 from ._validation import FloatArray, common_shape, instance, real_array, vectors
@@ -16,26 +18,26 @@ _WORK = 100
 
 
 def attitude(
-    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, R0: ArrayLike | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, R0: ArrayLike | None = None
 ) -> FloatArray:
     """The orientation of the body along stored trajectories.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., N + 1, 2))
-        Trajectories (Omega1, Omega2), as `iterate` stores them; NaN after a failure.
+    omega : array_like(float, shape=(..., N + 1, D))
+        Trajectories, as `iterate` stores them; NaN after a failure.
     eps : array_like(float, shape=(...))
         Time between two states: the step size, times `save_every`.
-    R0 : array_like(float, shape=(..., 3, 3)), optional
+    R0 : array_like(float, shape=(..., n, n)), optional
         Orientation at the first state, a rotation matrix; by default the identity.
 
     Returns
     -------
-    ndarray(float, shape=(..., N + 1, 3, 3))
+    ndarray(float, shape=(..., N + 1, n, n))
         Matrices R that take components in the body to components in space, orthogonal to
-        rounding however long the trajectory; NaN where omega is.
+        rounding however long the trajectory; NaN where omega is. In three dimensions
         ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` turns them into
         SciPy's rotations.
 
@@ -47,7 +49,7 @@ def attitude(
     Notes
     -----
     R_next = R cay(eps (Omega + Omega_next) / 2), the Cayley map: the discrete counterpart of
-    R' = R Omega, of order 2. It is computed with unit quaternions.
+    R' = R Omega, of order 2. In three dimensions it is computed with unit quaternions.
 
     Examples
     --------
@@ -60,12 +62,13 @@ def attitude(
     >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
     True
     """
-    instance("body", body, Suslov3D)
-    states = vectors("omega", omega, 2, allow_nan=True)
+    instance("body", body, (Suslov3D, SuslovND))
+    m = body.dimension
+    states = vectors("omega", omega, m, allow_nan=True)
     if states.ndim < 2 or states.shape[-2] == 0:
-        raise ValueError(f"omega: expected shape (..., N + 1, 2), got {states.shape}")
+        raise ValueError(f"omega: expected shape (..., N + 1, {m}), got {states.shape}")
     interval = real_array("eps", eps)
-    start = None if R0 is None else _rotations("R0", R0)
+    start = None if R0 is None else _rotations("R0", R0, m + 1)
     batch = common_shape(
         body=body.shape,
         omega=states.shape[:-2],
@@ -73,26 +76,27 @@ def attitude(
         R0=() if start is None else start.shape[:-2],
     )
     length = states.shape[-2]
-    flat = np.broadcast_to(states, (*batch, length, 2)).reshape(-1, length, 2)
+    size = int(np.prod(batch, dtype=np.int64))
+    flat = np.broadcast_to(states, (*batch, length, m)).reshape(size, length, m)
     flat = np.require(flat, np.float64, ["C", "A", "W"])
-    turns = np.empty((len(flat), length, 3, 3))
+    turns = np.empty((size, length, m + 1, m + 1))
     _parallel.run(
-        loops.reconstruct,
-        len(flat) * length * _WORK if len(flat) > 1 else 0,
+        loops.reconstruct if isinstance(body, Suslov3D) else loops.reconstruct_nd,
+        size * length * _WORK * m if size > 1 else 0,
         None,
         flat,
         flat_parameter(interval, batch, "C"),
         turns,
     )
-    turns = turns.reshape((*batch, length, 3, 3))
+    turns = turns.reshape((*batch, length, m + 1, m + 1))
     return turns if start is None else start[..., np.newaxis, :, :] @ turns
 
 
-def _rotations(name: str, value: ArrayLike) -> FloatArray:
-    matrices = vectors(name, value, 3)
-    if matrices.ndim < 2 or matrices.shape[-2] != 3:
-        raise ValueError(f"{name}: expected shape (..., 3, 3), got {matrices.shape}")
-    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(3)).max(initial=0.0)
+def _rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    matrices = vectors(name, value, n)
+    if matrices.ndim < 2 or matrices.shape[-2] != n:
+        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     if error > 1e-10 or not (np.linalg.det(matrices) > 0).all():
         raise ValueError(
             f"{name}: expected rotation matrices, got |R R.T - 1| = {error:.2g} and determinant "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._validation import FloatArray, common_shape, real_array, vectors
+from ._validation import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,12 @@ class Suslov3D:
                 raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
         common_shape(**{name: array.shape for name, array in arrays.items()})
         for name, array in arrays.items():
-            object.__setattr__(self, name, _frozen(array))
+            object.__setattr__(self, name, frozen(array))
+
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return 2
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -154,30 +159,9 @@ class Suslov3D:
         >>> bool((rotation == np.eye(3)).all())
         True
         """
-        tensor = vectors("I", I, 3)
-        if tensor.ndim < 2 or tensor.shape[-2] != 3:
-            raise ValueError(f"I: expected shape (..., 3, 3), got {tensor.shape}")
-        axis = vectors("a", a, 3)
+        tensor = inertia_matrix("I", I, 3)
+        axis = unit_axis("a", a, 3)
         common_shape(I=tensor.shape[:-2], a=axis.shape[:-1])
-        size = abs(tensor).max(axis=(-2, -1), initial=0.0)
-        asymmetry = abs(tensor - tensor.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
-        if not (asymmetry <= 1e-12 * size).all():
-            raise ValueError(
-                "I: expected a symmetric inertia tensor, got one with "
-                f"|I - I.T| = {asymmetry.max()}"
-            )
-        eigenvalues = np.linalg.eigvalsh(tensor)
-        if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
-            raise ValueError(
-                "I: expected a positive definite inertia tensor, got the eigenvalue "
-                f"{eigenvalues.min()}"
-            )
-        largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
-        if not (largest > 0).all():
-            raise ValueError("a: expected an axis other than 0, got one of length 0")
-        axis = axis / largest
-        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
-
         to_e3 = _shortest_rotation_to_e3(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.
@@ -190,7 +174,7 @@ class Suslov3D:
         return body, rotation
 
 
-def _frozen(array: FloatArray) -> float | FloatArray:
+def frozen(array: FloatArray) -> float | FloatArray:
     """A number as a float, an array as a copy that cannot be written to."""
     if array.ndim == 0:
         return float(array)

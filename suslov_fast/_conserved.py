@@ -5,22 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arguments import check, components
+from . import _nd
+from ._arguments import Body, check, components
 from ._bodies import Suslov3D
+from ._bodies_nd import SuslovND
 from ._core import coordinates, integrals
 from ._elementwise import evaluate
+from ._reduction import first_integral as first_integral_nd
+from ._reduction import reduce
 from ._validation import FloatArray
 
 
-def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
-    """The energy (I1 Omega1**2 + I2 Omega2**2) / 2, conserved by the continuous motion.
+def energy(body: Body, omega: ArrayLike) -> FloatArray:
+    """The energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
+
+    In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
 
     Returns
     -------
@@ -46,22 +52,26 @@ def energy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     return energy_of(body, state, batch)
 
 
-def energy_of(body: Suslov3D, state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+def energy_of(body: Body, state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """The energy of states that are checked already, or that may hold NaN."""
+    if isinstance(body, SuslovND):
+        return np.broadcast_to(_nd.energy(body, state), batch).copy()[()]
     return evaluate(integrals.energy, batch, body.I1, body.I2, *components(state))
 
 
-def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def first_integral(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """The first integral F of the map.
 
-    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 (I13 Omega1 + I23 Omega2)**2).
+    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 (I13 Omega1 + I23 Omega2)**2). In more
+    dimensions one is known where J I = b I and J = a on the vectors orthogonal to I:
+    F = 2 E / (4 a b + eps**2 x**2), x = |I| times the part of omega orthogonal to I.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
 
@@ -74,6 +84,8 @@ def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArr
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    NotIntegrableError
+        If no first integral is known for the body.
 
     Notes
     -----
@@ -94,22 +106,29 @@ def first_integral(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArr
 
 
 def first_integral_of(
-    body: Suslov3D, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
+    body: Body, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
 ) -> FloatArray:
     """F of states that are checked already, or that may hold NaN."""
+    if isinstance(body, SuslovND):
+        E = energy_of(body, state, batch)
+        return first_integral_nd(reduce(body, "first_integral"), state, step_size, E)
     X = _canonical(body, state, step_size, batch)[..., 0]
     return evaluate(integrals.first_integral, batch, body.I1, body.I2, X, *components(state))
 
 
-def modified_energy(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """The energy that the map conserves: 2 I1 I2 F, which tends to the energy as eps does to 0.
+def modified_energy(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """E**2 / (E + eps**2 f.Jf / 8), the energy that the map conserves, or nearly.
+
+    E is the energy and f the vector field. In three dimensions this is 2 I1 I2 F, and it is
+    conserved wherever :func:`first_integral` is known; for all other bodies up to an error of
+    order eps**4, while that of E itself is of order eps**2.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
 
@@ -125,8 +144,8 @@ def modified_energy(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
 
     Notes
     -----
-    E**2 / (E + eps**2 f.Jf / 8), with the energy E, the vector field f of (s1) and J = (I1, I2);
-    in three dimensions Lemma 1 in another unit.
+    In three dimensions Lemma 1 in another unit. For n > 3 and general J no rational first integral
+    was found, of degree up to 10 for n = 4.
 
     Examples
     --------
@@ -138,11 +157,13 @@ def modified_energy(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     2.122757837035
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    if isinstance(body, SuslovND):
+        return _nd.modified_energy(body, state, step_size)
     X = _canonical(body, state, step_size, batch)[..., 0]
     return evaluate(integrals.modified_energy, batch, energy_of(body, state, batch), X)
 
 
-def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def criticality(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """The number t = eps sqrt(h / (I1 I2)) that decides how an orbit of the map behaves.
 
     With -1 < t < 1 the orbit follows the continuous motion; otherwise the step is too long
@@ -150,10 +171,10 @@ def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega; t has its sign.
 
@@ -166,6 +187,8 @@ def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    NotIntegrableError
+        If no first integral is known for the body.
 
     Notes
     -----
@@ -179,6 +202,9 @@ def criticality(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([0.1049, 1.2281])
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    if isinstance(body, SuslovND):
+        reduction = reduce(body, "criticality")
+        return criticality(reduction.three, reduction.state(state), step_size)
     XY = _canonical(body, state, step_size, batch)
     level = evaluate(integrals.level, batch, *components(XY))
     # Rounding must not carry an orbit across the border: |t| < 1 exactly where |Y| < 1.

@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from ._arguments import check, components
-from ._bodies import Suslov3D
+from . import _nd
+from ._arguments import Body, check, components
+from ._bodies_nd import SuslovND
 from ._core import continuous
 from ._elementwise import evaluate
 from ._map import step
 from ._validation import FloatArray
 
 
-def vector_field(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+def vector_field(body: Body, omega: ArrayLike) -> FloatArray:
     """The derivative of omega by time.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
 
     Returns
     -------
-    ndarray(float, shape=(..., 2))
+    ndarray(float, shape=(..., D))
         In the unit of omega squared.
 
     Raises
@@ -34,7 +35,7 @@ def vector_field(body: Suslov3D, omega: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    Equation (s1).
+    Equations (s1) and (nsus1).
 
     Examples
     --------
@@ -44,11 +45,13 @@ def vector_field(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     array([ 0.08125, -0.65   ])
     """
     (state,), batch = check(body, {"omega": omega})
+    if isinstance(body, SuslovND):
+        return _nd.slope(body, state, state)
     return evaluate(continuous.vector_field, batch, *body.parameters, *components(state))
 
 
 def reaction(
-    body: Suslov3D,
+    body: Body,
     omega: ArrayLike,
     eps: ArrayLike | None = None,
     omega_next: ArrayLike | None = None,
@@ -57,20 +60,21 @@ def reaction(
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
         equations between omega and the next state, without it that of the continuous ones.
-    omega_next : array_like(float, shape=(..., 2)), optional
+    omega_next : array_like(float, shape=(..., D)), optional
         The next state, if it is known already; only together with eps.
 
     Returns
     -------
-    ndarray(float, shape=(...))
-        In the unit of inertia times that of omega squared.
+    ndarray(float, shape=(...) or (..., n - 1, n - 1))
+        In the unit of inertia times that of omega squared; in n dimensions the antisymmetric
+        lambda_ij of (nsus).
 
     Raises
     ------
@@ -101,6 +105,8 @@ def reaction(
         (state, following, _), batch = check(
             body, {"omega": omega, "omega_next": omega_next}, {"eps": eps}
         )
+    if isinstance(body, SuslovND):
+        return _nd.reaction(body, state, following)
     return evaluate(
         continuous.reaction, batch, *body.parameters, *components(state), *components(following)
     )

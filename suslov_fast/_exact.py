@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _parallel
-from ._arguments import check, components
+from ._arguments import Body, check, components
 from ._bodies import Suslov3D
+from ._bodies_nd import SuslovND
 from ._core import coordinates, integrals
 from ._core import loops_closed_form as loops
 from ._elementwise import evaluate
 from ._layout import flat_parameter, flat_vectors
+from ._reduction import Reduction, reduce
 from ._status import SingularStepWarning
 from ._validation import FloatArray, real_array
 
@@ -21,14 +23,14 @@ from ._validation import FloatArray, real_array
 _WORK = 100
 
 
-def exact(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatArray:
+def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatArray:
     """State n of the map, by the closed form: no iteration, the same time for every n.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega0 : array_like(float, shape=(..., 2))
+    omega0 : array_like(float, shape=(..., D))
         State 0.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega0.
@@ -38,7 +40,7 @@ def exact(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> Fl
 
     Returns
     -------
-    ndarray(float, shape=(..., 2) or (..., N, 2))
+    ndarray(float, shape=(..., D) or (..., N, D))
         The states; NaN where there is none: at a pole, with a :class:`SingularStepWarning`, and
         for n that is not an integer where t >= 1, with a `RuntimeWarning`.
 
@@ -46,6 +48,8 @@ def exact(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> Fl
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    NotIntegrableError
+        If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
@@ -66,6 +70,10 @@ def exact(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> Fl
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     numbers = _times("n", n)
+    if isinstance(body, SuslovND):
+        reduction = reduce(body, "exact")
+        states = exact(reduction.three, reduction.state(state), step_size, numbers)
+        return _back(reduction, states, state, numbers)
     states = _fill(body, state, step_size, batch, numbers, flow=False)
     missing = np.isnan(states[..., 0])
     if missing.any():
@@ -75,27 +83,29 @@ def exact(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> Fl
     return states
 
 
-def flow(body: Suslov3D, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
+def flow(body: Body, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
     """The continuous motion at time t, by its closed form.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega0 : array_like(float, shape=(..., 2))
+    omega0 : array_like(float, shape=(..., D))
         The angular velocity at time 0.
     t : array_like(float, shape=() or (N,))
         Times, of either sign and any size, in the unit of time of omega0.
 
     Returns
     -------
-    ndarray(float, shape=(..., 2) or (..., N, 2))
+    ndarray(float, shape=(..., D) or (..., N, D))
         The angular velocities.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    NotIntegrableError
+        If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
@@ -114,24 +124,28 @@ def flow(body: Suslov3D, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
+    if isinstance(body, SuslovND):
+        reduction, times = reduce(body, "flow"), _times("t", t)
+        states = flow(reduction.three, reduction.state(state), times)
+        return _back(reduction, states, state, times)
     return _fill(body, state, np.array(1.0), batch, _times("t", t), flow=True)
 
 
-def limits(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Where an orbit of the map comes from and where it goes.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega0 : array_like(float, shape=(..., 2))
+    omega0 : array_like(float, shape=(..., D))
         A state of the orbit.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega0.
 
     Returns
     -------
-    omega_minus, omega_plus : ndarray(float, shape=(..., 2))
+    omega_minus, omega_plus : ndarray(float, shape=(..., D))
         The limits for n to minus and to plus infinity: opposite points of the line
         I13 Omega1 + I23 Omega2 = 0. A state that does not move is its own limit.
 
@@ -139,6 +153,8 @@ def limits(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArra
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    NotIntegrableError
+        If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
@@ -154,6 +170,10 @@ def limits(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArra
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
+    if isinstance(body, SuslovND):
+        reduction = reduce(body, "limits")
+        ends = limits(reduction.three, reduction.state(state), step_size)
+        return reduction.back(ends[0], state), reduction.back(ends[1], state)
     parameters = (*body.normalised, body.normalised_eps(step_size))
     XY = evaluate(coordinates.to_canonical, batch, *parameters, *components(state))[..., :2]
     frame = evaluate(coordinates.from_canonical, batch, *parameters)
@@ -164,6 +184,18 @@ def limits(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArra
         far = level[..., np.newaxis] * frame[..., 1::2]
     moves = moves[..., np.newaxis]
     return np.where(moves, far, state), np.where(moves, -far, state)
+
+
+def _back(
+    reduction: Reduction, states: FloatArray, state: FloatArray, times: FloatArray
+) -> FloatArray:
+    """States of an n-dimensional body; at time 0 the given one itself."""
+    if times.ndim == 0:
+        moved = reduction.back(states, state)
+        return moved if times != 0 else np.broadcast_to(state, moved.shape).copy()
+    over_time = reduce(reduction.body.along_time(), "")
+    moved = over_time.back(states, state[..., np.newaxis, :])
+    return np.where((times == 0)[:, np.newaxis], state[..., np.newaxis, :], moved)
 
 
 def _times(name: str, value: ArrayLike) -> FloatArray:

@@ -69,6 +69,11 @@ def flat_saved_states(array: FloatArray, order: str) -> FloatArray:
     return array.T.reshape(dimension, n_saved, size)
 
 
+def apart(argument: FloatArray, out: FloatArray) -> FloatArray:
+    """An argument that does not change when `out` is written to."""
+    return argument.copy() if np.may_share_memory(argument, out) else argument
+
+
 def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
     """The index of the first element that is true."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))

@@ -5,28 +5,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arguments import check, components
-from ._bodies import Suslov3D
+from . import _nd
+from ._arguments import Body, check, components
+from ._bodies_nd import SuslovND
 from ._core import linearised
 from ._elementwise import evaluate, without_poles
+from ._map import step
 from ._validation import FloatArray
 
 
-def jacobian(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """The derivative of the map.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
 
     Returns
     -------
-    ndarray(float, shape=(..., 2, 2))
+    ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
         with one :class:`SingularStepWarning`, where the map has a pole.
 
@@ -49,17 +51,20 @@ def jacobian(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
            [-0.221645,  0.937189]])
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    if isinstance(body, SuslovND):
+        following = step(body, state, step_size)
+        return _nd.jacobian(body, state, following, step_size)
     parameters = (*body.normalised, body.normalised_eps(step_size))
     entries = evaluate(linearised.jacobian, batch, *parameters, *components(state))
     return without_poles(entries).reshape((*batch, 2, 2))
 
 
-def multipliers(body: Suslov3D, c: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """The eigenvalues of the derivative of the map at the steady state c (I23, -I13).
+def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """The eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
     c : array_like(float, shape=(...))
         Where on the line of steady states; the unit is that of omega over that of inertia.
@@ -68,9 +73,9 @@ def multipliers(body: Suslov3D, c: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    ndarray(float, shape=(..., 2))
-        Dimensionless: 1, for the direction of the line, and the multiplier of the distance from
-        it: above 1 in size where the line repels, below where it attracts, infinite at the pole.
+    ndarray(float, shape=(..., D))
+        Dimensionless: 1, for the direction of the line, and the multipliers of the distance from
+        it: above 1 in size where the line repels, below where it attracts, infinite at a pole.
 
     Raises
     ------
@@ -79,7 +84,8 @@ def multipliers(body: Suslov3D, c: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D.
+    (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D. In n
+    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of J**-1 (|I|**2 Id - I I^T).
 
     Examples
     --------
@@ -90,5 +96,7 @@ def multipliers(body: Suslov3D, c: ArrayLike, eps: ArrayLike) -> FloatArray:
            [1.      , 1.062919]])
     """
     (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
+    if isinstance(body, SuslovND):
+        return _nd.multipliers(body, where, step_size)
     I1, I2, I13, I23 = body.parameters
     return np.asarray(evaluate(linearised.multipliers, batch, I1, I2, I13, I23, step_size, where))

@@ -1,17 +1,21 @@
-"""The 3D map: one step, and many steps of a batch."""
+"""The map: one step, and many steps of a batch."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _parallel
+from ._arguments import Body, check
 from ._bodies import Suslov3D
-from ._core import loops_map as loops
+from ._core import loops_map, loops_nd
 from ._layout import (
+    apart,
     first_index,
     flat_parameter,
     flat_saved_states,
@@ -23,17 +27,9 @@ from ._layout import (
 from ._progress import Progress, check_progress, reporter
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
-from ._validation import (
-    FloatArray,
-    common_shape,
-    instance,
-    integer,
-    one_of,
-    real_array,
-    vectors,
-)
+from ._validation import FloatArray, integer, one_of
 
-Method = Literal["auto", "ds2", "canonical"]
+Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 Order = Literal["C", "F"]
 OnSingular = Literal["warn", "raise", "ignore"]
 
@@ -43,21 +39,21 @@ _SLICE = 2**27
 _SAVING = 8
 
 
-def step(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """One step of the discrete Suslov problem, equation (ds2).
+def step(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """One step of the discrete Suslov problem, equation (ds2), or (dsn) in n dimensions.
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+    omega : array_like(float, shape=(..., D))
+        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega; a negative one gives the inverse map.
 
     Returns
     -------
-    ndarray(float, shape=(..., 2))
+    ndarray(float, shape=(..., D))
         The next states; NaN, with one :class:`SingularStepWarning`, where there is none.
 
     Raises
@@ -72,13 +68,13 @@ def step(body: Suslov3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.013781, 0.372248])
     """
-    trajectories = _iterate(body, "omega", omega, eps, 1, None, "canonical", "C", None, None, None)
+    trajectories = _iterate(body, "omega", omega, eps, 1, None, "auto", "C", None, None, None)
     _report(trajectories, "warn", stacklevel=2)
     return trajectories.final
 
 
 def iterate(
-    body: Suslov3D,
+    body: Body,
     omega0: ArrayLike,
     eps: ArrayLike,
     steps: int,
@@ -91,7 +87,7 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate a batch of trajectories of the discrete Suslov problem, equation (ds2).
+    """Iterate a batch of trajectories of the discrete Suslov problem.
 
     The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
     shape ``...``. The result for one trajectory is the same bit for bit alone, in any batch, in
@@ -99,10 +95,10 @@ def iterate(
 
     Parameters
     ----------
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body, or a batch of them.
-    omega0 : array_like(float, shape=(..., 2))
-        Initial angular velocities (Omega1, Omega2).
+    omega0 : array_like(float, shape=(..., D))
+        Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega0; a negative one gives the inverse map.
     steps : int
@@ -110,14 +106,17 @@ def iterate(
     save_every : int or None
         Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last, which `omega` and
         `final` of the result then share.
-    method : {"auto", "canonical", "ds2"}
-        "canonical" iterates the parameter-free form of the map, "ds2" the formula as the paper
-        prints it, which is slower and less accurate. "auto" is "canonical" where states are saved;
-        for the last state alone it takes two canonical steps per division, a third faster, and
-        agrees to rounding.
+    method : {"auto", "canonical", "ds2"}, or {"auto", "gauss", "rank2"} in n dimensions
+        In three dimensions "canonical" iterates the parameter-free form of the map, "ds2" the
+        formula as the paper prints it, which is slower and less accurate. "auto" is "canonical"
+        where states are saved; for the last state alone it takes two canonical steps per division,
+        a third faster, and agrees to rounding.
+        In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
+        pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
+        "rank2", which was measured to be faster for every n.
     order : {"C", "F"}
         Memory order of the array that is allocated; "F" makes the batch the fastest axis.
-    out : ndarray(float64, shape=(..., n_saved, 2)), optional
+    out : ndarray(float64, shape=(..., n_saved, D)), optional
         C- or F-contiguous array that receives the saved states, instead of a new one.
     threads : int, optional
         Number of threads; by default what Numba is set to. The setting is restored afterwards.
@@ -158,8 +157,51 @@ def iterate(
     return trajectories
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """Checked arguments of `iterate`, as flat arrays over the batch of B trajectories."""
+
+    body: Body
+    method: str
+    batch: tuple[int, ...]
+    order: str
+    states: FloatArray  # (B, D)
+    step_size: FloatArray  # (B,) or (1,)
+    steps: int
+    save_every: int | None
+    saved: FloatArray  # what a loop fills; no states if only the last is wanted
+    threads: int | None
+    progress: Progress
+
+    def slices(self, work: float) -> Iterator[tuple[int, int]]:
+        """Parts (start, stop) of the run, between which Python looks for Ctrl-C.
+
+        `work` is that of a step of one trajectory, in steps of the 3D map. Cuts fall on states of
+        even number, which the loops go on from bit for bit.
+        """
+        if self.save_every is not None:
+            work += _SAVING / self.save_every
+        # Few trajectories take as long as half a block.
+        length = _SLICE / (work * max(len(self.states), loops_map.LANES // 2))
+        length = self.steps if self.steps <= length else max(2, int(length) // 2 * 2)
+        with reporter(self.progress, self.steps) as report:
+            for start in range(0, max(self.steps, 1), max(length, 1)):
+                stop = min(start + length, self.steps)
+                yield start, stop
+                report(stop)
+
+    @property
+    def every(self) -> int:
+        """States whose number is a multiple of this are saved."""
+        return self.steps + 1 if self.save_every is None else self.save_every
+
+    def shared_work(self, lanes: int, steps: float) -> int:
+        """Lane-steps that threads can share: none within one block."""
+        return int(len(self.states) * steps) if len(self.states) > lanes else 0
+
+
 def _iterate(
-    body: Suslov3D,
+    body: Body,
     name: str,
     omega0: ArrayLike,
     eps: ArrayLike,
@@ -172,20 +214,18 @@ def _iterate(
     progress: Progress,
 ) -> Trajectories:
     """Check everything, then iterate; failures are recorded but not yet reported."""
-    instance("body", body, Suslov3D)
-    omega = vectors(name, omega0, 2)
-    step_size = real_array("eps", eps)
+    (omega, step_size), batch = check(body, {name: omega0}, {"eps": eps})
     steps = integer("steps", steps, 0, "an integer of at least 0")
     if save_every is not None:
         expected = "None or an integer of at least 1"
         save_every = integer("save_every", save_every, 1, expected)
-    one_of("method", method, ("auto", "canonical", "ds2"))
+    in_3d = isinstance(body, Suslov3D)
+    one_of("method", method, ("auto", "canonical", "ds2") if in_3d else ("auto", "gauss", "rank2"))
     one_of("order", order, ("C", "F"))
     threads = _parallel.thread_count(threads)
     check_progress(progress)
-    batch = common_shape(**{"body": body.shape, "eps": step_size.shape, name: omega.shape[:-1]})
     n_saved = 1 if save_every is None else steps // save_every + 1
-    shape = (*batch, n_saved, 2)
+    shape = (*batch, n_saved, body.dimension)
     try:
         if np.prod(shape, dtype=float) > 2**60:  # more than NumPy could even ask for
             raise MemoryError
@@ -199,64 +239,29 @@ def _iterate(
             f"expected saved states that fit in memory, got shape {shape}; raise save_every"
         ) from error
 
-    parameters = (*body.normalised, body.normalised_eps(step_size))
-    arguments = [flat_parameter(parameter, batch, order) for parameter in parameters]
-    states = flat_vectors(omega, batch, order)
-    if out is not None:
-        arguments = [_apart(argument, out) for argument in arguments]
-        states = _apart(states, out)
-    size = len(states)
-    final, status = np.empty((size, 2)), np.empty(size, np.int8)
-    code = _evaluation(method, save_every)
-    if saved is None or save_every is None:
-        flat_saved, every, weight = np.empty((0, 0, 0)), steps + 1, 1.0
-    else:
-        flat_saved, every = flat_saved_states(saved, order), save_every
-        weight = 1.0 + _SAVING / save_every
-
-    # Few trajectories take as long as half a block.
-    slice_steps = steps
-    if steps * max(size, loops.LANES // 2) * weight > _SLICE:
-        slice_steps = max(2, int(_SLICE / (max(size, loops.LANES // 2) * weight)) // 2 * 2)
-    resume = np.empty((2, size if slice_steps < steps else 0))
     eps = float(step_size) if step_size.ndim == 0 else step_size.copy()
-    with reporter(progress, steps) as report:
-        for start in range(0, max(steps, 1), max(slice_steps, 1)):
-            stop = min(start + slice_steps, steps)
-            _parallel.run(
-                loops.iterate,
-                _work(size, (stop - start) * weight),
-                threads,
-                code,
-                *arguments,
-                states,
-                start,
-                stop,
-                every,
-                flat_saved,
-                order == "F",
-                resume,
-                final,
-                status,
-            )
-            report(stop)
-
-    failed_at = np.broadcast_to(np.int64(-1), size)
-    failed = np.flatnonzero(status < 0)
-    if failed.size:
-        failed_at = failed_at.copy()
-        _parallel.run(
-            loops.locate_failure,
-            _work(failed.size, steps),
-            threads,
-            code,
-            *arguments,
-            states,
-            steps,
-            failed,
-            status,
-            failed_at,
-        )
+    normalised = body.normalised_eps(step_size) if isinstance(body, Suslov3D) else step_size
+    states, flat_eps = flat_vectors(omega, batch, order), flat_parameter(normalised, batch, order)
+    if out is not None:
+        states, flat_eps = apart(states, out), apart(flat_eps, out)
+    problem = _Problem(
+        body=body,
+        method=method,
+        batch=batch,
+        order=order,
+        states=states,
+        step_size=flat_eps,
+        steps=steps,
+        save_every=save_every,
+        saved=(
+            np.empty((0, 0, 0))
+            if saved is None or save_every is None
+            else flat_saved_states(saved, order)
+        ),
+        threads=threads,
+        progress=progress,
+    )
+    final, status, failed_at = (_run_3d if in_3d else _run_nd)(problem)
     final = unflatten(final, batch, order)
     if saved is None:
         saved = final[..., np.newaxis, :]
@@ -273,19 +278,93 @@ def _iterate(
     )
 
 
-def _evaluation(method: str, save_every: int | None) -> int:
-    if method == "ds2":
-        return loops.PRINTED
-    return loops.PROJECTIVE if method == "auto" and save_every is None else loops.CANONICAL
+_Results = tuple[FloatArray, NDArray[np.int8], NDArray[np.int64]]
 
 
-def _work(trajectories: int, steps_each: float) -> int:
-    """Lane-steps that threads can share: none within one block."""
-    return int(trajectories * steps_each) if trajectories > loops.LANES else 0
+def _run_3d(problem: _Problem) -> _Results:
+    """Final states, statuses and first missing states; saved states are filled on the way."""
+    size = len(problem.states)
+    method = loops_map.PRINTED if problem.method == "ds2" else loops_map.CANONICAL
+    if problem.method == "auto" and problem.save_every is None:
+        method = loops_map.PROJECTIVE
+    assert isinstance(problem.body, Suslov3D)
+    parameters = [
+        *(flat_parameter(each, problem.batch, problem.order) for each in problem.body.normalised),
+        problem.step_size,
+    ]
+    final, status = np.empty((size, 2)), np.empty(size, np.int8)
+    resume = np.empty((2, 0))
+    for start, stop in problem.slices(1.0):
+        if stop < problem.steps and not resume.size:
+            resume = np.empty((2, size))
+        _parallel.run(
+            loops_map.iterate,
+            problem.shared_work(loops_map.LANES, stop - start),
+            problem.threads,
+            method,
+            *parameters,
+            problem.states,
+            start,
+            stop,
+            problem.every,
+            problem.saved,
+            problem.order == "F",
+            resume,
+            final,
+            status,
+        )
+    failed_at = np.broadcast_to(np.int64(-1), size)
+    failed = np.flatnonzero(status < 0)
+    if failed.size:
+        failed_at = failed_at.copy()
+        _parallel.run(
+            loops_map.locate_failure,
+            failed.size * problem.steps,
+            problem.threads,
+            method,
+            *parameters,
+            problem.states,
+            problem.steps,
+            failed,
+            status,
+            failed_at,
+        )
+    return final, status, failed_at
 
 
-def _apart(argument: FloatArray, out: FloatArray) -> FloatArray:
-    return argument.copy() if np.may_share_memory(argument, out) else argument
+def _run_nd(problem: _Problem) -> _Results:
+    """The same in n dimensions."""
+    size, m = problem.states.shape
+    method = loops_nd.GAUSS if problem.method == "gauss" else loops_nd.RANK2
+    J, I = (
+        flat_vectors(each, problem.batch if each.ndim > 1 else (1,), problem.order)
+        for each in problem.body.parameters
+    )
+    final = np.empty((size, m))
+    status, failed_at = np.zeros(size, np.int8), np.full(size, -1)
+    states = problem.states
+    work = float(m**3 if method == loops_nd.GAUSS else 8 * m)
+    for start, stop in problem.slices(work):
+        _parallel.run(
+            loops_nd.iterate,
+            problem.shared_work(loops_nd.LANES, (stop - start) * work),
+            problem.threads,
+            method,
+            J,
+            I,
+            problem.step_size,
+            states,
+            start,
+            stop,
+            problem.every,
+            problem.saved,
+            problem.order == "F",
+            final,
+            status,
+            failed_at,
+        )
+        states = final
+    return final, status, failed_at
 
 
 def _report(trajectories: Trajectories, on_singular: str, stacklevel: int) -> None:

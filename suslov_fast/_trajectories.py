@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import Body
 from ._bodies import Suslov3D
 from ._conserved import energy_of, first_integral_of
 from ._validation import FloatArray
@@ -25,7 +26,7 @@ class Trajectories:
         Their step numbers.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time that omega is measured in.
-    body : Suslov3D
+    body : Suslov3D or SuslovND
         The body.
     status : ndarray(int8, shape=(...))
         How each trajectory ended: a :class:`Status`; negative if it failed.
@@ -38,7 +39,7 @@ class Trajectories:
     omega: FloatArray
     n: NDArray[np.int64]
     eps: Any
-    body: Suslov3D
+    body: Body
     status: NDArray[np.int8]
     final: FloatArray
     failed_at: NDArray[np.int64]
@@ -55,7 +56,13 @@ class Trajectories:
         return bool((self.status >= 0).all())
 
     def first_integral(self) -> FloatArray:
-        """F of the saved states, shape (..., n_saved); see :func:`suslov_fast.first_integral`."""
+        """F of the saved states, shape (..., n_saved); see :func:`suslov_fast.first_integral`.
+
+        Raises
+        ------
+        NotIntegrableError
+            If no first integral is known for the body.
+        """
         body, eps = self.body.along_time(), np.asarray(self.eps)[..., np.newaxis]
         return first_integral_of(body, self.omega, eps, self.omega.shape[:-1])
 
@@ -83,6 +90,20 @@ class Trajectories:
         def over_batch(value: Any) -> Any:
             return batch, np.broadcast_to(value, self.status.shape)
 
+        if isinstance(self.body, Suslov3D):
+            names = ["Omega1", "Omega2"]
+            parameters = {
+                name: over_batch(getattr(self.body, name)) for name in ("I1", "I2", "I13", "I23")
+            }
+        else:
+            names = [f"Omega{i + 1}n" for i in range(self.body.dimension)]
+            parameters = {
+                name: (
+                    (*batch, "component"),
+                    np.broadcast_to(getattr(self.body, name), self.final.shape),
+                )
+                for name in ("J", "I")
+            }
         t = self.t if np.ndim(self.eps) == 0 else np.broadcast_to(self.t, self.omega.shape[:-1])
         return xarray.Dataset(
             {
@@ -91,16 +112,9 @@ class Trajectories:
                 "status": over_batch(self.status),
                 "failed_at": over_batch(self.failed_at),
                 "eps": over_batch(self.eps),
-                **{
-                    name: over_batch(getattr(self.body, name))
-                    for name in ("I1", "I2", "I13", "I23")
-                },
+                **parameters,
             },
-            coords={
-                "n": self.n,
-                "t": ((*batch, "n")[-t.ndim :], t),
-                "component": ["Omega1", "Omega2"],
-            },
+            coords={"n": self.n, "t": ((*batch, "n")[-t.ndim :], t), "component": names},
         )
 
     def __repr__(self) -> str:

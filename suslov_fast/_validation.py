@@ -61,6 +61,43 @@ def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False
     return array
 
 
+def inertia_matrix(
+    name: str, value: ArrayLike, n: int | None = None, positive: bool = True
+) -> FloatArray:
+    """Symmetric (..., n, n) matrices, positive definite unless said otherwise."""
+    matrix = real_array(name, value)
+    side = matrix.shape[-1] if n is None and matrix.ndim else n
+    if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
+        expected = "(n, n)" if n is None else f"(..., {n}, {n})"
+        raise ValueError(f"{name}: expected shape {expected}, got {matrix.shape}")
+    size = abs(matrix).max(axis=(-2, -1), initial=0.0)
+    asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
+    if not (asymmetry <= 1e-12 * size).all():
+        raise ValueError(
+            f"{name}: expected a symmetric inertia matrix, got one with "
+            f"|I - I.T| = {asymmetry.max()}"
+        )
+    if positive:
+        eigenvalues = np.linalg.eigvalsh(matrix)
+        if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
+            raise ValueError(
+                f"{name}: expected a positive definite inertia matrix, got the eigenvalue "
+                f"{eigenvalues.min()}"
+            )
+    return matrix
+
+
+def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Axes (..., n) of any length but 0, divided by their length."""
+    axis = vectors(name, value, n)
+    largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
+    if not (largest > 0).all():
+        raise ValueError(f"{name}: expected an axis other than 0, got one of length 0")
+    axis = axis / largest
+    unit: FloatArray = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    return unit
+
+
 def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     """The shape that the named batch shapes broadcast to."""
     try:
@@ -98,10 +135,12 @@ def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
     return value
 
 
-def instance(name: str, value: Any, expected: type) -> None:
-    """An object of one class."""
+def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
+    """An object of one class, or of one of several."""
     if not isinstance(value, expected):
-        raise TypeError(f"{name}: expected {expected.__name__}, got {type(value).__name__}")
+        classes = expected if isinstance(expected, tuple) else (expected,)
+        names = " or ".join(each.__name__ for each in classes)
+        raise TypeError(f"{name}: expected {names}, got {type(value).__name__}")
 
 
 def _short(value: Any) -> str:

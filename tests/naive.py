@@ -184,3 +184,27 @@ def attitude(omega, eps):
         R = R * mpmath.inverse(mpmath.eye(3) - S / 2) * (mpmath.eye(3) + S / 2)
         rotations.append(R)
     return rotations
+
+
+def dsn(J, I, eps, omega, following):
+    """Left side minus right side of the equations (dsn)."""
+    m = range(len(J))
+    product = sum(following[i] * omega[i] for i in m)
+    p, p_next = sum(I[i] * omega[i] for i in m), sum(I[i] * following[i] for i in m)
+    return [
+        J[i] * (following[i] - omega[i])
+        - (-eps * I[i] * product + eps * p_next * omega[i] / 2 + eps * p * following[i] / 2)
+        for i in m
+    ]
+
+
+def step_nd(J, I, eps, omega):
+    J, I, (eps,) = exactly(*J), exactly(*I), exactly(eps)
+    return solve_affine(lambda v: dsn(J, I, eps, omega, v), len(J))
+
+
+def orbit_nd(J, I, eps, omega, steps):
+    states = [exactly(*omega)]
+    for _ in range(steps):
+        states.append(step_nd(J, I, eps, states[-1]))
+    return states

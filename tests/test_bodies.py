@@ -115,17 +115,17 @@ def test_from_inertia_in_batches(rng):
 @pytest.mark.parametrize(
     ("inertia", "axis", "message"),
     [
-        (np.eye(2), [0, 0, 1], r"I: expected shape \(..., 3\), got \(2, 2\)"),
+        (np.eye(2), [0, 0, 1], r"I: expected shape \(..., 3, 3\), got \(2, 2\)"),
         (np.ones(3), [0, 0, 1], r"I: expected shape \(..., 3, 3\), got \(3,\)"),
         (np.ones((2, 3)), [0, 0, 1], r"I: expected shape \(..., 3, 3\), got \(2, 3\)"),
         (np.eye(3), [0, 1], r"a: expected shape \(..., 3\), got \(2,\)"),
         (np.eye(3), [0, 0, 0], "a: expected an axis other than 0"),
-        (np.triu(np.ones((3, 3))), [0, 0, 1], "I: expected a symmetric inertia tensor"),
+        (np.triu(np.ones((3, 3))), [0, 0, 1], "I: expected a symmetric inertia matrix"),
         (np.diag([1, 1, -1]), [0, 0, 1], "I: expected a positive definite .* eigenvalue -1.0"),
         (np.diag([1, 1, 0]), [0, 0, 1], "I: expected a positive definite"),
         (np.diag([1, 1, 1e-17]), [1, 2, 3], "I: expected a positive definite"),
         (np.full((3, 3), np.nan), [0, 0, 1], "I: expected finite real numbers"),
-        (np.ones((2, 3, 3)), np.ones((3, 3)), r"broadcast .* I \(2,\), a \(3,\)"),
+        (np.tile(np.eye(3), (2, 1, 1)), np.ones((3, 3)), r"broadcast .* I \(2,\), a \(3,\)"),
     ],
 )
 def test_bad_inertia(inertia, axis, message):

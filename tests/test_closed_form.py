@@ -146,6 +146,8 @@ def test_states_that_do_not_move(body):
     steady = np.array([[0.375, -0.75], [-0.375, 0.75]])
     states = sf.exact(body, steady, 0.2, [-(10**15), -1, 0.5, 10**15])
     np.testing.assert_allclose(states, np.repeat(steady[:, None], 4, axis=1), rtol=1e-15)
+    flowed = sf.flow(body, steady, [-1e300, 0.5, 1e300])
+    np.testing.assert_allclose(flowed, np.repeat(steady[:, None], 3, axis=1), rtol=1e-15)
     for limit in sf.limits(body, steady, 0.2):
         np.testing.assert_allclose(limit, steady, rtol=1e-15)
 
@@ -255,7 +257,7 @@ def test_the_map_tends_to_the_flow_with_order_2(body):
         ({"n": np.nan}, ValueError, "n: expected finite real numbers, got nan"),
         ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
         ({"eps": [1, 2, 3]}, ValueError, r"broadcast .* eps \(3,\)"),
-        ({"body": None}, TypeError, "body: expected Suslov3D, got NoneType"),
+        ({"body": None}, TypeError, "body: expected Suslov3D or SuslovND, got NoneType"),
     ],
 )
 def test_bad_input(body, bad, error, message):

@@ -24,7 +24,7 @@ BAD_BODIES = [
     ({"I1": [1, 2], "I2": [1, 2, 3]}, ValueError, r"broadcast .* I1 \(2,\), I2 \(3,\)"),
 ]
 BAD_ARGUMENTS = [
-    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D, got tuple"),
+    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND, got tuple"),
     ({"omega0": [1, NAN]}, ValueError, r"omega0: expected finite .* got nan at index \(1,\)"),
     ({"omega0": [[1, 2], [3, -INF]]}, ValueError, r"got -inf at index \(1, 1\)"),
     ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
@@ -97,6 +97,20 @@ def test_out_that_cannot_be_written_to(body):
         sf.iterate(body, OMEGA, 0.2, 3, out=unaligned)
 
 
+@pytest.mark.parametrize("function", [sf.to_xy, sf.from_xy])
+def test_coordinates_check_states(body, function):
+    with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
+        function(body, [1, 2, 3])
+    with pytest.raises(ValueError, match="expected finite real numbers, got nan"):
+        function(body, [NAN, 2])
+
+
+@pytest.mark.parametrize("function", [sf.to_xy, sf.from_xy])
+def test_coordinates_of_three_dimensions_only(function):
+    with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
+        function(sf.SuslovND([1, 2], [1, 2]), [1, 2])
+
+
 @pytest.mark.parametrize(
     "call",
     [
@@ -104,8 +118,6 @@ def test_out_that_cannot_be_written_to(body):
         lambda body, omega: sf.first_integral(body, omega, 0.2),
         lambda body, omega: sf.criticality(body, omega, 0.2),
         sf.energy,
-        sf.to_xy,
-        sf.from_xy,
         sf.vector_field,
         sf.reaction,
         lambda body, omega: sf.modified_energy(body, omega, 0.2),
@@ -116,7 +128,7 @@ def test_out_that_cannot_be_written_to(body):
     ],
 )
 def test_other_functions(body, call):
-    with pytest.raises(TypeError, match="body: expected Suslov3D, got NoneType"):
+    with pytest.raises(TypeError, match="body: expected Suslov3D or SuslovND, got NoneType"):
         call(None, OMEGA)
     with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
         call(body, [1, 2, 3])

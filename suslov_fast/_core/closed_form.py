@@ -55,9 +55,7 @@ def follow(X, Y, T, complement, c, r, factor, factor_before):
 
 @formula
 def map_point(X, Y, T, complement, r, log_r, n):
-    """State n of the orbit of the map through (X, Y); NaN where there is none."""
-    if n == 0.0:
-        return X, Y
+    """State n, not 0, of the orbit of the map through (X, Y); NaN where there is none."""
     if abs(Y) >= 1.0 and n != np.floor(n):
         return np.nan, np.nan  # beyond t = 1 nothing lies between two states
     # The inverse map is the map with Y reversed.
@@ -83,7 +81,7 @@ def map_point(X, Y, T, complement, r, log_r, n):
 @formula
 def flow_point(X, Y, time):
     """The flow X' = 2 X Y, Y' = -X**2 of equation (s1), where (X, Y) are taken with eps = 1."""
-    if X == 0.0 or time == 0.0:
+    if X == 0.0:
         return X, Y
     backwards = time < 0.0
     if backwards:

@@ -35,6 +35,11 @@ def part(function):
     return register_jitable(**_OPTIONS)(function)
 
 
+def inlined_part(function):
+    """A part that becomes source of its caller, where the compiler knows what local arrays are."""
+    return register_jitable(inline="always", **_OPTIONS)(function)
+
+
 class Loop:
     """A loop over `prange`, compiled twice from one body: `serial` and `parallel`.
 

@@ -31,14 +31,13 @@ from .coordinates import at_rest, from_canonical, to_canonical
 from .jit import Loop, part
 from .printed_map import printed_coefficients, printed_denominator, printed_step
 from .projective_map import projective_pair
+from .vector import VECTOR, aligned
 
 PRINTED, CANONICAL, PROJECTIVE = range(3)
 OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
 
 # Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128
-# Lanes in use come in vectors of eight doubles, on cache lines of as many.
-VECTOR = 8
 # 256 bytes of each trajectory are written at a time.
 TILE = 16
 # More than the threads of any machine that this is likely to meet.
@@ -51,10 +50,7 @@ FLUSH_EVERY = 256
 
 @part
 def rows_of_lanes(rows):
-    """A (rows, LANES) array on a cache line: a vector across two lines costs a quarter."""
-    buffer = np.empty(rows * LANES + VECTOR)
-    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
-    return buffer[offset : offset + rows * LANES].reshape((rows, LANES))
+    return aligned(rows * LANES).reshape((rows, LANES))
 
 
 @part

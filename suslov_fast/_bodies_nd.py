@@ -1,0 +1,178 @@
+"""The n-dimensional body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._bodies import frozen
+from ._validation import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+
+
+@dataclass(frozen=True, eq=False)
+class SuslovND:
+    """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
+
+    In that basis Omega_ij = 0 for i, j < n, and the inertia matrix vanishes off the diagonal but
+    for its last row and column. The state is omega = (Omega_1n, ..., Omega_(n-1)n).
+
+    Parameters
+    ----------
+    J : array_like(float, shape=(..., n - 1))
+        J_i = I_ii + I_nn, positive, in any unit that I shares.
+    I : array_like(float, shape=(..., n - 1))
+        The couplings I_in. Where all are 0 every angular velocity is constant.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If J or I are not finite real numbers, their last axes differ, J is not positive, or the
+        batches do not broadcast.
+
+    Notes
+    -----
+    Section 5 of Dragovic and Gajic, equation (nsus). For n = 3 this is :class:`Suslov3D` with
+    (Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1) and I = (-I13, -I23).
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovND
+    >>> body = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
+    >>> body.dimension, body.shape
+    (3, ())
+    """
+
+    J: Any
+    I: Any
+
+    def __post_init__(self) -> None:
+        J, I = real_array("J", self.J), real_array("I", self.I)
+        if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
+            raise ValueError(
+                "J, I: expected shapes (..., n - 1) with the same n > 1, "
+                f"got {J.shape} and {I.shape}"
+            )
+        if not (J > 0).all():
+            raise ValueError(f"J: expected positive sums I_ii + I_nn, got {J.min()}")
+        common_shape(J=J.shape[:-1], I=I.shape[:-1])
+        object.__setattr__(self, "J", frozen(J))
+        object.__setattr__(self, "I", frozen(I))
+
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state, n - 1."""
+        return int(self.J.shape[-1])
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the body, () for a single one."""
+        return np.broadcast_shapes(self.J.shape[:-1], self.I.shape[:-1])
+
+    @property
+    def parameters(self) -> tuple[Any, Any]:
+        """J, I."""
+        return self.J, self.I
+
+    def along_time(self) -> SuslovND:
+        """The same batch with an axis of length 1 more, for states with a time axis."""
+        return SuslovND(self.J[..., np.newaxis, :], self.I[..., np.newaxis, :])
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, SuslovND):
+            return NotImplemented
+        return all(map(np.array_equal, self.parameters, other.parameters))
+
+    def __hash__(self) -> int:
+        return hash(tuple((parameter + 0.0).tobytes() for parameter in self.parameters))
+
+    def __reduce__(self) -> tuple[type, tuple[Any, Any]]:
+        return SuslovND, self.parameters
+
+    @classmethod
+    def from_inertia(cls, I: ArrayLike, a: ArrayLike | None = None) -> tuple[SuslovND, FloatArray]:
+        """The body with a given inertia matrix and constraint axis.
+
+        Parameters
+        ----------
+        I : array_like(float, shape=(n, n))
+            Symmetric inertia matrix in any basis fixed in the body; positive definite, unless it
+            is in the form of the paper already.
+        a : array_like(float, shape=(n,)), optional
+            The axis that becomes e_n, of any length but 0; by default e_n itself.
+
+        Returns
+        -------
+        body : SuslovND
+            The body in its adapted basis.
+        rotation : ndarray(float, shape=(n, n))
+            The matrix, of determinant 1, that takes components to the adapted basis:
+            ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
+            adapted already.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If I is not symmetric to 1e-12 of its size or not positive definite, or a is 0.
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovND
+        >>> body, rotation = SuslovND.from_inertia(
+        ...     [[1, 0, 0, 0.4], [0, 2, 0, -0.7], [0, 0, 3, 0.5], [0.4, -0.7, 0.5, 4]]
+        ... )
+        >>> body
+        SuslovND(J=array([5., 6., 7.]), I=array([ 0.4, -0.7,  0.5]))
+        >>> rotation.trace()
+        4.0
+        """
+        matrix = inertia_matrix("I", I, positive=False)
+        n = len(matrix)
+        if n < 2:
+            raise ValueError(f"I: expected shape (n, n) with n > 1, got {matrix.shape}")
+        if a is None:
+            rotation = np.eye(n)
+        else:
+            axis = unit_axis("a", a, n)
+            if axis.ndim != 1:
+                raise ValueError(f"a: expected shape ({n},), got {axis.shape}")
+            rotation = _shortest_rotation_to_last(axis)
+        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
+        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
+            inertia_matrix("I", matrix, positive=True)
+            turn = np.eye(n)
+            turn[:-1, :-1] = _principal_axes(block)
+            rotation = turn @ rotation
+        adapted = rotation @ matrix @ rotation.T
+        diagonal = np.diag(adapted)
+        return cls(diagonal[:-1] + diagonal[-1], adapted[:-1, -1]), rotation
+
+
+def _shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
+    """The rotation by the smallest angle that takes a unit axis to e_n; the others stay."""
+    n = len(axis)
+    e = np.eye(n)[-1]
+    half_turn = np.eye(n)
+    if axis[-1] < 0:  # first turn by pi in the plane of e_1 and e_n
+        half_turn[0, 0] = half_turn[-1, -1] = -1.0
+        axis = half_turn @ axis
+    s = axis + e
+    rotation: FloatArray = (
+        np.eye(n) - np.outer(s, s) / (1.0 + axis[-1]) + 2.0 * np.outer(e, axis)
+    ) @ half_turn
+    return rotation
+
+
+def _principal_axes(block: FloatArray) -> FloatArray:
+    """The rotation that makes a symmetric matrix diagonal, near the identity if one is."""
+    from scipy.optimize import linear_sum_assignment  # where it is needed: imports take time
+
+    _, vectors = np.linalg.eigh(block)
+    _, order = linear_sum_assignment(-(vectors**2))
+    axes = vectors[:, order]
+    axes = axes * np.copysign(1.0, np.diag(axes))
+    if np.linalg.det(axes) < 0:
+        axes[:, np.argmin(abs(np.diag(axes)))] *= -1.0
+    return axes.T

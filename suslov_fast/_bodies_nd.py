@@ -125,7 +125,7 @@ class SuslovND:
         ... )
         >>> body
         SuslovND(J=array([5., 6., 7.]), I=array([ 0.4, -0.7,  0.5]))
-        >>> rotation.trace()
+        >>> float(rotation.trace())
         4.0
         """
         matrix = inertia_matrix("I", I, positive=False)

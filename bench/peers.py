@@ -1,6 +1,7 @@
 """Other ways to compute the same final states; each is a function (omega0, steps) -> states."""
 
 import ctypes
+import functools
 import shutil
 import subprocess
 import tempfile
@@ -72,13 +73,54 @@ void parameter_free(const double *from, double *to, long batch, long steps,
         }
     }
 }
+/* Equation (dsn): the matrix A, Gaussian elimination with partial pivoting, one trajectory. */
+void eliminate(const double *from, double *to, long batch, long m, long steps,
+               const double *J, const double *I, double eps)
+{
+    static double A[256][257], w[256];
+    for (long b = 0; b < batch; b++) {
+        for (long i = 0; i < m; i++) w[i] = from[b * m + i];
+        for (long n = 0; n < steps; n++) {
+            double p = 0;
+            for (long i = 0; i < m; i++) p += I[i] * w[i];
+            for (long i = 0; i < m; i++) {
+                double h = eps / (2 * J[i]);
+                for (long j = 0; j < m; j++) A[i][j] = h * (2 * I[i] * w[j] - I[j] * w[i]);
+                A[i][i] += 1 - h * p;
+                A[i][m] = w[i];
+            }
+            for (long k = 0; k < m; k++) {
+                long row = k;
+                for (long i = k + 1; i < m; i++) if (fabs(A[i][k]) > fabs(A[row][k])) row = i;
+                if (row != k)
+                    for (long j = k; j <= m; j++) {
+                        double other = A[k][j];
+                        A[k][j] = A[row][j];
+                        A[row][j] = other;
+                    }
+                double r = 1 / A[k][k];
+                for (long i = k + 1; i < m; i++) {
+                    double f = A[i][k] * r;
+                    for (long j = k + 1; j <= m; j++) A[i][j] -= f * A[k][j];
+                }
+            }
+            for (long i = m - 1; i >= 0; i--) {
+                double s = A[i][m];
+                for (long j = i + 1; j < m; j++) s -= A[i][j] * w[j];
+                w[i] = s / A[i][i];
+            }
+        }
+        for (long i = 0; i < m; i++) to[b * m + i] = w[i];
+    }
+}
 """
 
 
-def c_functions():
-    """Both C functions, or none without gcc."""
+@functools.cache
+def _library():
+    """The C functions, or None without gcc."""
     if shutil.which("gcc") is None:
-        return {}
+        return None
     folder = Path(tempfile.mkdtemp())
     source = folder / "peers.c"
     source.write_text(_C_SOURCE)
@@ -86,9 +128,17 @@ def c_functions():
     subprocess.run(["gcc", *flags, source, "-o", folder / "peers.so", "-lm"], check=True)
     library = ctypes.CDLL(str(folder / "peers.so"))
     shutil.rmtree(folder)
+    return library
+
+
+def c_functions():
+    """Both C functions of the 3D map, or none without gcc."""
+    library = _library()
+    if library is None:
+        return {}
+    double_p = ctypes.POINTER(ctypes.c_double)
 
     def wrap(function):
-        double_p = ctypes.POINTER(ctypes.c_double)
         function.argtypes = [double_p, double_p, *[ctypes.c_long] * 2, *[ctypes.c_double] * 5]
 
         def call(omega0, steps):
@@ -106,6 +156,29 @@ def c_functions():
         "C, the parameter-free form": wrap(library.parameter_free),
         "C, (ds2) as printed": wrap(library.as_printed),
     }
+
+
+def c_elimination(body, omega0, eps, steps):
+    """Final states in n dimensions, by C, on one core."""
+    double_p = ctypes.POINTER(ctypes.c_double)
+    final = np.empty_like(omega0)
+    arrays = [
+        array.ctypes.data_as(double_p) for array in (omega0, final, body.J.copy(), body.I.copy())
+    ]
+    sizes = map(ctypes.c_long, (*omega0.shape, steps))
+    _library().eliminate(*arrays[:2], *sizes, *arrays[2:], ctypes.c_double(eps))
+    return final
+
+
+def numpy_solve(body, omega0, eps, steps):
+    """Final states in n dimensions, by NumPy's batched solver."""
+    J, I, omega = body.J, body.I, omega0
+    for _ in range(steps):
+        p = (omega @ I)[:, None, None]
+        A = eps / (2 * J[:, None]) * (2 * I[:, None] * omega[:, None] - I * omega[..., None])
+        A = A + np.eye(len(J)) * (1 - eps * p / (2 * J))
+        omega = np.linalg.solve(A, omega[..., None])[..., 0]
+    return omega
 
 
 K1, K2, K3, K4 = EPS * I13 / (2 * I1), EPS * I23 / (2 * I2), EPS * I23 / I1, EPS * I13 / I2

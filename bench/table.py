@@ -1,6 +1,6 @@
-"""Measure this package beside its peers, and write the table of the README.
+"""Measure this package beside its peers, and write the tables of the README.
 
-`python bench/table.py` prints the table; with `--write` it also replaces the one in README.md.
+`python bench/table.py` prints the tables; with `--write` it also replaces those in README.md.
 All rows are measured in turn, in several rounds of one run; the best round counts.
 """
 
@@ -13,8 +13,15 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from peers import c_functions, numba_prange, numpy_batch, python_loop
-from problem import BODY, EPS, starts
+from peers import (
+    c_elimination,
+    c_functions,
+    numba_prange,
+    numpy_batch,
+    numpy_solve,
+    python_loop,
+)
+from problem import BODY, EPS, problem_nd, starts
 
 import suslov_fast
 
@@ -103,6 +110,51 @@ def table(results):
     return "\n".join(lines)
 
 
+BEGIN_ND, END_ND = (
+    "<!-- begin of the table in n dimensions -->",
+    "<!-- end of the table in n dimensions -->",
+)
+COMPONENTS = (2, 4, 8, 16, 32, 64)
+CANDIDATES_ND = {
+    "**suslov_fast**, `rank2`": lambda *problem: ours_nd(*problem, "rank2"),
+    "**suslov_fast**, `gauss`": lambda *problem: ours_nd(*problem, "gauss"),
+    "C, elimination": c_elimination,
+    "NumPy, `linalg.solve`": numpy_solve,
+}
+
+
+def ours_nd(body, omega0, eps, steps, method):
+    """Final states in n dimensions, on one thread."""
+    options = {"save_every": None, "method": method, "threads": 1}
+    return suslov_fast.iterate(body, omega0, eps, steps, **options).final
+
+
+def table_nd():
+    """Nanoseconds per step in n dimensions, one thread."""
+    rows = {name: [] for name in CANDIDATES_ND}
+    for m in COMPONENTS:
+        body, omega0 = problem_nd(m, 512)
+        best = dict.fromkeys(CANDIDATES_ND, np.inf)
+        for _ in range(ROUNDS):
+            for name, call in CANDIDATES_ND.items():
+                steps = max(3, 2000 // m if "rank2" in name else 4000 // m**2)
+                begin = time.perf_counter()
+                call(body, omega0, 0.1, steps)
+                best[name] = min(best[name], (time.perf_counter() - begin) / (512 * steps))
+        for name, seconds in best.items():
+            rows[name].append(f"{seconds * 1e9:.3g}")
+    lines = [
+        BEGIN_ND,
+        "In n dimensions, nanoseconds per step of one trajectory, 512 trajectories on one thread:",
+        "",
+        "| n - 1 = | " + " | ".join(map(str, COMPONENTS)) + " |",
+        "|---|" + "---:|" * len(COMPONENTS),
+        *(f"| {name} | " + " | ".join(row) + " |" for name, row in rows.items()),
+        END_ND,
+    ]
+    return "\n".join(lines)
+
+
 def processor():
     """The name of the processor, as far as the system tells."""
     try:
@@ -117,14 +169,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
     options = parser.parse_args()
-    text = table(measure())
-    print(text)
+    tables = [(BEGIN, END, table(measure())), (BEGIN_ND, END_ND, table_nd())]
+    readme = Path(__file__).parent.parent / "README.md"
+    content = readme.read_text(encoding="utf-8")
+    for begin, end, text in tables:
+        print(text)
+        head, rest = content.split(begin)
+        _, tail = rest.split(end)
+        content = head + text + tail
     if options.write:
-        readme = Path(__file__).parent.parent / "README.md"
-        content = readme.read_text()
-        head, rest = content.split(BEGIN)
-        _, tail = rest.split(END)
-        readme.write_text(head + text + tail)
+        readme.write_text(content, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -157,6 +157,13 @@ def modified_energy(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     2.122757837035
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    return modified_energy_of(body, state, step_size, batch)
+
+
+def modified_energy_of(
+    body: Body, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
+) -> FloatArray:
+    """The modified energy of states that are checked already, or that may hold NaN."""
     if isinstance(body, SuslovND):
         return _nd.modified_energy(body, state, step_size)
     X = _canonical(body, state, step_size, batch)[..., 0]

@@ -31,7 +31,7 @@ def run(*arguments, command=COMMAND, folder=None, **environment):
 def summary(text):
     rows = {}
     for line in text.splitlines():
-        rows.setdefault(line[:14].strip(), []).append(line[14:].strip())
+        rows.setdefault(line[:16].strip(), []).append(line[16:].strip())
     return rows
 
 
@@ -102,6 +102,35 @@ def test_pictures_as_bodies(picture):
     assert summary(done.stdout)["trajectories"] == ["10"]
 
 
+def test_run_in_n_dimensions(tmp_path):
+    matrix = np.diag([1.0, 2.0, 3.0, 4.0])
+    matrix[:3, 3] = matrix[3, :3] = [0.4, -0.7, 0.5]
+    np.savetxt(tmp_path / "inertia.csv", matrix, delimiter=",")
+    np.save(tmp_path / "starts.npy", np.ones((5, 3)))
+    of_file = run(
+        *"run --inertia inertia.csv --eps 0.2 --steps 50 -o a.npz".split(), folder=tmp_path
+    )
+    of_lists = run(
+        *"run --J 5,6,7 --I 0.4,-0.7,0.5 --eps 0.2 --steps 50 -o b.npz".split(), folder=tmp_path
+    )
+    assert of_file.returncode == 0, of_file.stderr
+    rows = summary(of_file.stdout)
+    assert rows["body"] == ["n = 4, J = [5. 6. 7.], I = [ 0.4 -0.7  0.5]"]
+    energy, modified = (
+        float(rows[name][0].split(",")[0]) for name in ("drift of E", "drift of E_mod")
+    )
+    assert 0 < modified < energy < 1
+    with np.load(tmp_path / "a.npz") as a, np.load(tmp_path / "b.npz") as b:
+        assert (a["omega"] == b["omega"]).all()
+        assert a["J"].tolist() == [5, 6, 7]
+    assert summary(of_lists.stdout)["drift of E"] == rows["drift of E"]
+    own = "--initial starts.npy --method gauss --save-every 10".split()
+    done = run(
+        *"run --J 5,6,7 --I 0.4,-0.7,-5e-1 --eps 0.2 --steps 50".split(), *own, folder=tmp_path
+    )
+    assert summary(done.stdout)["trajectories"] == ["5"]
+
+
 def test_seeds(tmp_path):
     for name, seed in (("a", 3), ("b", 3), ("c", 4)):
         run(
@@ -132,7 +161,7 @@ BAD = [
     ("run --picture one", "--picture: expected 1, 2, 3 or 4, got 'one'"),
     ("run --I1 4", "expected all of --I1 --I2 --I13 --I23 --eps or none, got no --I2 --I13"),
     ("run --I1 4 --I2 1 --I13 1 --I23 1", "got no --eps"),
-    ("run --picture 1 --I1 4", "expected either --picture or the body's parameters, got --I1 too"),
+    ("run --picture 1 --I1 4", "expected one body, got --picture and --I1"),
     ("run --I1 0 --I2 1 --I13 1 --I23 1 --eps 1", "--I1: expected a positive number, got '0'"),
     ("run --I1 x --I2 1 --I13 1 --I23 1 --eps 1", "--I1: expected a positive number, got 'x'"),
     ("run --eps nan", "--eps: expected a finite number, got 'nan'"),
@@ -147,12 +176,12 @@ BAD = [
     ("run --seed -3", "--seed: expected an integer of at least 0, got '-3'"),
     ("run --threads 0", "--threads: expected an integer of at least 1, got '0'"),
     ("run --threads 100000", "--threads: expected at most"),
-    ("run --method rk4", "--method: invalid choice: 'rk4'"),
+    ("run --method rk4", "--method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'"),
     ("run --initial missing.npy", "missing.npy: expected a readable file, got: No such file"),
     ("run --initial folder.npy", "folder.npy: expected a readable file, got: Is a directory"),
     ("run --initial starts.txt", "starts.txt: expected a .npy or .csv file, got '.txt'"),
     ("run --initial three.npy", "three.npy: states: expected shape (..., 2), got (4, 3)"),
-    ("run --initial flat.npy", "flat.npy: expected two columns, got an array of shape (4,)"),
+    ("run --initial flat.npy", "flat.npy: expected 2 columns, got an array of shape (4,)"),
     ("run --initial complex.npy", "complex.npy: states: expected real numbers"),
     ("run --initial objects.npy", "save writes it, got: Object arrays cannot be loaded"),
     ("run --initial nan.csv", "nan.csv: states: expected finite real numbers, got nan at index"),
@@ -170,6 +199,15 @@ BAD = [
     ("run --initial cut.npy", "cut.npy:"),
     ("run --initial good.npy --trajectories 3", "expected either --initial or --trajectories"),
     ("run --initial good.npy --seed 3", "expected either --initial or --seed, got both"),
+    ("run --J 1,2,3 --eps 0.1", "expected all of --J --I --eps or none, got no --I"),
+    ("run --J 1,2,3 --I 1,2 --eps 0.1", "expected shapes (..., n - 1) with the same n > 1"),
+    ("run --J 1,-2 --I 1,2 --eps 0.1", "J: expected positive sums I_ii + I_nn, got -2.0"),
+    ("run --J 1,x --I 1,2 --eps 0.1", "--J: expected a finite number, got 'x'"),
+    ("run --J 1,2 --I 1,2 --eps 0.1 --method ds2", "--method: expected one of 'auto', 'gauss'"),
+    ("run --inertia good.npy --eps 0.1", "good.npy: I: expected shape (n, n), got (4, 2)"),
+    ("run --inertia missing.npy --eps 0.1", "missing.npy: expected a readable file"),
+    ("run --inertia good.npy", "expected all of --inertia --eps or none, got no --eps"),
+    ("run --inertia three.npy --J 1 --eps 1", "expected one body, got --inertia and --J"),
     ("run -o missing/o.npz", "missing/o.npz: expected a name in a folder that can be written to"),
     ("run -o good.npy/o.npz", "good.npy/o.npz: expected a name in a folder"),
     ("run -o folder.npz", "folder.npz: expected the name of a file to write, got something else"),
@@ -288,9 +326,7 @@ def test_drift_beyond_float64(tmp_path):
     body = "--I1 1 --I2 1 --I13 0 --I23 0 --eps 1 --initial starts.csv".split()
     done = run("run", *body, "--steps", 3, folder=tmp_path)
     assert done.stderr == ""
-    assert summary(done.stdout)["drift of F"] == [
-        "0, largest relative; 2 states with F beyond float64"
-    ]
+    assert summary(done.stdout)["drift of F"] == ["0, largest relative; 2 states beyond float64"]
 
 
 def test_a_link_stays(tmp_path):
@@ -342,7 +378,11 @@ def test_pictures(tmp_path):
     matplotlib_image = pytest.importorskip("matplotlib.image")
     done = run("pictures", "-o", tmp_path / "new" / "folder")
     assert done.returncode == 0, done.stderr
-    names = [f"picture{k}.png" for k in (1, 2, 3, 4)] + ["regimes.png", "convergence.png"]
+    names = [f"picture{k}.png" for k in (1, 2, 3, 4)] + [
+        "regimes.png",
+        "convergence.png",
+        "four_dimensions.png",
+    ]
     assert done.stdout.split() == [str(tmp_path / "new" / "folder" / name) for name in names]
     assert sorted(path.name for path in (tmp_path / "new" / "folder").iterdir()) == sorted(names)
     for name in names:

@@ -67,6 +67,6 @@ def test_the_summary_has_the_lines_that_the_command_prints():
         timeout=60,
     )
     (shown,) = blocks("text")
-    assert [line[:14] for line in done.stdout.splitlines()] == [
-        line[:14] for line in shown.splitlines()
+    assert [line[:16] for line in done.stdout.splitlines()] == [
+        line[:16] for line in shown.splitlines()
     ]

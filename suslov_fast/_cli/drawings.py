@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from .._attitude import attitude
 from .._bodies import Suslov3D
-from .._conserved import criticality, energy
+from .._bodies_nd import SuslovND
+from .._conserved import criticality, energy, modified_energy
 from .._coordinates import from_xy, to_xy
 from .._exact import exact, flow
 from .._map import iterate
@@ -180,8 +181,53 @@ def _orientation(body: Suslov3D, omega0: list[float], time: float, steps: int) -
     return final
 
 
+def four_dimensions() -> Figure:
+    """Motion for n = 4, and how well the map keeps the energy and the modified energy."""
+    body = SuslovND(J=[1.0, 1.6, 2.2], I=[0.5, -0.3, 0.4])
+    figure = Figure(figsize=(11.5, 5.2), layout="constrained")
+    space: Any = figure.add_subplot(1, 2, 1, projection="3d")
+    E = 1.0
+    pole = body.I * np.sqrt(E / energy(body, body.I))
+    u, v = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 49), np.linspace(0.0, np.pi, 25))
+    sphere = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
+    radii = np.sqrt(2.0 * E / body.J)
+    space.plot_wireframe(*(radii[:, None, None] * sphere), color="grey", linewidth=0.3, alpha=0.5)
+    around = np.linalg.svd((body.J * pole)[None])[2][1:]  # tangent to the ellipsoid at the pole
+    turns = np.linspace(0.0, 2.0 * np.pi, 10)[:-1, None]
+    starts = pole + 0.05 * (np.cos(turns) * around[0] + np.sin(turns) * around[1])
+    starts = starts * np.sqrt(E / energy(body, starts))[:, None]
+    colours = colormaps["viridis"](np.linspace(0.15, 0.85, len(starts)))
+    for colour, orbit in zip(colours, iterate(body, starts, 0.2, 150).omega, strict=True):
+        space.plot(*orbit.T, ".-", color=colour, markersize=3.5, linewidth=0.6)
+    space.plot(*np.outer([-1.3, 1.3], pole).T, color=_LINE, linewidth=2.2)
+    for sign, text in ((1.38, "$+cI$"), (-1.38, "$-cI$")):
+        space.text(*(sign * pole), text, color=_LINE, fontsize=12)
+    space.set(xlabel=r"$\Omega_{14}$", ylabel=r"$\Omega_{24}$", zlabel=r"$\Omega_{34}$")
+    space.set_title("n = 4: from $+cI$ to $-cI$ on the energy ellipsoid")
+    space.set_box_aspect(radii)
+    space.view_init(elev=18, azim=40)
+
+    axes: Any = figure.add_subplot(1, 2, 2)
+    time, eps = 25.6, 0.8 / 2.0 ** np.arange(8)
+    drifts: dict[str, list[float]] = {"energy": [], "modified energy": []}
+    for step_size in eps:
+        states = iterate(body, starts[0], step_size, round(time / step_size)).omega
+        drifts["energy"].append(np.ptp(energy(body, states)) / E)
+        drifts["modified energy"].append(np.ptp(modified_energy(body, states, step_size)) / E)
+    for (name, drift), order, style in zip(drifts.items(), (2, 4), ("ko-", "s-"), strict=True):
+        axes.loglog(eps, drift, style, label=name)
+        guide = 0.4 * drift[2] * (eps / eps[2]) ** order
+        axes.loglog(eps, guide, "--", color=_LINE, linewidth=1.0)
+        axes.annotate(rf"$\epsilon^{order}$", (eps[4], 0.4 * guide[4]), color=_LINE, fontsize=12)
+    axes.set(xlabel=r"$\epsilon$", ylabel="largest relative drift", title="What the map keeps")
+    axes.legend()
+    axes.grid(alpha=0.3)
+    return figure
+
+
 DRAWINGS: dict[str, Callable[[], Figure]] = {
     **{f"picture{number}": partial(picture_of_the_paper, number) for number in PICTURES},
     "regimes": regimes,
     "convergence": convergence,
+    "four_dimensions": four_dimensions,
 }

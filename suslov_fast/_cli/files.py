@@ -13,6 +13,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from .._bodies_nd import SuslovND
 from .._validation import FloatArray, vectors
 from .errors import UserError
 
@@ -54,18 +55,37 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
         beside.unlink(missing_ok=True)
 
 
-def read_states(path: Path) -> FloatArray:
-    """Angular velocities from a .npy or .csv file of two columns."""
-    readers = {".npy": _read_npy, ".csv": _read_csv}
-    if path.suffix.lower() not in readers:
-        raise UserError(f"{path}: expected a .npy or .csv file, got {path.suffix or 'no suffix'!r}")
-    try:
-        table = readers[path.suffix.lower()](path)
+def read_states(path: Path, dimension: int) -> FloatArray:
+    """Angular velocities from a .npy or .csv file, a column for each component."""
+    table = _read_table(path)
+    with _named(path):
         if not table.size:
             raise ValueError("expected at least one state, got none")
         if table.ndim != 2:
-            raise ValueError(f"expected two columns, got an array of shape {table.shape}")
-        return vectors("states", table, 2)
+            raise ValueError(f"expected {dimension} columns, got an array of shape {table.shape}")
+        return vectors("states", table, dimension)
+
+
+def read_body(path: Path) -> SuslovND:
+    """The body with an inertia matrix from a .npy or .csv file."""
+    table = _read_table(path)
+    with _named(path):
+        return SuslovND.from_inertia(table)[0]
+
+
+def _read_table(path: Path) -> FloatArray:
+    readers = {".npy": _read_npy, ".csv": _read_csv}
+    if path.suffix.lower() not in readers:
+        raise UserError(f"{path}: expected a .npy or .csv file, got {path.suffix or 'no suffix'!r}")
+    with _named(path):
+        return readers[path.suffix.lower()](path)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Errors of a file, with its name."""
+    try:
+        yield
     except OSError as error:
         raise UserError(f"{path}: expected a readable file, got: {error.strerror}") from error
     except (ValueError, TypeError, EOFError) as error:

@@ -1,4 +1,4 @@
-"""`suslov-fast pictures`: draw the paper's four pictures, and two of what it proves."""
+"""`suslov-fast pictures`: draw the paper's four pictures, and three of what follows."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ def add_to(commands: Any) -> None:
     """Add the command to a parser."""
     parser = commands.add_parser(
         "pictures",
-        help="draw the paper's four pictures, and two more",
+        help="draw the paper's four pictures, and three more",
         description=(
             "Draw the four pictures of the paper as DIR/picture1.png ... picture4.png, an orbit in "
-            "each regime with its closed form as regimes.png, and the order of the map as "
-            "convergence.png."
+            "each regime with its closed form as regimes.png, the order of the map as "
+            "convergence.png, and motion for n = 4 as four_dimensions.png."
         ),
     )
     parser.set_defaults(command=pictures)

@@ -29,6 +29,11 @@ def positive(text: str) -> float:
     return value
 
 
+def numbers(text: str) -> list[float]:
+    """Read finite numbers separated by commas."""
+    return [number(part) for part in text.split(",")]
+
+
 def integer(minimum: int) -> Callable[[str], int]:
     """Make a reader of integers of at least `minimum`."""
 

@@ -30,6 +30,8 @@ GAUSS, RANK2 = range(2)
 OK, SINGULAR, NONFINITE = 0, -1, -2
 
 LANES = 32
+# With more components than this a block takes fewer lanes, for its cells to stay in L1 and L2.
+LARGE = 56
 
 J_, I_, OMEGA, WORK = range(4)
 EPS, P, SQUARE, ALPHA, BETA, GAMMA, MARGIN = range(7)
@@ -147,7 +149,8 @@ def step_gauss(cells, sums, lanes, matrix):
 
 
 @inlined_part
-def step_rank2(cells, sums, lanes):
+def sum_up(cells, sums, lanes):
+    """The sums of the O(n) step, with 1/d as work, and the two unknowns that follow."""
     add_up(cells, sums, lanes)
     for l in range(lanes):
         sums[ALPHA, l], sums[BETA, l], sums[GAMMA, l], sums[MARGIN, l] = 0.0, 0.0, 0.0, np.inf
@@ -172,6 +175,15 @@ def step_rank2(cells, sums, lanes):
             sums[BETA, l],
             sums[GAMMA, l],
         )
+
+
+@part
+def is_accurate(sums, l):
+    return sums[MARGIN, l] > 0.0 and sums[GAMMA, l] > FAR * FAR
+
+
+@inlined_part
+def take_increments(cells, sums, lanes):
     for i in range(cells.shape[0]):
         for l in range(lanes):
             cells[i, WORK, l] = increment(
@@ -182,6 +194,36 @@ def step_rank2(cells, sums, lanes):
                 sums[BETA, l],
                 cells[i, WORK, l],
             )
+
+
+@inlined_part
+def add_increments(cells, sums, lanes):
+    """The next states; a sum of them times 0 tells by NaN which are not finite."""
+    for l in range(lanes):
+        sums[MARGIN, l] = 0.0
+    for i in range(cells.shape[0]):
+        for l in range(lanes):
+            cells[i, OMEGA, l] += cells[i, WORK, l]
+            sums[MARGIN, l] += 0.0 * cells[i, OMEGA, l]
+
+
+@inlined_part
+def take_and_add_increments(cells, sums, lanes):
+    """Both at once, where no lane needs care."""
+    for l in range(lanes):
+        sums[MARGIN, l] = 0.0
+    for i in range(cells.shape[0]):
+        for l in range(lanes):
+            following = cells[i, OMEGA, l] + increment(
+                cells[i, I_, l],
+                cells[i, OMEGA, l],
+                sums[EPS, l],
+                sums[ALPHA, l],
+                sums[BETA, l],
+                cells[i, WORK, l],
+            )
+            cells[i, OMEGA, l] = following
+            sums[MARGIN, l] += 0.0 * following
 
 
 @part
@@ -306,9 +348,10 @@ def _iterate(
     failed_at   (B,), the first state that does not exist, where one does not; read and written.
     """
     m = omega.shape[1]
-    for block in prange((omega.shape[0] + LANES - 1) // LANES):
-        first = block * LANES
-        width = min(LANES, omega.shape[0] - first)
+    size = LANES if m <= LARGE else 2 * VECTOR
+    for block in prange((omega.shape[0] + size - 1) // size):
+        first = block * size
+        width = min(size, omega.shape[0] - first)
         lanes = (width + VECTOR - 1) // VECTOR * VECTOR
         cells, sums = np.empty((m, 4, LANES)), np.empty((7, LANES))
         matrix = new_matrix(m if method == GAUSS else 0)
@@ -320,18 +363,20 @@ def _iterate(
         for n in range(start + 1, stop + 1):
             if method == GAUSS:
                 step_gauss(cells, sums, lanes, matrix)
+                add_increments(cells, sums, lanes)
             else:
-                step_rank2(cells, sums, lanes)
+                sum_up(cells, sums, lanes)
+                careful = False
                 for l in range(width):
-                    accurate = sums[MARGIN, l] > 0.0 and sums[GAMMA, l] > FAR * FAR
-                    if not accurate and status[first + l] == OK:
-                        step_carefully(cells, sums, l)
-            for l in range(lanes):
-                sums[MARGIN, l] = 0.0
-            for i in range(m):
-                for l in range(lanes):
-                    cells[i, OMEGA, l] += cells[i, WORK, l]
-                    sums[MARGIN, l] += 0.0 * cells[i, OMEGA, l]
+                    careful |= not is_accurate(sums, l) and status[first + l] == OK
+                if careful:
+                    take_increments(cells, sums, lanes)
+                    for l in range(width):
+                        if not is_accurate(sums, l) and status[first + l] == OK:
+                            step_carefully(cells, sums, l)
+                    add_increments(cells, sums, lanes)
+                else:
+                    take_and_add_increments(cells, sums, lanes)
             for l in range(width):
                 if sums[MARGIN, l] != 0.0:  # NaN: some component is not finite
                     for i in range(m):

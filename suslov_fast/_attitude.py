@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -53,7 +55,9 @@ def attitude(
 
     Examples
     --------
-    >>> import numpy as np
+    >>> import math
+
+    import numpy as np
     >>> from suslov_fast import Suslov3D, attitude, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)
@@ -76,7 +80,7 @@ def attitude(
         R0=() if start is None else start.shape[:-2],
     )
     length = states.shape[-2]
-    size = int(np.prod(batch, dtype=np.int64))
+    size = math.prod(batch)
     flat = np.broadcast_to(states, (*batch, length, m)).reshape(size, length, m)
     flat = np.require(flat, np.float64, ["C", "A", "W"])
     turns = np.empty((size, length, m + 1, m + 1))

@@ -67,7 +67,7 @@ class Suslov3D:
         """The number of components of a state."""
         return 2
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
         return np.broadcast_shapes(*(np.shape(parameter) for parameter in self.parameters))

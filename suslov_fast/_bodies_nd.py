@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,7 @@ class SuslovND:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
         return np.broadcast_shapes(self.J.shape[:-1], self.I.shape[:-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,7 +23,8 @@ def flat_parameter(array: FloatArray, batch: tuple[int, ...], order: str) -> Flo
 def flat_vectors(array: FloatArray, batch: tuple[int, ...], order: str) -> FloatArray:
     """Vectors as a (B, D) array."""
     dimension = array.shape[-1]
-    full = np.broadcast_to(array, (*batch, dimension))
+    shape = (*batch, dimension)
+    full = array if array.shape == shape else np.broadcast_to(array, shape)
     if order == "F":
         full = full.transpose(*reversed(range(len(batch))), len(batch))
     return _for_kernel(full.reshape(-1, dimension))
@@ -30,6 +32,9 @@ def flat_vectors(array: FloatArray, batch: tuple[int, ...], order: str) -> Float
 
 def _for_kernel(array: FloatArray) -> FloatArray:
     # One type of array for every input: each other one would compile the kernels again.
+    flags = array.flags
+    if flags.c_contiguous and flags.aligned and flags.writeable:
+        return array
     return np.require(array, np.float64, ["C", "A", "W"])
 
 
@@ -63,7 +68,7 @@ def saved_states(shape: tuple[int, ...], order: str, out: FloatArray | None) -> 
 def flat_saved_states(array: FloatArray, order: str) -> FloatArray:
     """A view of the saved states: (B, n_saved, D), or (D, n_saved, B) in order "F"."""
     *batch, n_saved, dimension = array.shape
-    size = int(np.prod(batch, dtype=np.int64))
+    size = math.prod(batch)
     if order == "C":
         return array.reshape(size, n_saved, dimension)
     return array.T.reshape(dimension, n_saved, size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -227,7 +228,7 @@ def _iterate(
     n_saved = 1 if save_every is None else steps // save_every + 1
     shape = (*batch, n_saved, body.dimension)
     try:
-        if np.prod(shape, dtype=float) > 2**60:  # more than NumPy could even ask for
+        if math.prod(shape) > 2**60:  # more than NumPy could even ask for
             raise MemoryError
         n = np.arange(n_saved) * (save_every or 1) + (steps if save_every is None else 0)
         saved = None
@@ -341,7 +342,7 @@ def _run_nd(problem: _Problem) -> _Results:
         for each in problem.body.parameters
     )
     final = np.empty((size, m))
-    status, failed_at = np.zeros(size, np.int8), np.full(size, -1)
+    status, failed_at = np.full(size, Status.OK, np.int8), np.full(size, -1)
     states = problem.states
     work = float(m**3 if method == loops_nd.GAUSS else 8 * m)
     for start, stop in problem.slices(work):

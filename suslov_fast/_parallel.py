@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import numba
-import numpy as np
 
 from ._core.jit import Loop
 from ._validation import integer
@@ -43,11 +42,10 @@ def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
         or not _may_use_threads
         or not _one_at_a_time.acquire(blocking=False)
     ):
-        with np.errstate(all="ignore"):  # compiled code never warns; interpreted, it would
-            loop.serial(*arguments)
+        loop.serial(*arguments)
         return
     try:
-        with _numba_threads(threads), np.errstate(all="ignore"):
+        with _numba_threads(threads):
             loop.parallel(*arguments)
     finally:
         _one_at_a_time.release()

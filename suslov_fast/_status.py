@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from ._core import loops_map as loops
+from ._core import codes
 
 if TYPE_CHECKING:
     from ._trajectories import Trajectories
@@ -21,10 +21,10 @@ class Status(IntEnum):
     'singular step: the state lies on a pole of the map and has no next state'
     """
 
-    OK = loops.OK
-    SUPERCRITICAL = loops.SUPERCRITICAL
-    SINGULAR = loops.SINGULAR
-    NONFINITE = loops.NONFINITE
+    OK = codes.OK
+    SUPERCRITICAL = codes.SUPERCRITICAL
+    SINGULAR = codes.SINGULAR
+    NONFINITE = codes.NONFINITE
 
     @property
     def message(self) -> str:

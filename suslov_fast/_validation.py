@@ -27,10 +27,11 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
         raise TypeError(
             f"{name}: expected real numbers, got {_short(value)} of dtype {array.dtype}"
         )
-    if np.ma.is_masked(value):
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
-        array = array.astype(np.float64, copy=False)
+    if array.dtype != np.float64:
+        with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
+            array = array.astype(np.float64)
     finite = ~np.isinf(array) if allow_nan else np.isfinite(array)
     if not finite.all():
         index = tuple(int(i) for i in np.argwhere(~finite)[0])

@@ -107,12 +107,9 @@ def test_run_in_n_dimensions(tmp_path):
     matrix[:3, 3] = matrix[3, :3] = [0.4, -0.7, 0.5]
     np.savetxt(tmp_path / "inertia.csv", matrix, delimiter=",")
     np.save(tmp_path / "starts.npy", np.ones((5, 3)))
-    of_file = run(
-        *"run --inertia inertia.csv --eps 0.2 --steps 50 -o a.npz".split(), folder=tmp_path
-    )
-    of_lists = run(
-        *"run --J 5,6,7 --I 0.4,-0.7,0.5 --eps 0.2 --steps 50 -o b.npz".split(), folder=tmp_path
-    )
+    few = "--eps 0.2 --steps 50 --trajectories 40".split()
+    of_file = run(*"run --inertia inertia.csv -o a.npz".split(), *few, folder=tmp_path)
+    of_lists = run(*"run --J 5,6,7 --I 0.4,-0.7,0.5 -o b.npz".split(), *few, folder=tmp_path)
     assert of_file.returncode == 0, of_file.stderr
     rows = summary(of_file.stdout)
     assert rows["body"] == ["n = 4, J = [5. 6. 7.], I = [ 0.4 -0.7  0.5]"]
@@ -124,10 +121,8 @@ def test_run_in_n_dimensions(tmp_path):
         assert (a["omega"] == b["omega"]).all()
         assert a["J"].tolist() == [5, 6, 7]
     assert summary(of_lists.stdout)["drift of E"] == rows["drift of E"]
-    own = "--initial starts.npy --method gauss --save-every 10".split()
-    done = run(
-        *"run --J 5,6,7 --I 0.4,-0.7,-5e-1 --eps 0.2 --steps 50".split(), *own, folder=tmp_path
-    )
+    own = "--eps 0.2 --steps 50 --initial starts.npy --method gauss --save-every 10".split()
+    done = run(*"run --J 5,6,7 --I 0.4,-0.7,-5e-1".split(), *own, folder=tmp_path)
     assert summary(done.stdout)["trajectories"] == ["5"]
 
 

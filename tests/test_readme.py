@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -24,6 +25,7 @@ def test_every_block_is_of_a_known_kind():
     assert {name for name, _ in BLOCKS} == {"python", "sh", "sh setup", "text"}
 
 
+@pytest.mark.compiled
 def test_python_blocks():
     """One after the other, as a reader would."""
     names = {}
@@ -35,6 +37,7 @@ def test_python_blocks():
         assert printed.getvalue().splitlines() == expected
 
 
+@pytest.mark.compiled
 def test_shell_blocks(tmp_path):
     folder = Path(sys.executable).parent
     for line in "".join(blocks("sh")).splitlines():

@@ -43,7 +43,7 @@ BAD_ARGUMENTS = [
     ({"eps": NAN}, ValueError, "eps: expected finite real numbers, got nan"),
     ({"eps": 0.1j}, TypeError, "eps: expected real numbers, got 0.1j"),
     ({"eps": "0.1"}, TypeError, "eps: expected real numbers, got '0.1'"),
-    ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), eps \(3,\), omega0 \(2,\)"),
+    ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), omega0 \(2,\), eps \(3,\)"),
     ({"steps": -1}, ValueError, "steps: expected an integer of at least 0, got -1"),
     ({"steps": 10.0}, TypeError, "steps: expected an integer of at least 0, got 10.0 of type float"),
     ({"steps": "10"}, TypeError, "steps: expected an integer of at least 0, got '10' of type str"),

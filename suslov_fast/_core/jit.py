@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numba
+import numpy as np
 from numba import config
 from numba.core.caching import FunctionCache
 from numba.extending import register_jitable
@@ -57,11 +58,12 @@ def _cached(function, build, parallel):
         function.__code__, function.__globals__, f"{function.__name__}_{build}"
     )
     named.__qualname__ = named.__name__
+    if config.DISABLE_JIT:
+        return np.errstate(all="ignore")(named)  # compiled code does not warn either
     compiled = numba.njit(parallel=parallel, **_OPTIONS)(named)
-    if not config.DISABLE_JIT:
-        # No writable folder, or a Numba whose cache works otherwise: compile in each process.
-        with suppress(RuntimeError, AttributeError, OSError):
-            compiled._cache = _KernelCache(named)
+    # No writable folder, or a Numba whose cache works otherwise: compile in each process.
+    with suppress(RuntimeError, AttributeError, OSError):
+        compiled._cache = _KernelCache(named)
     return compiled
 
 

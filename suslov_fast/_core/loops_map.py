@@ -17,7 +17,7 @@ given          (7, LANES): I1, I2, I13, I23, eps, omega1, omega2.
 state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Z).
 shift          (LANES,): c, where Z = c - Y.
 bound          (LANES,): for |X| + |Z|, beyond which omega would overflow.
-wild           (LANES,): whether the trajectory is not tame.
+wild           (LANES,): whether the trajectory is not tame; `beyond`: whether t >= 1.
 frame          (6, LANES): m11, m12, m21, m22, rest1, rest2, where omega = m state + rest.
 coefficients   (4, LANES): those of (ds2).
 tile           (TILE, 2, LANES): angular velocities to be written.
@@ -27,6 +27,7 @@ import numpy as np
 from numba import prange
 
 from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
+from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from .coordinates import at_rest, from_canonical, to_canonical
 from .jit import Loop, part
 from .printed_map import printed_coefficients, printed_denominator, printed_step
@@ -34,7 +35,6 @@ from .projective_map import projective_pair
 from .vector import VECTOR, aligned
 
 PRINTED, CANONICAL, PROJECTIVE = range(3)
-OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
 
 # Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128

@@ -22,12 +22,13 @@ matrix   A and its right side, VECTOR lanes at a time, as a flat (m, m + 1, VECT
 import numpy as np
 from numba import prange
 
+from . import intrinsics  # noqa: F401  (compiles subtract_product)
+from .codes import NONFINITE, OK, SINGULAR
 from .jit import Loop, inlined_part, part
 from .nd_map import increment, of_coupling, of_omega, slope, solve2
 from .vector import VECTOR, aligned, subtract_product
 
 GAUSS, RANK2 = range(2)
-OK, SINGULAR, NONFINITE = 0, -1, -2
 
 LANES = 32
 # With more components than this a block takes fewer lanes, for its cells to stay in L1 and L2.

@@ -72,9 +72,9 @@ def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatA
     numbers = _times("n", n)
     if isinstance(body, SuslovND):
         reduction = reduce(body, "exact")
-        states = exact(reduction.three, reduction.state(state), step_size, numbers)
-        return _back(reduction, states, state, numbers)
-    states = _fill(body, state, step_size, batch, numbers, flow=False)
+        states = _fill_nd(reduction, state, step_size, batch, numbers, flow=False)
+    else:
+        states = _fill(body, state, step_size, batch, numbers, flow=False)
     missing = np.isnan(states[..., 0])
     if missing.any():
         between = numbers != np.floor(numbers)
@@ -124,11 +124,10 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
+    times = _times("t", t)
     if isinstance(body, SuslovND):
-        reduction, times = reduce(body, "flow"), _times("t", t)
-        states = flow(reduction.three, reduction.state(state), times)
-        return _back(reduction, states, state, times)
-    return _fill(body, state, np.array(1.0), batch, _times("t", t), flow=True)
+        return _fill_nd(reduce(body, "flow"), state, np.array(1.0), batch, times, flow=True)
+    return _fill(body, state, np.array(1.0), batch, times, flow=True)
 
 
 def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -186,18 +185,6 @@ def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, F
     return np.where(moves, far, state), np.where(moves, -far, state)
 
 
-def _back(
-    reduction: Reduction, states: FloatArray, state: FloatArray, times: FloatArray
-) -> FloatArray:
-    """States of an n-dimensional body; at time 0 the given one itself."""
-    if times.ndim == 0:
-        moved = reduction.back(states, state)
-        return moved if times != 0 else np.broadcast_to(state, moved.shape).copy()
-    over_time = reduce(reduction.body.along_time(), "")
-    moved = over_time.back(states, state[..., np.newaxis, :])
-    return np.where((times == 0)[:, np.newaxis], state[..., np.newaxis, :], moved)
-
-
 def _times(name: str, value: ArrayLike) -> FloatArray:
     times = real_array(name, value)
     if times.ndim > 1:
@@ -228,6 +215,22 @@ def _fill(
         out,
     )
     return out.reshape((*batch, *times.shape, 2))
+
+
+def _fill_nd(
+    reduction: Reduction,
+    state: FloatArray,
+    step_size: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    flow: bool,
+) -> FloatArray:
+    """The same for an n-dimensional body; at time 0 the given state itself."""
+    of_three = _fill(reduction.three, reduction.state(state), step_size, batch, times, flow)
+    if times.ndim:
+        reduction, state = reduce(reduction.body.along_time(), ""), state[..., np.newaxis, :]
+    states = reduction.back(of_three, state)
+    return np.where((times == 0)[..., np.newaxis], state, states)
 
 
 def _warn(missing: FloatArray, what: str, category: type[Warning]) -> None:

@@ -55,9 +55,7 @@ def attitude(
 
     Examples
     --------
-    >>> import math
-
-    import numpy as np
+    >>> import numpy as np
     >>> from suslov_fast import Suslov3D, attitude, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)

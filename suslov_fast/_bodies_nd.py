@@ -100,7 +100,9 @@ class SuslovND:
         ----------
         I : array_like(float, shape=(n, n))
             Symmetric inertia matrix in any basis fixed in the body; positive definite, unless it
-            is in the form of the paper already.
+            is in the form of the paper already. It is the I of M = I Omega + Omega I, the second
+            moments of mass; for n = 3 that is not the inertia tensor T of
+            :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
         a : array_like(float, shape=(n,)), optional
             The axis that becomes e_n, of any length but 0; by default e_n itself.
 
@@ -140,13 +142,13 @@ class SuslovND:
             if axis.ndim != 1:
                 raise ValueError(f"a: expected shape ({n},), got {axis.shape}")
             rotation = _shortest_rotation_to_last(axis)
-        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
+        block = (matrix if a is None else rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
             inertia_matrix("I", matrix, positive=True)
             turn = np.eye(n)
             turn[:-1, :-1] = _principal_axes(block)
             rotation = turn @ rotation
-        adapted = rotation @ matrix @ rotation.T
+        adapted = matrix if (rotation == np.eye(n)).all() else rotation @ matrix @ rotation.T
         diagonal = np.diag(adapted)
         return cls(diagonal[:-1] + diagonal[-1], adapted[:-1, -1]), rotation
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _nd
@@ -9,7 +10,7 @@ from ._arguments import Body, check, components
 from ._bodies_nd import SuslovND
 from ._core import continuous
 from ._elementwise import evaluate
-from ._map import step
+from ._map import next_states
 from ._validation import FloatArray
 
 
@@ -97,7 +98,7 @@ def reaction(
     """
     if omega_next is None:
         (state,), batch = check(body, {"omega": omega})
-        following = state if eps is None else step(body, state, eps)
+        following = state if eps is None else next_states(body, state, eps, stacklevel=3)
         batch = following.shape[:-1] if eps is not None else batch
     elif eps is None:
         raise ValueError("eps: expected a step size together with omega_next, got None")
@@ -106,7 +107,8 @@ def reaction(
             body, {"omega": omega, "omega_next": omega_next}, {"eps": eps}
         )
     if isinstance(body, SuslovND):
-        return _nd.reaction(body, state, following)
+        m = body.dimension
+        return np.broadcast_to(_nd.reaction(body, state, following), (*batch, m, m)).copy()
     return evaluate(
         continuous.reaction, batch, *body.parameters, *components(state), *components(following)
     )

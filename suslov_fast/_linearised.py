@@ -10,7 +10,7 @@ from ._arguments import Body, check, components
 from ._bodies_nd import SuslovND
 from ._core import linearised
 from ._elementwise import evaluate, without_poles
-from ._map import step
+from ._map import next_states
 from ._validation import FloatArray
 
 
@@ -52,7 +52,7 @@ def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     if isinstance(body, SuslovND):
-        following = step(body, state, step_size)
+        following = next_states(body, state, step_size, stacklevel=3)
         return _nd.jacobian(body, state, following, step_size)
     parameters = (*body.normalised, body.normalised_eps(step_size))
     entries = evaluate(linearised.jacobian, batch, *parameters, *components(state))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,8 +35,10 @@ Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 Order = Literal["C", "F"]
 OnSingular = Literal["warn", "raise", "ignore"]
 
-# Between two slices of this many lane-steps (some 10 ms to 300 ms) Python looks for Ctrl-C.
+# Python looks for Ctrl-C between slices, the first of so many lane-steps: some 10 ms to 300 ms.
 _SLICE = 2**27
+# Slices that take less or more seconds than these are followed by longer or shorter ones.
+_SHORT, _LONG = 0.05, 0.2
 # What a saved state costs, in steps.
 _SAVING = 8
 
@@ -69,8 +72,13 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.013781, 0.372248])
     """
+    return next_states(body, omega, eps, stacklevel=3)
+
+
+def next_states(body: Body, omega: ArrayLike, eps: ArrayLike, stacklevel: int) -> FloatArray:
+    """One step, for functions that need it; `stacklevel` says whom its warning points at."""
     trajectories = _iterate(body, "omega", omega, eps, 1, None, "auto", "C", None, None, None)
-    _report(trajectories, "warn", stacklevel=2)
+    _report(trajectories, "warn", stacklevel)
     return trajectories.final
 
 
@@ -114,7 +122,8 @@ def iterate(
         a third faster, and agrees to rounding.
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
-        "rank2", which was measured to be faster for every n.
+        "rank2", which was measured to be faster for every n where not several J_i - eps p / 2
+        nearly vanish at once; there both eliminate.
     order : {"C", "F"}
         Memory order of the array that is allocated; "F" makes the batch the fastest axis.
     out : ndarray(float64, shape=(..., n_saved, D)), optional
@@ -177,18 +186,27 @@ class _Problem:
     def slices(self, work: float) -> Iterator[tuple[int, int]]:
         """Parts (start, stop) of the run, between which Python looks for Ctrl-C.
 
-        `work` is that of a step of one trajectory, in steps of the 3D map. Cuts fall on states of
-        even number, which the loops go on from bit for bit.
+        `work` is that of a step of one trajectory at worst, in steps of the 3D map; where steps
+        turn out to be cheaper, slices grow. Cuts fall on states of even number, which the loops go
+        on from bit for bit.
         """
         if self.save_every is not None:
             work += _SAVING / self.save_every
         # Few trajectories take as long as half a block.
-        length = _SLICE / (work * max(len(self.states), loops_map.LANES // 2))
-        length = self.steps if self.steps <= length else max(2, int(length) // 2 * 2)
+        length = int(_SLICE / (work * max(len(self.states), loops_map.LANES // 2)))
         with reporter(self.progress, self.steps) as report:
-            for start in range(0, max(self.steps, 1), max(length, 1)):
+            stop = -1
+            while stop < self.steps:
+                length = max(2, length // 2 * 2)
+                start = max(stop, 0)
                 stop = min(start + length, self.steps)
+                begin = time.perf_counter()
                 yield start, stop
+                seconds = time.perf_counter() - begin
+                if seconds < _SHORT:
+                    length *= 2
+                elif seconds > _LONG:
+                    length //= 2
                 report(stop)
 
     @property
@@ -344,11 +362,11 @@ def _run_nd(problem: _Problem) -> _Results:
     final = np.empty((size, m))
     status, failed_at = np.full(size, Status.OK, np.int8), np.full(size, -1)
     states = problem.states
-    work = float(m**3 if method == loops_nd.GAUSS else 8 * m)
-    for start, stop in problem.slices(work):
+    # Either method may have to eliminate at each step.
+    for start, stop in problem.slices(float(m**3)):
         _parallel.run(
             loops_nd.iterate,
-            problem.shared_work(loops_nd.LANES, (stop - start) * work),
+            problem.shared_work(loops_nd.LANES // 2, (stop - start) * 8.0 * m),
             problem.threads,
             method,
             J,

@@ -8,6 +8,7 @@ import numpy as np
 
 from ._bodies import Suslov3D
 from ._bodies_nd import SuslovND
+from ._core.coordinates import sum_of_products
 from ._layout import first_index, spell
 from ._validation import FloatArray
 
@@ -37,33 +38,56 @@ class Reduction:
         """The state (..., 2) of the three-dimensional body."""
         if self.body.dimension == 2:
             return np.stack([-omega[..., 1], omega[..., 0]], axis=-1)
-        along, _, length = self._parts(omega)
-        x = np.sqrt((self.body.I**2).sum(axis=-1)) * length
+        along, across = self._parts(omega)
         # The body `three` has I13 = 0, I23 = 1 and I1 = I2 = sqrt(a b): x = Omega2, y = I1 Omega1.
-        return np.stack(np.broadcast_arrays(self.b * along / self.three.I1, x), axis=-1)
+        y, x = self.b * self._norm * along, self._norm * _length(across)
+        return np.stack(np.broadcast_arrays(y / self.three.I1, x), axis=-1)
 
     def back(self, state: FloatArray, omega: FloatArray) -> FloatArray:
         """States (..., n - 1), from those of `three` and a state of the same orbit."""
         if self.body.dimension == 2:
             return np.stack([state[..., 1], -state[..., 0]], axis=-1)
-        _, across, length = self._parts(omega)
-        square = (self.body.I**2).sum(axis=-1)
+        _, across = self._parts(omega)
+        length = _length(across)
         with np.errstate(all="ignore"):
-            p = self.three.I1 * state[..., 0] / self.b
-            stretch = state[..., 1] / (np.sqrt(square) * length)
-            along = (p / square)[..., np.newaxis] * self.body.I
-            moved = along + np.where(length > 0, stretch, 0.0)[..., np.newaxis] * across
-        return np.where((square > 0)[..., np.newaxis], moved, omega)
+            along = self.three.I1 * state[..., 0] / (self.b * self._norm)
+            stretch = np.where(length > 0, state[..., 1] / (self._norm * length), 0.0)
+            moved = along[..., np.newaxis] * self._unit + stretch[..., np.newaxis] * across
+        return np.where((self._norm > 0)[..., np.newaxis], moved, omega)
 
-    def _parts(self, omega: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """I.omega, the part of omega orthogonal to I, and its length."""
-        I = self.body.I
-        along = (I * omega).sum(axis=-1)
-        square = (I**2).sum(axis=-1)
+    @property
+    def _norm(self) -> FloatArray:
+        return _length(self.body.I)
+
+    @property
+    def _unit(self) -> FloatArray:
         with np.errstate(all="ignore"):
-            parallel = np.where(square > 0, along / square, 0.0)[..., np.newaxis] * I
-        across = omega - parallel
-        return along, across, np.sqrt((across**2).sum(axis=-1))
+            unit: FloatArray = np.nan_to_num(self.body.I / self._norm[..., np.newaxis])
+        return unit
+
+    def _parts(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The component of omega along I, and the vector orthogonal to I that is left.
+
+        The second one is made of the differences I_j omega_i - I_i omega_j, which are accurate next
+        to the steady states, where all of them vanish.
+        """
+        I, unit = self.body.I, self._unit
+        across: FloatArray = np.zeros(np.broadcast_shapes(I.shape, omega.shape))
+        coupled = np.flatnonzero((unit != 0).any(axis=tuple(range(unit.ndim - 1))))
+        with np.errstate(all="ignore"):
+            norm = self._norm[..., np.newaxis]
+            for j in coupled:
+                difference = sum_of_products(I[..., j : j + 1], omega, -I, omega[..., j : j + 1])
+                across += unit[..., j : j + 1] * np.where(norm > 0, difference / norm, omega)
+        return (unit * omega).sum(axis=-1), across
+
+
+def _length(v: FloatArray) -> FloatArray:
+    """The Euclidean length along the last axis, in the range of float64 whenever v is."""
+    largest = abs(v).max(axis=-1, keepdims=True)
+    with np.errstate(all="ignore"):
+        length = largest[..., 0] * np.sqrt((np.nan_to_num(v / largest) ** 2).sum(axis=-1))
+    return np.asarray(length)
 
 
 def reduce(body: SuslovND, function: str) -> Reduction:
@@ -72,7 +96,7 @@ def reduce(body: SuslovND, function: str) -> Reduction:
     if body.dimension == 2:
         three = Suslov3D(J[..., 1], J[..., 0], -I[..., 0], -I[..., 1])
         return Reduction(body, three, J[..., 1], J[..., 0])
-    norm = np.sqrt((I**2).sum(axis=-1, keepdims=True))
+    norm = _length(I)[..., np.newaxis]
     coupled = np.broadcast_to(abs(I) > _ROUNDING * norm, np.broadcast_shapes(I.shape, J.shape))
     count = coupled.sum(axis=-1)
     others = body.dimension - count
@@ -88,7 +112,7 @@ def reduce(body: SuslovND, function: str) -> Reduction:
             f"{function}: expected a body with all J equal, or with I along one axis and all other "
             f"J equal; body {which} is not, and no closed form is known for it: use iterate"
         )
-    s = np.sqrt(a * b)
+    s = np.sqrt(a) * np.sqrt(b)
     return Reduction(body, Suslov3D(s, s, 0.0, np.sign(norm[..., 0])), a, b)
 
 

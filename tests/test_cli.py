@@ -122,7 +122,7 @@ def test_run_in_n_dimensions(tmp_path):
         assert a["J"].tolist() == [5, 6, 7]
     assert summary(of_lists.stdout)["drift of E"] == rows["drift of E"]
     own = "--eps 0.2 --steps 50 --initial starts.npy --method gauss --save-every 10".split()
-    done = run(*"run --J 5,6,7 --I 0.4,-0.7,-5e-1".split(), *own, folder=tmp_path)
+    done = run(*"run --J 5,6,7 --I -0.4,-0.7,-5e-1".split(), *own, folder=tmp_path)
     assert summary(done.stdout)["trajectories"] == ["5"]
 
 

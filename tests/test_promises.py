@@ -112,7 +112,7 @@ def test_slices(rng, monkeypatch, method):
         save_every=7,
         progress=lambda *seen: slices.append(seen),
     )
-    assert len(slices) > 5
+    assert len(slices) > 3
     assert slices[-1] == (701, 701)
     assert same(whole.omega, sliced.omega)
     assert same(whole.final, sliced.final)

@@ -52,16 +52,17 @@ def _with_numbers_joined(arguments: Sequence[str] | None) -> list[str]:
     """Write `--eps -1e-3` as `--eps=-1e-3`: argparse takes some negative numbers for options."""
     joined: list[str] = []
     for argument in sys.argv[1:] if arguments is None else arguments:
-        if joined and joined[-1].startswith("--") and _is_negative_number(argument):
+        if joined and joined[-1].startswith("--") and _is_negative(argument):
             joined[-1] += f"={argument}"
         else:
             joined.append(argument)
     return joined
 
 
-def _is_negative_number(text: str) -> bool:
+def _is_negative(text: str) -> bool:
+    """Whether a number, or a list of numbers, begins with a minus."""
     try:
-        float(text)
+        [float(part) for part in text.split(",")]
     except ValueError:
         return False
     return text.startswith("-")

@@ -7,17 +7,22 @@ J, I     (B, m), or (1, m) where one body serves all: J_i = I_ii + I_nn and the 
 eps      (B,) or (1,).
 omega    (B, m), the states to start from.
 
-A step solves A(omega) delta = eps f(omega) for the increment delta, which is equation (dsn): then
-eps = 0 is the identity, and little is rounded.
+GAUSS solves A(omega) omega_next = omega, equation (dsn). RANK2 solves for the increment in O(n):
+then little is rounded while steps are small. Where they are not, where a d_i nearly vanishes or
+omega shrinks by orders of magnitude, it goes over to other ways, a lane at a time.
 
 Arrays of a block, lanes last. Rows that a loop goes through lie at fixed distances in one array, so
 that the compiler sees that they do not overlap:
 
-cells    (m, 4, LANES): J, I, omega, and work: 1/d, then delta.
-sums     (7, LANES): eps, p = I.omega, |omega|**2, and what the method makes of them.
+cells    (m, 4, LANES): J, I, omega, and work: 1/d, then the next omega. All in units of powers of
+         two in which they are of the order of 1.
+sums     (9, LANES): eps and the unit of omega, p = I.omega, |omega|**2 and its bound for small
+         steps, and what the method makes of them.
 matrix   A and its right side, VECTOR lanes at a time, as a flat (m, m + 1, VECTOR) array, and
          workspace: one vector of factors, omega, I.
 """
+
+import math
 
 import numpy as np
 from numba import prange
@@ -35,7 +40,7 @@ LANES = 32
 LARGE = 56
 
 J_, I_, OMEGA, WORK = range(4)
-EPS, P, SQUARE, ALPHA, BETA, GAMMA, MARGIN = range(7)
+EPS, UNIT, BOUND, P, SQUARE, ALPHA, BETA, GAMMA, MARGIN = range(9)
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
@@ -44,6 +49,8 @@ ZERO_TO_ROUNDING = 2.0**-50
 FAR = 0.25
 # With the component of the smallest |d_i| / J_i as a third unknown, the next may be this small.
 FAR_ENOUGH = 0.1
+# Steps are small where eps |I| |omega| / min J is below this: increments cancel at most so much.
+SMALL = 64.0
 
 
 @inlined_part
@@ -65,7 +72,7 @@ def new_matrix(m):
 
 @part
 def assemble(cells, sums, first, matrix):
-    """A and eps f of VECTOR lanes from `first` on."""
+    """A and omega of VECTOR lanes from `first` on."""
     m = cells.shape[0]
     row = (m + 1) * VECTOR
     factor = m * row
@@ -80,9 +87,7 @@ def assemble(cells, sums, first, matrix):
         for l in range(VECTOR):
             eps, p, J_i = sums[EPS, first + l], sums[P, first + l], cells[i, J_, first + l]
             matrix[i * row + i * VECTOR + l] = 1.0 - 0.5 * eps * p / J_i
-            matrix[i * row + m * VECTOR + l] = eps * slope(
-                J_i, cells[i, I_, first + l], cells[i, OMEGA, first + l], p, sums[SQUARE, first + l]
-            )
+            matrix[i * row + m * VECTOR + l] = cells[i, OMEGA, first + l]
             matrix[factor + l] = of_omega(J_i, cells[i, I_, first + l], eps)
         for j in range(m):
             subtract_product(matrix, i * row + j * VECTOR, factor, omega + j * VECTOR)
@@ -180,14 +185,15 @@ def sum_up(cells, sums, lanes):
 
 @part
 def is_accurate(sums, l):
-    return sums[MARGIN, l] > 0.0 and sums[GAMMA, l] > FAR * FAR
+    far = sums[MARGIN, l] > 0.0 and sums[GAMMA, l] > FAR * FAR
+    return far and sums[SQUARE, l] < sums[BOUND, l]
 
 
 @inlined_part
-def take_increments(cells, sums, lanes):
+def next_states(cells, sums, lanes):
     for i in range(cells.shape[0]):
         for l in range(lanes):
-            cells[i, WORK, l] = increment(
+            cells[i, WORK, l] = cells[i, OMEGA, l] + increment(
                 cells[i, I_, l],
                 cells[i, OMEGA, l],
                 sums[EPS, l],
@@ -198,19 +204,19 @@ def take_increments(cells, sums, lanes):
 
 
 @inlined_part
-def add_increments(cells, sums, lanes):
-    """The next states; a sum of them times 0 tells by NaN which are not finite."""
+def take_next_states(cells, sums, lanes):
+    """Their sum times 0 tells, by NaN, which are not finite in the unit of the user."""
     for l in range(lanes):
         sums[MARGIN, l] = 0.0
     for i in range(cells.shape[0]):
         for l in range(lanes):
-            cells[i, OMEGA, l] += cells[i, WORK, l]
-            sums[MARGIN, l] += 0.0 * cells[i, OMEGA, l]
+            cells[i, OMEGA, l] = cells[i, WORK, l]
+            sums[MARGIN, l] += 0.0 * (cells[i, WORK, l] * sums[UNIT, l])
 
 
 @inlined_part
-def take_and_add_increments(cells, sums, lanes):
-    """Both at once, where no lane needs care."""
+def step_all(cells, sums, lanes):
+    """`next_states` and `take_next_states` at once, where no lane needs care."""
     for l in range(lanes):
         sums[MARGIN, l] = 0.0
     for i in range(cells.shape[0]):
@@ -224,7 +230,7 @@ def take_and_add_increments(cells, sums, lanes):
                 cells[i, WORK, l],
             )
             cells[i, OMEGA, l] = following
-            sums[MARGIN, l] += 0.0 * following
+            sums[MARGIN, l] += 0.0 * (following * sums[UNIT, l])
 
 
 @part
@@ -282,33 +288,36 @@ def step_bordered(cells, eps, p, square, k, l):
     accurate = solve3(system)
     p_sum, q = 2.0 * p + system[0, 3], square + system[1, 3]
     for i in range(cells.shape[0]):
-        cells[i, WORK, l] = increment(
+        cells[i, WORK, l] = cells[i, OMEGA, l] + increment(
             cells[i, I_, l], cells[i, OMEGA, l], eps, p_sum, q, cells[i, WORK, l]
         )
-    cells[k, WORK, l] = system[2, 3]
+    cells[k, WORK, l] = omega_k + system[2, 3]
     return accurate
 
 
 @part
-def step_carefully(cells, sums, l):
-    """The step of a lane where a d is small: bordered, or else by elimination."""
-    m = cells.shape[0]
+def step_with_care(cells, sums, l):
+    """The step of a lane where one d may be small; whether it is accurate."""
+    if not sums[SQUARE, l] < sums[BOUND, l]:
+        return False
     eps, p = sums[EPS, l], sums[P, l]
     k, smallest, second = 0, np.inf, np.inf
-    for i in range(m):
+    for i in range(cells.shape[0]):
         ratio = abs(1.0 - 0.5 * eps * p / cells[i, J_, l])
         if ratio < smallest:
             k, smallest, second = i, ratio, smallest
         elif ratio < second:
             second = ratio
-    if second > FAR_ENOUGH and step_bordered(cells, eps, p, sums[SQUARE, l], k, l):
-        return
-    matrix = new_matrix(m)
-    first = l // VECTOR * VECTOR
-    assemble(cells, sums, first, matrix)
-    eliminate(m, matrix)
-    for i in range(m):
-        cells[i, WORK, l] = matrix[(i * (m + 1) + m) * VECTOR + l - first]
+    return second > FAR_ENOUGH and step_bordered(cells, eps, p, sums[SQUARE, l], k, l)
+
+
+@part
+def largest_exponent(values):
+    """The power of two just above the largest of some numbers; 0 if all vanish."""
+    largest = 0.0
+    for value in values:
+        largest = max(largest, abs(value))
+    return math.frexp(largest)[1]
 
 
 @part
@@ -318,23 +327,36 @@ def load(J, I, eps, omega, first, width, lanes, cells, sums):
         inside = l < width
         body = first + l if inside and J.shape[0] > 1 else 0
         coupling = first + l if inside and I.shape[0] > 1 else 0
+        state = first + l if inside else 0
+        # (dsn) keeps its form: only eps I omega / J counts.
+        of_J, of_I = largest_exponent(J[body]), largest_exponent(I[coupling])
+        of_omega = largest_exponent(omega[state]) if inside else 0
+        J_unit, I_unit = math.ldexp(1.0, -of_J), math.ldexp(1.0, -of_I)
+        omega_unit = math.ldexp(1.0, -of_omega) if inside else 0.0
+        smallest, square = np.inf, 0.0
         for i in range(cells.shape[0]):
-            cells[i, J_, l] = J[body, i]
-            cells[i, I_, l] = I[coupling, i]
-            cells[i, OMEGA, l] = omega[first + l, i] if inside else 0.0
-        sums[EPS, l] = eps[first + l if inside and eps.size > 1 else 0]
+            cells[i, J_, l] = J[body, i] * J_unit
+            cells[i, I_, l] = I[coupling, i] * I_unit
+            cells[i, OMEGA, l] = omega[state, i] * omega_unit
+            smallest = min(smallest, cells[i, J_, l])
+            square += cells[i, I_, l] * cells[i, I_, l]
+        step_size = eps[first + l if inside and eps.size > 1 else 0]
+        sums[EPS, l] = math.ldexp(step_size, of_omega + of_I - of_J)
+        sums[UNIT, l] = math.ldexp(1.0, of_omega)
+        speed = abs(sums[EPS, l]) * np.sqrt(square)
+        sums[BOUND, l] = (SMALL * smallest / speed) ** 2 if speed > 0.0 else np.inf
 
 
 @part
-def write(cells, out, row, batch_last, first, width):
+def write(cells, sums, out, row, batch_last, first, width):
     if batch_last:
         for i in range(cells.shape[0]):
             for l in range(width):
-                out[i, row, first + l] = cells[i, OMEGA, l]
+                out[i, row, first + l] = cells[i, OMEGA, l] * sums[UNIT, l]
     else:
         for l in range(width):
             for i in range(cells.shape[0]):
-                out[first + l, row, i] = cells[i, OMEGA, l]
+                out[first + l, row, i] = cells[i, OMEGA, l] * sums[UNIT, l]
 
 
 def _iterate(
@@ -354,44 +376,63 @@ def _iterate(
         first = block * size
         width = min(size, omega.shape[0] - first)
         lanes = (width + VECTOR - 1) // VECTOR * VECTOR
-        cells, sums = np.empty((m, 4, LANES)), np.empty((7, LANES))
-        matrix = new_matrix(m if method == GAUSS else 0)
+        cells, sums = np.empty((m, 4, LANES)), np.empty((9, LANES))
+        matrix = new_matrix(m) if method == GAUSS else np.empty(0)
+        left = np.empty(LANES, np.bool_)
         load(J, I, eps, omega, first, width, lanes, cells, sums)
         row = start // every + 1 if start > 0 else 0
         if start == 0 and out.shape[1] > 0:
-            write(cells, out, 0, batch_last, first, width)
+            write(cells, sums, out, 0, batch_last, first, width)
             row = 1
         for n in range(start + 1, stop + 1):
             if method == GAUSS:
                 step_gauss(cells, sums, lanes, matrix)
-                add_increments(cells, sums, lanes)
+                take_next_states(cells, sums, lanes)
             else:
                 sum_up(cells, sums, lanes)
-                careful = False
+                accurate = True
                 for l in range(width):
-                    careful |= not is_accurate(sums, l) and status[first + l] == OK
-                if careful:
-                    take_increments(cells, sums, lanes)
-                    for l in range(width):
-                        if not is_accurate(sums, l) and status[first + l] == OK:
-                            step_carefully(cells, sums, l)
-                    add_increments(cells, sums, lanes)
+                    accurate &= is_accurate(sums, l) or status[first + l] != OK
+                if accurate:
+                    step_all(cells, sums, lanes)
                 else:
-                    take_and_add_increments(cells, sums, lanes)
+                    next_states(cells, sums, lanes)
+                    for l in range(lanes):
+                        left[l] = (
+                            l < width
+                            and status[first + l] == OK
+                            and not is_accurate(sums, l)
+                            and not step_with_care(cells, sums, l)
+                        )
+                    for group in range(0, lanes, VECTOR):
+                        if left[group : group + VECTOR].any():
+                            if matrix.size == 0:
+                                matrix = new_matrix(m)
+                            assemble(cells, sums, group, matrix)
+                            eliminate(m, matrix)
+                            for l in range(VECTOR):
+                                if left[group + l]:
+                                    for i in range(m):
+                                        cells[i, WORK, group + l] = matrix[
+                                            (i * (m + 1) + m) * VECTOR + l
+                                        ]
+                    take_next_states(cells, sums, lanes)
             for l in range(width):
-                if sums[MARGIN, l] != 0.0:  # NaN: some component is not finite
+                if sums[MARGIN, l] != 0.0:  # NaN: the next state is not finite
+                    undefined = False
                     for i in range(m):
+                        undefined |= np.isnan(cells[i, OMEGA, l])
                         cells[i, OMEGA, l] = np.nan
                     if status[first + l] == OK:
-                        was_finite = np.isfinite(sums[P, l]) and np.isfinite(sums[SQUARE, l])
-                        status[first + l] = SINGULAR if was_finite else NONFINITE
+                        in_range = np.isfinite(sums[EPS, l] * sums[P, l])
+                        status[first + l] = SINGULAR if undefined and in_range else NONFINITE
                         failed_at[first + l] = n
             if n % every == 0:
-                write(cells, out, row, batch_last, first, width)
+                write(cells, sums, out, row, batch_last, first, width)
                 row += 1
         for l in range(width):
             for i in range(m):
-                final[first + l, i] = cells[i, OMEGA, l]
+                final[first + l, i] = cells[i, OMEGA, l] * sums[UNIT, l]
 
 
 iterate = Loop(_iterate)

@@ -21,7 +21,7 @@ import numpy as np, suslov_fast as sf
 body = sf.Suslov3D(4, 1, -0.5, -0.3)
 omega = np.random.default_rng(1).uniform(-2, 2, (4096, 2))
 def run(**options):
-    return sf.iterate(body, omega, 0.2, 200, save_every=None, **options).final
+    return sf.iterate(body, omega, 0.2, 400, save_every=None, **options).final
 expected = run(threads=1)
 """
 
@@ -53,7 +53,7 @@ def test_threads_are_restored(body, big, before):
     numba.set_num_threads(before)
     try:
         for threads in (1, 2, None):
-            sf.iterate(body, big, 0.2, 2000, threads=threads)
+            sf.iterate(body, big, 0.2, 4000, threads=threads)
             assert numba.get_num_threads() == before
     finally:
         numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
@@ -72,7 +72,7 @@ def test_threads_are_restored_on_error(body, big, monkeypatch):
     monkeypatch.setattr(loops, "iterate", Broken())
     numba.set_num_threads(2)
     with pytest.raises(MemoryError):
-        sf.iterate(body, big, 0.2, 2000, threads=2)
+        sf.iterate(body, big, 0.2, 4000, threads=2)
     assert seen == [2]
     assert numba.get_num_threads() == 2
     assert not _parallel._one_at_a_time.locked()
@@ -85,7 +85,7 @@ def test_little_work_stays_serial(body, monkeypatch, work):
 
     monkeypatch.setattr(loops, "iterate", SerialOnly())
     if work == "one block":
-        sf.iterate(body, np.ones((loops.LANES, 2)), 0.2, 2000)
+        sf.iterate(body, np.ones((loops.LANES, 2)), 0.2, 20_000)
     else:
         sf.iterate(body, np.ones((loops.LANES + 1, 2)), 0.2, 10)
 
@@ -167,10 +167,10 @@ def test_progress_bar(body, capsys):
 
 
 def test_results_from_a_thread(body, big):
-    expected = sf.iterate(body, big, 0.2, 2000, save_every=None).final
+    expected = sf.iterate(body, big, 0.2, 4000, save_every=None).final
     results = []
     thread = threading.Thread(
-        target=lambda: results.append(sf.iterate(body, big, 0.2, 2000, save_every=None).final)
+        target=lambda: results.append(sf.iterate(body, big, 0.2, 4000, save_every=None).final)
     )
     thread.start()
     thread.join()

@@ -119,7 +119,7 @@ def iterate(
         In three dimensions "canonical" iterates the parameter-free form of the map, "ds2" the
         formula as the paper prints it, which is slower and less accurate. "auto" is "canonical"
         where states are saved; for the last state alone it takes two canonical steps per division,
-        a third faster, and agrees to rounding.
+        up to a third faster, and agrees to rounding.
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
         "rank2", which was measured to be faster for every n where not several J_i - eps p / 2

@@ -16,8 +16,8 @@ that the compiler sees that they do not overlap:
 
 cells    (m, 4, LANES): J, I, omega, and work: 1/d, then the next omega. All in units of powers of
          two in which they are of the order of 1.
-sums     (9, LANES): eps and the unit of omega, p = I.omega, |omega|**2 and its bound for small
-         steps, and what the method makes of them.
+sums     (10, LANES): eps, the unit of omega, the bound of |omega|**2 for small steps; p = I.omega,
+         |omega|**2, eps p / 2, and what the method makes of them.
 matrix   A and its right side, VECTOR lanes at a time, as a flat (m, m + 1, VECTOR) array, and
          workspace: one vector of factors, omega, I.
 """
@@ -30,7 +30,7 @@ from numba import prange
 from . import intrinsics  # noqa: F401  (compiles subtract_product)
 from .codes import NONFINITE, OK, SINGULAR
 from .jit import Loop, inlined_part, part
-from .nd_map import increment, of_coupling, of_omega, slope, solve2
+from .nd_map import column_of_coupling, column_of_omega, increment, slope, solve2
 from .vector import VECTOR, aligned, subtract_product
 
 GAUSS, RANK2 = range(2)
@@ -40,7 +40,7 @@ LANES = 32
 LARGE = 56
 
 J_, I_, OMEGA, WORK = range(4)
-EPS, UNIT, BOUND, P, SQUARE, ALPHA, BETA, GAMMA, MARGIN = range(9)
+EPS, UNIT, BOUND, P, SQUARE, HALF, ALPHA, BETA, GAMMA, MARGIN = range(10)
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
@@ -88,11 +88,11 @@ def assemble(cells, sums, first, matrix):
             eps, p, J_i = sums[EPS, first + l], sums[P, first + l], cells[i, J_, first + l]
             matrix[i * row + i * VECTOR + l] = 1.0 - 0.5 * eps * p / J_i
             matrix[i * row + m * VECTOR + l] = cells[i, OMEGA, first + l]
-            matrix[factor + l] = of_omega(J_i, cells[i, I_, first + l], eps)
+            matrix[factor + l] = column_of_omega(J_i, cells[i, I_, first + l], eps)
         for j in range(m):
             subtract_product(matrix, i * row + j * VECTOR, factor, omega + j * VECTOR)
         for l in range(VECTOR):
-            matrix[factor + l] = of_coupling(
+            matrix[factor + l] = column_of_coupling(
                 cells[i, J_, first + l], cells[i, OMEGA, first + l], sums[EPS, first + l]
             )
         for j in range(m):
@@ -160,17 +160,19 @@ def sum_up(cells, sums, lanes):
     add_up(cells, sums, lanes)
     for l in range(lanes):
         sums[ALPHA, l], sums[BETA, l], sums[GAMMA, l], sums[MARGIN, l] = 0.0, 0.0, 0.0, np.inf
+        sums[HALF, l] = 0.5 * sums[EPS, l] * sums[P, l]
     for i in range(cells.shape[0]):
         for l in range(lanes):
-            d = cells[i, J_, l] - 0.5 * sums[EPS, l] * sums[P, l]
+            d = cells[i, J_, l] - sums[HALF, l]
             r = 1.0 / d
+            I_r, omega_r = cells[i, I_, l] * r, cells[i, OMEGA, l] * r
             far = abs(d) - FAR * cells[i, J_, l]
             margin = sums[MARGIN, l]
             cells[i, WORK, l] = r
             sums[MARGIN, l] = far if far < margin else margin
-            sums[ALPHA, l] += cells[i, I_, l] * cells[i, OMEGA, l] * r
-            sums[BETA, l] += cells[i, I_, l] * cells[i, I_, l] * r
-            sums[GAMMA, l] += cells[i, OMEGA, l] * cells[i, OMEGA, l] * r
+            sums[ALPHA, l] += I_r * cells[i, OMEGA, l]
+            sums[BETA, l] += I_r * cells[i, I_, l]
+            sums[GAMMA, l] += omega_r * cells[i, OMEGA, l]
     # From here on alpha and beta hold what `increment` needs, gamma how regular the two sums are.
     for l in range(lanes):
         sums[ALPHA, l], sums[BETA, l], sums[GAMMA, l] = solve2(
@@ -196,7 +198,6 @@ def next_states(cells, sums, lanes):
             cells[i, WORK, l] = cells[i, OMEGA, l] + increment(
                 cells[i, I_, l],
                 cells[i, OMEGA, l],
-                sums[EPS, l],
                 sums[ALPHA, l],
                 sums[BETA, l],
                 cells[i, WORK, l],
@@ -224,7 +225,6 @@ def step_all(cells, sums, lanes):
             following = cells[i, OMEGA, l] + increment(
                 cells[i, I_, l],
                 cells[i, OMEGA, l],
-                sums[EPS, l],
                 sums[ALPHA, l],
                 sums[BETA, l],
                 cells[i, WORK, l],
@@ -286,10 +286,10 @@ def step_bordered(cells, eps, p, square, k, l):
         ]
     )
     accurate = solve3(system)
-    p_sum, q = 2.0 * p + system[0, 3], square + system[1, 3]
+    of_omega, of_I = 0.5 * eps * (2.0 * p + system[0, 3]), eps * (square + system[1, 3])
     for i in range(cells.shape[0]):
         cells[i, WORK, l] = cells[i, OMEGA, l] + increment(
-            cells[i, I_, l], cells[i, OMEGA, l], eps, p_sum, q, cells[i, WORK, l]
+            cells[i, I_, l], cells[i, OMEGA, l], of_omega, of_I, cells[i, WORK, l]
         )
     cells[k, WORK, l] = omega_k + system[2, 3]
     return accurate
@@ -376,7 +376,7 @@ def _iterate(
         first = block * size
         width = min(size, omega.shape[0] - first)
         lanes = (width + VECTOR - 1) // VECTOR * VECTOR
-        cells, sums = np.empty((m, 4, LANES)), np.empty((9, LANES))
+        cells, sums = np.empty((m, 4, LANES)), np.empty((10, LANES))
         matrix = new_matrix(m) if method == GAUSS else np.empty(0)
         left = np.empty(LANES, np.bool_)
         load(J, I, eps, omega, first, width, lanes, cells, sums)

@@ -13,28 +13,28 @@ def slope(J_i, I_i, omega_i, p, square):
 
 
 # The matrix A below (dsn), which is Id - (eps/2) f'(omega), is diagonal plus rank two:
-# A_ij = delta_ij (1 - eps p / (2 J_i)) - of_omega_i omega_j - of_coupling_i I_j.
+# A_ij = delta_ij (1 - eps p / (2 J_i)) - column_of_omega_i omega_j - column_of_coupling_i I_j.
 
 
 @formula
-def of_omega(J_i, I_i, eps):
+def column_of_omega(J_i, I_i, eps):
     return -eps * I_i / J_i
 
 
 @formula
-def of_coupling(J_i, omega_i, eps):
+def column_of_coupling(J_i, omega_i, eps):
     return 0.5 * eps * omega_i / J_i
 
 
 @formula
-def increment(I_i, omega_i, eps, p_sum, q, r_i):
-    """delta_i, where p_sum = I.(omega + omega_next), q = omega.omega_next, r_i = 1 / d_i."""
-    return (0.5 * eps * omega_i * p_sum - eps * I_i * q) * r_i
+def increment(I_i, omega_i, of_omega, of_I, r_i):
+    """delta_i, with of_omega = eps I.(omega + omega_next) / 2, of_I = eps omega.omega_next."""
+    return (of_omega * omega_i - of_I * I_i) * r_i
 
 
 @formula
 def solve2(eps, p, square, alpha, beta, gamma):
-    """I.(omega + omega_next), omega.omega_next, and how far their equations are from singular.
+    """What `increment` needs of omega_next, and how far the equations for it are from singular.
 
     A is diagonal plus rank two. With d_i = J_i - (eps/2) p:
     alpha = sum I omega / d, beta = sum I**2 / d, gamma = sum omega**2 / d.
@@ -46,7 +46,7 @@ def solve2(eps, p, square, alpha, beta, gamma):
     det = a11 * a22 - a12 * a21
     size = (1.0 + abs(h * alpha)) * (1.0 + abs(eps * alpha)) + abs(a12 * a21)
     return (
-        2.0 * p + (a22 * b1 - a12 * b2) / det,
-        square + (a11 * b2 - a21 * b1) / det,
+        h * (2.0 * p + (a22 * b1 - a12 * b2) / det),
+        eps * (square + (a11 * b2 - a21 * b1) / det),
         abs(det) / size,
     )

@@ -323,13 +323,17 @@ def largest_exponent(values):
 @part
 def load(J, I, eps, omega, first, width, lanes, cells, sums):
     """Fill the arrays of a block; lanes beyond its width rest at 0."""
+    of_J, of_I = 0, 0
     for l in range(lanes):
         inside = l < width
         body = first + l if inside and J.shape[0] > 1 else 0
         coupling = first + l if inside and I.shape[0] > 1 else 0
         state = first + l if inside else 0
         # (dsn) keeps its form: only eps I omega / J counts.
-        of_J, of_I = largest_exponent(J[body]), largest_exponent(I[coupling])
+        if l == 0 or J.shape[0] > 1:
+            of_J = largest_exponent(J[body])
+        if l == 0 or I.shape[0] > 1:
+            of_I = largest_exponent(I[coupling])
         of_omega = largest_exponent(omega[state]) if inside else 0
         J_unit, I_unit = math.ldexp(1.0, -of_J), math.ldexp(1.0, -of_I)
         omega_unit = math.ldexp(1.0, -of_omega) if inside else 0.0

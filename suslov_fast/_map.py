@@ -186,9 +186,9 @@ class _Problem:
     def slices(self, work: float) -> Iterator[tuple[int, int]]:
         """Parts (start, stop) of the run, between which Python looks for Ctrl-C.
 
-        `work` is that of a step of one trajectory at worst, in steps of the 3D map; where steps
-        turn out to be cheaper, slices grow. Cuts fall on states of even number, which the loops go
-        on from bit for bit.
+        `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
+        be cheaper or dearer, slices grow or shrink. Cuts fall on states of even number, which the
+        loops go on from bit for bit.
         """
         if self.save_every is not None:
             work += _SAVING / self.save_every
@@ -362,8 +362,9 @@ def _run_nd(problem: _Problem) -> _Results:
     final = np.empty((size, m))
     status, failed_at = np.full(size, Status.OK, np.int8), np.full(size, -1)
     states = problem.states
-    # Either method may have to eliminate at each step.
-    for start, stop in problem.slices(float(m**3)):
+    # The O(n) step may have to eliminate each time: then the first slice takes some 0.3 s.
+    work = m**3 / 3.0 if method == loops_nd.GAUSS else max(8.0 * m, m**3 / 48.0)
+    for start, stop in problem.slices(work):
         _parallel.run(
             loops_nd.iterate,
             problem.shared_work(loops_nd.LANES // 2, (stop - start) * 8.0 * m),

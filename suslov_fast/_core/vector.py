@@ -1,4 +1,8 @@
-"""Vectors of lanes: arrays that hold whole ones, and arithmetic where none would be formed."""
+"""Vectors of lanes: VECTOR numbers that are worked on at once.
+
+Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy arrays. Either way
++, -, *, /, abs, < and > work on each lane, so that a formula serves numbers and vectors.
+"""
 
 import numpy as np
 
@@ -16,11 +20,26 @@ def aligned(size):
     return buffer[offset : offset + size]
 
 
-def subtract_product(array, target, first, second):
-    """array[target] -= array[first] * array[second], each VECTOR numbers from an index on.
+def load(array, *index):
+    """The vector at an index of a C-contiguous array (..., VECTOR)."""
+    return array[index].copy()
 
-    Compiled, it is what `intrinsics` says.
-    """
-    array[target : target + VECTOR] -= (
-        array[first : first + VECTOR] * array[second : second + VECTOR]
-    )
+
+def store(array, *index_and_vector):
+    *index, vector = index_and_vector
+    array[tuple(index)] = vector
+
+
+def same(number):
+    """A vector of one number."""
+    return np.full(VECTOR, float(number))
+
+
+def choose(condition, first, second):
+    """The first where a condition holds, else the second."""
+    return np.where(condition, first, second)
+
+
+def in_all(condition):
+    """Whether a condition holds in all lanes."""
+    return bool(condition.all())

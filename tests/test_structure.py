@@ -42,7 +42,7 @@ def test_options_of_numba_live_in_one_file():
 def test_the_core_stands_alone(path):
     """The cache on disk watches the files of the core and no others."""
     standard = {"hashlib", "types", "contextlib", "pathlib"} if path.stem == "jit" else set()
-    assert set(imports(path)) <= {".", "llvmlite", "math", "numba", "numpy"} | standard
+    assert set(imports(path)) <= {".", "llvmlite", "math", "numba", "numpy", "operator"} | standard
 
 
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)

@@ -23,10 +23,10 @@ class Lanes(types.Type):
         super().__init__(f"lanes({element})")
 
 
-DOUBLES, CONDITION = Lanes(types.float64), Lanes(types.boolean)
+DOUBLES, CONDITIONS = Lanes(types.float64), Lanes(types.boolean)
 _LLVM = {
     DOUBLES: ir.VectorType(ir.DoubleType(), VECTOR),
-    CONDITION: ir.VectorType(ir.IntType(1), VECTOR),
+    CONDITIONS: ir.VectorType(ir.IntType(1), VECTOR),
 }
 
 
@@ -55,26 +55,27 @@ def _spread(builder, value):
     return builder.shuffle_vector(vector, vector, ir.VectorType(index, VECTOR)(None))
 
 
-def _define_lane_by_lane(function, returns, emit):
+def _define_operator(function, returns, emit):
     """Of two vectors, or of a vector and a number."""
 
     def generate(context, builder, signature, arguments):
         return emit(builder, *(_spread(builder, value) for value in arguments))
 
-    for accepts in ((DOUBLES, DOUBLES), (DOUBLES, types.float64), (types.float64, DOUBLES)):
-        _define(function, returns, *accepts)(generate)
+    _define(function, returns, DOUBLES, DOUBLES)(generate)
+    _define(function, returns, DOUBLES, types.float64)(generate)
+    _define(function, returns, types.float64, DOUBLES)(generate)
 
 
-_define_lane_by_lane(operator.add, DOUBLES, ir.IRBuilder.fadd)
-_define_lane_by_lane(operator.sub, DOUBLES, ir.IRBuilder.fsub)
-_define_lane_by_lane(operator.mul, DOUBLES, ir.IRBuilder.fmul)
-_define_lane_by_lane(operator.truediv, DOUBLES, ir.IRBuilder.fdiv)
-_define_lane_by_lane(operator.lt, CONDITION, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
-_define_lane_by_lane(operator.gt, CONDITION, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
-_define_lane_by_lane(operator.ge, CONDITION, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+_define_operator(operator.add, DOUBLES, ir.IRBuilder.fadd)
+_define_operator(operator.sub, DOUBLES, ir.IRBuilder.fsub)
+_define_operator(operator.mul, DOUBLES, ir.IRBuilder.fmul)
+_define_operator(operator.truediv, DOUBLES, ir.IRBuilder.fdiv)
+_define_operator(operator.lt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_define_operator(operator.gt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_define_operator(operator.ge, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
 
 
-@_define(operator.and_, CONDITION, CONDITION, CONDITION)
+@_define(operator.and_, CONDITIONS, CONDITIONS, CONDITIONS)
 def _and(context, builder, signature, arguments):
     return builder.and_(*arguments)
 
@@ -96,26 +97,31 @@ def _same(context, builder, signature, arguments):
     return _spread(builder, *arguments)
 
 
-@_define(choose, DOUBLES, CONDITION, DOUBLES, DOUBLES)
+@_define(choose, DOUBLES, CONDITIONS, DOUBLES, DOUBLES)
 def _choose(context, builder, signature, arguments):
     return builder.select(*arguments)
 
 
-@_define(in_all, types.boolean, CONDITION)
+@_define(in_all, types.boolean, CONDITIONS)
 def _in_all(context, builder, signature, arguments):
     bits = ir.IntType(VECTOR)
     return builder.icmp_unsigned("==", builder.bitcast(*arguments, bits), bits(-1))
 
 
-def _place(context, builder, signature, arguments, dimension):
-    """Where in an array a vector lies."""
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    lengths = cgutils.unpack_tuple(builder, array.shape, dimension)
-    row = arguments[1]
-    for index, length in zip(arguments[2:], lengths[1:], strict=False):
-        row = builder.add(builder.mul(row, length), index)
-    first = builder.gep(array.data, [builder.mul(row, row.type(VECTOR))])
-    return builder.bitcast(first, _LLVM[DOUBLES].as_pointer())
+def _row(builder, indices, lengths):
+    """The number of a row among all of an array, the last index running first."""
+    *outer, index = indices
+    if not outer:
+        return index
+    return builder.add(builder.mul(_row(builder, outer, lengths[:-1]), lengths[-1]), index)
+
+
+def _place(context, builder, array_type, array, indices):
+    """Where the vector at some indices lies."""
+    array = context.make_array(array_type)(context, builder, array)
+    lengths = cgutils.unpack_tuple(builder, array.shape)[:-1]
+    first = builder.mul(_row(builder, indices, lengths), indices[0].type(VECTOR))
+    return builder.bitcast(builder.gep(array.data, [first]), _LLVM[DOUBLES].as_pointer())
 
 
 def _define_access(dimension):
@@ -124,14 +130,16 @@ def _define_access(dimension):
 
     @_define(load, DOUBLES, array, *indices)
     def _load(context, builder, signature, arguments):
-        return builder.load(_place(context, builder, signature, arguments, dimension), align=8)
+        array, *indices = arguments
+        return builder.load(_place(context, builder, signature.args[0], array, indices), align=8)
 
     @_define(store, types.void, array, *indices, DOUBLES)
     def _store(context, builder, signature, arguments):
-        *where, vector = arguments
-        builder.store(vector, _place(context, builder, signature, where, dimension), align=8)
+        array, *indices, vector = arguments
+        place = _place(context, builder, signature.args[0], array, indices)
+        builder.store(vector, place, align=8)
         return context.get_dummy_value()
 
 
-for dimension in (2, 3, 4):
-    _define_access(dimension)
+_define_access(3)
+_define_access(4)

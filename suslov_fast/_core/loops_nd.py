@@ -1,7 +1,7 @@
 """Loops over trajectories, steps and components of the n-dimensional map.
 
-A block of groups of VECTOR trajectories advances together: while one group waits for a division
-another works. With m = n - 1 components:
+A block of some groups of VECTOR trajectories advances together: while one group waits for a
+division another works. With m = n - 1 components:
 
 method   GAUSS or RANK2.
 J, I     (B, m), or (1, m) where one body serves all: J_i = I_ii + I_nn and the couplings I_in.
@@ -12,13 +12,12 @@ GAUSS solves A(omega) omega_next = omega, equation (dsn). RANK2 solves for the i
 then little is rounded while steps are small. Where they are not, where a d_i nearly vanishes or
 omega shrinks by orders of magnitude, it goes over to other ways, a lane at a time.
 
-Arrays of a group, of vectors of lanes:
+Arrays of vectors of lanes:
 
-cells    (m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega. All in units of powers of
-         two in which they are of the order of 1.
-sums     (12, VECTOR): eps, the unit of omega, bounds of |omega|**2; p = I.omega, |omega|**2,
-         eps p / 2, and what the method makes of them.
-matrix   (rows, VECTOR), of one group at a time: A and its right side.
+cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega. All in units of
+         powers of two in which they are of the order of 1.
+sums     (groups, 14, VECTOR): logarithms of these units, then what is named below.
+matrix   (rows, columns, VECTOR), of one group at a time: A and its right side.
 """
 
 import math
@@ -30,16 +29,18 @@ from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .codes import NONFINITE, OK, SINGULAR
 from .jit import Loop, inlined_part, part
 from .nd_map import column_of_coupling, column_of_omega, entry, increment, slope, solve2
-from .vector import VECTOR, aligned, choose, in_all, load, same, store
+from .vector import VECTOR, aligned, choose, in_all, larger, load, same, smaller, store
 
 GAUSS, RANK2 = range(2)
 
 LANES = 32
-# With more components than this a block takes fewer lanes, for its cells to stay in L1.
-LARGE = 56
+# Components that the groups of a block have together, unless it is one group: cells that fit in L1.
+ROOM = 160
 
 J_, I_, OMEGA, WORK = range(4)
-EPS, UNIT, SMALL_STEPS, IN_RANGE, P, SQUARE, HALF, OF_OMEGA, OF_I, ACCURATE = range(10)
+# eps, the unit of omega, bounds of |omega|**2; p = I.omega, |omega|**2, eps p / 2; what `increment`
+# needs, and 1 where the O(n) step is accurate.
+EPS, UNIT, SMALL_STEPS, LOW, HIGH, P, SQUARE, HALF, OF_OMEGA, OF_I, ACCURATE = range(3, 14)
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
@@ -50,18 +51,12 @@ FAR = 0.25
 FAR_ENOUGH = 0.1
 # Steps are small where eps |I| |omega| / min J is below this: increments cancel at most so much.
 SMALL = 64.0
+# A block finds new units where |omega|**2 leaves the range from the inverse of this to this.
+SPREAD = 2.0**200
+# In the unit of the user, components below this are in range.
+LARGEST = 2.0**1000
 # Rows or columns of A that are reduced at once.
 ABREAST = 4
-
-
-@part
-def larger(a, b):
-    return choose(a > b, a, b)
-
-
-@part
-def smaller(a, b):
-    return choose(a < b, a, b)
 
 
 @part
@@ -78,12 +73,14 @@ def add_up(cells, sums, g):
 
 @part
 def new_matrix(m):
-    """A with its right side, and room for ABREAST rows or columns from any on.
+    """Room for A and its right side, and for ABREAST rows or columns from any on.
 
     The number of columns is odd, so that the rows of a column are spread over the cache.
     """
     rows, columns = m + ABREAST, (m + ABREAST) // 2 * 2 + 1
-    return aligned(rows * columns * VECTOR).reshape((rows, columns, VECTOR))
+    matrix = aligned(rows * columns * VECTOR).reshape((rows, columns, VECTOR))
+    matrix[:] = 0.0
+    return matrix
 
 
 @part
@@ -102,11 +99,12 @@ def assemble(cells, sums, g, matrix):
         store(matrix, i, m, omega_i)
 
 
-@part
+@inlined_part
 def reduce_column(matrix, first, k):
-    """Numbers of column k, ABREAST rows from `first` on, less what the rows above k make of them."""
+    """Eliminate in column k what the columns before it stand for, ABREAST rows from `first` on."""
     i0, i1, i2, i3 = first, first + 1, first + 2, first + 3
-    a0, a1, a2, a3 = load(matrix, i0, k), load(matrix, i1, k), load(matrix, i2, k), load(matrix, i3, k)
+    a0, a1 = load(matrix, i0, k), load(matrix, i1, k)
+    a2, a3 = load(matrix, i2, k), load(matrix, i3, k)
     for t in range(k):
         above = load(matrix, t, k)
         a0 = a0 - load(matrix, i0, t) * above
@@ -119,11 +117,12 @@ def reduce_column(matrix, first, k):
     store(matrix, i3, k, a3)
 
 
-@part
+@inlined_part
 def reduce_row(matrix, k, first):
-    """The same of row k, ABREAST columns from `first` on."""
+    """The same in row k, ABREAST columns from `first` on."""
     j0, j1, j2, j3 = first, first + 1, first + 2, first + 3
-    a0, a1, a2, a3 = load(matrix, k, j0), load(matrix, k, j1), load(matrix, k, j2), load(matrix, k, j3)
+    a0, a1 = load(matrix, k, j0), load(matrix, k, j1)
+    a2, a3 = load(matrix, k, j2), load(matrix, k, j3)
     for t in range(k):
         factor = load(matrix, k, t)
         a0 = a0 - factor * load(matrix, t, j0)
@@ -136,8 +135,8 @@ def reduce_row(matrix, k, first):
     store(matrix, k, j3, a3)
 
 
-@part
-def exchange_rows(m, matrix, k):
+@inlined_part
+def exchange_rows(matrix, m, k):
     """Bring the largest number of column k, from row k on, into row k, a lane at a time."""
     for l in range(VECTOR):
         pivot = k
@@ -151,10 +150,11 @@ def exchange_rows(m, matrix, k):
 
 
 @part
-def eliminate(m, matrix):
-    """Gaussian elimination with partial pivoting, in place, a column and a row after another.
+def eliminate(matrix, m):
+    """Gaussian elimination with partial pivoting, in place, in Crout's order.
 
-    The right side becomes the solution, NaN where the matrix is singular.
+    A number is loaded when its row or column is due and takes all its products at once. The right
+    side becomes the solution, NaN where the matrix is singular.
     """
     size = same(0.0)
     for k in range(m):
@@ -166,7 +166,7 @@ def eliminate(m, matrix):
             largest = larger(abs(load(matrix, i, k)), largest)
         # Most often no lane exchanges rows: A is near the identity.
         if not in_all(diagonal >= largest):
-            exchange_rows(m, matrix, k)
+            exchange_rows(matrix, m, k)
         size = larger(largest, size)
         regular = largest > ZERO_TO_ROUNDING * m * size
         inverse = choose(regular, 1.0 / load(matrix, k, k), same(np.nan))
@@ -279,21 +279,28 @@ def step_bordered(cells, g, eps, p, square, k, l):
             gamma += cells[g, i, OMEGA, l] * cells[g, i, OMEGA, l] * r
             cells[g, i, WORK, l] = r
     J_k, I_k, omega_k = cells[g, k, J_, l], cells[g, k, I_, l], cells[g, k, OMEGA, l]
-    # Unknowns: I.delta and omega.delta as in `solve2`, with delta_k outside their sums.
+    # Unknowns: I.delta, omega.delta as in `solve2`, and delta_k, which is not in their sums. The
+    # second one over |omega|, to a power of two: then pivots do not depend on the unit of omega.
+    unit = math.ldexp(1.0, math.frexp(square)[1] // 2)
     system = np.array(
         [
-            [1.0 - 0.5 * eps * alpha, eps * beta, -I_k, eps * (p * alpha - square * beta)],
-            [-0.5 * eps * gamma, 1.0 + eps * alpha, -omega_k, eps * (p * gamma - square * alpha)],
+            [1.0 - 0.5 * eps * alpha, eps * beta * unit, -I_k, eps * (p * alpha - square * beta)],
+            [
+                -0.5 * eps * gamma / unit,
+                1.0 + eps * alpha,
+                -omega_k / unit,
+                eps * (p * gamma - square * alpha) / unit,
+            ],
             [
                 -0.5 * eps * omega_k / J_k,
-                eps * I_k / J_k,
+                eps * I_k / J_k * unit,
                 1.0 - 0.5 * eps * p / J_k,
                 eps * slope(J_k, I_k, omega_k, p, square),
             ],
         ]
     )
     accurate = solve3(system)
-    of_omega, of_I = 0.5 * eps * (2.0 * p + system[0, 3]), eps * (square + system[1, 3])
+    of_omega, of_I = 0.5 * eps * (2.0 * p + system[0, 3]), eps * (square + system[1, 3] * unit)
     for i in range(cells.shape[1]):
         cells[g, i, WORK, l] = cells[g, i, OMEGA, l] + increment(
             cells[g, i, I_, l], cells[g, i, OMEGA, l], of_omega, of_I, cells[g, i, WORK, l]
@@ -330,30 +337,12 @@ def step_each(cells, sums, g):
     if left.any():
         matrix = new_matrix(m)
         assemble(cells, sums, g, matrix)
-        eliminate(m, matrix)
+        eliminate(matrix, m)
         for l in range(VECTOR):
             if left[l]:
                 for i in range(m):
                     cells[g, i, WORK, l] = matrix[i, m, l]
     take_next_states(cells, sums, g)
-
-
-@part
-def step_gauss(cells, sums, g, matrix):
-    m = cells.shape[1]
-    assemble(cells, sums, g, matrix)
-    eliminate(m, matrix)
-    for i in range(m):
-        store(cells, g, i, WORK, load(matrix, i, m))
-    take_next_states(cells, sums, g)
-
-
-@part
-def rest(cells, sums, g, l):
-    """Let a lane without a state rest at 0, in a unit that makes it NaN outside."""
-    for i in range(cells.shape[1]):
-        cells[g, i, OMEGA, l] = 0.0
-    sums[g, EPS, l], sums[g, UNIT, l], sums[g, P, l], sums[g, SQUARE, l] = 0.0, np.nan, 0.0, 0.0
 
 
 @part
@@ -368,57 +357,63 @@ def end(cells, sums, g, first, status, failed_at, n):
             in_range = np.isfinite(sums[g, HALF, l])
             status[first + l] = SINGULAR if undefined and in_range else NONFINITE
             failed_at[first + l] = n
-            rest(cells, sums, g, l)
 
 
 @part
-def fill(cells, g, which, values, first, exponents):
-    """Rows of values, or one for all, over the powers of two just above the largest of each."""
+def fill(cells, sums, g, which, values, first):
+    """Rows of values, or one row for all lanes, in units that go to UNIT, their logarithms too."""
     m, last = values.shape[1], values.shape[0] - 1
+    if last == 0:
+        for i in range(m):
+            store(cells, g, i, which, same(values[0, i]))
+    else:
+        for l in range(VECTOR):
+            row = min(first + l, last)
+            for i in range(m):
+                cells[g, i, which, l] = values[row, i]
     largest = same(0.0)
     for i in range(m):
-        if last == 0:
-            store(cells, g, i, which, same(values[0, i]))
-        else:
-            for l in range(VECTOR):
-                cells[g, i, which, l] = values[min(first + l, last), i]
         largest = larger(abs(load(cells, g, i, which)), largest)
-    store(exponents, which, largest)
+    store(sums, g, which, largest)
+    exponent, unit = 0, 1.0
     for l in range(VECTOR):
-        exponent = math.frexp(exponents[which, l])[1]
-        exponents[which, l] = exponent
-        exponents[WORK, l] = math.ldexp(1.0, -exponent)
-    unit = load(exponents, WORK)
+        if l == 0 or last > 0:
+            # The unit and its inverse are in range.
+            exponent = min(max(math.frexp(sums[g, which, l])[1], -1022), 1023)
+            unit = math.ldexp(1.0, exponent)
+        sums[g, which, l], sums[g, UNIT, l] = exponent, unit
+    inverse = 1.0 / load(sums, g, UNIT)
     for i in range(m):
-        store(cells, g, i, which, load(cells, g, i, which) * unit)
+        store(cells, g, i, which, load(cells, g, i, which) * inverse)
 
 
 @part
 def start_group(J, I, eps, omega, first, status, cells, sums, g):
-    """Fill the arrays of a group; lanes beyond the batch, and those that have ended, rest."""
-    exponents = np.empty((4, VECTOR))
-    fill(cells, g, J_, J, first, exponents)
-    fill(cells, g, I_, I, first, exponents)
-    fill(cells, g, OMEGA, omega, first, exponents)
-    smallest, square = load(cells, g, 0, J_), same(0.0)
-    for i in range(cells.shape[1]):
-        I_i = load(cells, g, i, I_)
-        smallest = smaller(load(cells, g, i, J_), smallest)
-        square = square + I_i * I_i
+    """Fill the arrays of a group.
+
+    Lanes beyond the batch, and those that have ended, rest at 0, in a unit that makes it NaN.
+    """
+    fill(cells, sums, g, J_, J, first)
+    fill(cells, sums, g, I_, I, first)
+    fill(cells, sums, g, OMEGA, omega, first)
     for l in range(VECTOR):
-        exponent = int(exponents[OMEGA, l])
         # (dsn) keeps its form: only eps I omega / J counts.
-        sums[g, EPS, l] = math.ldexp(
-            eps[min(first + l, eps.size - 1)],
-            exponent + int(exponents[I_, l]) - int(exponents[J_, l]),
-        )
-        sums[g, UNIT, l] = math.ldexp(1.0, exponent)
-        sums[g, IN_RANGE, l] = math.ldexp(1.0, min(1000, 2 * (1000 - exponent)))
+        exponent = sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l]
+        sums[g, EPS, l] = math.ldexp(eps[min(first + l, eps.size - 1)], int(exponent))
         if first + l >= status.size or status[first + l] != OK:
-            rest(cells, sums, g, l)
-    speed = load(sums, g, EPS)
-    store(sums, g, SMALL_STEPS, SMALL * SMALL * smallest * smallest / (speed * speed * square))
+            sums[g, EPS, l], sums[g, UNIT, l] = 0.0, np.nan
+            for i in range(cells.shape[1]):
+                cells[g, i, OMEGA, l] = 0.0
+    smallest, square = same(np.inf), same(0.0)
+    for i in range(cells.shape[1]):
+        smallest = smaller(load(cells, g, i, J_), smallest)
+        square = square + load(cells, g, i, I_) * load(cells, g, i, I_)
+    longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
+    store(sums, g, SMALL_STEPS, longest * longest / square)
     add_up(cells, sums, g)
+    moves = load(sums, g, SQUARE) > 0.0
+    store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
+    store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
 
 
 @part
@@ -433,6 +428,18 @@ def write(cells, sums, g, out, row, batch_last, first):
                 out[first + l, row, i] = cells[g, i, OMEGA, l] * sums[g, UNIT, l]
 
 
+@part
+def write_last(cells, sums, g, final, first):
+    write(cells, sums, g, final.reshape((final.shape[0], 1, final.shape[1])), 0, False, first)
+
+
+@part
+def renew(J, I, eps, final, first, status, cells, sums, g):
+    """Find new units for a group, as the next call would."""
+    write_last(cells, sums, g, final, first)
+    start_group(J, I, eps, final, first, status, cells, sums, g)
+
+
 def _iterate(
     method, J, I, eps, omega, start, stop, every, out, batch_last, final, status, failed_at
 ):
@@ -445,13 +452,12 @@ def _iterate(
     failed_at   (B,), the first state that does not exist, where one does not; read and written.
     """
     m = omega.shape[1]
-    size = LANES if m <= LARGE else 2 * VECTOR
+    size = max(VECTOR, min(LANES, ROOM // m * VECTOR))
     for block in prange((omega.shape[0] + size - 1) // size):
         first = block * size
-        width = min(size, omega.shape[0] - first)
-        groups = (width + VECTOR - 1) // VECTOR
+        groups = (min(size, omega.shape[0] - first) + VECTOR - 1) // VECTOR
         cells = aligned(groups * m * 4 * VECTOR).reshape((groups, m, 4, VECTOR))
-        sums = aligned(groups * 10 * VECTOR).reshape((groups, 10, VECTOR))
+        sums = aligned(groups * 14 * VECTOR).reshape((groups, 14, VECTOR))
         matrix = new_matrix(m) if method == GAUSS else np.empty((0, 0, VECTOR))
         for g in range(groups):
             start_group(J, I, eps, omega, first + g * VECTOR, status, cells, sums, g)
@@ -459,23 +465,29 @@ def _iterate(
                 write(cells, sums, g, out, 0, batch_last, first + g * VECTOR)
         for n in range(start + 1, stop + 1):
             saved = n % every == 0
+            if method == RANK2:
+                # Of all groups first: one need not wait for the unknowns of the one before.
+                for g in range(groups):
+                    sum_up(cells, sums, g)
             for g in range(groups):
                 if method == GAUSS:
-                    step_gauss(cells, sums, g, matrix)
+                    assemble(cells, sums, g, matrix)
+                    eliminate(matrix, m)
+                    for i in range(m):
+                        store(cells, g, i, WORK, load(matrix, i, m))
+                    take_next_states(cells, sums, g)
+                elif in_all(load(sums, g, ACCURATE) > 0.0):
+                    step_all(cells, sums, g)
                 else:
-                    sum_up(cells, sums, g)
-                    if in_all(load(sums, g, ACCURATE) > 0.0):
-                        step_all(cells, sums, g)
-                    else:
-                        step_each(cells, sums, g)
-                if not in_all(load(sums, g, SQUARE) < load(sums, g, IN_RANGE)):
+                    step_each(cells, sums, g)
+                square = load(sums, g, SQUARE)
+                if not in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH))):
                     end(cells, sums, g, first + g * VECTOR, status, failed_at, n)
+                    renew(J, I, eps, final, first + g * VECTOR, status, cells, sums, g)
                 if saved:
                     write(cells, sums, g, out, n // every, batch_last, first + g * VECTOR)
-        for l in range(width):
-            group, lane = l // VECTOR, l % VECTOR
-            for i in range(m):
-                final[first + l, i] = cells[group, i, OMEGA, lane] * sums[group, UNIT, lane]
+        for g in range(groups):
+            write_last(cells, sums, g, final, first + g * VECTOR)
 
 
 iterate = Loop(_iterate)

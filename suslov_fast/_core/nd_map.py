@@ -40,7 +40,7 @@ def increment(I_i, omega_i, of_omega, of_I, r_i):
 
 @formula
 def solve2(eps, p, square, alpha, beta, gamma):
-    """What `increment` needs of omega_next, and how far the equations for it are from singular.
+    """What `increment` needs of omega_next; |det| of its equations, and what that would lose from.
 
     A is diagonal plus rank two. With d_i = J_i - (eps/2) p:
     alpha = sum I omega / d, beta = sum I**2 / d, gamma = sum omega**2 / d.

@@ -1,7 +1,7 @@
 """Vectors of lanes: VECTOR numbers that are worked on at once.
 
 Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy arrays. Either way
-+, -, *, /, abs, < and > work on each lane, so that a formula serves numbers and vectors.
++, -, *, /, abs and comparisons work lane by lane, so that a formula of numbers serves vectors too.
 """
 
 import numpy as np
@@ -20,26 +20,38 @@ def aligned(size):
     return buffer[offset : offset + size]
 
 
-def load(array, *index):
-    """The vector at an index of a C-contiguous array (..., VECTOR)."""
-    return array[index].copy()
+def load(array, *indices):
+    """The vector at some indices of a C-contiguous array (..., VECTOR)."""
+    return array[indices].copy()
 
 
-def store(array, *index_and_vector):
-    *index, vector = index_and_vector
-    array[tuple(index)] = vector
+def store(array, *indices_and_vector):
+    *indices, vector = indices_and_vector
+    array[tuple(indices)] = vector
 
 
 def same(number):
     """A vector of one number."""
-    return np.full(VECTOR, float(number))
+    return np.full(VECTOR, number)
 
 
-def choose(condition, first, second):
-    """The first where a condition holds, else the second."""
-    return np.where(condition, first, second)
+def choose(conditions, first, second):
+    """The first where a condition holds, the second elsewhere."""
+    return np.where(conditions, first, second)
 
 
-def in_all(condition):
-    """Whether a condition holds in all lanes."""
-    return bool(condition.all())
+def in_all(conditions):
+    """Whether the conditions of all lanes hold."""
+    return bool(conditions.all())
+
+
+@part
+def larger(a, b):
+    """b where one is NaN."""
+    return choose(a > b, a, b)
+
+
+@part
+def smaller(a, b):
+    """b where one is NaN."""
+    return choose(a < b, a, b)

@@ -19,7 +19,6 @@ class Lanes(types.Type):
     """VECTOR values of one type."""
 
     def __init__(self, element):
-        self.element = element
         super().__init__(f"lanes({element})")
 
 

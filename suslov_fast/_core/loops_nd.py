@@ -1,6 +1,6 @@
 """Loops over trajectories, steps and components of the n-dimensional map.
 
-A block of some groups of VECTOR trajectories advances together: while one group waits for a
+A block of a few groups of VECTOR trajectories advances together: while one group waits for a
 division another works. With m = n - 1 components:
 
 method   GAUSS or RANK2.
@@ -15,8 +15,8 @@ omega shrinks by orders of magnitude, it goes over to other ways, a lane at a ti
 Arrays of vectors of lanes:
 
 cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega. All in units of
-         powers of two in which they are of the order of 1.
-sums     (groups, 14, VECTOR): logarithms of these units, then what is named below.
+         powers of two in which they are of the order of 1; new ones where omega has left that.
+sums     (groups, 14, VECTOR): logarithms of these units, then what EPS and so on name.
 matrix   (rows, columns, VECTOR), of one group at a time: A and its right side.
 """
 
@@ -38,8 +38,8 @@ LANES = 32
 ROOM = 160
 
 J_, I_, OMEGA, WORK = range(4)
-# eps, the unit of omega, bounds of |omega|**2; p = I.omega, |omega|**2, eps p / 2; what `increment`
-# needs, and 1 where the O(n) step is accurate.
+# eps; the unit of omega; bounds of |omega|**2 for steps to be small and for units to serve; p,
+# |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, else 0.
 EPS, UNIT, SMALL_STEPS, LOW, HIGH, P, SQUARE, HALF, OF_OMEGA, OF_I, ACCURATE = range(3, 14)
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
@@ -51,9 +51,9 @@ FAR = 0.25
 FAR_ENOUGH = 0.1
 # Steps are small where eps |I| |omega| / min J is below this: increments cancel at most so much.
 SMALL = 64.0
-# A block finds new units where |omega|**2 leaves the range from the inverse of this to this.
+# Units serve while |omega|**2 is between the inverse of this and this, or 0 from the start.
 SPREAD = 2.0**200
-# In the unit of the user, components below this are in range.
+# States whose |omega| is below this in the unit of the user are finite there.
 LARGEST = 2.0**1000
 # Rows or columns of A that are reduced at once.
 ABREAST = 4
@@ -329,7 +329,7 @@ def step_with_care(cells, sums, g, l):
 
 @part
 def step_each(cells, sums, g):
-    """The step of a group where some lane needs care."""
+    """The step of a group where some lane needs care, by elimination where that is not enough."""
     next_states(cells, sums, g)
     m, left = cells.shape[1], np.zeros(VECTOR, np.bool_)
     for l in range(VECTOR):
@@ -361,7 +361,7 @@ def end(cells, sums, g, first, status, failed_at, n):
 
 @part
 def fill(cells, sums, g, which, values, first):
-    """Rows of values, or one row for all lanes, in units that go to UNIT, their logarithms too."""
+    """Rows of values, or one row for all lanes, in units that go to UNIT, with their logarithms."""
     m, last = values.shape[1], values.shape[0] - 1
     if last == 0:
         for i in range(m):
@@ -435,7 +435,7 @@ def write_last(cells, sums, g, final, first):
 
 @part
 def renew(J, I, eps, final, first, status, cells, sums, g):
-    """Find new units for a group, as the next call would."""
+    """Find new units for a group, as a call that went on from here would."""
     write_last(cells, sums, g, final, first)
     start_group(J, I, eps, final, first, status, cells, sums, g)
 

@@ -218,6 +218,13 @@ class _Problem:
         """States whose number is a multiple of this are saved."""
         return self.steps + 1 if self.save_every is None else self.save_every
 
+    @property
+    def last_saved(self) -> FloatArray | None:
+        """The last state, as a view (B, D) of the saved ones, if it is among them."""
+        if self.save_every is None or self.steps % self.save_every:
+            return None
+        return self.saved[:, -1].T if self.order == "F" else self.saved[:, -1]
+
     def shared_work(self, lanes: int, steps: float) -> int:
         """Lane-steps that threads can share: none within one block."""
         return int(len(self.states) * steps) if len(self.states) > lanes else 0
@@ -350,7 +357,9 @@ def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
 def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     size = len(problem.states)
     method = loops_map.PRINTED if problem.method == "ds2" else loops_map.CANONICAL
-    final, status = np.empty((size, 2)), np.empty(size, np.int8)
+    last = problem.last_saved
+    final = np.empty((size if last is None else 0, 2))
+    status = np.empty(size, np.int8)
     resume = np.empty((2, 0))
     for start, stop in problem.slices(1.0):
         if stop < problem.steps and not resume.size:
@@ -387,7 +396,7 @@ def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
             status,
             failed_at,
         )
-    return final, status, failed_at
+    return final if last is None else last, status, failed_at
 
 
 def _never(size: int) -> NDArray[np.int64]:

@@ -31,7 +31,8 @@ class Trajectories:
     status : ndarray(int8, shape=(...))
         How each trajectory ended: a :class:`Status`; negative if it failed.
     final : ndarray(float, shape=(..., D))
-        The state after the last step, whether saved or not.
+        The state after the last step, whether saved or not; where saved, it may share memory with
+        `omega`.
     failed_at : ndarray(int, shape=(...))
         The number of the first state that does not exist, or -1.
     """

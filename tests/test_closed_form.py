@@ -3,12 +3,15 @@
 import warnings
 
 import naive
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
+from suslov_fast._core import loops_blocks
+from suslov_fast._core import loops_closed_form as loops
 
 
 def random_problem(rng):
@@ -273,3 +276,33 @@ def test_bad_input_of_flow_and_limits(body):
         sf.flow(body, [1, 2], np.inf)
     with pytest.raises(ValueError, match=r"omega0: expected shape"):
         sf.limits(body, [1], 0.2)
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_many_blocks(body, rng, monkeypatch, bodies):
+    """A task that goes through several blocks, of one body or of many, keeps each orbit's bits."""
+    monkeypatch.setattr(loops, "TASKS", 1)  # for kernels that are not compiled
+    tasks = 1 if numba.config.DISABLE_JIT else loops_blocks.TASKS
+    batch = 2 * tasks * loops_blocks.LANES + 5
+    omega = rng.uniform(-2, 2, (batch, 2))
+    if bodies > 1:
+        body = sf.Suslov3D(rng.uniform(1, 4, batch), 1, -0.5, -0.3)
+    states = sf.exact(body, omega, 0.2, 100)
+    final = sf.iterate(body, omega, 0.2, 100, save_every=None).final
+    assert (final == states).all()
+    for i in (0, loops_blocks.LANES, batch - 1):
+        one = body if bodies == 1 else sf.Suslov3D(body.I1[i], 1, -0.5, -0.3)
+        assert (sf.exact(one, omega[i], 0.2, 100) == states[i]).all()
+
+
+def test_last_states_after_a_long_run(rng):
+    """What `iterate` returns is within 1e-14 after 1000 steps, by the closed form too."""
+    for _ in range(8):
+        parameters, eps, omega = random_problem(rng)
+        body = sf.Suslov3D(*parameters)
+        exact = naive.orbit(*parameters, eps, omega, 1000)[-1]
+        final = sf.iterate(body, omega, eps, 1000, save_every=None).final
+        assert naive.relative_error(final, exact) < 3e-15
+        if abs(sf.criticality(body, omega, eps)) < 1:
+            final = sf.iterate(body, omega, eps, 1000, save_every=None, method="canonical").final
+            assert naive.relative_error(final, exact) < 1e-14

@@ -84,11 +84,3 @@ def orbit_point(X, Y, T, complement, c, r, log_r, lag, n):
     still = (X == 0.0) & (Y_0 != 1.0)
     X_n, Y_n = X if still else X_n, Y_0 if still else Y_n
     return X_n, sign * Y_n
-
-
-@formula
-def angular_velocity(m11, m12, m21, m22, X, Y, rests, omega1, omega2):
-    """Omega of a point (X, Y), or as given if it rests; NaN if it is not finite."""
-    next1, next2 = m11 * X + m12 * Y, m21 * X + m22 * Y
-    poison = 0.0 * next1 + 0.0 * next2
-    return omega1 if rests else next1 + poison, omega2 if rests else next2 + poison

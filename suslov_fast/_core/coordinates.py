@@ -96,3 +96,12 @@ def from_canonical(I1, I2, I13, I23, eps):
     m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(a2) / eps, 0.0)
     m12, m22 = from_xy(I1, I2, I13, I23, 0.0, a2 / eps)
     return m11, m12, m21, m22
+
+
+@formula
+def angular_velocity(m11, m12, m21, m22, rest1, rest2, X, Y):
+    """omega = m (X, Y) + rest; NaN where it is not finite."""
+    omega1 = m11 * X + m12 * Y + rest1
+    omega2 = m21 * X + m22 * Y + rest2
+    poison = 0.0 * omega1 + 0.0 * omega2
+    return omega1 + poison, omega2 + poison

@@ -154,34 +154,32 @@ _define_access(3)
 _define_access(4)
 
 
-def _element(context, builder, array_type, array, index, kind):
-    """Where an element of an array, taken as flat, lies."""
-    data = context.make_array(array_type)(context, builder, array).data
+_FLAT, _INDEX = types.Array(types.float64, 1, "C"), types.intp
+
+
+def _element(context, builder, array, index, kind):
+    """Where an element of a flat array lies."""
+    data = context.make_array(_FLAT)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
 
 
-_FLAT, _TILE = types.Array(types.float64, 1, "C"), types.Array(types.float64, 3, "C")
-_INDEX = types.intp
-
-
-@_define(copy_past_caches, types.void, _FLAT, _INDEX, _TILE, _INDEX)
+@_define(copy_past_caches, types.void, _FLAT, _INDEX, _FLAT, _INDEX)
 def _copy_past_caches(context, builder, signature, arguments):
-    places = [
-        _element(context, builder, signature.args[k], *arguments[k : k + 2], _LLVM[DOUBLES])
-        for k in (0, 2)
-    ]
-    store = builder.store(builder.load(places[1], align=8), places[0], align=64)
+    target, source = (
+        _element(context, builder, *arguments[k : k + 2], _LLVM[DOUBLES]) for k in (0, 2)
+    )
+    store = builder.store(builder.load(source, align=8), target, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
     return context.get_dummy_value()
 
 
-@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _TILE, _INDEX, _INDEX)
+@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
 def _copy_transposed(context, builder, signature, arguments):
     array, index, stride, source, first, distance = arguments
     rows = []
     for _ in range(VECTOR):
-        place = _element(context, builder, signature.args[3], source, first, _LLVM[DOUBLES])
+        place = _element(context, builder, source, first, _LLVM[DOUBLES])
         rows.append(builder.load(place, align=8))
         first = builder.add(first, distance)
     # Squares of 1, 2 and 4 numbers change places with their mirror images.
@@ -200,16 +198,15 @@ def _copy_transposed(context, builder, signature, arguments):
             for i in range(VECTOR)
         ]
     for row in rows:
-        place = _element(context, builder, signature.args[0], array, index, _LLVM[DOUBLES])
-        builder.store(row, place, align=8)
+        builder.store(row, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
         index = builder.add(index, stride)
     return context.get_dummy_value()
 
 
 @_define(expect_store, types.void, _FLAT, _INDEX)
 def _expect_store(context, builder, signature, arguments):
-    integer, byte = ir.IntType(32), ir.IntType(8)
-    place = _element(context, builder, signature.args[0], *arguments, byte)
+    integer = ir.IntType(32)
+    place = _element(context, builder, *arguments, ir.IntType(8))
     kind = ir.FunctionType(ir.VoidType(), [place.type, integer, integer, integer])
     prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
     for_writing, near, data = integer(1), integer(3), integer(1)

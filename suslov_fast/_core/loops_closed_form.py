@@ -17,9 +17,9 @@ import numpy as np
 from numba import prange
 
 from .canonical_map import LARGE
-from .closed_form import angular_velocity, orbit_of_flow, orbit_of_map, orbit_point
+from .closed_form import orbit_of_flow, orbit_of_map, orbit_point
 from .codes import NONFINITE, OK, SUPERCRITICAL
-from .coordinates import at_rest, from_canonical, to_canonical
+from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from .jit import Loop, part
 from .loops_blocks import (
     LANES,
@@ -89,18 +89,12 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
             lag,
             n,
         )
-        rests = orbit[7, l] != 0.0 or n == 0.0
-        states[0, l], states[1, l] = angular_velocity(
-            frame[0, l],
-            frame[1, l],
-            frame[2, l],
-            frame[3, l],
-            X,
-            Y,
-            rests,
-            given[5, l],
-            given[6, l],
+        omega1, omega2 = angular_velocity(
+            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, X, Y
         )
+        still = (orbit[7, l] != 0.0) | (n == 0.0)
+        states[0, l] = given[5, l] if still else omega1
+        states[1, l] = given[6, l] if still else omega2
 
 
 @part
@@ -112,9 +106,10 @@ def go_along(given, orbit, frame, lag, times, l, out):
     for j in range(times.size):
         n = times[j]
         X, Y = orbit_point(X_0, Y_0, T, complement, c, r, log_r, lag, n)
-        out[2 * j], out[2 * j + 1] = angular_velocity(
-            m11, m12, m21, m22, X, Y, rests != 0.0 or n == 0.0, omega1, omega2
-        )
+        next1, next2 = angular_velocity(m11, m12, m21, m22, 0.0, 0.0, X, Y)
+        still = (rests != 0.0) | (n == 0.0)
+        out[2 * j] = omega1 if still else next1
+        out[2 * j + 1] = omega2 if still else next2
 
 
 def _fill(flow, I1, I2, I13, I23, eps, omega, times, out):

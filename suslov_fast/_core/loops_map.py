@@ -27,7 +27,7 @@ from numba import prange
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
 from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
-from .coordinates import at_rest, from_canonical, to_canonical
+from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from .jit import Loop, part
 from .loops_blocks import (
     LANES,
@@ -39,7 +39,14 @@ from .loops_blocks import (
     scatter_pairs,
 )
 from .printed_map import printed_coefficients, printed_denominator, printed_step
-from .vector import VECTOR, copy_past_caches, copy_transposed, expect_store, to_cache_line
+from .vector import (
+    VECTOR,
+    aligned,
+    copy_past_caches,
+    copy_transposed,
+    expect_store,
+    to_cache_line,
+)
 
 PRINTED, CANONICAL = range(2)
 
@@ -145,49 +152,53 @@ def flush_negligible(state, shift, lanes):
 
 @part
 def show(frame, state, tile, row, lanes):
-    """Put the angular velocities of a block into a row of its tile; NaN if one is not finite."""
+    """Put the angular velocities of a block into a row of its tile."""
     for l in range(lanes):
-        omega1 = frame[0, l] * state[0, l] + frame[1, l] * state[1, l] + frame[4, l]
-        omega2 = frame[2, l] * state[0, l] + frame[3, l] * state[1, l] + frame[5, l]
-        poison = 0.0 * omega1 + 0.0 * omega2
-        tile[row, 0, l] = omega1 + poison
-        tile[row, 1, l] = omega2 + poison
+        tile[row, 0, l], tile[row, 1, l] = angular_velocity(
+            frame[0, l],
+            frame[1, l],
+            frame[2, l],
+            frame[3, l],
+            frame[4, l],
+            frame[5, l],
+            state[0, l],
+            state[1, l],
+        )
 
 
 @part
-def write_across(tile, rows, out, flat, line, row, first, width):
+def write_across(flat_tile, rows, flat, line, n_saved, batch, row, first, width):
     """Write the first rows of a tile to the saved states (2, n_saved, B) from `row` on.
 
-    line is the first start of a cache line in `flat`, which is `out` as one row.
+    flat holds them in one row, and line is the first start of a cache line in it.
     """
-    for r in range(rows):
-        for c in range(2):
-            target = (c * out.shape[1] + row + r) * out.shape[2] + first
-            begin = end = width
-            if flat.size >= BEYOND_CACHES:
-                begin = min((line - target) % VECTOR, width)
-                end = width - (width - begin) % VECTOR
-            for l in range(begin):
-                flat[target + l] = tile[r, c, l]
-            for l in range(begin, end, VECTOR):
-                copy_past_caches(flat, target + l, tile, (r * 2 + c) * LANES + l)
-            for l in range(end, width):
-                flat[target + l] = tile[r, c, l]
+    for k in range(2 * rows):
+        source = k * LANES
+        target = (k % 2 * n_saved + row + k // 2) * batch + first
+        begin = end = width
+        if flat.size >= BEYOND_CACHES:
+            begin = min((line - target) % VECTOR, width)
+            end = width - (width - begin) % VECTOR
+        for l in range(begin):
+            flat[target + l] = flat_tile[source + l]
+        for l in range(begin, end, VECTOR):
+            copy_past_caches(flat, target + l, flat_tile, source + l)
+        for l in range(end, width):
+            flat[target + l] = flat_tile[source + l]
 
 
 @part
-def write_along(tile, rows, out, flat, row, first, width):
+def write_along(flat_tile, rows, flat, n_saved, row, first, width):
     """The same where they are (B, n_saved, 2)."""
-    n_saved = out.shape[1]
     whole_width, whole_rows = width - width % VECTOR, rows - rows % (VECTOR // 2)
     for l in range(0, whole_width, VECTOR):
         for r in range(0, whole_rows, VECTOR // 2):
-            target = ((first + l) * n_saved + row + r) * 2
-            copy_transposed(flat, target, 2 * n_saved, tile, 2 * r * LANES + l, LANES)
+            target = 2 * ((first + l) * n_saved + row + r)
+            copy_transposed(flat, target, 2 * n_saved, flat_tile, 2 * r * LANES + l, LANES)
     for l in range(width):
-        for r in range(whole_rows if l < whole_width else 0, rows):
-            for c in range(2):
-                out[first + l, row + r, c] = tile[r, c, l]
+        target = 2 * ((first + l) * n_saved + row)
+        for k in range(2 * whole_rows if l < whole_width else 0, 2 * rows):
+            flat[target + k] = flat_tile[k * LANES + l]
 
 
 @part
@@ -206,15 +217,16 @@ def _iterate(
     out      the saved states: (B, n_saved, 2), or (2, n_saved, B) if batch_last; n_saved may be 0.
              States whose number is a multiple of `every` are saved.
     resume   (2, B), what the next call goes on from, or (2, 0) if this is the only one.
-    final    (B, 2), state `stop`; NaN if it does not exist.
+    final    (B, 2), state `stop`, NaN if it does not exist; or (0, 2) if it is not wanted.
     status   (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist for any reason.
     """
+    batch, n_saved = omega.shape[0], out.shape[1]
     # Blocks begin where cache lines of the saved states do, if they do so in all rows alike.
     flat, flat_final = out.reshape(out.size), final.reshape(final.size)
     line = to_cache_line(flat, 0)
     pad = -line % VECTOR if batch_last else 0
     height = TILE_ACROSS if batch_last else TILE
-    n_blocks = (omega.shape[0] + pad + LANES - 1) // LANES
+    n_blocks = (batch + pad + LANES - 1) // LANES
     # Each task has its own arrays and goes through several blocks.
     n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
@@ -224,10 +236,11 @@ def _iterate(
         wild, beyond = np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
         frame = rows_of_lanes(6)
         coefficients = rows_of_lanes(4)
-        tile = rows_of_lanes(TILE * 2).reshape((TILE, 2, LANES))
+        flat_tile = aligned(TILE * 2 * LANES)
+        tile = flat_tile.reshape((TILE, 2, LANES))
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
             first = max(block * LANES - pad, 0)
-            width = min((block + 1) * LANES - pad, omega.shape[0]) - first
+            width = min((block + 1) * LANES - pad, batch) - first
             lanes = in_whole_vectors(width)
 
             gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
@@ -245,7 +258,7 @@ def _iterate(
             if start == 0:
                 for l in range(lanes):
                     tile[0, 0, l], tile[0, 1, l] = given[5, l], given[6, l]
-                filled = min(1, out.shape[1])
+                filled = min(1, n_saved)
             last = 0
             # Steps to go; divisions in each turn would cost as much as a step.
             to_stop, to_save = stop - start, every - start % every
@@ -253,9 +266,11 @@ def _iterate(
             while True:
                 if filled == height or to_stop == 0:
                     if batch_last:
-                        write_across(tile, filled, out, flat, line, row, first, width)
+                        write_across(
+                            flat_tile, filled, flat, line, n_saved, batch, row, first, width
+                        )
                     else:
-                        write_along(tile, filled, out, flat, row, first, width)
+                        write_along(flat_tile, filled, flat, n_saved, row, first, width)
                     row += filled
                     filled = 0
                 if to_stop == 0:
@@ -280,10 +295,11 @@ def _iterate(
                 if to_save == 0:
                     to_save = every
                     if width == LANES and not batch_last:
-                        expect_write_along(flat, out.shape[1], row, first, filled)
+                        expect_write_along(flat, n_saved, row, first, filled)
                     filled += 1
 
-            scatter_pairs(tile[last, 0], tile[last, 1], first, width, flat_final)
+            if final.size > 0:
+                scatter_pairs(tile[last, 0], tile[last, 1], first, width, flat_final)
             for l in range(width):
                 code = SUPERCRITICAL if beyond[l] else OK
                 status[first + l] = NONFINITE if np.isnan(tile[last, 0, l]) else code

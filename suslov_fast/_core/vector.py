@@ -63,7 +63,7 @@ def smaller(a, b):
     return choose(a < b, a, b)
 
 
-# Ways to write memory that is not read again. Arrays are C-contiguous, indices those of them flat.
+# Ways to write memory that is not read again; arrays are flat.
 
 
 def copy_past_caches(array, index, source, first):
@@ -71,7 +71,7 @@ def copy_past_caches(array, index, source, first):
 
     The caches need not read the line first, nor lose others to it.
     """
-    array.reshape(-1)[index : index + VECTOR] = source.reshape(-1)[first : first + VECTOR]
+    array[index : index + VECTOR] = source[first : first + VECTOR]
 
 
 def copy_transposed(array, index, stride, source, first, distance):
@@ -80,8 +80,7 @@ def copy_transposed(array, index, stride, source, first, distance):
     Its columns are written at index, index + stride, ...
     """
     i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
-    square = source.reshape(-1)[first + distance * i + j]
-    array.reshape(-1)[index + stride * i + j] = square.T
+    array[index + stride * i + j] = source[first + distance * i + j].T
 
 
 def expect_store(array, index):

@@ -52,4 +52,5 @@ def bench_start(measure, name):
         row=name,
         unit="processes",
         work=1,
+        baseline="suslov_fast" not in STARTS[name],
     )

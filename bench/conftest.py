@@ -27,7 +27,11 @@ class Measure:
         return full if self.full else min(full, small)
 
     def __call__(self, call, *, table, row, unit, work, threads=1, error=None, limit=None, **more):
-        """Time `call`, which does `work` units; `limit` is (what, how many of it per unit)."""
+        """Time `call`, which does `work` units; `limit` is (what, how many of it per unit).
+
+        More facts: `x` is where a chart of scaling puts it, `components` is n - 1, and a `baseline`
+        is independent of this package.
+        """
         call()  # compiles, wakes threads, touches memory
         self._benchmark.extra_info.update(
             table=table, row=row, unit=unit, work=work, threads=threads, error=error, limit=limit

@@ -48,9 +48,7 @@ def _call_nd(function, body, omega0, eps, steps):
     final = np.empty_like(omega0)
     sizes = map(ctypes.c_long, (*omega0.shape, steps))
     J, I = np.ascontiguousarray(body.J), np.ascontiguousarray(body.I)
-    function(
-        pointer(omega0), pointer(final), *sizes, pointer(J), pointer(I), ctypes.c_double(eps)
-    )
+    function(pointer(omega0), pointer(final), *sizes, pointer(J), pointer(I), ctypes.c_double(eps))
     return final
 
 

@@ -52,5 +52,6 @@ def bench_start(measure, name):
         row=name,
         unit="processes",
         work=1,
+        rounds=2,
         baseline="suslov_fast" not in STARTS[name],
     )

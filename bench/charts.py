@@ -1,10 +1,17 @@
 """The two charts, from the rows of a report."""
 
+import textwrap
+
 import matplotlib
 from matplotlib.figure import Figure
-from report import DIVIDER, caption, rate
+from matplotlib.patches import Patch
+from report import DIVIDER, caption, error, rate
 
 OURS, C, OTHER, LIMIT = "#c8442b", "#35507a", "#9aa7b8", "#2c2c2c"
+NOTE = "#555555"
+KINDS = {"suslov_fast": "suslov_fast", "C,": "C by gcc", "": "others"}
+LEGEND = {"frameon": False, "fontsize": 8.5, "ncols": 2}
+BELOW = LEGEND | {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
 STYLE = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -32,17 +39,28 @@ def bars(axis, found, limits, title, unit):
     names = [plain(row["row"]) for row in found]
     values = [rate(row) for row in found]
     axis.barh(names, values, color=[colour(row["row"]) for row in found], height=0.72)
-    for y, value in enumerate(values):
-        axis.text(value * 1.12, y, f"{value / 1e9:.3g}", va="center", fontsize=9)
+    # Figures stand beside the axes, where no line crosses them.
+    columns = [(1.12, f"1e9 {unit}/s", [f"{value / 1e9:.3g}" for value in values])]
+    columns.append((1.22, "error", [error(row) for row in found]))
+    for x, header, texts in columns:
+        place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
+        axis.text(x, -0.9, header, color=NOTE, fontsize=8.5, **place)
+        for y, text in enumerate(texts):
+            axis.text(x, y, text, fontsize=9, **place)
     axis.invert_yaxis()
+    axis.margins(y=0.02)
     axis.set_xscale("log")
-    axis.set_xlim(min(values) / 2, max([*values, *limits.values()]) * 4)
+    axis.set_xlim(min(values) / 2, max([*values, *limits.values()]) * 1.3)
+    handles = [Patch(color=colour(name), label=text) for name, text in KINDS.items()]
     for style, (name, value) in zip(("--", ":"), limits.items(), strict=False):
-        axis.axvline(value, color=LIMIT, linestyle=style, linewidth=1.1, zorder=0, label=name)
-    if limits:
-        axis.legend(loc="upper left", bbox_to_anchor=(0, -0.13), frameon=False, fontsize=9, ncols=2)
+        line = axis.axvline(value, color=LIMIT, linestyle=style, linewidth=1.2, label=name)
+        handles.append(line)
+    axis.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.4, -0.11), **LEGEND | {"ncols": 5}
+    )
     axis.set_title(title)
-    axis.set_xlabel(f"{unit} per second; beside the bars: in 1e9 per second")
+    axis.set_xlabel(f"1e9 {unit} per second", labelpad=2)
+    axis.xaxis.set_major_formatter(lambda value, _: f"{value / 1e9:g}")
     axis.tick_params(axis="y", length=0)
 
 
@@ -53,14 +71,14 @@ def speed(rows, path):
     panels = [
         (
             last,
-            {"one division per step": rows.limit(DIVIDER, threads)},
+            {"limit: one division per step": rows.limit(DIVIDER, threads)},
             "Last states only",
             "steps",
         ),
         (
             stored,
             {
-                f"{kind} stores of 16 bytes": rows.limit(f"bytes, {kind} stores", threads)
+                f"limit: {kind} stores": rows.limit(f"bytes, {kind} stores", threads)
                 for kind in ("streaming", "plain")
             },
             "All states stored",
@@ -70,16 +88,16 @@ def speed(rows, path):
     panels = [panel for panel in panels if panel[0]]
     if not panels:
         return
-    figure = Figure(figsize=(11, 2.8 + 0.33 * (len(last) + len(stored))), layout="constrained")
+    figure = Figure(figsize=(11, 2.6 + 0.31 * (len(last) + len(stored))), layout="constrained")
     heights = [len(panel[0]) for panel in panels]
     axes = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
     for axis, (found, limits, title, unit) in zip(axes[:, 0], panels, strict=True):
         limits = {
-            name: value / (16 if "bytes" in name else 1) for name, value in limits.items() if value
+            name: value / (16 if "stores" in name else 1) for name, value in limits.items() if value
         }
         bars(axis, found, limits, title, unit)
     footer(figure, rows)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.15)
 
 
 def lines(axis, found, value, styles):
@@ -93,7 +111,7 @@ def lines(axis, found, value, styles):
 def scaling(rows, path):
     """Against the size of the batch, the states saved, n, and the threads."""
     threads = rows.machine["threads"]
-    figure = Figure(figsize=(11, 8.6), layout="constrained")
+    figure = Figure(figsize=(11, 9.6), layout="constrained")
     axes = figure.subplots(2, 2)
     batch(axes[0, 0], rows, threads)
     saved(axes[0, 1], rows)
@@ -102,7 +120,7 @@ def scaling(rows, path):
     for axis in axes.flat:
         axis.grid(alpha=0.25, which="major")
     footer(figure, rows)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.15)
 
 
 def batch(axis, rows, threads):
@@ -140,10 +158,10 @@ def batch(axis, rows, threads):
         )
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.set_title("Against the size of the batch: 3D, 1000 steps, last states")
-    axis.set_xlabel("trajectories")
+    axis.set_title("Size of the batch (3D, last states)")
+    axis.set_xlabel("trajectories, of 1000 steps each")
     axis.set_ylabel("1e9 steps per second")
-    axis.legend(loc="lower right", frameon=False, fontsize=8.5)
+    axis.legend(**BELOW)
 
 
 def crossing(found):
@@ -170,10 +188,10 @@ def saved(axis, rows):
     lines(axis, found, lambda row: rate(row) / 1e9, styles)
     axis.set_xscale("log")
     axis.set_ylim(bottom=0)
-    axis.set_title("Against the number of saved states: 3D, 1000 steps")
-    axis.set_xlabel("saved states of each trajectory, of 1001")
+    axis.set_title("Saved states (3D, 16,384 trajectories, 1000 steps)")
+    axis.set_xlabel("saved states of each trajectory")
     axis.set_ylabel("1e9 steps per second")
-    axis.legend(loc="lower left", frameon=False, fontsize=8.5)
+    axis.legend(**BELOW)
 
 
 def dimension(axis, rows):
@@ -190,12 +208,15 @@ def dimension(axis, rows):
         styles[name] |= {"marker": next(markers), "markersize": 4}
     found.sort(key=lambda row: names.index(row["row"]))
     lines(axis, found, lambda row: 1e9 / rate(row), styles)
-    axis.set_xscale("log", base=2)
+    axis.set_xscale("log")
+    axis.set_xticks(sorted({row["x"] for row in found}), minor=False)
+    axis.set_xticks([], minor=True)
+    axis.xaxis.set_major_formatter(lambda n, _: f"{n:g}")
     axis.set_yscale("log")
-    axis.set_title("Against n: nanoseconds per step, one thread")
+    axis.set_title("Dimension n (last states, one thread)")
     axis.set_xlabel("n")
     axis.set_ylabel("ns per step of one trajectory")
-    axis.legend(loc="upper left", frameon=False, fontsize=8.5)
+    axis.legend(**BELOW)
 
 
 def by_threads(axis, rows):
@@ -213,15 +234,16 @@ def by_threads(axis, rows):
     axis.plot([1, most], [1, most], color=LIMIT, linestyle="--", linewidth=1, label="ideal")
     axis.set_xticks(sorted({row["threads"] for row in found}))
     axis.set_ylim(bottom=0)
-    axis.set_title("Against the threads")
+    axis.set_title("Threads")
     axis.set_xlabel("threads")
     axis.set_ylabel("times as fast as on one")
-    axis.legend(loc="lower right", frameon=False, fontsize=8.5)
+    axis.legend(**BELOW)
 
 
 def footer(figure, rows):
     """Where the figures come from."""
-    figure.supxlabel(caption(rows), fontsize=7.5, color="#555555")
+    text = "\n".join(textwrap.wrap(caption(rows), 130))
+    figure.supxlabel(text, fontsize=8, color=NOTE)
 
 
 def draw(rows, folder):

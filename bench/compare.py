@@ -10,7 +10,6 @@ with.
 
 import argparse
 import contextlib
-import os
 import re
 import subprocess
 import sys
@@ -58,7 +57,7 @@ def measure(label, tree, folder, select=None, names=None):
         tests,
         *(["-k", select] if select else []),
         "--benchmark-quiet",
-        env=os.environ | {"PYTHONPATH": str(tree)},
+        env={"PYTHONPATH": str(tree)},
         cwd=folder,  # pytest would import the package from a checkout that it is run in
         capture_output=True,
         text=True,

@@ -26,18 +26,34 @@ class Measure:
         """The size of a problem: the second where it is only a test."""
         return full if self.full else min(full, small)
 
-    def __call__(self, call, *, table, row, unit, work, threads=1, error=None, limit=None, **more):
+    def __call__(
+        self,
+        call,
+        *,
+        table,
+        row,
+        unit,
+        work,
+        threads=1,
+        error=None,
+        limit=None,
+        rounds=None,
+        **more,
+    ):
         """Time `call`, which does `work` units; `limit` is (what, how many of it per unit).
 
         More facts: `x` is where a chart of scaling puts it, `components` is n - 1, and a `baseline`
-        is independent of this package.
+        is independent of this package. `rounds` are fewer than the usual three of slow calls.
         """
         call()  # compiles, wakes threads, touches memory
         self._benchmark.extra_info.update(
             table=table, row=row, unit=unit, work=work, threads=threads, error=error, limit=limit
         )
         self._benchmark.extra_info.update(more)
-        self._benchmark(call)
+        if rounds:
+            self._benchmark.pedantic(call, rounds=rounds)
+        else:
+            self._benchmark(call)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import gcc
 
-PACKAGES = ["numba", "llvmlite", "numpy", "scipy", "heyoka", "jax", "numbalsoda", "pynamicalsys"]
+PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "JAX", "numbalsoda", "pynamicalsys"]
 
 
 def describe():
@@ -20,7 +20,7 @@ def describe():
     versions = {"Python": platform.python_version(), "suslov_fast": suslov_fast.__version__}
     for package in PACKAGES:
         try:
-            versions[package] = importlib.metadata.version(package)
+            versions[package] = importlib.metadata.version(package.lower())
         except importlib.metadata.PackageNotFoundError:
             continue
     versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))

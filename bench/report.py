@@ -11,6 +11,7 @@ what is measured once may have been measured then.
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -34,7 +35,9 @@ def run_pytest(target, tests, *options, **keywords):
         *(f"--benchmark-json={target}", "--rootdir", str(BENCH.parent)),
         *("-c", str(BENCH.parent / "pyproject.toml"), *options),
     ]
-    return subprocess.run(command, **keywords)
+    # The peers that solve linear systems are measured on one thread, like the others beside them.
+    environment = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"} | keywords.pop("env", {})
+    return subprocess.run(command, env=os.environ | environment, **keywords)
 
 
 def measure(passes, select):

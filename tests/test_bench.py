@@ -145,7 +145,7 @@ def test_tables_replace_those_between_the_markers():
 
 def test_the_readme_has_the_markers():
     text = report.README.read_text(encoding="utf-8")
-    assert report.replace(text, f"{report.BEGIN}\n{report.END}") != text
+    assert "new tables" in report.replace(text, "new tables")
 
 
 @pytest.mark.parametrize("given", [FULL, results(row("ours", 1e-4))], ids=["full", "part"])

@@ -57,7 +57,7 @@ FINAL = {
 
 # The continuous motion after the time of the same steps.
 MOTION = {
-    "heyoka, Taylor integrator, 8 trajectories at once": Peer("heyoka_", "motion", 4096, 1000),
+    "heyoka, Taylor integrator, 16 trajectories at once": Peer("heyoka_", "motion", 4096, 1000),
     "numbalsoda, LSODA, `prange` over trajectories": Peer("numbalsoda_", "motion", 1024, 1000),
     "SciPy, DOP853, all in one system": Peer("scipy_ivp", "stacked", 4096, 1000, threads=False),
     "SciPy, DOP853, one by one": Peer("scipy_ivp", "one_by_one", 8, 1000, threads=False),

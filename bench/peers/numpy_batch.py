@@ -32,7 +32,8 @@ def theorem(omega0, n):
     q = np.sqrt(a - h * EPS**2)
     s = -2 * np.arctanh(EPS * np.sqrt(h / a)) * n + np.arcsinh(y / (np.abs(x) * q))
     scale = 2 * np.sqrt(h * a) / D
-    x, y = np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)
+    with np.errstate(over="ignore"):  # 1 / inf is the 0 that is meant
+        x, y = np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)
     return np.stack([I13 * I2 * x + I23 * y, I23 * I1 * x - I13 * y], axis=-1)
 
 

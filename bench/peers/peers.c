@@ -101,6 +101,7 @@ void parameter_free(ARGUMENTS)
 }
 
 /* X = p/q, Y = s/q: a step without division; one division rescales after four steps. */
+#define MULTIPLY t = q - s, p2 = p * p, p = p * (q + s), s = s * t - p2, q = q * t + p2;
 void projective(ARGUMENTS)
 {
     const Frame f = frame(I1, I2, I13, I23, eps);
@@ -110,14 +111,8 @@ void projective(ARGUMENTS)
         enter(f, X, Y);
         for (; n + 4 <= steps; n += 4)
             FOR_LANES {
-                double p = X[l], s = Y[l], q = 1;
-                #pragma GCC unroll 4
-                for (int k = 0; k < 4; k++) {
-                    double t = q - s, p2 = p * p;
-                    p = p * (q + s);
-                    s = s * t - p2;
-                    q = q * t + p2;
-                }
+                double p = X[l], s = Y[l], q = 1, t, p2;
+                MULTIPLY MULTIPLY MULTIPLY MULTIPLY
                 double r = 1 / q;
                 X[l] = p * r;
                 Y[l] = s * r;

@@ -19,9 +19,6 @@ from ._reduction import Reduction, reduce
 from ._status import SingularStepWarning
 from ._validation import FloatArray, real_array
 
-# Work of one closed-form state, in steps of the map.
-_WORK = 100
-
 
 def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatArray:
     """State n of the map, by the closed form: no iteration, the same time for every n.
@@ -206,7 +203,7 @@ def _fill(
     out = np.empty((len(states), flat_times.size, 2))
     _parallel.run(
         loops.fill,
-        out.size * _WORK,
+        out.size // 2 * loops.WORK,
         None,
         flow,
         *(flat_parameter(parameter, batch, "C") for parameter in parameters),

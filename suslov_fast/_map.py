@@ -6,7 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _parallel
 from ._arguments import Body, check
 from ._bodies import Suslov3D
-from ._core import loops_map, loops_nd
+from ._core import loops_blocks, loops_closed_form, loops_map, loops_nd
 from ._layout import (
     apart,
     first_index,
@@ -41,6 +41,8 @@ _SLICE = 2**27
 _SHORT, _LONG = 0.05, 0.2
 # What a saved state costs, in steps.
 _SAVING = 8
+# From so many steps on the closed form is faster than they are.
+JUMP = 32
 
 
 def step(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -118,8 +120,9 @@ def iterate(
     method : {"auto", "canonical", "ds2"}, or {"auto", "gauss", "rank2"} in n dimensions
         In three dimensions "canonical" iterates the parameter-free form of the map, "ds2" the
         formula as the paper prints it, which is slower and less accurate. "auto" is "canonical"
-        where states are saved; for the last state alone it takes two canonical steps per division,
-        up to a third faster, and agrees to rounding.
+        where states are saved. For the last state alone it does not iterate but evaluates the
+        closed form, in a time that does not grow with `steps`, and agrees to rounding; only orbits
+        with t >= 1 that may meet a pole, and runs of a few steps, are iterated then too.
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
         "rank2", which was measured to be faster for every n where not several J_i - eps p / 2
@@ -187,19 +190,17 @@ class _Problem:
         """Parts (start, stop) of the run, between which Python looks for Ctrl-C.
 
         `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
-        be cheaper or dearer, slices grow or shrink. Cuts fall on states of even number, which the
-        loops go on from bit for bit.
+        be cheaper or dearer, slices grow or shrink.
         """
         if self.save_every is not None:
             work += _SAVING / self.save_every
         # Few trajectories take as long as half a block.
-        length = int(_SLICE / (work * max(len(self.states), loops_map.LANES // 2)))
+        length = int(_SLICE / (work * max(len(self.states), loops_blocks.LANES // 2)))
         with reporter(self.progress, self.steps) as report:
             stop = -1
             while stop < self.steps:
-                length = max(2, length // 2 * 2)
                 start = max(stop, 0)
-                stop = min(start + length, self.steps)
+                stop = min(start + max(length, 1), self.steps)
                 begin = time.perf_counter()
                 yield start, stop
                 seconds = time.perf_counter() - begin
@@ -297,20 +298,57 @@ def _iterate(
     )
 
 
+def jumps(body: Body, method: str, save_every: int | None, steps: int) -> bool:
+    """Whether `iterate` takes the last states from the closed form, where it can."""
+    in_3d = isinstance(body, Suslov3D)
+    return in_3d and method == "auto" and save_every is None and steps >= JUMP
+
+
 _Results = tuple[FloatArray, NDArray[np.int8], NDArray[np.int64]]
 
 
 def _run_3d(problem: _Problem) -> _Results:
     """Final states, statuses and first missing states; saved states are filled on the way."""
-    size = len(problem.states)
-    method = loops_map.PRINTED if problem.method == "ds2" else loops_map.CANONICAL
-    if problem.method == "auto" and problem.save_every is None:
-        method = loops_map.PROJECTIVE
     assert isinstance(problem.body, Suslov3D)
     parameters = [
         *(flat_parameter(each, problem.batch, problem.order) for each in problem.body.normalised),
         problem.step_size,
     ]
+    if jumps(problem.body, problem.method, problem.save_every, problem.steps):
+        return _jump_3d(problem, parameters)
+    return _iterate_3d(problem, parameters)
+
+
+def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
+    """The last states by the closed form; orbits that may meet a pole are iterated."""
+    size = len(problem.states)
+    final, status = np.empty((size, 2)), np.empty(size, np.int8)
+    failed_at = np.broadcast_to(np.int64(-1), size)
+    _parallel.run(
+        loops_closed_form.jump,
+        problem.shared_work(loops_blocks.LANES, loops_closed_form.WORK),
+        problem.threads,
+        *parameters,
+        problem.states,
+        float(problem.steps),
+        final,
+        status,
+    )
+    left = np.flatnonzero(status < 0)
+    if left.size:
+        few = replace(problem, states=problem.states[left])
+        of_few = [each if each.size == 1 else each[left] for each in parameters]
+        failed_at = failed_at.copy()
+        final[left], status[left], failed_at[left] = _iterate_3d(few, of_few)
+    else:
+        with reporter(problem.progress, problem.steps) as report:
+            report(problem.steps)
+    return final, status, failed_at
+
+
+def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
+    size = len(problem.states)
+    method = loops_map.PRINTED if problem.method == "ds2" else loops_map.CANONICAL
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
     resume = np.empty((2, 0))
     for start, stop in problem.slices(1.0):
@@ -318,7 +356,7 @@ def _run_3d(problem: _Problem) -> _Results:
             resume = np.empty((2, size))
         _parallel.run(
             loops_map.iterate,
-            problem.shared_work(loops_map.LANES, stop - start),
+            problem.shared_work(loops_blocks.LANES, stop - start),
             problem.threads,
             method,
             *parameters,

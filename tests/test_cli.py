@@ -57,7 +57,9 @@ def test_run_without_options(tmp_path):
     assert rows["steps"] == ["1,000"]
     assert int(rows["threads"][0]) >= 1
     assert float(rows["wall time"][0].split()[0]) > 0
-    assert float(rows["speed"][0].split()[0]) > 1e6
+    speed, what = rows["speed"][0].split(maxsplit=1)
+    assert float(speed) > 1e6
+    assert what == "steps/s, by the closed form; --method canonical iterates"
     assert float(rows["drift of F"][0].split(",")[0]) < 1e-12
     assert rows["status"] == ["65,536 OK: finished"]
     assert list(tmp_path.iterdir()) == []
@@ -283,7 +285,7 @@ def test_an_existing_result_survives_a_failure(tmp_path):
 def test_signals_leave_nothing_behind(tmp_path, name):
     result = tmp_path / "o.npz"
     process = subprocess.Popen(
-        [*COMMAND, *f"run --trajectories 300 --steps 10000000000000 -o {result}".split()],
+        [*COMMAND, *f"run --method ds2 --steps 10000000000000 -o {result}".split()],
         stderr=subprocess.PIPE,
         text=True,
     )

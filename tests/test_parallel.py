@@ -14,6 +14,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _parallel
+from suslov_fast._core import loops_blocks
 from suslov_fast._core import loops_map as loops
 
 SETUP = """
@@ -38,7 +39,7 @@ def run_python(code, **environment):
 
 @pytest.fixture
 def big(rng):
-    return rng.uniform(-2, 2, (3 * loops.LANES, 2))
+    return rng.uniform(-2, 2, (3 * loops_blocks.LANES, 2))
 
 
 needs_two_threads = pytest.mark.skipif(
@@ -85,9 +86,9 @@ def test_little_work_stays_serial(body, monkeypatch, work):
 
     monkeypatch.setattr(loops, "iterate", SerialOnly())
     if work == "one block":
-        sf.iterate(body, np.ones((loops.LANES, 2)), 0.2, 20_000)
+        sf.iterate(body, np.ones((loops_blocks.LANES, 2)), 0.2, 20_000)
     else:
-        sf.iterate(body, np.ones((loops.LANES + 1, 2)), 0.2, 10)
+        sf.iterate(body, np.ones((loops_blocks.LANES + 1, 2)), 0.2, 10)
 
 
 @pytest.mark.compiled
@@ -131,7 +132,7 @@ def test_forks(layer):
 def test_ctrl_c(batch, save_every):
     """A run of days ends within a second."""
     code = f"""
-        options = {{"save_every": {save_every}}}
+        options = {{"save_every": {save_every}, "method": "canonical"}}
         sf.iterate(body, np.ones({batch}), 0.2, 1000, **options)
         print("go", flush=True)
         sf.iterate(body, np.ones({batch}), 0.2, 10**13, **options)

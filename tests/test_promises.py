@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast import _map, _parallel
+from suslov_fast._core import loops_blocks
 from suslov_fast._core import loops_map as loops
 
 METHODS = ("auto", "canonical", "ds2")
-LANES = loops.LANES
+LANES = loops_blocks.LANES
 
 
 def same(first, second):
@@ -78,7 +79,7 @@ def test_number_of_threads(rng, monkeypatch, method, save_every):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL, loops.PROJECTIVE])
+@pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL])
 def test_compiled_equals_interpreted(rng, method):
     body, omega, eps = mixed_batch(rng, 70)
     parameters = [np.ascontiguousarray(p) for p in (*body.normalised, eps)]

@@ -20,7 +20,7 @@ from .._arguments import Body
 from .._bodies import Suslov3D
 from .._bodies_nd import SuslovND
 from .._conserved import energy_of, first_integral_of, modified_energy_of
-from .._map import iterate
+from .._map import JUMP, iterate, jumps
 from .._paper import PICTURES
 from .._parallel import CROSSOVER
 from .._status import Status
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> None:
     except ValueError as error:
         raise UserError(f"argument --{error}") from error
     # Compiled is what a run of as many threads calls; the time of that is not counted.
-    first_steps = min(options.steps, 4 + 2 * CROSSOVER // len(omega0))
+    first_steps = min(options.steps, JUMP + 2 * CROSSOVER // len(omega0))
     with written_whole(options.output) if options.output else nullcontext() as file:
         try:
             iterate(body, omega0, eps, first_steps, on_singular="ignore", **settings)
@@ -222,7 +222,9 @@ def _print_summary(
     seconds: float,
 ) -> None:
     count = len(omega0)
-    rate = count * options.steps / seconds
+    speed = f"{count * options.steps / seconds:.3g} steps/s"
+    if jumps(trajectories.body, options.method, options.save_every, options.steps):
+        speed += ", by the closed form; --method canonical iterates"
     rows = [
         ("body", _description(trajectories.body)),
         ("step size", f"eps = {trajectories.eps:g}"),
@@ -230,7 +232,7 @@ def _print_summary(
         ("steps", f"{options.steps:,}"),
         ("threads", f"{threads}"),
         ("wall time", f"{seconds:.4g} s, after compilation"),
-        ("speed", f"{rate:.3g} steps/s"),
+        ("speed", speed),
     ]
     for name, quantity in _quantities(trajectories):
         rows.append((f"drift of {name}", _drift(trajectories, omega0, quantity)))

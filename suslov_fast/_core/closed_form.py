@@ -2,91 +2,93 @@
 
 Section 4 of the paper, in forms that cancel nowhere: next to the line X = 0, next to t = 1 and on
 it. All is in the dimensionless coordinates (X, Y) of `coordinates`.
+
+An orbit of the map has T = t, its `level`, and r = (1 - T)/(1 + T). With complement = 1 - T**2,
+
+X_n = 2 T u v / (u**2 + k v**2),   Y_n = T (k v**2 - u**2) / (u**2 + k v**2),
+
+where u = T - Y, v = X r**n, k = complement / 2, or, the same without cancellation for Y > 0,
+u = X, v = (T + Y) r**(n-1), k = 2 r / (1 + T)**2, and X_n is twice as large and over (1 + T)**2.
+Orbits of the flow obey this too, with K = sqrt(X**2 / 2 + Y**2) for T, exp(-2 K t) for r**n and for
+r**(n-1), and 1 for all that T and r make up.
 """
 
 import numpy as np
 
 from .canonical_map import ZERO_TO_ROUNDING
+from .elementary import is_integer, logarithm, times_exponential
 from .integrals import level
 from .jit import formula
 
 
 @formula
-def rate(X, Y, lost):
-    """The constants of an orbit of the map: T, 1 - T**2, r = (1 - T)/(1 + T) and log |r|."""
+def orbit_of_map(X, Y, lost):
+    """The constants of an orbit of the map: T, 1 - T**2, 1 / (1 + T)**2, r and log |r|."""
     T = level(X, Y)
     complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / (1.0 + 0.5 * X * X)
-    r = complement / ((1.0 + T) * (1.0 + T))
-    # Where |r| is not small log |r| is, and r does not hold its digits.
-    distance = 2.0 * min(T, 1.0) / (1.0 + T)
-    if distance < 0.75:
-        log_r = np.log1p(-distance)
-    else:
-        log_r = np.log(abs(r)) if r != 0.0 else -1e300  # so that r**0 = 1 on the critical line
-    return T, complement, r, log_r
+    inverse = 1.0 / (1.0 + T)
+    c = inverse * inverse
+    r = c * complement
+    log_r = logarithm(abs(r), 2.0 * min(T, 1.0) * inverse)
+    # On the critical line, where r = 0, r**0 is 1 all the same.
+    return T, complement, c, r, log_r if r != 0.0 else -1e300
 
 
 @formula
-def power_of_ratio(r, log_r, n):
-    """r**n; n is an integer where r is negative."""
-    power = np.exp(n * log_r)
-    return -power if r < 0.0 and n % 2.0 == 1.0 else power
+def orbit_of_flow(X, Y):
+    """What stands for them where the flow X' = 2 X Y, Y' = -X**2 of equation (s1) is followed."""
+    size = abs(X) + abs(Y) + 1e-300
+    X, Y = X / size, Y / size
+    K = size * np.sqrt(0.5 * X * X + Y * Y)
+    return K, 1.0, 1.0, 1.0, -2.0 * K
 
 
 @formula
-def point(T, u, v, k, m):
-    """X = m T u v / (u**2 + k v**2) and Y = T (k v**2 - u**2) / (u**2 + k v**2)."""
-    size = max(abs(u), abs(v))
-    u, v = u / size, v / size
-    first, second = u * u, k * v * v
-    total = first + second
-    if not abs(total) > ZERO_TO_ROUNDING * (first + abs(second)):
-        return np.nan, np.nan  # the orbit is at infinity
-    return m * T * u * v / total, T * (second - first) / total
+def square(w):
+    """w**2 beside a square of 1, where what is subnormal is slow and does not count."""
+    w = w if abs(w) > 1e-100 else 0.0
+    return w * w
 
 
 @formula
-def follow(X, Y, T, complement, c, r, factor, factor_before):
-    """The point where factor = r**n, factor_before = r**(n - 1) and c = 1 / (1 + T)**2."""
-    if Y < 0.0:
-        return point(T, T - Y, factor * X, 0.5 * complement, 2.0)
-    return point(T, X, factor_before * (T + Y), 2.0 * c * r, 4.0 * c)
+def orbit_point(X, Y, T, complement, c, r, log_r, lag, n):
+    """The point n steps from (X, Y), or at time n of the flow; NaN where there is none.
 
-
-@formula
-def map_point(X, Y, T, complement, r, log_r, n):
-    """State n, not 0, of the orbit of the map through (X, Y); NaN where there is none."""
-    if abs(Y) >= 1.0 and n != np.floor(n):
-        return np.nan, np.nan  # beyond t = 1 nothing lies between two states
+    lag is 1 for the map, and 0 for the flow, where r**n and r**(n - 1) are the same.
+    """
     # The inverse map is the map with Y reversed.
-    backwards = n < 0.0
-    if backwards:
-        Y, n = -Y, -n
-    if X == 0.0 and Y != 1.0:
-        X_n, Y_n = X, Y
-    else:
-        X_n, Y_n = follow(
-            X,
-            Y,
-            T,
-            complement,
-            1.0 / ((1.0 + T) * (1.0 + T)),
-            r,
-            power_of_ratio(r, log_r, n),
-            power_of_ratio(r, log_r, n - 1.0),
-        )
-    return X_n, -Y_n if backwards else Y_n
+    sign = -1.0 if n < 0.0 else 1.0
+    Y_0 = sign * Y
+    n = abs(n)
+    below = Y_0 < 0.0
+    n_of_v = n if below else n - lag
+    odd = not is_integer(0.5 * n_of_v)
+    u, v = T - Y_0 if below else X, X if below else T + Y_0
+    # An orbit from next to X = 0 lives where r**n is as small as X.
+    lift = 2.0**500 if (abs(u) < 1e-150) & (abs(v) < 1e150) else 1.0
+    u = lift * u
+    v = times_exponential(lift * (-v if odd & (r < 0.0) else v), n_of_v * log_r)
+    k = 0.5 * complement if below else 2.0 * c * r
+    m = 2.0 if below else 4.0 * c
+
+    scale = 1.0 / max(abs(u), abs(v))
+    u, v = u * scale, v * scale
+    first, second = square(u), k * square(v)
+    total = first + second
+    inverse = T / total
+    # Otherwise the orbit is at infinity, or, beyond t = 1, between two states.
+    exists = abs(total) > ZERO_TO_ROUNDING * (first + abs(second))
+    exists = exists & ((r > 0.0) | is_integer(n))
+    X_n, Y_n = m * u * v * inverse, (second - first) * inverse
+    X_n, Y_n = X_n if exists else np.nan, Y_n if exists else np.nan
+    still = (X == 0.0) & (Y_0 != 1.0)
+    X_n, Y_n = X if still else X_n, Y_0 if still else Y_n
+    return X_n, sign * Y_n
 
 
 @formula
-def flow_point(X, Y, time):
-    """The flow X' = 2 X Y, Y' = -X**2 of equation (s1), where (X, Y) are taken with eps = 1."""
-    if X == 0.0:
-        return X, Y
-    backwards = time < 0.0
-    if backwards:
-        Y, time = -Y, -time
-    K = np.hypot(np.sqrt(0.5) * X, Y)
-    decay = np.exp(-2.0 * K * time)
-    X_t, Y_t = follow(X, Y, K, 1.0, 1.0, 1.0, decay, decay)
-    return X_t, -Y_t if backwards else Y_t
+def angular_velocity(m11, m12, m21, m22, X, Y, rests, omega1, omega2):
+    """Omega of a point (X, Y), or as given if it rests; NaN if it is not finite."""
+    next1, next2 = m11 * X + m12 * Y, m21 * X + m22 * Y
+    poison = 0.0 * next1 + 0.0 * next2
+    return omega1 if rests else next1 + poison, omega2 if rests else next2 + poison

@@ -76,10 +76,11 @@ def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
     y, y_lost = two_sum(y1, y2)
     y_lost = y_lost + ((y1_lost + c1_lost * omega1) + (y2_lost + c2_lost * omega2))
     n, n_lost = two_product(eps, y)
-    Y = n / a2
+    inverse = 1.0 / a2
+    Y = n * inverse
     back, back_lost = two_product(Y, a2)
-    lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) / a2
-    return eps * x / np.sqrt(a2), Y, lost
+    lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
+    return eps * x * np.sqrt(inverse), Y, lost
 
 
 @formula

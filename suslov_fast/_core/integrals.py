@@ -26,5 +26,9 @@ def modified_energy(E, X):
 @formula
 def level(X, Y):
     """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) = |eps| sqrt(h / (I1 I2)), conserved by the map."""
-    X_over_root2 = X * np.sqrt(0.5)
-    return np.hypot(X_over_root2, Y) / np.hypot(1.0, X_over_root2)
+    # In units in which the sums of squares are in range.
+    size = abs(X) + abs(Y) + 1e-300
+    above, below = 1.0 / size, 1.0 / (abs(X) + 1.0)
+    X1, Y1, X2 = X * above, Y * above, X * below
+    squares = (X1 * X1 + 2.0 * Y1 * Y1) / (X2 * X2 + 2.0 * below * below)
+    return size * below * np.sqrt(squares)

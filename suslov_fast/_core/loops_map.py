@@ -6,14 +6,12 @@ depends on its block, nor on how its steps are cut into calls.
 
 Common arguments, flat over the batch of B trajectories:
 
-method       PRINTED, CANONICAL or PROJECTIVE. PROJECTIVE takes two steps at a time, from states of
-             even number, in tame trajectories and is CANONICAL in the others.
+method       PRINTED or CANONICAL.
 I1 ... eps   five arrays of B numbers, or of one that serves all.
 omega        (B, 2), the initial states.
 
-Arrays of a block, lanes last; `lanes` of them are in use, in whole vectors:
+Arrays of a block, lanes last, beside `given` of `loops_blocks`:
 
-given          (7, LANES): I1, I2, I13, I23, eps, omega1, omega2.
 state          (2, LANES): (omega1, omega2) where the method is PRINTED, else (X, Z).
 shift          (LANES,): c, where Z = c - Y.
 bound          (LANES,): for |X| + |Z|, beyond which omega would overflow.
@@ -30,52 +28,24 @@ from .canonical_map import canonical_step, denominator, guarded_step, shifted, t
 from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from .coordinates import at_rest, from_canonical, to_canonical
 from .jit import Loop, part
+from .loops_blocks import (
+    LANES,
+    TASKS,
+    gather_bodies,
+    gather_states,
+    in_whole_vectors,
+    rows_of_lanes,
+)
 from .printed_map import printed_coefficients, printed_denominator, printed_step
-from .projective_map import projective_pair
-from .vector import VECTOR, aligned
 
-PRINTED, CANONICAL, PROJECTIVE = range(3)
+PRINTED, CANONICAL = range(2)
 
-# Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
-LANES = 128
 # 256 bytes of each trajectory are written at a time.
 TILE = 16
-# More than the threads of any machine that this is likely to meet.
-TASKS = 64
 
 # A state X this small on its way to a fixed point becomes 0: subnormals are four times slower.
 NEGLIGIBLE = 2.0**-960
 FLUSH_EVERY = 256
-
-
-@part
-def rows_of_lanes(rows):
-    return aligned(rows * LANES).reshape((rows, LANES))
-
-
-@part
-def spread(parameter, first, width, lanes, row):
-    """A parameter of the trajectories of a block; 1 in the lanes beyond its width."""
-    one_for_all = parameter.size == 1
-    value = parameter[0] if one_for_all else 1.0
-    for l in range(lanes):
-        row[l] = value
-    if not one_for_all:
-        for l in range(width):
-            row[l] = parameter[first + l]
-
-
-@part
-def gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given):
-    spread(I1, first, width, lanes, given[0])
-    spread(I2, first, width, lanes, given[1])
-    spread(I13, first, width, lanes, given[2])
-    spread(I23, first, width, lanes, given[3])
-    spread(eps, first, width, lanes, given[4])
-    for l in range(width):
-        given[5, l], given[6, l] = omega[first + l, 0], omega[first + l, 1]
-    for l in range(width, lanes):
-        given[5, l], given[6, l] = 1.0, 1.0
 
 
 # Short passes with few results each: one loop over all of this would not be vectorised.
@@ -154,37 +124,21 @@ def advance_guarded(state, shift, bound, steps, lanes):
 
 
 @part
-def advance_tame(state, pairs, steps, lanes):
-    for _ in range(pairs):
-        for l in range(lanes):
-            state[0, l], state[1, l] = projective_pair(state[0, l], state[1, l])
-    for _ in range(steps - 2 * pairs):
+def advance_tame(state, steps, lanes):
+    for _ in range(steps):
         for l in range(lanes):
             state[0, l], state[1, l] = canonical_step(state[0, l], state[1, l], 0.0)
 
 
 @part
-def advance(method, state, shift, bound, coefficients, wild, spare, steps, lanes):
+def advance(method, state, shift, bound, coefficients, any_wild, steps, lanes):
     if method == PRINTED:
         advance_printed(state, coefficients, steps, lanes)
-        return
-    # Which lanes share a block must not matter: each keeps to its own evaluation. A guard changes
-    # nothing in a tame lane, but pairs of steps do.
-    any_wild = wild[:lanes].any()
-    pairs = steps // 2 if method == PROJECTIVE and not wild[:lanes].all() else 0
-    mixed = any_wild and pairs > 0
-    if mixed:
-        for k in range(2):
-            for l in range(lanes):
-                spare[k, l] = state[k, l]
-    if any_wild:
-        advance_guarded(spare if mixed else state, shift, bound, steps, lanes)
-    if mixed or not any_wild:
-        advance_tame(state, pairs, steps, lanes)
-    if mixed:
-        for k in range(2):
-            for l in range(lanes):
-                state[k, l] = spare[k, l] if wild[l] else state[k, l]
+    elif any_wild:
+        # Which lanes share a block does not matter: a guard changes nothing in a tame lane.
+        advance_guarded(state, shift, bound, steps, lanes)
+    else:
+        advance_tame(state, steps, lanes)
 
 
 @part
@@ -237,7 +191,6 @@ def _iterate(
     for task in prange(n_tasks):
         given = rows_of_lanes(7)
         state = rows_of_lanes(2)
-        spare = rows_of_lanes(2)
         shift, bound = rows_of_lanes(1)[0], rows_of_lanes(1)[0]
         wild, beyond = np.empty(LANES, np.bool_), np.empty(LANES, np.bool_)
         frame = rows_of_lanes(6)
@@ -246,10 +199,12 @@ def _iterate(
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
             first = block * LANES
             width = min(LANES, omega.shape[0] - first)
-            lanes = (width + VECTOR - 1) // VECTOR * VECTOR
+            lanes = in_whole_vectors(width)
 
-            gather(I1, I2, I13, I23, eps, omega, first, width, lanes, given)
+            gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
+            gather_states(omega, first, width, lanes, given)
             enter_canonical(given, state, frame, shift, bound, wild, beyond, lanes)
+            any_wild = wild[:lanes].any()
             for l in range(width):
                 status[first + l] = SUPERCRITICAL if beyond[l] else OK
             if method == PRINTED:
@@ -274,7 +229,7 @@ def _iterate(
                 if n == stop:
                     break
                 next_n = min(stop, n - n % every + every, n - n % FLUSH_EVERY + FLUSH_EVERY)
-                advance(method, state, shift, bound, coefficients, wild, spare, next_n - n, lanes)
+                advance(method, state, shift, bound, coefficients, any_wild, next_n - n, lanes)
                 n = next_n
                 if method != PRINTED and n % FLUSH_EVERY == 0:
                     flush_negligible(state, shift, lanes)
@@ -305,7 +260,8 @@ def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, 
         coefficients = rows_of_lanes(4)
         tile = np.empty((1, 2, LANES))
         d, regular = 1.0, True
-        gather(I1, I2, I13, I23, eps, omega, i, 1, 1, given)
+        gather_bodies(I1, I2, I13, I23, eps, i, 1, 1, given)
+        gather_states(omega, i, 1, 1, given)
         enter_canonical(given, state, frame, shift, bound, wild, beyond, 1)
         if method == PRINTED:
             enter_printed(given, state, frame, coefficients, 1)

@@ -1,0 +1,74 @@
+"""Blocks of trajectories of the 3D problem, which loops take side by side.
+
+A block has up to LANES trajectories. Their numbers stand in rows of lanes, of which whole vectors
+are in use, so that the compiler puts lanes side by side in vector registers.
+"""
+
+from .jit import part
+from .vector import VECTOR, aligned
+
+# Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
+LANES = 128
+# More than the threads of any machine that this is likely to meet.
+TASKS = 64
+
+
+@part
+def rows_of_lanes(rows):
+    return aligned(rows * LANES).reshape((rows, LANES))
+
+
+@part
+def in_whole_vectors(width):
+    """The lanes in use for so many trajectories."""
+    return (width + VECTOR - 1) // VECTOR * VECTOR
+
+
+@part
+def spread(parameter, first, width, lanes, row):
+    """A parameter of the trajectories of a block; 1 in the lanes beyond its width."""
+    one_for_all = parameter.size == 1
+    value = parameter[0] if one_for_all else 1.0
+    for l in range(lanes):
+        row[l] = value
+    if not one_for_all:
+        for l in range(width):
+            row[l] = parameter[first + l]
+
+
+@part
+def gather_pairs(pairs, first, width, row1, row2):
+    """Pairs of numbers, one after the other, into two rows."""
+    for l in range(width):
+        row1[l], row2[l] = pairs[2 * (first + l)], pairs[2 * (first + l) + 1]
+
+
+@part
+def scatter_pairs(row1, row2, first, width, pairs):
+    """The reverse of `gather_pairs`."""
+    for l in range(width):
+        pairs[2 * (first + l)], pairs[2 * (first + l) + 1] = row1[l], row2[l]
+
+
+@part
+def gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given):
+    """I1, I2, I13, I23 and eps of a block: the first rows of the (7, LANES) array `given`."""
+    spread(I1, first, width, lanes, given[0])
+    spread(I2, first, width, lanes, given[1])
+    spread(I13, first, width, lanes, given[2])
+    spread(I23, first, width, lanes, given[3])
+    spread(eps, first, width, lanes, given[4])
+
+
+@part
+def gather_states(omega, first, width, lanes, given):
+    """omega1 and omega2 of a block: the last rows of `given`."""
+    gather_pairs(omega.reshape(omega.size), first, width, given[5], given[6])
+    for l in range(width, lanes):
+        given[5, l], given[6, l] = 1.0, 1.0
+
+
+@part
+def one_body(I1, I2, I13, I23, eps):
+    """Whether one body and one step size serve all blocks."""
+    return I1.size == 1 and I2.size == 1 and I13.size == 1 and I23.size == 1 and eps.size == 1

@@ -72,14 +72,18 @@ def bench_all_states(measure, name, threads_of):
     )
 
 
-def bench_theorem(measure):
-    function = peers.Peer("numpy_batch", "theorem", 65_536, 0).load()
-    omega0 = starts(measure.size(65_536, 64))
+@pytest.mark.parametrize("name", peers.JUMP)
+def bench_jump(measure, name, threads_of):
+    peer = peers.JUMP[name]
+    function, threads = peer.load(), threads_of(peer)
+    omega0 = starts(measure.size(peer.batch, 64))
+    computed = function(starts(CHECKED), STEPS, threads)
     measure(
-        lambda: function(omega0, 10**6),
+        lambda: function(omega0, peer.steps, threads),
         table="jumps",
-        row="NumPy, the theorem",
+        row=name,
         unit="jumps",
         work=len(omega0),
-        error=relative_error(function(starts(CHECKED), STEPS), orbit(CHECKED, STEPS)[:, -1]),
+        threads=threads,
+        error=relative_error(computed, orbit(CHECKED, STEPS)[:, -1]),
     )

@@ -11,14 +11,14 @@ FLAGS = ["-O3", "-march=native", "-fopenmp"]
 
 
 @functools.cache
-def library(name):
+def library(name, *flags):
     """The C file of that name in this folder, as a library; an ImportError where there is none."""
     if shutil.which("gcc") is None:
         raise ImportError("gcc is not installed")
     with tempfile.TemporaryDirectory() as folder:
         target = str(Path(folder) / "library.so")
         source = str(Path(__file__).parent / name)
-        command = ["gcc", *FLAGS, "-shared", "-fPIC", source, "-o", target, "-lm"]
+        command = ["gcc", *FLAGS, *flags, "-shared", "-fPIC", source, "-o", target, "-lm"]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             raise ImportError(f"gcc could not compile {name}: {done.stderr.splitlines()[0]}")

@@ -55,6 +55,12 @@ FINAL = {
     "Python, (ds2)": Peer("python_loop", "final", 64, 1000, threads=False),
 }
 
+# One far state by the closed form.
+JUMP = {
+    "C, `-ffast-math`": Peer("c", "jump", 65_536, 10**6),
+    "NumPy over the batch": Peer("numpy_batch", "jump", 65_536, 10**6, threads=False),
+}
+
 # The continuous motion after the time of the same steps.
 MOTION = {
     "heyoka, Taylor integrator, 16 trajectories at once": Peer("heyoka_", "motion", 4096, 1000),

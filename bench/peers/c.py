@@ -44,6 +44,17 @@ def stored_streaming(omega0, steps, threads, out):
     return _call("stored_streaming", omega0, out, steps, threads)
 
 
+def jump(omega0, n, threads):
+    """State n by the closed form."""
+    final = np.empty_like(omega0)
+    numbers = map(ctypes.c_double, (n, *BODY.parameters, EPS))
+    library("peers/closed_form.c", "-ffast-math").jump(
+        *(pointer(omega0), pointer(final), ctypes.c_long(len(omega0)), *numbers),
+        ctypes.c_int(threads),
+    )
+    return final
+
+
 def _call_nd(function, body, omega0, eps, steps):
     final = np.empty_like(omega0)
     sizes = map(ctypes.c_long, (*omega0.shape, steps))

@@ -22,8 +22,8 @@ def stored(omega0, steps, threads, out):
     return out
 
 
-def theorem(omega0, n):
-    """State n by the theorem of Section 4, corrected."""
+def jump(omega0, n, threads):
+    """State n by the theorem of Section 4, corrected, for x != 0 and t < 1."""
     I1, I2, I13, I23 = BODY.parameters
     a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
     w1, w2 = omega0.T

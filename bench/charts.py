@@ -1,7 +1,5 @@
 """The two charts, from the rows of a report."""
 
-import textwrap
-
 import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -133,19 +131,19 @@ def batch(axis, rows, threads):
         "serial": {"color": C, "marker": "o", "markersize": 4},
         "parallel": {"color": OURS, "marker": "s", "markersize": 4},
     }
-    lines(axis, found, lambda row: rate(row) / 1e9, styles)
-    handles, _ = axis.get_legend_handles_labels()
     texts = {
         "serial": "on one thread",
         "parallel": f"on {threads}, whatever the size",
         "iterate": "as iterate decides",
     }
-    for handle in handles:
+    found.sort(key=lambda row: list(texts).index(row["row"]))
+    lines(axis, found, lambda row: rate(row) / 1e9, styles)
+    for handle in axis.get_legend_handles_labels()[0]:
         handle.set_label(texts[handle.get_label()])
     chosen = next((row["crossover"] for row in found if row.get("crossover")), None)
     if chosen:
         axis.axvline(
-            chosen, color=LIMIT, linestyle="--", linewidth=1, label="iterate goes parallel"
+            chosen, color=LIMIT, linestyle="--", linewidth=1, label="from here iterate is parallel"
         )
     measured = crossing(found)
     if measured:
@@ -165,14 +163,18 @@ def batch(axis, rows, threads):
 
 
 def crossing(found):
-    """The smallest batch from which on the parallel build is the faster one."""
-    by_name = {name: {row["x"]: rate(row) for row in found if row["row"] == name}
-               for name in ("serial", "parallel")}  # fmt: skip
+    """The smallest batch from which on the parallel build is faster, up to where it gains most."""
+    serial, parallel = (
+        {row["x"]: rate(row) for row in found if row["row"] == name}
+        for name in ("serial", "parallel")
+    )
+    gain = {x: parallel[x] / serial[x] for x in sorted(serial.keys() & parallel.keys())}
     faster = None
-    for x in sorted(by_name["serial"].keys() & by_name["parallel"].keys(), reverse=True):
-        if by_name["parallel"][x] < 1.05 * by_name["serial"][x]:
-            break
-        faster = x
+    for x in reversed(gain):
+        if x <= max(gain, key=gain.get):
+            if gain[x] < 1.05:
+                break
+            faster = x
     return faster
 
 
@@ -242,8 +244,7 @@ def by_threads(axis, rows):
 
 def footer(figure, rows):
     """Where the figures come from."""
-    text = "\n".join(textwrap.wrap(caption(rows), 130))
-    figure.supxlabel(text, fontsize=8, color=NOTE)
+    figure.supxlabel(caption(rows).replace("; ", "\n"), fontsize=8, color=NOTE)
 
 
 def draw(rows, folder):

@@ -21,7 +21,7 @@ BENCH = Path(__file__).parent
 RESULTS = BENCH / "results"
 README = BENCH.parent / "README.md"
 BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
-PASSES = 4
+PASSES = 5
 MACHINE = ("processor", "cores", "threads", "system", "versions")
 BASE = "C, (ds2) as printed"
 DIVIDER, STORES = "divisions", "bytes, streaming stores"
@@ -267,9 +267,13 @@ def table_starts(rows):
 def caption(rows):
     """Machine, versions, date and threads, in one line."""
     versions = ", ".join(f"{name} {value}" for name, value in rows.machine["versions"].items())
-    threads = rows.machine["threads"]
-    plural = "s" if threads > 1 else ""
-    return f"{rows.machine['processor']}, {threads} thread{plural}, {rows.date}; {versions}"
+    threads = spelled(rows.machine["threads"])
+    return f"{rows.machine['processor']}, {threads}, {rows.date}; {versions}"
+
+
+def spelled(threads):
+    """So many threads."""
+    return f"{threads} thread" + "s" * (threads > 1)
 
 
 def tables(results):
@@ -279,7 +283,7 @@ def tables(results):
     sections = [
         f"Measured on {caption(rows)}. Best of {rows.passes} interleaved passes. Errors are the "
         "largest relative ones of 64 trajectories (8 in n dimensions) against long doubles. "
-        f"All rows on {threads} threads unless they say otherwise.",
+        f"All rows on {spelled(threads)} unless they say otherwise.",
         "**Last states** of 65,536 trajectories after 1000 steps; slower peers do a part of it. A "
         "share of the divider is that of the divisions which the form needs; what needs fewer than "
         "one per step can pass the limit of one per step.",

@@ -263,3 +263,32 @@ def test_any_batch_size_number_of_steps_and_saving(size, steps, save_every):
     assert np.isfinite(result.omega).all()
     i = size - 1
     assert same(result.omega[i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)
+
+
+@pytest.mark.parametrize("shift", range(8))
+@pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
+def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
+    """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
+    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    omega = rng.uniform(-2, 2, (batch, 2))
+    steps = 10
+    options = {"save_every": None, "method": "canonical"}
+    last = [sf.iterate(body, omega, 0.2, n, **options).final for n in range(steps + 1)]
+    expected = np.stack(last, axis=1)
+    for order in "CF":
+        memory = np.full(batch * (steps + 1) * 2 + 16, 7.0)
+        out = memory[shift : shift + memory.size - 16].reshape((batch, steps + 1, 2), order=order)
+        result = sf.iterate(body, omega, 0.2, steps, out=out)
+        assert np.shares_memory(result.omega, memory) or batch == 0
+        assert (result.omega == expected).all()
+        assert (memory[:shift] == 7).all()
+        assert (memory[shift + out.size :] == 7).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("batch", [1023, 1024])
+def test_saved_states_beyond_the_caches(body, rng, batch):
+    omega = rng.uniform(-2, 2, (batch, 2))
+    steps = loops.BEYOND_CACHES // 2 // batch + 9
+    along = sf.iterate(body, omega, 0.2, steps).omega
+    assert same(sf.iterate(body, omega, 0.2, steps, order="F").omega, along)

@@ -62,5 +62,5 @@ def guarded_step(X, Z, c, bound):
     """`canonical_step`, and NaN where there is no next state or it is beyond a bound."""
     _, regular = denominator(X, Z, c)
     X_next, Z_next = canonical_step(X, Z, c)
-    exists = regular and abs(X_next) + abs(Z_next) < bound
+    exists = regular & (abs(X_next) + abs(Z_next) < bound)
     return X_next if exists else np.nan, Z_next if exists else np.nan

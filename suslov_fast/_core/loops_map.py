@@ -24,6 +24,7 @@ tile           (TILE, 2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
 from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from .coordinates import at_rest, from_canonical, to_canonical
@@ -35,13 +36,18 @@ from .loops_blocks import (
     gather_states,
     in_whole_vectors,
     rows_of_lanes,
+    scatter_pairs,
 )
 from .printed_map import printed_coefficients, printed_denominator, printed_step
+from .vector import VECTOR, expect_store, store_past_caches, store_transposed, to_cache_line
 
 PRINTED, CANONICAL = range(2)
 
-# 256 bytes of each trajectory are written at a time.
-TILE = 16
+# States of each trajectory that are written at a time: 256 bytes where they lie side by side, and
+# fewer where rows of lanes do, so that the memory and the arithmetic work at once.
+TILE, TILE_ACROSS = 16, 4
+# Saved states of so many numbers, in rows of lanes, are written past the caches.
+BEYOND_CACHES = 2**21
 
 # A state X this small on its way to a fixed point becomes 0: subnormals are four times slower.
 NEGLIGIBLE = 2.0**-960
@@ -131,17 +137,6 @@ def advance_tame(state, steps, lanes):
 
 
 @part
-def advance(method, state, shift, bound, coefficients, any_wild, steps, lanes):
-    if method == PRINTED:
-        advance_printed(state, coefficients, steps, lanes)
-    elif any_wild:
-        # Which lanes share a block does not matter: a guard changes nothing in a tame lane.
-        advance_guarded(state, shift, bound, steps, lanes)
-    else:
-        advance_tame(state, steps, lanes)
-
-
-@part
 def flush_negligible(state, shift, lanes):
     for l in range(lanes):
         X = state[0, l]
@@ -160,18 +155,47 @@ def show(frame, state, tile, row, lanes):
 
 
 @part
-def write(tile, rows, out, row, batch_last, first, width):
-    """Write the first rows of a tile to the saved states from `row` on."""
-    if batch_last:
-        for r in range(rows):
+def write_across(tile, rows, out, flat, line, row, first, width):
+    """Write the first rows of a tile to the saved states (2, n_saved, B) from `row` on.
+
+    line is the first start of a cache line in `flat`, which is `out` as one row.
+    """
+    for r in range(rows):
+        for c in range(2):
+            target = (c * out.shape[1] + row + r) * out.shape[2] + first
+            begin = end = width
+            if flat.size >= BEYOND_CACHES:
+                begin = min((line - target) % VECTOR, width)
+                end = width - (width - begin) % VECTOR
+            for l in range(begin):
+                flat[target + l] = tile[r, c, l]
+            for l in range(begin, end, VECTOR):
+                store_past_caches(flat, target + l, tile, (r * 2 + c) * LANES + l)
+            for l in range(end, width):
+                flat[target + l] = tile[r, c, l]
+
+
+@part
+def write_along(tile, rows, out, flat, row, first, width):
+    """The same where they are (B, n_saved, 2)."""
+    n_saved = out.shape[1]
+    whole_width, whole_rows = width - width % VECTOR, rows - rows % (VECTOR // 2)
+    for l in range(0, whole_width, VECTOR):
+        for r in range(0, whole_rows, VECTOR // 2):
+            target = ((first + l) * n_saved + row + r) * 2
+            store_transposed(flat, target, 2 * n_saved, tile, 2 * r * LANES + l, LANES)
+    for l in range(width):
+        for r in range(whole_rows if l < whole_width else 0, rows):
             for c in range(2):
-                for l in range(width):
-                    out[c, row + r, first + l] = tile[r, c, l]
-    else:
-        for l in range(width):
-            for r in range(rows):
-                for c in range(2):
-                    out[first + l, row + r, c] = tile[r, c, l]
+                out[first + l, row + r, c] = tile[r, c, l]
+
+
+@part
+def expect_write_along(flat, n_saved, row, first, share):
+    """Fetch the memory that will be written from `row` on, for one of TILE shares of the lanes."""
+    for l in range(share * LANES // TILE, (share + 1) * LANES // TILE):
+        for k in range(0, 2 * TILE, VECTOR):
+            expect_store(flat, 2 * ((first + l) * n_saved + row) + k)
 
 
 def _iterate(
@@ -185,7 +209,12 @@ def _iterate(
     final    (B, 2), state `stop`; NaN if it does not exist.
     status   (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist for any reason.
     """
-    n_blocks = (omega.shape[0] + LANES - 1) // LANES
+    # Blocks begin where cache lines of the saved states do, if they do so in all rows alike.
+    flat, flat_final = out.reshape(out.size), final.reshape(final.size)
+    line = to_cache_line(flat, 0)
+    pad = -line % VECTOR if batch_last else 0
+    height = TILE_ACROSS if batch_last else TILE
+    n_blocks = (omega.shape[0] + pad + LANES - 1) // LANES
     # Each task has its own arrays and goes through several blocks.
     n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
@@ -197,23 +226,20 @@ def _iterate(
         coefficients = rows_of_lanes(4)
         tile = rows_of_lanes(TILE * 2).reshape((TILE, 2, LANES))
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-            first = block * LANES
-            width = min(LANES, omega.shape[0] - first)
+            first = max(block * LANES - pad, 0)
+            width = min((block + 1) * LANES - pad, omega.shape[0]) - first
             lanes = in_whole_vectors(width)
 
             gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
             gather_states(omega, first, width, lanes, given)
             enter_canonical(given, state, frame, shift, bound, wild, beyond, lanes)
             any_wild = wild[:lanes].any()
-            for l in range(width):
-                status[first + l] = SUPERCRITICAL if beyond[l] else OK
             if method == PRINTED:
                 enter_printed(given, state, frame, coefficients, lanes)
             if start > 0:
                 for l in range(width):
                     state[0, l], state[1, l] = resume[0, first + l], resume[1, first + l]
 
-            n = start
             row = start // every + 1 if start > 0 else 0
             filled = 0
             if start == 0:
@@ -221,28 +247,46 @@ def _iterate(
                     tile[0, 0, l], tile[0, 1, l] = given[5, l], given[6, l]
                 filled = min(1, out.shape[1])
             last = 0
+            # Steps to go; divisions in each turn would cost as much as a step.
+            to_stop, to_save = stop - start, every - start % every
+            to_flush = FLUSH_EVERY - start % FLUSH_EVERY
             while True:
-                if filled == TILE or n == stop:
-                    write(tile, filled, out, row, batch_last, first, width)
+                if filled == height or to_stop == 0:
+                    if batch_last:
+                        write_across(tile, filled, out, flat, line, row, first, width)
+                    else:
+                        write_along(tile, filled, out, flat, row, first, width)
                     row += filled
                     filled = 0
-                if n == stop:
+                if to_stop == 0:
                     break
-                next_n = min(stop, n - n % every + every, n - n % FLUSH_EVERY + FLUSH_EVERY)
-                advance(method, state, shift, bound, coefficients, any_wild, next_n - n, lanes)
-                n = next_n
-                if method != PRINTED and n % FLUSH_EVERY == 0:
-                    flush_negligible(state, shift, lanes)
-                if n % every == 0 or n == stop:
+                steps = min(to_stop, to_save, to_flush)
+                # No function around these calls: it would count references at each step.
+                if method == PRINTED:
+                    advance_printed(state, coefficients, steps, lanes)
+                elif any_wild:
+                    # A guard changes nothing in a tame lane: who shares a block does not matter.
+                    advance_guarded(state, shift, bound, steps, lanes)
+                else:
+                    advance_tame(state, steps, lanes)
+                to_stop, to_save, to_flush = to_stop - steps, to_save - steps, to_flush - steps
+                if to_flush == 0:
+                    to_flush = FLUSH_EVERY
+                    if method != PRINTED:
+                        flush_negligible(state, shift, lanes)
+                if to_save == 0 or to_stop == 0:
                     show(frame, state, tile, filled, lanes)
                     last = filled
-                if n % every == 0:
+                if to_save == 0:
+                    to_save = every
+                    if width == LANES and not batch_last:
+                        expect_write_along(flat, out.shape[1], row, first, filled)
                     filled += 1
 
+            scatter_pairs(tile[last, 0], tile[last, 1], first, width, flat_final)
             for l in range(width):
-                final[first + l, 0], final[first + l, 1] = tile[last, 0, l], tile[last, 1, l]
-                if np.isnan(tile[last, 0, l]):
-                    status[first + l] = NONFINITE
+                code = SUPERCRITICAL if beyond[l] else OK
+                status[first + l] = NONFINITE if np.isnan(tile[last, 0, l]) else code
             if resume.shape[1] > 0:
                 for l in range(width):
                     resume[0, first + l], resume[1, first + l] = state[0, l], state[1, l]

@@ -21,6 +21,7 @@ def bench_divisions(measure, threads):
         unit="divisions",
         work=64 * blocks * rounds,
         threads=threads,
+        rounds=20,
     )
 
 
@@ -38,4 +39,5 @@ def bench_stores(measure, kind, threads):
         unit="bytes",
         work=to.nbytes,
         threads=threads,
+        rounds=20,
     )

@@ -43,7 +43,7 @@ class Measure:
         """Time `call`, which does `work` units; `limit` is (what, how many of it per unit).
 
         More facts: `x` is where a chart of scaling puts it, `components` is n - 1, and a `baseline`
-        is independent of this package. `rounds` are fewer than the usual three of slow calls.
+        is independent of this package. `rounds` are as many as said, not as pytest-benchmark wants.
         """
         call()  # compiles, wakes threads, touches memory
         self._benchmark.extra_info.update(

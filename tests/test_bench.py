@@ -127,6 +127,17 @@ def test_tables():
         assert fact in text
 
 
+def test_what_passes_a_limit_raises_it():
+    rows = [
+        row("divisions", 1e-4, "limits"),
+        row("C", 5e-5, limit=["divisions", 2]),
+        row("ours", 1e-4, limit=["divisions", 1]),
+        row("jump", 1e-6),
+    ]
+    text = report.tables(results(*rows))
+    assert [cells(text, name)[3] for name in ("C", "ours", "jump")] == ["100 %", "25 %", ""]
+
+
 def test_tables_of_a_part_of_the_benchmarks():
     """Without peers and limits there is nothing to compare with, and nothing fails."""
     assert cells(report.tables(results(row("ours", 1e-4))), "ours") == ["10", "", "", "", "1e-15"]

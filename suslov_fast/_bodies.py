@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ._layout import flat_parameter
 from ._validation import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 
 
@@ -95,6 +96,17 @@ class Suslov3D:
             np.ldexp(self.I13, -products),
             np.ldexp(self.I23, -products),
         )
+
+    def flat_normalised(self, batch: tuple[int, ...], order: str) -> list[FloatArray]:
+        """Them as loops take them."""
+        return self._one_normalised or [
+            flat_parameter(each, batch, order) for each in self.normalised
+        ]
+
+    @cached_property
+    def _one_normalised(self) -> list[FloatArray]:
+        """The same for all batches, if this is a single body."""
+        return [] if self.shape else [np.array([each]) for each in self.normalised]
 
     def normalised_eps(self, eps: FloatArray) -> FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""

@@ -197,7 +197,7 @@ def _fill(
     times: FloatArray,
     flow: bool,
 ) -> FloatArray:
-    parameters = (*body.normalised, body.normalised_eps(step_size))
+    eps = flat_parameter(body.normalised_eps(step_size), batch, "C")
     states = flat_vectors(state, batch, "C")
     flat_times = np.array(times, ndmin=1)
     out = np.empty((len(states), flat_times.size, 2))
@@ -206,7 +206,8 @@ def _fill(
         out.size // 2 * loops.WORK,
         None,
         flow,
-        *(flat_parameter(parameter, batch, "C") for parameter in parameters),
+        *body.flat_normalised(batch, "C"),
+        eps,
         states,
         flat_times,
         out,

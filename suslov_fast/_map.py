@@ -196,6 +196,9 @@ class _Problem:
             work += _SAVING / self.save_every
         # Few trajectories take as long as half a block.
         length = int(_SLICE / (work * max(len(self.states), loops_blocks.LANES // 2)))
+        if self.steps <= length and not self.progress:
+            yield 0, self.steps
+            return
         with reporter(self.progress, self.steps) as report:
             stop = -1
             while stop < self.steps:
@@ -249,7 +252,8 @@ def _iterate(
     try:
         if math.prod(shape) > 2**60:  # more than NumPy could even ask for
             raise MemoryError
-        n = np.arange(n_saved) * (save_every or 1) + (steps if save_every is None else 0)
+        first, every = (steps, 1) if save_every is None else (0, save_every)
+        n = np.arange(first, first + n_saved * every, every)
         saved = None
         if save_every is not None or order == "F" or out is not None:
             saved = saved_states(shape, order, out)
@@ -310,10 +314,7 @@ _Results = tuple[FloatArray, NDArray[np.int8], NDArray[np.int64]]
 def _run_3d(problem: _Problem) -> _Results:
     """Final states, statuses and first missing states; saved states are filled on the way."""
     assert isinstance(problem.body, Suslov3D)
-    parameters = [
-        *(flat_parameter(each, problem.batch, problem.order) for each in problem.body.normalised),
-        problem.step_size,
-    ]
+    parameters = [*problem.body.flat_normalised(problem.batch, problem.order), problem.step_size]
     if jumps(problem.body, problem.method, problem.save_every, problem.steps):
         return _jump_3d(problem, parameters)
     return _iterate_3d(problem, parameters)
@@ -323,7 +324,7 @@ def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     """The last states by the closed form; orbits that may meet a pole are iterated."""
     size = len(problem.states)
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
-    failed_at = np.broadcast_to(np.int64(-1), size)
+    failed_at = _never(size)
     _parallel.run(
         loops_closed_form.jump,
         problem.shared_work(loops_blocks.LANES, loops_closed_form.WORK),
@@ -334,8 +335,8 @@ def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
         final,
         status,
     )
-    left = np.flatnonzero(status < 0)
-    if left.size:
+    if status.min(initial=0) < 0:
+        left = np.flatnonzero(status < 0)
         few = replace(problem, states=problem.states[left])
         of_few = [each if each.size == 1 else each[left] for each in parameters]
         failed_at = failed_at.copy()
@@ -370,10 +371,10 @@ def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
             final,
             status,
         )
-    failed_at = np.broadcast_to(np.int64(-1), size)
-    failed = np.flatnonzero(status < 0)
-    if failed.size:
+    failed_at = _never(size)
+    if status.min(initial=0) < 0:
         failed_at = failed_at.copy()
+        failed = np.flatnonzero(status < 0)
         _parallel.run(
             loops_map.locate_failure,
             failed.size * problem.steps,
@@ -387,6 +388,11 @@ def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
             failed_at,
         )
     return final, status, failed_at
+
+
+def _never(size: int) -> NDArray[np.int64]:
+    """`failed_at` where nothing failed: -1, read-only and in no memory."""
+    return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
 
 
 def _run_nd(problem: _Problem) -> _Results:

@@ -38,8 +38,8 @@ def thread_count(threads: int | None) -> int | None:
 def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a loop; `work` lane-steps decide between its two builds."""
     if (
-        (threads or numba.config.NUMBA_NUM_THREADS) == 1
-        or work < CROSSOVER
+        work < CROSSOVER
+        or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
         or not _one_at_a_time.acquire(blocking=False)
     ):

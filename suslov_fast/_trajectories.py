@@ -53,7 +53,7 @@ class Trajectories:
     @property
     def ok(self) -> bool:
         """Whether every trajectory finished."""
-        return bool((self.status >= 0).all())
+        return bool(self.status.min(initial=0) >= 0)
 
     def first_integral(self) -> FloatArray:
         """F of the saved states, shape (..., n_saved); see :func:`suslov_fast.first_integral`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import numbers
 import operator
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
     """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+    if type(value) is float and math.isfinite(value):
+        return np.array(value)
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -101,6 +104,8 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
 
 def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     """The shape that the named batch shapes broadcast to."""
+    if not any(shapes.values()):
+        return ()
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError as error:

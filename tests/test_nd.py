@@ -1,5 +1,7 @@
 """The n-dimensional problem against the implicit equations (dsn) in 60 digits, and (nsus)."""
 
+from itertools import pairwise
+
 import naive
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
 from suslov_fast import _map, _parallel
+from suslov_fast._core import loops_nd as loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -135,6 +138,16 @@ def test_scales(rng, method, scale):
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("largest", [5e-324, 1e-310, 1.6e308])
+def test_the_ends_of_the_range(method, largest):
+    body, omega = sf.SuslovND(*BODY_C), largest * np.array([1.0, 0.5, -0.25])
+    result = sf.iterate(body, omega, min(1e300, 0.1 / largest), 2, method=method)
+    assert result.ok
+    expected = sf.iterate(body, omega / largest, 0.1 * (largest > 1), 2, method=method).final
+    np.testing.assert_allclose(result.final, largest * expected, rtol=1e-9, atol=1e-323)
+
+
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("speed", [1e2, 1e4, 1e8, 1e16])
 def test_steps_far_too_long(rng, method, speed):
     """One step goes from |omega| to |omega| / speed**2 or so."""
@@ -207,6 +220,58 @@ def test_save_every_slices_and_threads(rng, monkeypatch, method):
     assert len(seen) > 2
     assert (sliced.omega == some.omega).all()
     assert (sliced.final == some.final).all()
+
+
+def every_way_through_a_step(rng, size, m):
+    """Bodies, step sizes and states: d at or next to 0, singular A, speeds of all orders."""
+    J, I = rng.uniform(1, 4, (size, m)), rng.normal(size=(size, m))
+    J[::2] = 2.0
+    eps = rng.choice([-0.5, 0.1, 1.0], size)
+    omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-2, 2, (size, 1))
+    gap = rng.choice([0.0, 1e-9, 1e-3], size)
+    near = rng.random(size) < 0.5
+    omega[near] *= (2 * J[:, 0] * (1 - gap) / (eps * (I * omega).sum(axis=1)))[near, None]
+    omega[::7] *= 1e300
+    return J, I, eps, omega
+
+
+def call(loop, method, J, I, eps, omega, cuts=(0, 12)):
+    """Saved states, last states, statuses and first missing states of `loops_nd.iterate`."""
+    size, m = omega.shape
+    out, final = np.empty((size, 13, m)), np.empty((size, m))
+    status, failed_at = np.zeros(size, np.int8), np.full(size, -1)
+    for start, stop in pairwise(cuts):
+        with np.errstate(all="ignore"):
+            loop(
+                method, J, I, eps, omega, start, stop, 1, out, False, final, status, failed_at
+            )  # fmt: skip
+        omega = final
+    return out, final, status, failed_at
+
+
+def same(first, second):
+    return all(np.array_equal(*pair, equal_nan=True) for pair in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize("method", [loops.GAUSS, loops.RANK2])
+@pytest.mark.parametrize("m", [1, 2, 4, 9])
+def test_cut_into_calls_and_alone(rng, method, m):
+    arguments = every_way_through_a_step(rng, 43, m)
+    together = call(loops.iterate.serial, method, *arguments)
+    assert same(together, call(loops.iterate.serial, method, *arguments, cuts=(0, 1, 2, 7, 12)))
+    for i in range(0, 43, 3):
+        alone = call(loops.iterate.serial, method, *(each[i : i + 1] for each in arguments))
+        assert same(alone, [each[i : i + 1] for each in together])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [loops.GAUSS, loops.RANK2])
+def test_compiled_equals_interpreted(rng, method):
+    arguments = every_way_through_a_step(rng, 43, 6)
+    compiled = call(loops.iterate.serial, method, *arguments)
+    assert set(compiled[2]) >= {sf.Status.OK, sf.Status.SINGULAR}
+    assert same(compiled, call(loops.iterate.parallel, method, *arguments))
+    assert same(compiled, call(loops.iterate.serial.py_func, method, *arguments))
 
 
 def test_auto_is_rank2(rng):

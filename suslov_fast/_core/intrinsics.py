@@ -1,133 +1,217 @@
-"""What LLVM is told directly, since no Python code would make it emit it.
+"""What LLVM is told directly: arithmetic on vectors in registers, and the functions of `vector`.
 
-Compiled forms of the functions of `vector`, on arrays of doubles of any shape, in C order.
+Loops over lanes would be left to LLVM to make vectors of, and it often does not: it must first see
+that rows do not overlap, and it keeps sums over components in memory.
 """
+
+import operator
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.core import cgutils
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import lower_builtin, models, register_model
 
-from .vector import VECTOR, expect_store, store_past_caches, store_transposed, subtract_product
-
-_VECTOR = ir.VectorType(ir.DoubleType(), VECTOR)
-_LINE = 64
-_DOUBLE = 8
-
-
-def _data(context, builder, signature, arguments, k):
-    """The data of the array that is argument k."""
-    return context.make_array(signature.args[k])(context, builder, arguments[k]).data
-
-
-def _place(builder, data, index):
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
-
-
-def _load(builder, data, index):
-    return builder.load(_place(builder, data, index), align=_DOUBLE)
+from .vector import (
+    VECTOR,
+    choose,
+    copy_past_caches,
+    copy_transposed,
+    expect_store,
+    in_all,
+    load,
+    same,
+    store,
+)
 
 
-@intrinsic
-def _subtract_product(typing_context, array, target, first, second):
-    # Distances between rows are known at run time only: in a loop over so few lanes, LLVM's tests
-    # for overlap would cost more than vectors gain.
-    def generate(context, builder, signature, arguments):
-        data = _data(context, builder, signature, arguments, 0)
-        values = [_load(builder, data, index) for index in arguments[1:]]
-        product = builder.fmul(values[1], values[2])
-        place = _place(builder, data, arguments[1])
-        builder.store(builder.fsub(values[0], product), place, align=_DOUBLE)
-        return context.get_dummy_value()
+class Lanes(types.Type):
+    """VECTOR values of one type."""
 
-    return types.void(array, types.intp, types.intp, types.intp), generate
+    def __init__(self, element):
+        super().__init__(f"lanes({element})")
 
 
-@intrinsic
-def _store_past_caches(typing_context, array, target, source, first):
-    def generate(context, builder, signature, arguments):
-        value = _load(builder, _data(context, builder, signature, arguments, 2), arguments[3])
-        place = _place(builder, _data(context, builder, signature, arguments, 0), arguments[1])
-        one = ir.Constant(ir.IntType(32), 1)
-        store = builder.store(value, place, align=_LINE)
-        store.set_metadata("nontemporal", builder.module.add_metadata([one]))
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp, source, types.intp), generate
+DOUBLES, CONDITIONS = Lanes(types.float64), Lanes(types.boolean)
+_LLVM = {
+    DOUBLES: ir.VectorType(ir.DoubleType(), VECTOR),
+    CONDITIONS: ir.VectorType(ir.IntType(1), VECTOR),
+}
 
 
-@intrinsic
-def _expect_store(typing_context, array, target):
-    def generate(context, builder, signature, arguments):
-        place = builder.gep(_data(context, builder, signature, arguments, 0), [arguments[1]])
-        integer, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, integer, integer, integer])
-        prefetch = builder.module.declare_intrinsic("llvm.prefetch", [pointer], kind)
-        for_writing, near, data = (ir.Constant(integer, value) for value in (1, 3, 1))
-        builder.call(prefetch, [builder.bitcast(place, pointer), for_writing, near, data])
-        return context.get_dummy_value()
-
-    return types.void(array, types.intp), generate
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, lanes):
+        super().__init__(manager, lanes, _LLVM[lanes])
 
 
-@intrinsic
-def _store_transposed(typing_context, array, target, stride, source, first, distance):
-    def shuffled(builder, one, other, places):
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), places)
-        return builder.shuffle_vector(one, other, mask)
+def _define(function, returns, *accepts):
+    """Let compiled code call a function of these types; the decorated one emits its code."""
+
+    @infer_global(function)
+    class Signature(ConcreteTemplate):
+        cases = (signature(returns, *accepts),)
+
+    return lower_builtin(function, *accepts)
+
+
+def _spread(builder, value):
+    """A vector as it is, a number in all lanes."""
+    if value.type == _LLVM[DOUBLES]:
+        return value
+    index = ir.IntType(32)
+    vector = builder.insert_element(_LLVM[DOUBLES](ir.Undefined), value, index(0))
+    return builder.shuffle_vector(vector, vector, ir.VectorType(index, VECTOR)(None))
+
+
+def _define_operator(function, returns, emit):
+    """Of two vectors, or of a vector and a number."""
 
     def generate(context, builder, signature, arguments):
-        _, target, stride, _, first, distance = arguments
-        data = _data(context, builder, signature, arguments, 3)
-        rows = []
-        for _ in range(VECTOR):
-            rows.append(_load(builder, data, first))
-            first = builder.add(first, distance)
-        # Squares of 1, 2 and 4 numbers change places with their mirror images.
-        for size in (1, 2, 4):
-            upper = [j if not j & size else VECTOR + j - size for j in range(VECTOR)]
-            lower = [j + size if not j & size else VECTOR + j for j in range(VECTOR)]
-            for i in range(VECTOR):
-                if not i & size:
-                    pair = rows[i], rows[i + size]
-                    rows[i] = shuffled(builder, *pair, upper)
-                    rows[i + size] = shuffled(builder, *pair, lower)
-        data = _data(context, builder, signature, arguments, 0)
-        for row in rows:
-            builder.store(row, _place(builder, data, target), align=_DOUBLE)
-            target = builder.add(target, stride)
+        return emit(builder, *(_spread(builder, value) for value in arguments))
+
+    _define(function, returns, DOUBLES, DOUBLES)(generate)
+    _define(function, returns, DOUBLES, types.float64)(generate)
+    _define(function, returns, types.float64, DOUBLES)(generate)
+
+
+_define_operator(operator.add, DOUBLES, ir.IRBuilder.fadd)
+_define_operator(operator.sub, DOUBLES, ir.IRBuilder.fsub)
+_define_operator(operator.mul, DOUBLES, ir.IRBuilder.fmul)
+_define_operator(operator.truediv, DOUBLES, ir.IRBuilder.fdiv)
+_define_operator(operator.lt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_define_operator(operator.gt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_define_operator(operator.ge, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+
+
+@_define(operator.and_, CONDITIONS, CONDITIONS, CONDITIONS)
+def _and(context, builder, signature, arguments):
+    return builder.and_(*arguments)
+
+
+@_define(operator.neg, DOUBLES, DOUBLES)
+def _neg(context, builder, signature, arguments):
+    return builder.fneg(*arguments)
+
+
+@_define(abs, DOUBLES, DOUBLES)
+def _abs(context, builder, signature, arguments):
+    kind = ir.FunctionType(_LLVM[DOUBLES], [_LLVM[DOUBLES]])
+    fabs = builder.module.declare_intrinsic(f"llvm.fabs.v{VECTOR}f64", fnty=kind)
+    return builder.call(fabs, arguments)
+
+
+@_define(same, DOUBLES, types.float64)
+def _same(context, builder, signature, arguments):
+    return _spread(builder, *arguments)
+
+
+@_define(choose, DOUBLES, CONDITIONS, DOUBLES, DOUBLES)
+def _choose(context, builder, signature, arguments):
+    return builder.select(*arguments)
+
+
+@_define(in_all, types.boolean, CONDITIONS)
+def _in_all(context, builder, signature, arguments):
+    bits = ir.IntType(VECTOR)
+    return builder.icmp_unsigned("==", builder.bitcast(*arguments, bits), bits(-1))
+
+
+def _row(builder, indices, lengths):
+    """The number of a row among all of an array, the last index running first."""
+    *outer, index = indices
+    if not outer:
+        return index
+    return builder.add(builder.mul(_row(builder, outer, lengths[:-1]), lengths[-1]), index)
+
+
+def _place(context, builder, array_type, array, indices):
+    """Where the vector at some indices lies."""
+    array = context.make_array(array_type)(context, builder, array)
+    lengths = cgutils.unpack_tuple(builder, array.shape)[:-1]
+    first = builder.mul(_row(builder, indices, lengths), indices[0].type(VECTOR))
+    return builder.bitcast(builder.gep(array.data, [first]), _LLVM[DOUBLES].as_pointer())
+
+
+def _define_access(dimension):
+    array = types.Array(types.float64, dimension, "C")
+    indices = [types.intp] * (dimension - 1)
+
+    @_define(load, DOUBLES, array, *indices)
+    def _load(context, builder, signature, arguments):
+        array, *indices = arguments
+        return builder.load(_place(context, builder, signature.args[0], array, indices), align=8)
+
+    @_define(store, types.void, array, *indices, DOUBLES)
+    def _store(context, builder, signature, arguments):
+        array, *indices, vector = arguments
+        place = _place(context, builder, signature.args[0], array, indices)
+        builder.store(vector, place, align=8)
         return context.get_dummy_value()
 
-    intp = types.intp
-    return types.void(array, intp, intp, source, intp, intp), generate
+
+_define_access(3)
+_define_access(4)
 
 
-@overload(subtract_product, inline="always")
-def _subtract_product_overload(array, target, first, second):
-    def call(array, target, first, second):
-        _subtract_product(array, target, first, second)
-
-    return call
+def _element(context, builder, array_type, array, index, kind):
+    """Where an element of an array, taken as flat, lies."""
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
 
 
-@overload(store_past_caches)
-def _store_past_caches_overload(array, target, source, first):
-    def call(array, target, source, first):
-        _store_past_caches(array, target, source, first)
-
-    return call
+_FLAT, _TILE = types.Array(types.float64, 1, "C"), types.Array(types.float64, 3, "C")
+_INDEX = types.intp
 
 
-@overload(expect_store)
-def _expect_store_overload(array, target):
-    def call(array, target):
-        _expect_store(array, target)
+@_define(copy_past_caches, types.void, _FLAT, _INDEX, _TILE, _INDEX)
+def _copy_past_caches(context, builder, signature, arguments):
+    places = [
+        _element(context, builder, signature.args[k], *arguments[k : k + 2], _LLVM[DOUBLES])
+        for k in (0, 2)
+    ]
+    store = builder.store(builder.load(places[1], align=8), places[0], align=64)
+    one = ir.Constant(ir.IntType(32), 1)
+    store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+    return context.get_dummy_value()
 
-    return call
+
+@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _TILE, _INDEX, _INDEX)
+def _copy_transposed(context, builder, signature, arguments):
+    array, index, stride, source, first, distance = arguments
+    rows = []
+    for _ in range(VECTOR):
+        place = _element(context, builder, signature.args[3], source, first, _LLVM[DOUBLES])
+        rows.append(builder.load(place, align=8))
+        first = builder.add(first, distance)
+    # Squares of 1, 2 and 4 numbers change places with their mirror images.
+    for size in (1, 2, 4):
+        upper, lower = (
+            ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), places)
+            for places in (
+                [VECTOR + j - size if j & size else j for j in range(VECTOR)],
+                [VECTOR + j if j & size else j + size for j in range(VECTOR)],
+            )
+        )
+        rows = [
+            builder.shuffle_vector(rows[i - size], rows[i], lower)
+            if i & size
+            else builder.shuffle_vector(rows[i], rows[i + size], upper)
+            for i in range(VECTOR)
+        ]
+    for row in rows:
+        place = _element(context, builder, signature.args[0], array, index, _LLVM[DOUBLES])
+        builder.store(row, place, align=8)
+        index = builder.add(index, stride)
+    return context.get_dummy_value()
 
 
-@overload(store_transposed)
-def _store_transposed_overload(array, target, stride, source, first, distance):
-    def call(array, target, stride, source, first, distance):
-        _store_transposed(array, target, stride, source, first, distance)
-
-    return call
+@_define(expect_store, types.void, _FLAT, _INDEX)
+def _expect_store(context, builder, signature, arguments):
+    integer, byte = ir.IntType(32), ir.IntType(8)
+    place = _element(context, builder, signature.args[0], *arguments, byte)
+    kind = ir.FunctionType(ir.VoidType(), [place.type, integer, integer, integer])
+    prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
+    for_writing, near, data = integer(1), integer(3), integer(1)
+    builder.call(prefetch, [place, for_writing, near, data])
+    return context.get_dummy_value()

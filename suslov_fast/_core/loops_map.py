@@ -39,7 +39,7 @@ from .loops_blocks import (
     scatter_pairs,
 )
 from .printed_map import printed_coefficients, printed_denominator, printed_step
-from .vector import VECTOR, expect_store, store_past_caches, store_transposed, to_cache_line
+from .vector import VECTOR, copy_past_caches, copy_transposed, expect_store, to_cache_line
 
 PRINTED, CANONICAL = range(2)
 
@@ -170,7 +170,7 @@ def write_across(tile, rows, out, flat, line, row, first, width):
             for l in range(begin):
                 flat[target + l] = tile[r, c, l]
             for l in range(begin, end, VECTOR):
-                store_past_caches(flat, target + l, tile, (r * 2 + c) * LANES + l)
+                copy_past_caches(flat, target + l, tile, (r * 2 + c) * LANES + l)
             for l in range(end, width):
                 flat[target + l] = tile[r, c, l]
 
@@ -183,7 +183,7 @@ def write_along(tile, rows, out, flat, row, first, width):
     for l in range(0, whole_width, VECTOR):
         for r in range(0, whole_rows, VECTOR // 2):
             target = ((first + l) * n_saved + row + r) * 2
-            store_transposed(flat, target, 2 * n_saved, tile, 2 * r * LANES + l, LANES)
+            copy_transposed(flat, target, 2 * n_saved, tile, 2 * r * LANES + l, LANES)
     for l in range(width):
         for r in range(whole_rows if l < whole_width else 0, rows):
             for c in range(2):

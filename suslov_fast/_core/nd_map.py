@@ -27,6 +27,12 @@ def column_of_coupling(J_i, omega_i, eps):
 
 
 @formula
+def entry(diagonal, of_omega, of_I, I_j, omega_j):
+    """A_ij; diagonal is 0 where i is not j."""
+    return diagonal - of_omega * omega_j - of_I * I_j
+
+
+@formula
 def increment(I_i, omega_i, of_omega, of_I, r_i):
     """delta_i, with of_omega = eps I.(omega + omega_next) / 2, of_I = eps omega.omega_next."""
     return (of_omega * omega_i - of_I * I_i) * r_i
@@ -34,7 +40,7 @@ def increment(I_i, omega_i, of_omega, of_I, r_i):
 
 @formula
 def solve2(eps, p, square, alpha, beta, gamma):
-    """What `increment` needs of omega_next, and how far the equations for it are from singular.
+    """What `increment` needs of omega_next; |det| of its equations, and what that would lose from.
 
     A is diagonal plus rank two. With d_i = J_i - (eps/2) p:
     alpha = sum I omega / d, beta = sum I**2 / d, gamma = sum omega**2 / d.
@@ -45,8 +51,10 @@ def solve2(eps, p, square, alpha, beta, gamma):
     a21, a22, b2 = -h * gamma, 1.0 + eps * alpha, eps * (p * gamma - square * alpha)
     det = a11 * a22 - a12 * a21
     size = (1.0 + abs(h * alpha)) * (1.0 + abs(eps * alpha)) + abs(a12 * a21)
+    r = 1.0 / det
     return (
-        h * (2.0 * p + (a22 * b1 - a12 * b2) / det),
-        eps * (square + (a11 * b2 - a21 * b1) / det),
-        abs(det) / size,
+        h * (2.0 * p + (a22 * b1 - a12 * b2) * r),
+        eps * (square + (a11 * b2 - a21 * b1) * r),
+        abs(det),
+        size,
     )

@@ -1,4 +1,8 @@
-"""Vectors of lanes: arrays that hold whole ones, and arithmetic where none would be formed."""
+"""Vectors of lanes: VECTOR numbers that are worked on at once.
+
+Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy arrays. Either way
++, -, *, /, abs and comparisons work lane by lane, so that a formula of numbers serves vectors too.
+"""
 
 import numpy as np
 
@@ -22,32 +26,63 @@ def to_cache_line(array, index):
     return -(array.ctypes.data // array.itemsize + index) % VECTOR
 
 
-def store_past_caches(array, target, source, first):
-    """array[target] = source[first], VECTOR numbers from an index on, where a cache line starts.
+def load(array, *indices):
+    """The vector at some indices of a C-contiguous array (..., VECTOR)."""
+    return array[indices].copy()
 
-    What is written only, and more than caches hold, need not be read before. Compiled, it is what
-    `intrinsics` says; so are the functions below.
+
+def store(array, *indices_and_vector):
+    *indices, vector = indices_and_vector
+    array[tuple(indices)] = vector
+
+
+def same(number):
+    """A vector of one number."""
+    return np.full(VECTOR, number)
+
+
+def choose(conditions, first, second):
+    """The first where a condition holds, the second elsewhere."""
+    return np.where(conditions, first, second)
+
+
+def in_all(conditions):
+    """Whether the conditions of all lanes hold."""
+    return bool(conditions.all())
+
+
+@part
+def larger(a, b):
+    """b where one is NaN."""
+    return choose(a > b, a, b)
+
+
+@part
+def smaller(a, b):
+    """b where one is NaN."""
+    return choose(a < b, a, b)
+
+
+# Ways to write memory that is not read again. Arrays are C-contiguous, indices those of them flat.
+
+
+def copy_past_caches(array, index, source, first):
+    """array[index] = source[first], VECTOR numbers from there on, where a line of `array` starts.
+
+    The caches need not read the line first, nor lose others to it.
     """
-    array.reshape(-1)[target : target + VECTOR] = source.reshape(-1)[first : first + VECTOR]
+    array.reshape(-1)[index : index + VECTOR] = source.reshape(-1)[first : first + VECTOR]
 
 
-def expect_store(array, target):
-    """Fetch a cache line that will soon be written: stores wait for what they write to."""
+def copy_transposed(array, index, stride, source, first, distance):
+    """A square of VECTOR**2 numbers, whose rows start at first, first + distance, ... in `source`.
 
-
-def store_transposed(array, target, stride, source, first, distance):
-    """A square of VECTOR x VECTOR numbers, whose rows become columns.
-
-    Rows of the source start at first, first + distance, ..., those of the array at target,
-    target + stride, ...
+    Its columns are written at index, index + stride, ...
     """
-    rows, columns = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
-    square = source.reshape(-1)[first + distance * rows + columns]
-    array.reshape(-1)[target + stride * rows + columns] = square.T
+    i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
+    square = source.reshape(-1)[first + distance * i + j]
+    array.reshape(-1)[index + stride * i + j] = square.T
 
 
-def subtract_product(array, target, first, second):
-    """array[target] -= array[first] * array[second], each VECTOR numbers from an index on."""
-    array[target : target + VECTOR] -= (
-        array[first : first + VECTOR] * array[second : second + VECTOR]
-    )
+def expect_store(array, index):
+    """Fetch the cache line of an element that will soon be written: a store waits for it."""

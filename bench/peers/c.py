@@ -9,8 +9,8 @@ from problem import BODY, EPS
 _library = library("peers/peers.c")
 
 
-def _call(name, omega0, to, steps, threads):
-    function = getattr(_library, name, None)
+def _call(name, omega0, to, steps, threads, library=_library):
+    function = getattr(library, name, None)
     if function is None:
         raise ImportError("no streaming stores for this processor")
     numbers = map(ctypes.c_double, (*BODY.parameters, EPS))
@@ -31,7 +31,9 @@ def parameter_free(omega0, steps, threads):
 
 def projective(omega0, steps, threads):
     """The parameter-free form as a quotient, one division per four steps."""
-    return _call("projective", omega0, np.empty_like(omega0), steps, threads)
+    # Slower with FMA: each would wait longer for the one before.
+    without = library("peers/peers.c", "-ffp-contract=off")
+    return _call("projective", omega0, np.empty_like(omega0), steps, threads, without)
 
 
 def stored(omega0, steps, threads, out):

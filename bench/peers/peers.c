@@ -100,8 +100,28 @@ void parameter_free(ARGUMENTS)
     }
 }
 
-/* X = p/q, Y = s/q: a step without division; one division rescales after four steps. */
-#define MULTIPLY t = q - s, p2 = p * p, p = p * (q + s), s = s * t - p2, q = q * t + p2;
+/* X = p/q, Y = s/q: a step without division, and one division after four steps. Half a block at a
+   time, so that p, s, q stay in registers. */
+#define HALF (LANES / 2)
+#define FOR_HALF for (int l = 0; l < HALF; l++)
+static inline void four_steps(double *X, double *Y)
+{
+    double p[HALF], s[HALF], q[HALF];
+    FOR_HALF p[l] = X[l], s[l] = Y[l], q[l] = 1;
+    for (int k = 0; k < 4; k++)
+        FOR_HALF {
+            double t = q[l] - s[l], p2 = p[l] * p[l];
+            p[l] = p[l] * (q[l] + s[l]);
+            s[l] = s[l] * t - p2;
+            q[l] = q[l] * t + p2;
+        }
+    FOR_HALF {
+        double r = 1 / q[l];
+        X[l] = p[l] * r;
+        Y[l] = s[l] * r;
+    }
+}
+
 void projective(ARGUMENTS)
 {
     const Frame f = frame(I1, I2, I13, I23, eps);
@@ -109,14 +129,10 @@ void projective(ARGUMENTS)
         double X[LANES], Y[LANES], u[LANES], v[LANES];
         long width = load(from, batch, first, X, Y), n = 0;
         enter(f, X, Y);
-        for (; n + 4 <= steps; n += 4)
-            FOR_LANES {
-                double p = X[l], s = Y[l], q = 1, t, p2;
-                MULTIPLY MULTIPLY MULTIPLY MULTIPLY
-                double r = 1 / q;
-                X[l] = p * r;
-                Y[l] = s * r;
-            }
+        for (; n + 4 <= steps; n += 4) {
+            four_steps(X, Y);
+            four_steps(X + HALF, Y + HALF);
+        }
         for (; n < steps; n++) advance(X, Y);
         leave(f, X, Y, u, v);
         unload(to, first, width, u, v);

@@ -1,55 +1,75 @@
-"""Steps per second of the 3D map. `pytest bench --benchmark-enable` measures."""
+"""The map in three dimensions: last states, and all states."""
 
-import numba
+import limits
 import numpy as np
 import pytest
-from peers import c_functions, numba_prange, numpy_batch
-from problem import BODY, EPS, starts
+from problem import BODY, CHECKED, EPS, STEPS, orbit, relative_error, starts
 
-from suslov_fast import iterate, step
+from suslov_fast import iterate
 
-BATCHES = [1, 16, 256, 4096, 65_536]
-THREADS = [threads for threads in (1, 2) if threads <= numba.config.NUMBA_NUM_THREADS]
-PEERS = {"NumPy": numpy_batch, "Numba, prange": numba_prange, **c_functions()}
-
-
-def measure(benchmark, work, call):
-    """Time a call after one that warms up, and record steps per second."""
-    call()
-    benchmark(call)
-    if benchmark.stats is not None:  # None where benchmarks are only run once, as tests
-        benchmark.extra_info["steps_per_second"] = work / benchmark.stats.stats.min
+DIVISIONS = {"auto": None, "canonical": ("divisions", 1), "ds2": ("divisions", 1)}
+WHAT = {
+    "auto": "the last state by the closed form",
+    "canonical": "iterates, one division per step",
+    "ds2": "iterates (ds2)",
+}
 
 
-@pytest.mark.parametrize("threads", THREADS)
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
-@pytest.mark.parametrize("batch", BATCHES)
-def bench_final_states(benchmark, batch, method, threads):
-    omega0 = starts(batch)
-    options = {"save_every": None, "method": method, "threads": threads}
-    measure(benchmark, batch * 1000, lambda: iterate(BODY, omega0, EPS, 1000, **options))
-
-
-@pytest.mark.parametrize("threads", THREADS)
-@pytest.mark.parametrize("order", ["C", "F"])
-@pytest.mark.parametrize("batch", BATCHES)
-def bench_saved_states(benchmark, batch, order, threads):
-    omega0 = starts(batch)
-    out = np.empty((batch, 101, 2), order=order)
+def bench_last_states(measure, method, threads):
+    batch, steps = measure.size(65_536, 64), measure.size(STEPS, 20)
+    omega0, options = starts(batch), {"save_every": None, "method": method, "threads": threads}
+    checked = iterate(BODY, starts(CHECKED), EPS, steps, **options).final
     measure(
-        benchmark, batch * 100, lambda: iterate(BODY, omega0, EPS, 100, out=out, threads=threads)
+        lambda: iterate(BODY, omega0, EPS, steps, **options),
+        table="last states",
+        row=f'**suslov_fast**, `method="{method}"`: {WHAT[method]}',
+        unit="steps",
+        work=batch * steps,
+        threads=threads,
+        error=relative_error(checked, orbit(CHECKED, steps)[:, -1]),
+        limit=DIVISIONS[method],
     )
 
 
-@pytest.mark.parametrize("name", PEERS)
-def bench_peers(benchmark, name):
-    omega0 = starts(4096)
-    measure(benchmark, 4096 * 100, lambda: PEERS[name](omega0, 100))
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize(
+    ("method", "memory"), [("auto", "reused"), ("auto", "new"), ("canonical", "reused")]
+)
+def bench_all_states(measure, method, order, memory, threads):
+    batch, steps = measure.size(65_536, 64), 256
+    omega0, options = starts(batch), {"method": method, "order": order, "threads": threads}
+    # Aligned, as the streaming stores of C are.
+    out = limits.aligned((batch, steps + 1, 2))
+    if order == "F":
+        out = out.reshape(2, steps + 1, batch).T
+    checked = iterate(BODY, starts(CHECKED), EPS, steps, **options).omega
+    if memory == "reused":
+        options["out"] = out
+    measure(
+        lambda: iterate(BODY, omega0, EPS, steps, **options),
+        table="all states",
+        row=f'**suslov_fast**, `method="{method}"`, order "{order}", {memory} memory',
+        unit="states",
+        work=batch * (steps + 1),
+        threads=threads,
+        error=relative_error(checked, orbit(CHECKED, steps)),
+        limit=("bytes, streaming stores", 16),
+    )
 
 
-def bench_small_call(benchmark):
-    measure(benchmark, 10, lambda: iterate(BODY, [1.0, 0.5], EPS, 10))
-
-
-def bench_one_step(benchmark):
-    measure(benchmark, 1, lambda: step(BODY, [1.0, 0.5], EPS))
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def bench_one_long_orbit(measure, method):
+    steps = measure.size(5_000_000, 1000)
+    out = np.zeros((steps + 1, 2))
+    checked = iterate(BODY, starts(1)[0], EPS, STEPS, method=method).omega
+    measure(
+        lambda: iterate(BODY, starts(1)[0], EPS, steps, method=method, out=out),
+        table="one orbit",
+        row=f'`iterate`, `method="{method}"`, reused memory',
+        unit="states",
+        work=steps + 1,
+        threads=1,
+        error=relative_error(checked, orbit(1, STEPS)[0]),
+        limit=("bytes, streaming stores", 16),
+    )

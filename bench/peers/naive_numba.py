@@ -1,0 +1,41 @@
+"""Numba as one writes it first: `prange` over trajectories."""
+
+import numba
+import numpy as np
+
+from . import printed
+
+_step = numba.njit(printed.step)
+
+
+@numba.njit(parallel=True, cache=True)
+def _final(omega0, steps):
+    final = np.empty_like(omega0)
+    for i in numba.prange(len(omega0)):
+        p, q = omega0[i]
+        for _ in range(steps):
+            p, q = _step(p, q)
+        final[i] = p, q
+    return final
+
+
+@numba.njit(parallel=True, cache=True)
+def _stored(omega0, steps, out):
+    for i in numba.prange(len(omega0)):
+        p, q = omega0[i]
+        out[i, 0] = p, q
+        for n in range(steps):
+            p, q = _step(p, q)
+            out[i, n + 1] = p, q
+
+
+def final(omega0, steps, threads):
+    """(ds2) as printed."""
+    return _final(omega0, steps)
+
+
+def stored(omega0, steps, threads, out):
+    """(ds2), all states into (batch, steps + 1, 2)."""
+    out = out.reshape(len(omega0), steps + 1, 2)
+    _stored(omega0, steps, out)
+    return out.T

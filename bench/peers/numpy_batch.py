@@ -1,0 +1,62 @@
+"""NumPy: whole batches, step by step."""
+
+import numpy as np
+from problem import BODY, EPS, matrix_nd
+
+from .printed import step
+
+
+def final(omega0, steps, threads):
+    """(ds2) as printed."""
+    p, q = omega0.T.copy()
+    for _ in range(steps):
+        p, q = step(p, q)
+    return np.stack([p, q], axis=-1)
+
+
+def stored(omega0, steps, threads, out):
+    """(ds2), all states into (2, steps + 1, batch)."""
+    out[:, 0] = omega0.T
+    for n in range(steps):
+        out[:, n + 1] = step(*out[:, n])
+    return out
+
+
+def jump(omega0, n, threads):
+    """State n by the theorem of Section 4, corrected, for x != 0 and t < 1."""
+    I1, I2, I13, I23 = BODY.parameters
+    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
+    w1, w2 = omega0.T
+    x, y = I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
+    h = (a * x * x + y * y) / (4 * a + EPS**2 * x * x)
+    q = np.sqrt(a - h * EPS**2)
+    s = -2 * np.arctanh(EPS * np.sqrt(h / a)) * n + np.arcsinh(y / (np.abs(x) * q))
+    scale = 2 * np.sqrt(h * a) / D
+    with np.errstate(over="ignore"):  # 1 / inf is the 0 that is meant
+        x, y = np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)
+    return np.stack([I13 * I2 * x + I23 * y, I23 * I1 * x - I13 * y], axis=-1)
+
+
+def solve(body, omega0, eps, steps):
+    """(dsn) by the batched solver."""
+    omega = omega0
+    for _ in range(steps):
+        A = matrix_nd(body.J, body.I, eps, omega)
+        omega = np.linalg.solve(A, omega[..., None])[..., 0]
+    return omega
+
+
+def rank2(body, omega0, eps, steps):
+    """(dsn) in O(n): alpha = Omega.Omega~ and beta = I.Omega~ solve two equations."""
+    omega, I, h = omega0, body.I, eps / (2 * body.J)
+    for _ in range(steps):
+        p = omega @ I
+        g = 1 / (1 - p[:, None] * h)
+        first, second = g * omega, g * h * omega
+        ww, wI = (first * omega).sum(-1), first @ I
+        wwh, wIh, IIh = (second * omega).sum(-1), second @ I, g @ (h * I * I)
+        determinant = (1 + 2 * wIh) * (1 - wIh) + 2 * IIh * wwh
+        alpha = (ww * (1 - wIh) + wwh * wI) / determinant
+        beta = ((1 + 2 * wIh) * wI - 2 * IIh * ww) / determinant
+        omega = first + second * beta[:, None] - 2 * g * (h * I) * alpha[:, None]
+    return omega

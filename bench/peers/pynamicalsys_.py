@@ -1,0 +1,32 @@
+"""pynamicalsys: ensembles of a discrete map."""
+
+import functools
+
+import numba
+import numpy as np
+from pynamicalsys import DiscreteDynamicalSystem
+
+from . import printed
+
+_step = numba.njit(printed.step)
+
+
+@numba.njit
+def _mapping(u, parameters):
+    return np.array(_step(u[0], u[1]))
+
+
+@functools.cache
+def _system():
+    return DiscreteDynamicalSystem(mapping=_mapping, system_dimension=2, number_of_parameters=0)
+
+
+def final(omega0, steps, threads):
+    """(ds2) as printed; all states but the last count as transient."""
+    return _system().trajectory(omega0, steps, transient_time=steps - 1)
+
+
+def stored(omega0, steps, threads, out):
+    """(ds2), states 1 ... steps of each trajectory, in a new array."""
+    states = _system().trajectory(omega0, steps).reshape(len(omega0), steps, 2)
+    return states.T

@@ -420,7 +420,7 @@ def _run_nd(problem: _Problem) -> _Results:
     for start, stop in problem.slices(work):
         _parallel.run(
             loops_nd.iterate,
-            problem.shared_work(loops_nd.LANES // 2, (stop - start) * 8.0 * m),
+            problem.shared_work(loops_nd.block_size(m), (stop - start) * work),
             problem.threads,
             method,
             J,

@@ -15,13 +15,15 @@ from numba.extending import lower_builtin, models, register_model
 from .vector import (
     VECTOR,
     choose,
-    copy_past_caches,
     copy_transposed,
     expect_store,
     in_all,
     load,
     same,
     store,
+    store_at,
+    store_past_caches,
+    vector_at,
 )
 
 
@@ -163,12 +165,23 @@ def _element(context, builder, array, index, kind):
     return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
 
 
-@_define(copy_past_caches, types.void, _FLAT, _INDEX, _FLAT, _INDEX)
-def _copy_past_caches(context, builder, signature, arguments):
-    target, source = (
-        _element(context, builder, *arguments[k : k + 2], _LLVM[DOUBLES]) for k in (0, 2)
-    )
-    store = builder.store(builder.load(source, align=8), target, align=64)
+@_define(vector_at, DOUBLES, _FLAT, _INDEX)
+def _vector_at(context, builder, signature, arguments):
+    return builder.load(_element(context, builder, *arguments, _LLVM[DOUBLES]), align=8)
+
+
+@_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_at(context, builder, signature, arguments):
+    array, index, vector = arguments
+    builder.store(vector, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
+    return context.get_dummy_value()
+
+
+@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_past_caches(context, builder, signature, arguments):
+    array, index, vector = arguments
+    place = _element(context, builder, array, index, _LLVM[DOUBLES])
+    store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
     return context.get_dummy_value()

@@ -74,11 +74,14 @@ def enter_orbits(flow, given, orbit, lanes):
             orbit[7, l] = at_rest(given[2, l], given[3, l], given[4, l], orbit[0, l], orbit[1, l])
 
 
+# Short passes with few results each: one loop over all of this would not be vectorised.
+
+
 @part
 def go_across(given, orbit, frame, lag, n, states, lanes):
     """State n, or the state at time n, of each trajectory of a block."""
     for l in range(lanes):
-        X, Y = orbit_point(
+        states[0, l], states[1, l] = orbit_point(
             orbit[0, l],
             orbit[1, l],
             orbit[2, l],
@@ -89,12 +92,14 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
             lag,
             n,
         )
-        omega1, omega2 = angular_velocity(
-            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, X, Y
+    for l in range(lanes):
+        states[0, l], states[1, l] = angular_velocity(
+            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, states[0, l], states[1, l]
         )
+    for l in range(lanes):
         still = (orbit[7, l] != 0.0) | (n == 0.0)
-        states[0, l] = given[5, l] if still else omega1
-        states[1, l] = given[6, l] if still else omega2
+        states[0, l] = given[5, l] if still else states[0, l]
+        states[1, l] = given[6, l] if still else states[1, l]
 
 
 @part

@@ -28,7 +28,7 @@ from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
 from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
-from .jit import Loop, part
+from .jit import Loop, formula, part
 from .loops_blocks import (
     LANES,
     TASKS,
@@ -42,10 +42,14 @@ from .printed_map import printed_coefficients, printed_denominator, printed_step
 from .vector import (
     VECTOR,
     aligned,
-    copy_past_caches,
     copy_transposed,
     expect_store,
+    load,
+    store,
+    store_at,
+    store_past_caches,
     to_cache_line,
+    vector_at,
 )
 
 PRINTED, CANONICAL = range(2)
@@ -182,7 +186,7 @@ def write_across(flat_tile, rows, flat, line, n_saved, batch, row, first, width)
         for l in range(begin):
             flat[target + l] = flat_tile[source + l]
         for l in range(begin, end, VECTOR):
-            copy_past_caches(flat, target + l, flat_tile, source + l)
+            store_past_caches(flat, target + l, vector_at(flat_tile, source + l))
         for l in range(end, width):
             flat[target + l] = flat_tile[source + l]
 
@@ -207,6 +211,90 @@ def expect_write_along(flat, n_saved, row, first, share):
     for l in range(share * LANES // TILE, (share + 1) * LANES // TILE):
         for k in range(0, 2 * TILE, VECTOR):
             expect_store(flat, 2 * ((first + l) * n_saved + row) + k)
+
+
+@formula
+def advance_vector(state, frame, g):
+    """A step of a vector of tame trajectories; their angular velocities."""
+    X, Z = canonical_step(load(state, 0, g), load(state, 1, g), 0.0)
+    store(state, 0, g, X)
+    store(state, 1, g, Z)
+    return angular_velocity(
+        load(frame, 0, g),
+        load(frame, 1, g),
+        load(frame, 2, g),
+        load(frame, 3, g),
+        load(frame, 4, g),
+        load(frame, 5, g),
+        X,
+        Z,
+    )
+
+
+# Most often the trajectories of a whole block are tame, and each state is saved. Then the following
+# do all steps in one place, so that the memory and the arithmetic work at once.
+
+
+@part
+def advance_across(state, frame, flat, index, rows, batch, steps):
+    """Steps of a block, the first saved at `index`, where a cache line starts."""
+    for n in range(steps):
+        for g in range(LANES // VECTOR):
+            omega1, omega2 = advance_vector(state, frame, g)
+            store_past_caches(flat, index + n * batch + g * VECTOR, omega1)
+            store_past_caches(flat, index + (rows + n) * batch + g * VECTOR, omega2)
+
+
+@part
+def stream_along(flat_tile, lanes, flat, line, n_saved, row, first, begins):
+    """Write a tile as `write_along` does, but past the caches.
+
+    lanes   flat (LANES, 2 TILE + VECTOR): the last vector that each lane wrote to it before, and
+            its tile. Of this the whole lines of `flat` are written.
+    """
+    width = 2 * TILE + VECTOR
+    for l in range(0, LANES, VECTOR):
+        for r in range(0, TILE, VECTOR // 2):
+            target = l * width + VECTOR + 2 * r
+            copy_transposed(lanes, target, width, flat_tile, 2 * r * LANES + l, LANES)
+        for lane in range(l, l + VECTOR):
+            start, source = 2 * ((first + lane) * n_saved + row), lane * width
+            to_line = (line - start) % VECTOR
+            if begins:
+                for k in range(to_line):
+                    flat[start + k] = lanes[source + VECTOR + k]
+            for k in range(VECTOR if begins else 0, 2 * TILE, VECTOR):
+                vector = vector_at(lanes, source + to_line + k)
+                store_past_caches(flat, start - VECTOR + to_line + k, vector)
+            store_at(lanes, source, vector_at(lanes, source + 2 * TILE))
+
+
+@part
+def finish_stream(lanes, flat, line, n_saved, row, first):
+    """Write what `stream_along` has kept, up to `row`."""
+    for lane in range(LANES):
+        stop = 2 * ((first + lane) * n_saved + row)
+        left = VECTOR - (line - stop) % VECTOR
+        for k in range(left):
+            flat[stop - left + k] = lanes[lane * (2 * TILE + VECTOR) + VECTOR - left + k]
+
+
+@part
+def advance_along(state, frame, tile, flat_tile, lanes, flat, line, n_saved, row, first, tiles):
+    """Steps of a block, as many as fill some tiles, the first saved in `row`."""
+    past_caches = flat.size >= BEYOND_CACHES
+    for t in range(tiles):
+        for r in range(TILE):
+            for g in range(LANES // VECTOR):
+                omega1, omega2 = advance_vector(state, frame, g)
+                store(tile, 2 * r, g, omega1)
+                store(tile, 2 * r + 1, g, omega2)
+        if past_caches:
+            stream_along(flat_tile, lanes, flat, line, n_saved, row + t * TILE, first, t == 0)
+        else:
+            write_along(flat_tile, TILE, flat, n_saved, row + t * TILE, first, LANES)
+    if past_caches:
+        finish_stream(lanes, flat, line, n_saved, row + tiles * TILE, first)
 
 
 def _iterate(
@@ -238,6 +326,10 @@ def _iterate(
         coefficients = rows_of_lanes(4)
         flat_tile = aligned(TILE * 2 * LANES)
         tile = flat_tile.reshape((TILE, 2, LANES))
+        lane_rows = aligned(LANES * (2 * TILE + VECTOR))
+        tile_vectors = tile.reshape((TILE * 2, LANES // VECTOR, VECTOR))
+        state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
+        frame_vectors = frame.reshape((6, LANES // VECTOR, VECTOR))
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
             first = max(block * LANES - pad, 0)
             width = min((block + 1) * LANES - pad, batch) - first
@@ -247,6 +339,8 @@ def _iterate(
             gather_states(omega, first, width, lanes, given)
             enter_canonical(given, state, frame, shift, bound, wild, beyond, lanes)
             any_wild = wild[:lanes].any()
+            straight = method == CANONICAL and width == LANES and every == 1 and not any_wild
+            past_caches = batch % VECTOR == 0 and flat.size >= BEYOND_CACHES
             if method == PRINTED:
                 enter_printed(given, state, frame, coefficients, lanes)
             if start > 0:
@@ -275,9 +369,36 @@ def _iterate(
                     filled = 0
                 if to_stop == 0:
                     break
-                steps = min(to_stop, to_save, to_flush)
+                # The last state goes by itself, for `final`.
+                ahead = min(to_stop - 1, to_flush) if straight and filled == 0 else 0
+                if not batch_last:
+                    ahead -= ahead % TILE
+                elif not past_caches:
+                    ahead = 0
+                steps = max(ahead, min(to_stop, to_save, to_flush))
                 # No function around these calls: it would count references at each step.
-                if method == PRINTED:
+                if ahead > 0:
+                    if batch_last:
+                        index = row * batch + first
+                        advance_across(
+                            state_vectors, frame_vectors, flat, index, n_saved, batch, ahead
+                        )
+                    else:
+                        advance_along(
+                            state_vectors,
+                            frame_vectors,
+                            tile_vectors,
+                            flat_tile,
+                            lane_rows,
+                            flat,
+                            line,
+                            n_saved,
+                            row,
+                            first,
+                            ahead // TILE,
+                        )
+                    row, to_save = row + ahead, to_save + ahead
+                elif method == PRINTED:
                     advance_printed(state, coefficients, steps, lanes)
                 elif any_wild:
                     # A guard changes nothing in a tame lane: who shares a block does not matter.

@@ -60,6 +60,12 @@ ABREAST = 4
 
 
 @part
+def block_size(m):
+    """The trajectories that share a block, in whole groups."""
+    return max(VECTOR, min(LANES, ROOM // m * VECTOR))
+
+
+@part
 def add_up(cells, sums, g):
     """p and |omega|**2 of each lane."""
     p, square = same(0.0), same(0.0)
@@ -452,7 +458,7 @@ def _iterate(
     failed_at   (B,), the first state that does not exist, where one does not; read and written.
     """
     m = omega.shape[1]
-    size = max(VECTOR, min(LANES, ROOM // m * VECTOR))
+    size = block_size(m)
     for block in prange((omega.shape[0] + size - 1) // size):
         first = block * size
         groups = (min(size, omega.shape[0] - first) + VECTOR - 1) // VECTOR

@@ -63,15 +63,25 @@ def smaller(a, b):
     return choose(a < b, a, b)
 
 
-# Ways to write memory that is not read again; arrays are flat.
+# Ways to write memory that is not read again; arrays are flat, indices those of elements.
 
 
-def copy_past_caches(array, index, source, first):
-    """array[index] = source[first], VECTOR numbers from there on, where a line of `array` starts.
+def vector_at(array, index):
+    """The vector that starts at an element."""
+    return array[index : index + VECTOR].copy()
+
+
+def store_at(array, index, vector):
+    """The reverse of `vector_at`."""
+    array[index : index + VECTOR] = vector
+
+
+def store_past_caches(array, index, vector):
+    """Write a vector where a cache line starts.
 
     The caches need not read the line first, nor lose others to it.
     """
-    array[index : index + VECTOR] = source[first : first + VECTOR]
+    array[index : index + VECTOR] = vector
 
 
 def copy_transposed(array, index, stride, source, first, distance):

@@ -14,7 +14,7 @@ from ._bodies_nd import SuslovND
 from ._core import coordinates, integrals
 from ._core import loops_closed_form as loops
 from ._elementwise import evaluate
-from ._layout import flat_parameter, flat_vectors
+from ._layout import flat_parameter, flat_vectors, for_kernel
 from ._reduction import Reduction, reduce
 from ._status import SingularStepWarning
 from ._validation import FloatArray, real_array
@@ -199,7 +199,7 @@ def _fill(
 ) -> FloatArray:
     eps = flat_parameter(body.normalised_eps(step_size), batch, "C")
     states = flat_vectors(state, batch, "C")
-    flat_times = np.array(times, ndmin=1)
+    flat_times = for_kernel(times.reshape(-1))
     out = np.empty((len(states), flat_times.size, 2))
     _parallel.run(
         loops.fill,

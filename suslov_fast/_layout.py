@@ -16,8 +16,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 def flat_parameter(array: FloatArray, batch: tuple[int, ...], order: str) -> FloatArray:
     """A parameter as one number that serves all trajectories, or one for each."""
     if array.size == 1:
-        return _for_kernel(array.reshape(1))
-    return _for_kernel(np.broadcast_to(array, batch).ravel(order))  # type: ignore[arg-type]
+        return for_kernel(array.reshape(1))
+    return for_kernel(np.broadcast_to(array, batch).ravel(order))  # type: ignore[arg-type]
 
 
 def flat_vectors(array: FloatArray, batch: tuple[int, ...], order: str) -> FloatArray:
@@ -27,11 +27,11 @@ def flat_vectors(array: FloatArray, batch: tuple[int, ...], order: str) -> Float
     full = array if array.shape == shape else np.broadcast_to(array, shape)
     if order == "F":
         full = full.transpose(*reversed(range(len(batch))), len(batch))
-    return _for_kernel(full.reshape(-1, dimension))
+    return for_kernel(full.reshape(-1, dimension))
 
 
-def _for_kernel(array: FloatArray) -> FloatArray:
-    # One type of array for every input: each other one would compile the kernels again.
+def for_kernel(array: FloatArray) -> FloatArray:
+    """The array as the one type that loops are compiled for, a copy only if it must be."""
     flags = array.flags
     if flags.c_contiguous and flags.aligned and flags.writeable:
         return array

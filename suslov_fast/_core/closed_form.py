@@ -51,36 +51,45 @@ def square(w):
 
 
 @formula
-def orbit_point(X, Y, T, complement, c, r, log_r, lag, n):
-    """The point n steps from (X, Y), or at time n of the flow; NaN where there is none.
+def ahead(X, Y, T, complement, c, r, lag):
+    """The numbers u, v (where r**n is 1), k and m / T ahead of (X, Y), and the lag of r**n.
 
     lag is 1 for the map, and 0 for the flow, where r**n and r**(n - 1) are the same.
     """
-    # The inverse map is the map with Y reversed.
-    sign = -1.0 if n < 0.0 else 1.0
-    Y_0 = sign * Y
-    n = abs(n)
-    below = Y_0 < 0.0
-    n_of_v = n if below else n - lag
-    odd = not is_integer(0.5 * n_of_v)
-    u, v = T - Y_0 if below else X, X if below else T + Y_0
+    below = Y < 0.0
+    u, v = T - Y if below else X, X if below else T + Y
     # An orbit from next to X = 0 lives where r**n is as small as X.
     lift = 2.0**500 if (abs(u) < 1e-150) & (abs(v) < 1e150) else 1.0
-    u = lift * u
-    v = times_exponential(lift * (-v if odd & (r < 0.0) else v), n_of_v * log_r)
     k = 0.5 * complement if below else 2.0 * c * r
-    m = 2.0 if below else 4.0 * c
+    return lift * u, lift * v, k, 2.0 if below else 4.0 * c, 0.0 if below else lag
 
+
+@formula
+def follow(T, u, v, k, m, exponent):
+    """The point (X_n, Y_n), where r**n is exp(exponent); NaN where it is at infinity."""
+    v = times_exponential(v, exponent)
     scale = 1.0 / max(abs(u), abs(v))
     u, v = u * scale, v * scale
     first, second = square(u), k * square(v)
     total = first + second
     inverse = T / total
-    # Otherwise the orbit is at infinity, or, beyond t = 1, between two states.
     exists = abs(total) > ZERO_TO_ROUNDING * (first + abs(second))
-    exists = exists & ((r > 0.0) | is_integer(n))
-    X_n, Y_n = m * u * v * inverse, (second - first) * inverse
+    X, Y = m * u * v * inverse, (second - first) * inverse
+    return X if exists else np.nan, Y if exists else np.nan
+
+
+@formula
+def orbit_point(X, Y, T, complement, c, r, log_r, lag, n):
+    """The point n steps from (X, Y), or at time n of the flow; NaN where there is none."""
+    # The inverse map is the map with Y reversed.
+    sign = -1.0 if n < 0.0 else 1.0
+    u, v, k, m, lag = ahead(X, sign * Y, T, complement, c, r, lag)
+    power = abs(n) - lag
+    odd = not is_integer(0.5 * power)
+    v = -v if odd & (r < 0.0) else v
+    X_n, Y_n = follow(T, u, v, k, m, power * log_r)
+    # Beyond t = 1 there is nothing between two states.
+    exists = (r > 0.0) | is_integer(abs(n))
     X_n, Y_n = X_n if exists else np.nan, Y_n if exists else np.nan
-    still = (X == 0.0) & (Y_0 != 1.0)
-    X_n, Y_n = X if still else X_n, Y_0 if still else Y_n
-    return X_n, sign * Y_n
+    still = (X == 0.0) & (sign * Y != 1.0)
+    return X if still else X_n, Y if still else sign * Y_n

@@ -35,7 +35,7 @@ from .loops_blocks import (
 # What a state costs, in steps of the map.
 WORK = 30
 # Times that one task takes.
-CHUNK = 512
+CHUNK = 4096
 # From so many times on, a loop goes along them and not across the batch.
 ALONG = 16
 
@@ -104,7 +104,7 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
 
 @part
 def go_along(given, orbit, frame, lag, times, l, out):
-    """The states of the trajectory of one lane at all times."""
+    """The states of the trajectory of one lane at all times, as a flat array."""
     X_0, Y_0, T, complement, c, r, log_r, rests = orbit[:, l]
     m11, m12, m21, m22 = frame[:, l]
     omega1, omega2 = given[5, l], given[6, l]

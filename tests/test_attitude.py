@@ -58,7 +58,7 @@ def test_steady_rotation(body):
 
 def test_batches(body, rng):
     omega = sf.iterate(body, rng.normal(size=(4, 1, 2)), [0.1, 0.2], 12).omega
-    R0 = Rotation.random(4, rng=rng).as_matrix()[:, None]
+    R0 = Rotation.from_quat(rng.normal(size=(4, 4))).as_matrix()[:, None]
     R = sf.attitude(body, omega, [0.1, 0.2], R0)
     assert R.shape == (4, 2, 13, 3, 3)
     alone = sf.attitude(body, omega[3, 1], 0.2, R0[3, 0])

@@ -41,6 +41,8 @@ _SLICE = 2**27
 _SHORT, _LONG = 0.05, 0.2
 # What a saved state costs, in steps.
 _SAVING = 8
+# Orbits that may meet a pole are first iterated for so many steps.
+_AHEAD = 256
 # From so many steps on the closed form is faster than they are.
 JUMP = 32
 
@@ -122,7 +124,8 @@ def iterate(
         formula as the paper prints it, which is slower and less accurate. "auto" is "canonical"
         where states are saved. For the last state alone it does not iterate but evaluates the
         closed form, in a time that does not grow with `steps`, and agrees to rounding; only orbits
-        with t >= 1 that may meet a pole, and runs of a few steps, are iterated then too.
+        that may meet a pole (they have t >= 1) are iterated until they are past it, and so are runs
+        of fewer than 32 steps.
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
         "rank2", which was measured to be faster for every n where not several J_i - eps p / 2
@@ -311,8 +314,8 @@ def _iterate(
 
 def jumps(body: Body, method: str, save_every: int | None, steps: int) -> bool:
     """Whether `iterate` takes the last states from the closed form, where it can."""
-    in_3d = isinstance(body, Suslov3D)
-    return in_3d and method == "auto" and save_every is None and steps >= JUMP
+    last_only = method == "auto" and save_every is None
+    return isinstance(body, Suslov3D) and last_only and JUMP <= steps <= 2**53
 
 
 _Results = tuple[FloatArray, NDArray[np.int8], NDArray[np.int64]]
@@ -322,16 +325,21 @@ def _run_3d(problem: _Problem) -> _Results:
     """Final states, statuses and first missing states; saved states are filled on the way."""
     assert isinstance(problem.body, Suslov3D)
     parameters = [*problem.body.flat_normalised(problem.batch, problem.order), problem.step_size]
-    if jumps(problem.body, problem.method, problem.save_every, problem.steps):
-        return _jump_3d(problem, parameters)
-    return _iterate_3d(problem, parameters)
+    if not jumps(problem.body, problem.method, problem.save_every, problem.steps):
+        return _iterate_3d(problem, parameters)
+    results = _jump_3d(replace(problem, progress=None), parameters, _AHEAD)
+    with reporter(problem.progress, problem.steps) as report:
+        report(problem.steps)
+    return results
 
 
-def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
-    """The last states by the closed form; orbits that may meet a pole are iterated."""
+def _jump_3d(problem: _Problem, parameters: list[FloatArray], ahead: int) -> _Results:
+    """The last states by the closed form.
+
+    Orbits that may meet a pole are iterated for so many steps, after which most are past it.
+    """
     size = len(problem.states)
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
-    failed_at = _never(size)
     _parallel.run(
         loops_closed_form.jump,
         problem.shared_work(loops_blocks.LANES, loops_closed_form.WORK),
@@ -342,15 +350,23 @@ def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
         final,
         status,
     )
-    if status.min(initial=0) < 0:
-        left = np.flatnonzero(status < 0)
-        few = replace(problem, states=problem.states[left])
-        of_few = [each if each.size == 1 else each[left] for each in parameters]
-        failed_at = failed_at.copy()
-        final[left], status[left], failed_at[left] = _iterate_3d(few, of_few)
-    else:
-        with reporter(problem.progress, problem.steps) as report:
-            report(problem.steps)
+    if status.min(initial=0) >= 0:
+        return final, status, _never(size)
+
+    def of(chosen: NDArray[np.intp], values: list[FloatArray]) -> list[FloatArray]:
+        return [each if each.size == 1 else each[chosen] for each in values]
+
+    failed_at = np.full(size, -1)
+    left = np.flatnonzero(status < 0)
+    ahead = min(ahead, problem.steps)
+    few, of_few = replace(problem, states=problem.states[left], steps=ahead), of(left, parameters)
+    final[left], status[left], failed_at[left] = _iterate_3d(few, of_few)
+    still = status[left] >= 0
+    if ahead < problem.steps and still.any():
+        going, there = np.flatnonzero(still), left[still]
+        rest = replace(problem, states=final[there], steps=problem.steps - ahead)
+        final[there], status[there], failed = _jump_3d(rest, of(going, of_few), 2 * ahead)
+        failed_at[there] = np.where(failed < 0, failed, failed + ahead)
     return final, status, failed_at
 
 

@@ -34,7 +34,7 @@ class Trajectories:
         The state after the last step, whether saved or not; where saved, it may share memory with
         `omega`.
     failed_at : ndarray(int, shape=(...))
-        The number of the first state that does not exist, or -1.
+        The number of the first state that does not exist, or -1; read-only if nothing failed.
     """
 
     omega: FloatArray

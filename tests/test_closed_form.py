@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import suslov_fast as sf
 from suslov_fast._core import loops_blocks
 from suslov_fast._core import loops_closed_form as loops
+from suslov_fast._map import jumps
 
 
 def random_problem(rng):
@@ -306,3 +307,44 @@ def test_last_states_after_a_long_run(rng):
         if abs(sf.criticality(body, omega, eps)) < 1:
             final = sf.iterate(body, omega, eps, 1000, save_every=None, method="canonical").final
             assert naive.relative_error(final, exact) < 1e-14
+
+
+def test_orbits_past_their_pole_jump(unit, rng):
+    """Far states of orbits that start before a pole, some of which meet it."""
+    omega = np.column_stack([rng.uniform(0.1, 3, 50), rng.uniform(-9, -2.1, 50)])
+    omega[7] = [1.0, -3.0]  # on the pole
+    omega[8] = [1.0, -1e3]  # passes it after some 800 steps
+    omega[9] = [0.0, -5.0]  # rests
+    steps = 10**9 + 1
+    result = sf.iterate(unit, omega, 1, steps, save_every=None, on_singular="ignore")
+    assert np.flatnonzero(result.status < 0).tolist() == [7]
+    assert result.failed_at[7] == 1
+    expected = sf.exact(unit, omega[np.arange(50) != 7], 1, steps)
+    np.testing.assert_allclose(np.delete(result.final, 7, axis=0), expected, rtol=1e-8, atol=1e-12)
+    alone = [sf.iterate(unit, each, 1, steps, save_every=None).final for each in omega[[0, 8, 9]]]
+    assert (alone == result.final[[0, 8, 9]]).all()
+
+
+def test_failures_after_the_first_steps(unit):
+    """A pole 300 steps away, and one on the way there: found where iteration finds them."""
+    before = sf.exact(unit, [1.0, -3.0], -1, 300)
+    orbit = sf.iterate(unit, before, 1, 310, method="canonical", on_singular="ignore")
+    jumped = sf.iterate(unit, before, 1, 310, save_every=None, on_singular="ignore")
+    assert jumped.status == orbit.status
+    assert jumped.failed_at == orbit.failed_at
+
+
+def test_the_status_of_last_states(rng):
+    """On the critical line too, whatever rounding makes of it, all ways agree."""
+    body = sf.Suslov3D(1.7, 2.3, 0.3, -0.7)
+    x, eps = rng.uniform(-3, 3, 500), 0.3
+    y = np.full(500, -2 * 1.7 * 2.3 / eps)
+    omega = sf.from_xy(body, np.column_stack([x, y]))
+    jumped = sf.iterate(body, omega, eps, 40, save_every=None)
+    assert (jumped.status == sf.iterate(body, omega, eps, 40).status).all()
+    assert len(np.unique(jumped.status)) == 2
+
+
+def test_steps_that_float64_does_not_hold(unit):
+    assert jumps(unit, "auto", None, 2**53)
+    assert not jumps(unit, "auto", None, 2**53 + 1)

@@ -1,5 +1,6 @@
 """The map against the implicit equations (ds1), (ds) in 60 digits."""
 
+import mpmath
 import naive
 import numpy as np
 import pytest
@@ -315,3 +316,32 @@ def test_step_full_broadcasts(body, rng):
     result = sf.step_full(body, omega, [0.1, 0.2], I3=[3.0, 4.0])
     assert result.shape == (4, 2, 3)
     assert (result[2, 1] == sf.step_full(body, omega[2, 0], 0.2, 4.0)).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("size", [10.0, 1e3, 1e5, 1e8, 1e12])
+def test_large_states(unit, rng, size, method):
+    """One step takes most of them back to the order of 1: Y - X X' would cancel."""
+    for _ in range(20):
+        omega = size * rng.uniform(-1, 1, 2)
+        exact = naive.orbit(1, 1, 1, 0, 1, omega, 8)
+        growth = float(max(np.hypot(*map(float, state)) for state in exact[1:]))
+        orbit = sf.iterate(unit, omega, 1, 8, method=method)
+        error = np.hypot(*(orbit.final - np.array(exact[-1], float)))
+        assert error < 2e-15 * max(1, growth)
+
+
+@pytest.mark.parametrize(
+    "omega", [[1e3, 1e10], [1e10, 1e25], [3e14, 1e35], [1e16, -1e35], [1e18, -1e20], [1e61, 0.1]]
+)
+def test_far_too_large_states(unit, omega):
+    """What cancels here leaves nothing of 60 digits."""
+    states = [
+        sf.iterate(unit, omega, 1, 40, save_every=None).final,
+        sf.iterate(unit, omega, 1, 40, method="canonical").final,
+        sf.exact(unit, omega, 1, 40),
+    ]
+    with mpmath.workdps(300):
+        exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)[-1]
+        for state in states:
+            assert naive.relative_error(state, exact) < 1e-15

@@ -12,8 +12,9 @@ from .jit import formula
 # Four units 2**-53 is what rounding of the body, the state and the terms may come to.
 ZERO_TO_ROUNDING = 2.0**-50
 
-# |X| below this keeps every product of a tame orbit in range.
-LARGE = 2.0**200
+# Where |X| is above this, which it is in the first state of an orbit or next to a pole, the new Y
+# is not a small change of the old one.
+LARGE = 2.0
 
 
 @formula
@@ -31,7 +32,7 @@ def shifted(Y, lost):
 
 @formula
 def tame(X, Z, c):
-    """Whether the orbit has c = 0, never meets a pole and stays in range: -1 < Y <= 1/2."""
+    """Whether an orbit has c = 0, never meets a pole, -1 < Y <= 1/2, and no large X."""
     return c == 0.0 and Z < 1.0 and abs(X) < LARGE
 
 
@@ -59,8 +60,11 @@ def denominator(X, Z, c):
 
 @formula
 def guarded_step(X, Z, c, bound):
-    """`canonical_step`, and NaN where there is no next state or it is beyond a bound."""
-    _, regular = denominator(X, Z, c)
+    """`canonical_step` for any state: NaN where there is no next one or it is beyond a bound."""
+    d, regular = denominator(X, Z, c)
     X_next, Z_next = canonical_step(X, Z, c)
+    # c - (Y (1 - Y) - X**2) / (1 - Y + X**2), which then cancels nowhere.
+    quotient = ((1.0 + c) * (X * X) + Z * ((1.0 - c) + Z)) / d
+    Z_next = quotient if abs(X) > LARGE else Z_next
     exists = regular & (abs(X_next) + abs(Z_next) < bound)
     return X_next if exists else np.nan, Z_next if exists else np.nan

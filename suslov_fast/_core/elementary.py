@@ -24,7 +24,10 @@ def is_integer(v):
 
 @formula
 def times_exponential(v, x):
-    """v exp(x) for x <= 0, also where exp(x) itself is out of range; 0 below exp(-1400)."""
+    """v exp(x) and exp(x) - 1 for x <= 0.
+
+    The first also where exp(x) itself is out of range; 0 below exp(-1400).
+    """
     shifted = x * LOG2_E + TO_INTEGER
     k = shifted - TO_INTEGER
     z = (x - k * LN2_HIGH) - k * LN2_LOW
@@ -41,7 +44,9 @@ def times_exponential(v, x):
     half = exponent >> 1
     power1 = np.int64((half + 1023) << 52).view(np.float64)
     power2 = np.int64((exponent - half + 1023) << 52).view(np.float64)
-    return 0.0 * v if x < -1400.0 else (v + v * p) * power1 * power2
+    less_one = p if k == 0.0 else (1.0 + p) * power1 * power2 - 1.0
+    far = x < -1400.0
+    return 0.0 * v if far else (v + v * p) * power1 * power2, -1.0 if far else less_one
 
 
 @formula

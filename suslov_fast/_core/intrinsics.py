@@ -19,6 +19,7 @@ from .vector import (
     expect_store,
     in_all,
     load,
+    publish,
     same,
     store,
     store_at,
@@ -224,4 +225,10 @@ def _expect_store(context, builder, signature, arguments):
     prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
     for_writing, near, data = integer(1), integer(3), integer(1)
     builder.call(prefetch, [place, for_writing, near, data])
+    return context.get_dummy_value()
+
+
+@_define(publish, types.void)
+def _publish(context, builder, signature, arguments):
+    builder.fence("seq_cst")
     return context.get_dummy_value()

@@ -7,8 +7,8 @@ omega        (B, 2), the initial states.
 
 Arrays of a block, lanes last, beside `given` of `loops_blocks`:
 
-orbit   (8, LANES): X, Y, and the constants T, 1 - T**2, 1 / (1 + T)**2, r, log |r|; whether the
-        state rests.
+orbit   (7, LANES): X, Y, and the constants T, 1 / (1 + T)**2, r, log |r|; what rounding lost of Y,
+        and then whether the state rests.
 frame   (4, LANES): m11, m12, m21, m22, where omega = m (X, Y).
 states  (2, LANES): angular velocities to be written.
 """
@@ -16,7 +16,6 @@ states  (2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
-from .canonical_map import LARGE
 from .closed_form import orbit_of_flow, orbit_of_map, orbit_point
 from .codes import NONFINITE, OK, SUPERCRITICAL
 from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
@@ -51,7 +50,7 @@ def enter_bodies(given, frame, lanes):
 @part
 def enter_orbits(flow, given, orbit, lanes):
     for l in range(lanes):
-        orbit[0, l], orbit[1, l], orbit[7, l] = to_canonical(
+        orbit[0, l], orbit[1, l], orbit[6, l] = to_canonical(
             given[0, l],
             given[1, l],
             given[2, l],
@@ -62,16 +61,16 @@ def enter_orbits(flow, given, orbit, lanes):
         )
     if flow:
         for l in range(lanes):
-            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l], orbit[6, l] = orbit_of_flow(
+            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l] = orbit_of_flow(
                 orbit[0, l], orbit[1, l]
             )
-            orbit[7, l] = orbit[0, l] == 0.0 and orbit[1, l] == 0.0
+            orbit[6, l] = orbit[0, l] == 0.0 and orbit[1, l] == 0.0
     else:
         for l in range(lanes):
-            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l], orbit[6, l] = orbit_of_map(
-                orbit[0, l], orbit[1, l], orbit[7, l]
+            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l] = orbit_of_map(
+                orbit[0, l], orbit[1, l], orbit[6, l]
             )
-            orbit[7, l] = at_rest(given[2, l], given[3, l], given[4, l], orbit[0, l], orbit[1, l])
+            orbit[6, l] = at_rest(given[2, l], given[3, l], given[4, l], orbit[0, l], orbit[1, l])
 
 
 # Short passes with few results each: one loop over all of this would not be vectorised.
@@ -88,7 +87,6 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
             orbit[3, l],
             orbit[4, l],
             orbit[5, l],
-            orbit[6, l],
             lag,
             n,
         )
@@ -97,7 +95,7 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
             frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, states[0, l], states[1, l]
         )
     for l in range(lanes):
-        still = (orbit[7, l] != 0.0) | (n == 0.0)
+        still = (orbit[6, l] != 0.0) | (n == 0.0)
         states[0, l] = given[5, l] if still else states[0, l]
         states[1, l] = given[6, l] if still else states[1, l]
 
@@ -105,12 +103,12 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
 @part
 def go_along(given, orbit, frame, lag, times, l, out):
     """The states of the trajectory of one lane at all times, as a flat array."""
-    X_0, Y_0, T, complement, c, r, log_r, rests = orbit[:, l]
+    X_0, Y_0, T, c, r, log_r, rests = orbit[:, l]
     m11, m12, m21, m22 = frame[:, l]
     omega1, omega2 = given[5, l], given[6, l]
     for j in range(times.size):
         n = times[j]
-        X, Y = orbit_point(X_0, Y_0, T, complement, c, r, log_r, lag, n)
+        X, Y = orbit_point(X_0, Y_0, T, c, r, log_r, lag, n)
         next1, next2 = angular_velocity(m11, m12, m21, m22, 0.0, 0.0, X, Y)
         still = (rests != 0.0) | (n == 0.0)
         out[2 * j] = omega1 if still else next1
@@ -130,7 +128,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, out):
     n_tasks = min(n_parts, TASKS)
     flat = out.reshape(out.size)
     for task in prange(n_tasks):
-        given, orbit = rows_of_lanes(7), rows_of_lanes(8)
+        given, orbit = rows_of_lanes(7), rows_of_lanes(7)
         frame, states = rows_of_lanes(4), rows_of_lanes(2)
         begin_of_task = task * n_parts // n_tasks
         for k in range(begin_of_task, (task + 1) * n_parts // n_tasks):
@@ -170,8 +168,8 @@ def keep_safe(orbit, states, lanes):
     Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
     """
     for l in range(lanes):
-        in_range = (abs(orbit[0, l]) < LARGE) & (abs(orbit[1, l]) < LARGE)
-        safe = (orbit[7, l] != 0.0) | (in_range & (orbit[1, l] < 1.0))
+        steady = (orbit[0, l] == 0.0) & (orbit[1, l] != 1.0)
+        safe = (orbit[6, l] != 0.0) | (orbit[1, l] < 1.0) | steady
         states[0, l] = states[0, l] if safe else np.nan
         states[1, l] = states[1, l] if safe else np.nan
 
@@ -186,7 +184,7 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
     shared = one_body(I1, I2, I13, I23, eps)
     n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
-        given, orbit = rows_of_lanes(7), rows_of_lanes(8)
+        given, orbit = rows_of_lanes(7), rows_of_lanes(7)
         frame, states = rows_of_lanes(4), rows_of_lanes(2)
         begin_of_task = task * n_blocks // n_tasks
         for block in range(begin_of_task, (task + 1) * n_blocks // n_tasks):
@@ -202,7 +200,7 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
             keep_safe(orbit, states, lanes)
             scatter_pairs(states[0], states[1], first, width, final.reshape(final.size))
             for l in range(width):
-                code = SUPERCRITICAL if (orbit[5, l] <= 0.0) & (orbit[7, l] == 0.0) else OK
+                code = SUPERCRITICAL if (abs(orbit[1, l]) >= 1.0) & (orbit[6, l] == 0.0) else OK
                 status[first + l] = code if abs(states[0, l]) < np.inf else NONFINITE
 
 

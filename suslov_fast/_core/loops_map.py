@@ -45,6 +45,7 @@ from .vector import (
     copy_transposed,
     expect_store,
     load,
+    publish,
     store,
     store_at,
     store_past_caches,
@@ -57,7 +58,7 @@ PRINTED, CANONICAL = range(2)
 # States of each trajectory that are written at a time: 256 bytes where they lie side by side, and
 # fewer where rows of lanes do, so that the memory and the arithmetic work at once.
 TILE, TILE_ACROSS = 16, 4
-# Saved states of so many numbers, in rows of lanes, are written past the caches.
+# Saved states of so many numbers are written past the caches.
 BEYOND_CACHES = 2**21
 
 # A state X this small on its way to a fixed point becomes 0: subnormals are four times slower.
@@ -246,41 +247,41 @@ def advance_across(state, frame, flat, index, rows, batch, steps):
 
 
 @part
-def stream_along(flat_tile, lanes, flat, line, n_saved, row, first, begins):
+def stream_along(flat_tile, kept, flat, line, n_saved, row, first, begins):
     """Write a tile as `write_along` does, but past the caches.
 
-    lanes   flat (LANES, 2 TILE + VECTOR): the last vector that each lane wrote to it before, and
-            its tile. Of this the whole lines of `flat` are written.
+    kept   flat (LANES, 2 TILE + VECTOR): the last vector that each lane wrote to it before, and
+           its tile. Of this the whole lines of `flat` are written; `finish_stream` must follow.
     """
     width = 2 * TILE + VECTOR
     for l in range(0, LANES, VECTOR):
         for r in range(0, TILE, VECTOR // 2):
             target = l * width + VECTOR + 2 * r
-            copy_transposed(lanes, target, width, flat_tile, 2 * r * LANES + l, LANES)
+            copy_transposed(kept, target, width, flat_tile, 2 * r * LANES + l, LANES)
         for lane in range(l, l + VECTOR):
             start, source = 2 * ((first + lane) * n_saved + row), lane * width
             to_line = (line - start) % VECTOR
             if begins:
                 for k in range(to_line):
-                    flat[start + k] = lanes[source + VECTOR + k]
+                    flat[start + k] = kept[source + VECTOR + k]
             for k in range(VECTOR if begins else 0, 2 * TILE, VECTOR):
-                vector = vector_at(lanes, source + to_line + k)
+                vector = vector_at(kept, source + to_line + k)
                 store_past_caches(flat, start - VECTOR + to_line + k, vector)
-            store_at(lanes, source, vector_at(lanes, source + 2 * TILE))
+            store_at(kept, source, vector_at(kept, source + 2 * TILE))
 
 
 @part
-def finish_stream(lanes, flat, line, n_saved, row, first):
+def finish_stream(kept, flat, line, n_saved, row, first):
     """Write what `stream_along` has kept, up to `row`."""
     for lane in range(LANES):
         stop = 2 * ((first + lane) * n_saved + row)
         left = VECTOR - (line - stop) % VECTOR
         for k in range(left):
-            flat[stop - left + k] = lanes[lane * (2 * TILE + VECTOR) + VECTOR - left + k]
+            flat[stop - left + k] = kept[lane * (2 * TILE + VECTOR) + VECTOR - left + k]
 
 
 @part
-def advance_along(state, frame, tile, flat_tile, lanes, flat, line, n_saved, row, first, tiles):
+def advance_along(state, frame, tile, flat_tile, kept, flat, line, n_saved, row, first, tiles):
     """Steps of a block, as many as fill some tiles, the first saved in `row`."""
     past_caches = flat.size >= BEYOND_CACHES
     for t in range(tiles):
@@ -290,11 +291,11 @@ def advance_along(state, frame, tile, flat_tile, lanes, flat, line, n_saved, row
                 store(tile, 2 * r, g, omega1)
                 store(tile, 2 * r + 1, g, omega2)
         if past_caches:
-            stream_along(flat_tile, lanes, flat, line, n_saved, row + t * TILE, first, t == 0)
+            stream_along(flat_tile, kept, flat, line, n_saved, row + t * TILE, first, t == 0)
         else:
             write_along(flat_tile, TILE, flat, n_saved, row + t * TILE, first, LANES)
     if past_caches:
-        finish_stream(lanes, flat, line, n_saved, row + tiles * TILE, first)
+        finish_stream(kept, flat, line, n_saved, row + tiles * TILE, first)
 
 
 def _iterate(
@@ -326,7 +327,7 @@ def _iterate(
         coefficients = rows_of_lanes(4)
         flat_tile = aligned(TILE * 2 * LANES)
         tile = flat_tile.reshape((TILE, 2, LANES))
-        lane_rows = aligned(LANES * (2 * TILE + VECTOR))
+        kept = aligned(LANES * (2 * TILE + VECTOR))
         tile_vectors = tile.reshape((TILE * 2, LANES // VECTOR, VECTOR))
         state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
         frame_vectors = frame.reshape((6, LANES // VECTOR, VECTOR))
@@ -389,7 +390,7 @@ def _iterate(
                             frame_vectors,
                             tile_vectors,
                             flat_tile,
-                            lane_rows,
+                            kept,
                             flat,
                             line,
                             n_saved,
@@ -427,6 +428,7 @@ def _iterate(
             if resume.shape[1] > 0:
                 for l in range(width):
                     resume[0, first + l], resume[1, first + l] = state[0, l], state[1, l]
+        publish()
 
 
 def _locate_failure(method, I1, I2, I13, I23, eps, omega, stop, failed, status, failed_at):

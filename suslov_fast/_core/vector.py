@@ -95,3 +95,7 @@ def copy_transposed(array, index, stride, source, first, distance):
 
 def expect_store(array, index):
     """Fetch the cache line of an element that will soon be written: a store waits for it."""
+
+
+def publish():
+    """Let other threads see what was stored past the caches."""

@@ -24,7 +24,7 @@ BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
 PASSES = 5
 MACHINE = ("processor", "cores", "threads", "system", "versions")
 BASE = "C, (ds2) as printed"
-DIVIDER, STORES = "divisions", "bytes, streaming stores"
+DIVIDER = "divisions"
 
 
 def run_pytest(target, tests, *options, **keywords):

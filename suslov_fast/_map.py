@@ -41,7 +41,7 @@ _SLICE = 2**27
 _SHORT, _LONG = 0.05, 0.2
 # What a saved state costs, in steps.
 _SAVING = 8
-# Orbits that may meet a pole are first iterated for so many steps.
+# Orbits that may meet a pole are iterated for so many steps, those not past it for 16 times more.
 _AHEAD = 256
 # From so many steps on the closed form is faster than they are.
 JUMP = 32
@@ -327,17 +327,43 @@ def _run_3d(problem: _Problem) -> _Results:
     parameters = [*problem.body.flat_normalised(problem.batch, problem.order), problem.step_size]
     if not jumps(problem.body, problem.method, problem.save_every, problem.steps):
         return _iterate_3d(problem, parameters)
-    results = _jump_3d(replace(problem, progress=None), parameters, _AHEAD)
+    results = _jump_3d(replace(problem, progress=None), parameters)
     with reporter(problem.progress, problem.steps) as report:
         report(problem.steps)
     return results
 
 
-def _jump_3d(problem: _Problem, parameters: list[FloatArray], ahead: int) -> _Results:
+def _jump_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     """The last states by the closed form.
 
-    Orbits that may meet a pole are iterated for so many steps, after which most are past it.
+    Orbits that may meet a pole are iterated from their start until they are past it.
     """
+    final, status = _closed_form(problem, parameters)
+    if status.min(initial=0) >= 0:
+        return final, status, _never(len(status))
+    failed_at = np.full(len(status), -1)
+    left = np.flatnonzero(status < 0)
+    ahead = _AHEAD
+    while left.size:
+        ahead = min(ahead, problem.steps)
+        few = replace(problem, states=problem.states[left], steps=ahead)
+        final[left], status[left], failed_at[left] = _iterate_3d(few, _of(left, parameters))
+        if ahead == problem.steps:
+            break
+        left = left[status[left] >= 0]
+        rest = replace(problem, states=final[left], steps=problem.steps - ahead)
+        ends, codes = _closed_form(rest, _of(left, parameters))
+        past = codes >= 0
+        final[left[past]] = ends[past]
+        left = left[~past]
+        ahead *= 16
+    return final, status, failed_at
+
+
+def _closed_form(
+    problem: _Problem, parameters: list[FloatArray]
+) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Last states and statuses; a status is negative where the closed form may not be used."""
     size = len(problem.states)
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
     _parallel.run(
@@ -350,24 +376,12 @@ def _jump_3d(problem: _Problem, parameters: list[FloatArray], ahead: int) -> _Re
         final,
         status,
     )
-    if status.min(initial=0) >= 0:
-        return final, status, _never(size)
+    return final, status
 
-    def of(chosen: NDArray[np.intp], values: list[FloatArray]) -> list[FloatArray]:
-        return [each if each.size == 1 else each[chosen] for each in values]
 
-    failed_at = np.full(size, -1)
-    left = np.flatnonzero(status < 0)
-    ahead = min(ahead, problem.steps)
-    few, of_few = replace(problem, states=problem.states[left], steps=ahead), of(left, parameters)
-    final[left], status[left], failed_at[left] = _iterate_3d(few, of_few)
-    still = status[left] >= 0
-    if ahead < problem.steps and still.any():
-        going, there = np.flatnonzero(still), left[still]
-        rest = replace(problem, states=final[there], steps=problem.steps - ahead)
-        final[there], status[there], failed = _jump_3d(rest, of(going, of_few), 2 * ahead)
-        failed_at[there] = np.where(failed < 0, failed, failed + ahead)
-    return final, status, failed_at
+def _of(chosen: NDArray[np.intp], parameters: list[FloatArray]) -> list[FloatArray]:
+    """The parameters of some trajectories."""
+    return [each if each.size == 1 else each[chosen] for each in parameters]
 
 
 def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:

@@ -325,13 +325,19 @@ def test_orbits_past_their_pole_jump(unit, rng):
     assert (alone == result.final[[0, 8, 9]]).all()
 
 
-def test_failures_after_the_first_steps(unit):
-    """A pole 300 steps away, and one on the way there: found where iteration finds them."""
-    before = sf.exact(unit, [1.0, -3.0], -1, 300)
-    orbit = sf.iterate(unit, before, 1, 310, method="canonical", on_singular="ignore")
-    jumped = sf.iterate(unit, before, 1, 310, save_every=None, on_singular="ignore")
-    assert jumped.status == orbit.status
-    assert jumped.failed_at == orbit.failed_at
+def test_a_pole_far_ahead(unit):
+    """It is found where iteration finds it, and in few steps of many."""
+    before_pole = [np.sqrt(130.0), -132.0]  # 1 - Y + X**2 = 0
+    start = sf.exact(unit, before_pole, -1, 270)
+    orbit = sf.iterate(unit, start, 1, 275, method="canonical", on_singular="ignore")
+    assert (orbit.status, orbit.failed_at) == (sf.Status.SINGULAR, 271)
+    for steps in (275, 10**9):
+        jumped = sf.iterate(
+            unit, [start, [0.3, 0.1]], 1, steps, save_every=None, on_singular="ignore"
+        )
+        assert jumped.status.tolist() == [sf.Status.SINGULAR, sf.Status.OK]
+        assert jumped.failed_at.tolist() == [271, -1]
+        assert np.isnan(jumped.final[0]).all()
 
 
 def test_the_status_of_last_states(rng):

@@ -20,7 +20,7 @@ def bench_batch(measure, batch, build, all_threads, monkeypatch):
     """On one thread, on all of them whatever the size, and as `iterate` decides."""
     batch = measure.size(batch, 256)
     crossover = None
-    parallel = pytest.importorskip("suslov_fast._parallel")
+    parallel = pytest.importorskip("suslov_fast._engine.threads")
     if hasattr(parallel, "CROSSOVER"):
         crossover = parallel.CROSSOVER
         if build == "parallel":

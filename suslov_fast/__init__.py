@@ -12,16 +12,16 @@ the labels of its source.
 """
 
 from ._attitude import attitude
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
+from ._bodies.nd import SuslovND
+from ._bodies.reduction import NotIntegrableError
+from ._bodies.three import Suslov3D
 from ._conserved import criticality, energy, first_integral, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
-from ._exact import exact, flow, limits
 from ._full import step_full
 from ._linearised import jacobian, multipliers
 from ._map import iterate, step
-from ._reduction import NotIntegrableError
+from ._solution import exact, flow, limits
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _parallel
-from ._arguments import Body
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
-from ._core import loops_attitude as loops
-from ._layout import flat_parameter
-from ._validation import FloatArray, common_shape, instance, real_array, vectors
+from ._bodies.nd import SuslovND
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray, common_shape, instance, real_array, vectors
+from ._core.cpu import attitude as loops
+from ._engine import threads
+from ._engine.arguments import Body
+from ._engine.layout import flat_parameter
 
 # Work of one turn, in steps of the map.
 _WORK = 100
@@ -82,7 +82,7 @@ def attitude(
     flat = np.broadcast_to(states, (*batch, length, m)).reshape(size, length, m)
     flat = np.require(flat, np.float64, ["C", "A", "W"])
     turns = np.empty((size, length, m + 1, m + 1))
-    _parallel.run(
+    threads.run(
         loops.reconstruct if isinstance(body, Suslov3D) else loops.reconstruct_nd,
         size * length * _WORK * m if size > 1 else 0,
         None,

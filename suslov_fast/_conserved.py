@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _nd
-from ._arguments import Body, check, components
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
-from ._core import coordinates, integrals
-from ._elementwise import evaluate
-from ._reduction import first_integral as first_integral_nd
-from ._reduction import reduce
-from ._validation import FloatArray
+from ._bodies.nd import SuslovND
+from ._bodies.reduction import first_integral as first_integral_nd
+from ._bodies.reduction import reduce
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray
+from ._core.formulas import coordinates, integrals
+from ._engine.arguments import Body, check, components
+from ._engine.elementwise import evaluate
 
 
 def energy(body: Body, omega: ArrayLike) -> FloatArray:

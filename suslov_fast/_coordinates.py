@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arguments import check, components
-from ._bodies import Suslov3D
-from ._core import coordinates
-from ._elementwise import evaluate
-from ._validation import FloatArray
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray
+from ._core.formulas import coordinates
+from ._engine.arguments import check, components
+from ._engine.elementwise import evaluate
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:

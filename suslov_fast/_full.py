@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from ._arguments import check, components
-from ._bodies import Suslov3D
-from ._core.full_map import full_step
-from ._elementwise import evaluate, without_poles
-from ._validation import FloatArray
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray
+from ._core.formulas.full_map import full_step
+from ._engine.arguments import check, components
+from ._engine.elementwise import evaluate, without_poles
 
 
 def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> FloatArray:

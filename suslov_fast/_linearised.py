@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _nd
-from ._arguments import Body, check, components
-from ._bodies_nd import SuslovND
-from ._core import linearised
-from ._elementwise import evaluate, without_poles
+from ._bodies.nd import SuslovND
+from ._checks import FloatArray
+from ._core.formulas import linearised
+from ._engine.arguments import Body, check, components
+from ._engine.elementwise import evaluate, without_poles
 from ._map import next_states
-from ._validation import FloatArray
 
 
 def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:

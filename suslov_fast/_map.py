@@ -12,11 +12,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _parallel
-from ._arguments import Body, check
-from ._bodies import Suslov3D
-from ._core import loops_blocks, loops_closed_form, loops_map, loops_nd
-from ._layout import (
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray, integer, one_of
+from ._core.cpu import blocks, closed_form, map_3d, map_nd
+from ._engine import threads as _threads
+from ._engine.arguments import Body, check
+from ._engine.layout import (
     apart,
     first_index,
     flat_parameter,
@@ -26,10 +27,9 @@ from ._layout import (
     spell,
     unflatten,
 )
-from ._progress import Progress, check_progress, reporter
+from ._engine.progress import Progress, check_progress, reporter
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
-from ._validation import FloatArray, integer, one_of
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 Order = Literal["C", "F"]
@@ -198,7 +198,7 @@ class _Problem:
         if self.save_every is not None:
             work += _SAVING / self.save_every
         # Few trajectories take as long as half a block.
-        length = int(_SLICE / (work * max(len(self.states), loops_blocks.LANES // 2)))
+        length = int(_SLICE / (work * max(len(self.states), blocks.LANES // 2)))
         if self.steps <= length and not self.progress:
             yield 0, self.steps
             return
@@ -255,7 +255,7 @@ def _iterate(
     in_3d = isinstance(body, Suslov3D)
     one_of("method", method, ("auto", "canonical", "ds2") if in_3d else ("auto", "gauss", "rank2"))
     one_of("order", order, ("C", "F"))
-    threads = _parallel.thread_count(threads)
+    threads = _threads.thread_count(threads)
     check_progress(progress)
     n_saved = 1 if save_every is None else steps // save_every + 1
     shape = (*batch, n_saved, body.dimension)
@@ -366,9 +366,9 @@ def _closed_form(
     """Last states and statuses; a status is negative where the closed form may not be used."""
     size = len(problem.states)
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
-    _parallel.run(
-        loops_closed_form.jump,
-        problem.shared_work(loops_blocks.LANES, loops_closed_form.WORK),
+    _threads.run(
+        closed_form.jump,
+        problem.shared_work(blocks.LANES, closed_form.WORK),
         problem.threads,
         *parameters,
         problem.states,
@@ -386,7 +386,7 @@ def _of(chosen: NDArray[np.intp], parameters: list[FloatArray]) -> list[FloatArr
 
 def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     size = len(problem.states)
-    method = loops_map.PRINTED if problem.method == "ds2" else loops_map.CANONICAL
+    method = map_3d.PRINTED if problem.method == "ds2" else map_3d.CANONICAL
     last = problem.last_saved
     final = np.empty((size if last is None else 0, 2))
     status = np.empty(size, np.int8)
@@ -394,9 +394,9 @@ def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     for start, stop in problem.slices(1.0):
         if stop < problem.steps and not resume.size:
             resume = np.empty((2, size))
-        _parallel.run(
-            loops_map.iterate,
-            problem.shared_work(loops_blocks.LANES, stop - start),
+        _threads.run(
+            map_3d.iterate,
+            problem.shared_work(blocks.LANES, stop - start),
             problem.threads,
             method,
             *parameters,
@@ -414,8 +414,8 @@ def _iterate_3d(problem: _Problem, parameters: list[FloatArray]) -> _Results:
     if status.min(initial=0) < 0:
         failed_at = failed_at.copy()
         failed = np.flatnonzero(status < 0)
-        _parallel.run(
-            loops_map.locate_failure,
+        _threads.run(
+            map_3d.locate_failure,
             failed.size * problem.steps,
             problem.threads,
             method,
@@ -437,7 +437,7 @@ def _never(size: int) -> NDArray[np.int64]:
 def _run_nd(problem: _Problem) -> _Results:
     """The same in n dimensions."""
     size, m = problem.states.shape
-    method = loops_nd.GAUSS if problem.method == "gauss" else loops_nd.RANK2
+    method = map_nd.GAUSS if problem.method == "gauss" else map_nd.RANK2
     J, I = (
         flat_vectors(each, problem.batch if each.ndim > 1 else (1,), problem.order)
         for each in problem.body.parameters
@@ -446,11 +446,11 @@ def _run_nd(problem: _Problem) -> _Results:
     status, failed_at = np.full(size, Status.OK, np.int8), np.full(size, -1)
     states = problem.states
     # The O(n) step may have to eliminate each time: then the first slice takes some 0.3 s.
-    work = m**3 / 3.0 if method == loops_nd.GAUSS else max(8.0 * m, m**3 / 48.0)
+    work = m**3 / 3.0 if method == map_nd.GAUSS else max(8.0 * m, m**3 / 48.0)
     for start, stop in problem.slices(work):
-        _parallel.run(
-            loops_nd.iterate,
-            problem.shared_work(loops_nd.block_size(m), (stop - start) * work),
+        _threads.run(
+            map_nd.iterate,
+            problem.shared_work(map_nd.block_size(m), (stop - start) * work),
             problem.threads,
             method,
             J,

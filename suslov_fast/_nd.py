@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ._bodies_nd import SuslovND
-from ._validation import FloatArray
+from ._bodies.nd import SuslovND
+from ._checks import FloatArray
 
 
 def _dot(v: FloatArray, w: FloatArray) -> FloatArray:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import Body
-from ._bodies import Suslov3D
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray
 from ._conserved import energy_of, first_integral_of
-from ._validation import FloatArray
+from ._engine.arguments import Body
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -60,7 +60,7 @@ def test_what_is_called_is_kept(copy):
 def test_an_edit_of_any_module_counts(copy):
     """The formula is not in the file of the loop that is cached."""
     before, _ = run(copy)
-    edited = copy / "suslov_fast" / "_core" / "rotation.py"
+    edited = copy / "suslov_fast" / "_core" / "formulas" / "rotation.py"
     source = edited.read_text()
     stat = edited.stat()
     changed = source.replace("0.5 * angle1", "0.25 * angle1")

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._core import loops_blocks
-from suslov_fast._core import loops_closed_form as loops
+from suslov_fast._core.cpu import blocks
+from suslov_fast._core.cpu import closed_form as loops
 from suslov_fast._map import jumps
 
 
@@ -283,15 +283,15 @@ def test_bad_input_of_flow_and_limits(body):
 def test_many_blocks(body, rng, monkeypatch, bodies):
     """A task that goes through several blocks, of one body or of many, keeps each orbit's bits."""
     monkeypatch.setattr(loops, "TASKS", 1)  # for kernels that are not compiled
-    tasks = 1 if numba.config.DISABLE_JIT else loops_blocks.TASKS
-    batch = 2 * tasks * loops_blocks.LANES + 5
+    tasks = 1 if numba.config.DISABLE_JIT else blocks.TASKS
+    batch = 2 * tasks * blocks.LANES + 5
     omega = rng.uniform(-2, 2, (batch, 2))
     if bodies > 1:
         body = sf.Suslov3D(rng.uniform(1, 4, batch), 1, -0.5, -0.3)
     states = sf.exact(body, omega, 0.2, 100)
     final = sf.iterate(body, omega, 0.2, 100, save_every=None).final
     assert (final == states).all()
-    for i in (0, loops_blocks.LANES, batch - 1):
+    for i in (0, blocks.LANES, batch - 1):
         one = body if bodies == 1 else sf.Suslov3D(body.I1[i], 1, -0.5, -0.3)
         assert (sf.exact(one, omega[i], 0.2, 100) == states[i]).all()
 

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from suslov_fast._core.elementary import is_integer, logarithm, times_exponential
+from suslov_fast._core.formulas.elementary import is_integer, logarithm, times_exponential
 
 
 def relative_error(computed, exact):

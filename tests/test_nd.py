@@ -8,8 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
-from suslov_fast import _map, _parallel
-from suslov_fast._core import loops_nd as loops
+from suslov_fast import _map
+from suslov_fast._core.cpu import map_nd as loops
+from suslov_fast._engine import threads
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -212,7 +213,7 @@ def test_save_every_slices_and_threads(rng, monkeypatch, method):
     assert (some.omega == every.omega[:, ::7]).all()
     assert (some.final == every.final).all()
     monkeypatch.setattr(_map, "_SLICE", 70 * 24 * 8)
-    monkeypatch.setattr(_parallel, "CROSSOVER", 0)
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
     seen = []
     sliced = sf.iterate(
         body, omega, 0.2, 60, method=method, save_every=7, progress=lambda *n: seen.append(n)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import _parallel
-from suslov_fast._core import loops_blocks
-from suslov_fast._core import loops_map as loops
+from suslov_fast._core.cpu import blocks
+from suslov_fast._core.cpu import map_3d as loops
+from suslov_fast._engine import threads
 
 SETUP = """
 import numpy as np, suslov_fast as sf
@@ -39,7 +39,7 @@ def run_python(code, **environment):
 
 @pytest.fixture
 def big(rng):
-    return rng.uniform(-2, 2, (3 * loops_blocks.LANES, 2))
+    return rng.uniform(-2, 2, (3 * blocks.LANES, 2))
 
 
 needs_two_threads = pytest.mark.skipif(
@@ -76,7 +76,7 @@ def test_threads_are_restored_on_error(body, big, monkeypatch):
         sf.iterate(body, big, 0.2, 4000, threads=2)
     assert seen == [2]
     assert numba.get_num_threads() == 2
-    assert not _parallel._one_at_a_time.locked()
+    assert not threads._one_at_a_time.locked()
 
 
 @pytest.mark.parametrize("work", ["small batch", "one block"])
@@ -86,9 +86,9 @@ def test_little_work_stays_serial(body, monkeypatch, work):
 
     monkeypatch.setattr(loops, "iterate", SerialOnly())
     if work == "one block":
-        sf.iterate(body, np.ones((loops_blocks.LANES, 2)), 0.2, 20_000)
+        sf.iterate(body, np.ones((blocks.LANES, 2)), 0.2, 20_000)
     else:
-        sf.iterate(body, np.ones((loops_blocks.LANES + 1, 2)), 0.2, 10)
+        sf.iterate(body, np.ones((blocks.LANES + 1, 2)), 0.2, 10)
 
 
 @pytest.mark.compiled

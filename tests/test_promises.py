@@ -7,12 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast import _map, _parallel
-from suslov_fast._core import loops_blocks
-from suslov_fast._core import loops_map as loops
+from suslov_fast import _map
+from suslov_fast._core.cpu import blocks
+from suslov_fast._core.cpu import map_3d as loops
+from suslov_fast._engine import threads
 
 METHODS = ("auto", "canonical", "ds2")
-LANES = loops_blocks.LANES
+LANES = blocks.LANES
 
 
 def same(first, second):
@@ -68,7 +69,7 @@ def test_order_of_the_batch(rng, method, save_every):
 @pytest.mark.parametrize("save_every", [1, None])
 @pytest.mark.parametrize("method", METHODS)
 def test_number_of_threads(rng, monkeypatch, method, save_every):
-    monkeypatch.setattr(_parallel, "CROSSOVER", 0)
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
     body, omega, eps = mixed_batch(rng, 5 * LANES + 3)
     options = {"method": method, "save_every": save_every}
     counts = [None, *range(1, numba.config.NUMBA_NUM_THREADS + 1)]

@@ -11,14 +11,14 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from .._attitude import attitude
-from .._bodies import Suslov3D
-from .._bodies_nd import SuslovND
+from .._bodies.nd import SuslovND
+from .._bodies.paper import PICTURES, Picture
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
 from .._conserved import criticality, energy, modified_energy
 from .._coordinates import from_xy, to_xy
-from .._exact import exact, flow
 from .._map import iterate
-from .._paper import PICTURES, Picture
-from .._validation import FloatArray
+from .._solution import exact, flow
 
 _LINE = "crimson"
 _LEVELS = 9

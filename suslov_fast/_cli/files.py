@@ -13,8 +13,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from .._bodies_nd import SuslovND
-from .._validation import FloatArray, vectors
+from .._bodies.nd import SuslovND
+from .._checks import FloatArray, vectors
 from .errors import UserError
 
 # What the head of a column may be; "nan" and "inf" are numbers, and rejected as such.

@@ -16,16 +16,16 @@ import numba
 import numpy as np
 
 from .. import __version__
-from .._arguments import Body
-from .._bodies import Suslov3D
-from .._bodies_nd import SuslovND
+from .._bodies.nd import SuslovND
+from .._bodies.paper import PICTURES
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
 from .._conserved import energy_of, first_integral_of, modified_energy_of
+from .._engine.arguments import Body
+from .._engine.threads import CROSSOVER
 from .._map import JUMP, iterate, jumps
-from .._paper import PICTURES
-from .._parallel import CROSSOVER
 from .._status import Status
 from .._trajectories import Trajectories
-from .._validation import FloatArray
 from .errors import UserError
 from .files import output_file, read_body, read_states, written_whole
 from .values import integer, number, numbers, positive

@@ -91,7 +91,7 @@ class _KernelCache(FunctionCache):
 
 def _source_stamp():
     digest = hashlib.sha256(repr((config.BOUNDSCHECK, config.OPT)).encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..jit import formula
 from .canonical_map import ZERO_TO_ROUNDING
-from .jit import formula
 
 
 @formula

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
-from ._validation import FloatArray, common_shape, instance, real_array, vectors
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, common_shape, instance, real_array, vectors
 
 Body = Suslov3D | SuslovND
 

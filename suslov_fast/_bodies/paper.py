@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ._bodies import Suslov3D
+from .three import Suslov3D
 
 
 class Picture(NamedTuple):

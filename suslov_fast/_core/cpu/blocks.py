@@ -4,7 +4,7 @@ A block has up to LANES trajectories. Their numbers stand in rows of lanes, of w
 are in use, so that the compiler puts lanes side by side in vector registers.
 """
 
-from .jit import part
+from ..jit import part
 from .vector import VECTOR, aligned
 
 # Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.

@@ -5,7 +5,7 @@ To a few ulps where the closed form needs them. They serve numbers, not arrays.
 
 import numpy as np
 
-from .jit import formula
+from ..jit import formula
 
 LOG2_E = 1.4426950408889634
 # log 2 as two numbers, the first of so few bits that its products with integers are exact.

@@ -18,10 +18,10 @@ r**(n-1), and 1 for all that T and r make up.
 
 import numpy as np
 
+from ..jit import formula
 from .canonical_map import ZERO_TO_ROUNDING
 from .elementary import is_integer, logarithm, times_exponential
 from .integrals import level
-from .jit import formula
 
 
 @formula

@@ -1,7 +1,7 @@
 """One step of the three-component scheme, equation (ds), in which Omega3 need not vanish."""
 
+from ..jit import formula
 from .canonical_map import nan_at_zero
-from .jit import formula
 
 
 @formula

@@ -25,10 +25,10 @@ import math
 import numpy as np
 from numba import prange
 
+from ..codes import NONFINITE, OK, SINGULAR
+from ..formulas.nd_map import column_of_coupling, column_of_omega, entry, increment, slope, solve2
+from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
-from .codes import NONFINITE, OK, SINGULAR
-from .jit import Loop, inlined_part, part
-from .nd_map import column_of_coupling, column_of_omega, entry, increment, slope, solve2
 from .vector import VECTOR, aligned, choose, in_all, larger, load, same, smaller, store
 
 GAUSS, RANK2 = range(2)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
-from ._core.coordinates import sum_of_products
-from ._layout import first_index, spell
-from ._validation import FloatArray
+from .._checks import FloatArray
+from .._core.formulas.coordinates import sum_of_products
+from .._engine.layout import first_index, spell
+from .nd import SuslovND
+from .three import Suslov3D
 
 # What rounding of J and I may come to: from_inertia turns matrices.
 _ROUNDING = 1e-14

@@ -16,11 +16,11 @@ states  (2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
-from .closed_form import orbit_of_flow, orbit_of_map, orbit_point
-from .codes import NONFINITE, OK, SUPERCRITICAL
-from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
-from .jit import Loop, part
-from .loops_blocks import (
+from ..codes import NONFINITE, OK, SUPERCRITICAL
+from ..formulas.closed_form import orbit_of_flow, orbit_of_map, orbit_point
+from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
+from ..jit import Loop, part
+from .blocks import (
     LANES,
     TASKS,
     gather_bodies,

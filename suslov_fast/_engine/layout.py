@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ._validation import FloatArray
+from .._checks import FloatArray
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 

@@ -6,7 +6,7 @@ Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy
 
 import numpy as np
 
-from .jit import part
+from ..jit import part
 
 # Doubles in the widest registers; the compiler splits them where registers are narrower.
 VECTOR = 8

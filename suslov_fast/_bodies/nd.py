@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies import frozen
-from ._validation import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+from .three import frozen
 
 
 @dataclass(frozen=True, eq=False)

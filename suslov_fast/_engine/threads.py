@@ -10,8 +10,8 @@ from typing import Any
 
 import numba
 
-from ._core.jit import Loop
-from ._validation import integer
+from .._checks import integer
+from .._core.jit import Loop
 
 # Lane-steps below which a call is serial. Measured on two cores: threads that are awake gain from
 # some 10,000 on, but less than 0.1 ms up to here, and one that sleeps may take 8 ms to wake.

@@ -24,12 +24,13 @@ tile           (TILE, 2, LANES): angular velocities to be written.
 import numpy as np
 from numba import prange
 
+from ..codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
+from ..formulas.canonical_map import canonical_step, denominator, guarded_step, shifted, tame
+from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
+from ..formulas.printed_map import printed_coefficients, printed_denominator, printed_step
+from ..jit import Loop, formula, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .canonical_map import canonical_step, denominator, guarded_step, shifted, tame
-from .codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
-from .coordinates import angular_velocity, at_rest, from_canonical, to_canonical
-from .jit import Loop, formula, part
-from .loops_blocks import (
+from .blocks import (
     LANES,
     TASKS,
     gather_bodies,
@@ -38,7 +39,6 @@ from .loops_blocks import (
     rows_of_lanes,
     scatter_pairs,
 )
-from .printed_map import printed_coefficients, printed_denominator, printed_step
 from .vector import (
     VECTOR,
     aligned,

@@ -3,7 +3,7 @@
 p = I.omega; J_i = I_ii + I_nn; I_i = I_in.
 """
 
-from .jit import formula
+from ..jit import formula
 
 
 @formula

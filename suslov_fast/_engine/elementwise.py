@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ._layout import first_index, spell
-from ._status import SingularStepWarning
-from ._validation import FloatArray
+from .._checks import FloatArray
+from .._status import SingularStepWarning
+from .layout import first_index, spell
 
 
 def evaluate(formula: Callable[..., Any], batch: tuple[int, ...], *arguments: Any) -> FloatArray:

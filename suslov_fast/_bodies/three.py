@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._layout import flat_parameter
-from ._validation import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+from .._engine.layout import flat_parameter
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """The continuous problem in 3D, equation (s1), and the reaction of its constraint."""
 
+from ..jit import formula
 from .coordinates import sum_of_products
-from .jit import formula
 
 
 @formula

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .jit import formula
+from ..jit import formula
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150

@@ -7,17 +7,17 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _parallel
-from ._arguments import Body, check, components
-from ._bodies import Suslov3D
-from ._bodies_nd import SuslovND
-from ._core import coordinates, integrals
-from ._core import loops_closed_form as loops
-from ._elementwise import evaluate
-from ._layout import flat_parameter, flat_vectors, for_kernel
-from ._reduction import Reduction, reduce
+from ._bodies.nd import SuslovND
+from ._bodies.reduction import Reduction, reduce
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray, real_array
+from ._core.cpu import closed_form as loops
+from ._core.formulas import coordinates, integrals
+from ._engine import threads
+from ._engine.arguments import Body, check, components
+from ._engine.elementwise import evaluate
+from ._engine.layout import flat_parameter, flat_vectors, for_kernel
 from ._status import SingularStepWarning
-from ._validation import FloatArray, real_array
 
 
 def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatArray:
@@ -201,7 +201,7 @@ def _fill(
     states = flat_vectors(state, batch, "C")
     flat_times = for_kernel(times.reshape(-1))
     out = np.empty((len(states), flat_times.size, 2))
-    _parallel.run(
+    threads.run(
         loops.fill,
         out.size // 2 * loops.WORK,
         None,

@@ -1,7 +1,7 @@
 """The derivative of the 3D map."""
 
+from ..jit import formula
 from .canonical_map import nan_at_zero
-from .jit import formula
 from .printed_map import printed_coefficients
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .jit import formula
+from ..jit import formula
 
 
 @formula

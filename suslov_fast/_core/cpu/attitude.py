@@ -3,8 +3,8 @@
 import numpy as np
 from numba import prange
 
-from .jit import Loop
-from .rotation import matrix, turned
+from ..formulas.rotation import matrix, turned
+from ..jit import Loop
 
 
 def _reconstruct(omega, eps, out):

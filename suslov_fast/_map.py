@@ -302,7 +302,7 @@ def _iterate(
     elif save_every is None:
         saved[..., 0, :] = final
     return Trajectories(
-        omega=saved,
+        omega=np.moveaxis(saved, -2, 0),
         n=n,
         eps=eps,
         body=body,

@@ -20,7 +20,7 @@ class Trajectories:
 
     Attributes
     ----------
-    omega : ndarray(float, shape=(..., n_saved, D))
+    omega : ndarray(float, shape=(n_saved, ..., D))
         The saved states; NaN from the first state on that does not exist.
     n : ndarray(int, shape=(n_saved,))
         Their step numbers.
@@ -47,8 +47,8 @@ class Trajectories:
 
     @property
     def t(self) -> FloatArray:
-        """The times n eps of the saved states: (n_saved,), or (..., n_saved) if eps varies."""
-        times: FloatArray = np.multiply.outer(self.eps, self.n)
+        """The times n eps of the saved states: (n_saved,), or (n_saved, ...) if eps varies."""
+        times: FloatArray = np.multiply.outer(self.n, self.eps)
         return times
 
     @property
@@ -57,19 +57,18 @@ class Trajectories:
         return bool(self.status.min(initial=0) >= 0)
 
     def first_integral(self) -> FloatArray:
-        """F of the saved states, shape (..., n_saved); see :func:`suslov_fast.first_integral`.
+        """F of the saved states, shape (n_saved, ...); see :func:`suslov_fast.first_integral`.
 
         Raises
         ------
         NotIntegrableError
             If no first integral is known for the body.
         """
-        body, eps = self.body.along_time(), np.asarray(self.eps)[..., np.newaxis]
-        return first_integral_of(body, self.omega, eps, self.omega.shape[:-1])
+        return first_integral_of(self.body, self.omega, np.asarray(self.eps), self.omega.shape[:-1])
 
     def energy(self) -> FloatArray:
-        """The energy of the saved states, shape (..., n_saved); see :func:`suslov_fast.energy`."""
-        return energy_of(self.body.along_time(), self.omega, self.omega.shape[:-1])
+        """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
+        return energy_of(self.body, self.omega, self.omega.shape[:-1])
 
     def to_xarray(self) -> Any:
         """The result as an `xarray.Dataset`, with step numbers and times as coordinates.
@@ -108,14 +107,14 @@ class Trajectories:
         t = self.t if np.ndim(self.eps) == 0 else np.broadcast_to(self.t, self.omega.shape[:-1])
         return xarray.Dataset(
             {
-                "omega": ((*batch, "n", "component"), self.omega),
+                "omega": (("n", *batch, "component"), self.omega),
                 "final": ((*batch, "component"), self.final),
                 "status": over_batch(self.status),
                 "failed_at": over_batch(self.failed_at),
                 "eps": over_batch(self.eps),
                 **parameters,
             },
-            coords={"n": self.n, "t": ((*batch, "n")[-t.ndim :], t), "component": names},
+            coords={"n": self.n, "t": (("n", *batch)[: t.ndim], t), "component": names},
         )
 
     def __repr__(self) -> str:

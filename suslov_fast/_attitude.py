@@ -87,7 +87,7 @@ def attitude(
         size * length * _WORK * m if size > 1 else 0,
         None,
         flat,
-        flat_parameter(interval, batch, "C"),
+        flat_parameter(interval, batch),
         turns,
     )
     turns = turns.reshape((*batch, length, m + 1, m + 1))

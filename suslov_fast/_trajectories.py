@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._bodies.three import Suslov3D
-from ._checks import FloatArray
+from ._checks import FloatArray, integer
 from ._conserved import energy_of, first_integral_of
 from ._engine.arguments import Body
+from ._engine.run import Results, Run, execute
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,6 +45,50 @@ class Trajectories:
     status: NDArray[np.int8]
     final: FloatArray
     failed_at: NDArray[np.int64]
+    attitude: FloatArray | None
+    method: str
+    steps: int
+    save_every: int | None
+    _resume: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, run: Run, results: Results) -> Trajectories:
+        """The results of a run."""
+        return cls(
+            omega=results.omega,
+            n=run.numbers,
+            eps=float(run.eps) if run.eps.ndim == 0 else run.eps,
+            body=run.body,
+            status=results.status,
+            final=results.final,
+            failed_at=results.failed_at,
+            attitude=results.attitude,
+            method=run.method,
+            steps=run.steps,
+            save_every=run.save_every,
+            _resume=results.resume,
+        )
+
+    def extend(self, steps: int, *, threads=None, progress=None) -> Trajectories:
+        """The same run, longer: bit for bit as if it had never been interrupted.
+        """
+        steps = integer("steps", steps, 0, "an integer of at least 0")
+        resume = dict(self._resume)
+        run = Run(
+            body=self.body,
+            batch=self.status.shape,
+            omega0=resume.pop("omega0"),
+            eps=np.asarray(self.eps),
+            steps=self.steps + steps,
+            save_every=self.save_every,
+            method=self.method,
+            orientation=resume.pop("orientation", None),
+            start=self.steps,
+            resume=resume,
+            threads=threads,
+            progress=progress,
+        )
+        return Trajectories.of(run, execute(run, before=(self.omega, self.attitude)))
 
     @property
     def t(self) -> FloatArray:

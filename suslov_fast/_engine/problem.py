@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .arguments import Body
+from .._core import codes
 from .progress import Progress, reporter
 
 # What a part costs at first, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
@@ -21,10 +22,9 @@ _PART = 2**27
 _SHORT, _LONG = 0.05, 0.2
 # What a saved state costs, in steps.
 _SAVING = 8
-# A part holds at least so many trajectories, if there are as many: enough for all threads ...
-_ABREAST = 2**13
-# ... and so many steps: entering a trajectory costs some 30.
-_LENGTH = 2**8
+# A part has at least so many trajectories, if there are as many, and so many steps, each divided by
+# the work of a step: entering a trajectory costs some 30 steps of the 3D map.
+_ABREAST, _LENGTH = 2**13, 2**8
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,12 @@ class Problem:
     ----------
     omega
         (B, D), the states at step 0.
+    parameters
+        Those of the body as loops take them, each for all trajectories or for one after the other.
     eps
-        The step size, (B,) or (1,), as the body's `normalised_eps` gives it.
+        The step size that goes with them, (B,) or (1,).
+    time_step
+        The step size in the unit of time of omega, likewise.
     every
         States whose number is a multiple of this are saved.
     saved
@@ -50,11 +54,11 @@ class Problem:
         What the run up to `start` left to go on from, as `Outcome.resume`.
     """
 
-    body: Body
     method: str
-    batch: tuple[int, ...]
     omega: FloatArray
+    parameters: list[FloatArray]
     eps: FloatArray
+    time_step: FloatArray
     start: int
     stop: int
     every: int
@@ -70,34 +74,54 @@ class Problem:
         """The number of trajectories."""
         return len(self.omega)
 
+    def some(self, chosen: NDArray[np.intp], stop: int) -> Problem:
+        """A run of some of the trajectories, from the start to a state `stop`, without saving."""
+
+        def of(parameter: FloatArray) -> FloatArray:
+            return parameter if len(parameter) == 1 else parameter[chosen]
+
+        return replace(
+            self,
+            omega=self.omega[chosen],
+            parameters=[of(each) for each in self.parameters],
+            eps=of(self.eps),
+            time_step=of(self.time_step),
+            start=0,
+            stop=stop,
+            saved=self.saved[:0],
+            progress=None,
+        )
+
     @property
     def first_row(self) -> int:
         """The number of the saved state that the first row holds, in multiples of `every`."""
         return self.start // self.every + 1 if self.start else 0
 
-    def parts(self, work: float, again: bool = True) -> Iterator[Part]:
+    def parts(self, work: float, lanes: int) -> Iterator[Part]:
         """What is computed at a time: some trajectories, and some of their steps.
 
         `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
-        be cheaper or dearer, parts grow or shrink. The batch is cut first, so that what a part
-        works on stays in the caches; time only where few trajectories take long. Where a run can
-        not be taken up `again`, time is not cut.
+        be cheaper or dearer, parts grow or shrink. A thread takes `lanes` trajectories at a time.
+        The batch is cut first, so that what a part works on stays in the caches; time is only where
+        few trajectories take long.
         """
+        steps = self.stop - self.start
         if len(self.saved):
             work += _SAVING / self.every
-        steps = max(self.stop - self.start, 1)
         room = _PART / work
-        if self.size * steps <= room and not self.progress:
+        if not self.progress and self.size * steps <= room or not self.size * steps:
             yield Part(0, self.size, self.start, self.stop)
             return
-        with reporter(self.progress, self.stop - self.start) as report:
-            begin = 0
-            while begin < self.size or begin == 0:
-                end = min(begin + max(_ABREAST, int(room / steps)), self.size)
-                start = stop = self.start
-                while stop < self.stop or start == stop == self.start:
-                    length = max(_LENGTH, int(room / max(end - begin, 1))) if again else steps
-                    start, stop = stop, min(stop + length, self.stop)
+        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
+        length = max(1, int(_LENGTH / work))
+        with reporter(self.progress, steps) as report:
+            end = 0
+            while end < self.size:
+                begin, end = end, min(end + max(abreast, int(room / steps)), self.size)
+                stop = self.start
+                while stop < self.stop:
+                    most = max(length, int(room / (end - begin)))
+                    start, stop = stop, min(stop + most, self.stop)
                     clock = time.perf_counter()
                     yield Part(begin, end, start, stop)
                     seconds = time.perf_counter() - clock
@@ -105,13 +129,7 @@ class Problem:
                         room *= 2.0
                     elif seconds > _LONG:
                         room *= 0.5
-                    done = begin * steps + (end - begin) * (stop - self.start)
-                    report(done // max(self.size, 1) if stop > self.start else 0)
-                    if stop == self.stop:
-                        break
-                begin = end
-                if begin >= self.size:
-                    break
+                    report((begin * steps + (end - begin) * (stop - self.start)) // self.size)
 
 
 class Part(NamedTuple):
@@ -131,15 +149,24 @@ class Part(NamedTuple):
 class Outcome(NamedTuple):
     """What a run leaves, beside the saved states.
 
-    final         (B, D), state `stop`; NaN if it does not exist.
-    status        (B,): see `codes`.
-    failed_at     (B,), the number of the first state that does not exist, or -1.
-    orientation   (B, n, n) at state `stop`, or None.
-    resume        Arrays from which the run can be gone on with, by name; the batch is an axis.
+    final       (B, D), state `stop`; NaN if it does not exist.
+    status      (B,): see `codes`.
+    failed_at   (B,), the number of the first state that does not exist, or -1.
+    resume      Arrays from which the run can be gone on with, by name.
     """
 
     final: FloatArray
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
-    orientation: FloatArray | None
     resume: dict[str, FloatArray]
+
+
+def never(size: int) -> NDArray[np.int64]:
+    """`failed_at` where nothing failed: -1, read-only and in no memory."""
+    return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
+
+
+def check_computed(status: NDArray[np.int8]) -> None:
+    """Make sure that loops have been where they should."""
+    if status.min(initial=0) == codes.NOT_COMPUTED:
+        raise RuntimeError("a loop ended before its last trajectory; please report this")

@@ -22,8 +22,8 @@ from ._full import step_full
 from ._linearised import jacobian, multipliers
 from ._map import iterate, step
 from ._solution import exact, flow, limits
-from ._status import SingularStepError, SingularStepWarning, Status
-from ._trajectories import Trajectories
+from ._status import SingularStepWarning, Status
+from ._trajectories import SingularStepError, Trajectories
 
 __version__ = "0.1.0"
 

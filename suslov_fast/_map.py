@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body, check
-from ._engine.layout import checked_out, first_index, flat_matrices, flat_vectors, spell
+from ._engine.layout import checked_out, flat_matrices, flat_vectors
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
-from ._status import SingularStepError, SingularStepWarning, Status
-from ._trajectories import Trajectories
+from ._trajectories import OnSingular, Trajectories, report
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
-OnSingular = Literal["warn", "raise", "ignore"]
 
 
-def step(
-    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
-) -> FloatArray:
+def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """One step of the discrete Suslov problem, equation (ds2), or (dsn) in n dimensions.
 
     Parameters
@@ -76,7 +71,7 @@ def next_states(
     )
     trajectories = Trajectories.of(run, execute(run))
     # A state that does not exist has no next one, and that is no news.
-    _report(trajectories, "warn", trajectories.failed_at > 0, stacklevel)
+    report(trajectories, "warn", trajectories.failed_at > 0, stacklevel)
     return trajectories.final
 
 
@@ -194,7 +189,7 @@ def iterate(
     if out is not None:
         out = checked_out("out", out, run.shape)
     trajectories = Trajectories.of(run, execute(run, out))
-    _report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
+    report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
     return trajectories
 
 
@@ -207,24 +202,3 @@ def _own(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     if missing.any():
         flat[missing.any(axis=-1)] = np.nan
     return flat
-
-
-def _report(
-    trajectories: Trajectories, on_singular: str, failed: NDArray[np.bool_], stacklevel: int
-) -> None:
-    """Say once for the whole batch which trajectories came to an end."""
-    if on_singular == "ignore" or not failed.any():
-        return
-    parts = []
-    for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        of_code = failed & (trajectories.status == code)
-        if of_code.any():
-            index = first_index(of_code)
-            parts.append(
-                f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
-                f"first: {spell(index)} at step {trajectories.failed_at[index]}"
-            )
-    message = "; ".join(parts)
-    if on_singular == "raise":
-        raise SingularStepError(message, trajectories)
-    warnings.warn(message, SingularStepWarning, stacklevel=stacklevel + 1)

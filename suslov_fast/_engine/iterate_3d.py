@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
@@ -62,7 +59,7 @@ def _iterate(problem: Problem) -> Outcome:
         )
     check_computed(status)
     if problem.orientation is not None:
-        if not len(problem.saved):
+        if len(problem.turns) and not len(problem.saved):
             problem.turns[-1] = np.stack(matrix(*turn), axis=-1).reshape(size, 3, 3)
         _from_start(problem.orientation, problem.turns)
     failed_at = never(size)

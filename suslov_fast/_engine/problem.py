@@ -109,7 +109,7 @@ class Problem:
         if len(self.saved):
             work += _SAVING / self.every
         room = _PART / work
-        if not self.progress and self.size * steps <= room or not self.size * steps:
+        if (not self.progress and self.size * steps <= room) or not self.size * steps:
             yield Part(0, self.size, self.start, self.stop)
             return
         abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))

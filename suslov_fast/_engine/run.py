@@ -103,7 +103,7 @@ def execute(
     problem = _problem(run, saved, turns)
     iterate = iterate_3d.run if isinstance(run.body, Suslov3D) else iterate_nd.run
     final, status, failed_at, resume = iterate(problem)
-    final = final.reshape((*run.batch, -1))
+    final = final.reshape((*run.batch, run.body.dimension))
     if saved is None:
         saved = final[np.newaxis]
     elif run.save_every is None:
@@ -130,7 +130,7 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
 
 def _new(shape: tuple[int, ...]) -> FloatArray:
     try:
-        if math.prod(shape) > 2**60:  # more than NumPy could even ask for
+        if math.prod(shape) >= 2**60:  # more than NumPy could even ask for
             raise MemoryError
         return np.empty(shape)
     except MemoryError as error:

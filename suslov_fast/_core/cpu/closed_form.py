@@ -20,6 +20,7 @@ from ..codes import NONFINITE, OK, SUPERCRITICAL
 from ..formulas.closed_form import orbit_of_flow, orbit_of_map, orbit_point
 from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from ..jit import Loop, part
+from . import intrinsics  # noqa: F401
 from .blocks import (
     LANES,
     TASKS,
@@ -29,7 +30,6 @@ from .blocks import (
     one_body,
     scatter_pairs,
 )
-from . import intrinsics  # noqa: F401
 from .vector import on_stack
 
 # What a state costs, in steps of the map.

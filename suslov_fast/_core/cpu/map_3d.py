@@ -172,7 +172,9 @@ def advance_guarded(state, shift, bound, steps, lanes):
 def advance_tame(state, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
-            state[FIRST, l], state[SECOND, l] = canonical_step(state[FIRST, l], state[SECOND, l], 0.0)
+            state[FIRST, l], state[SECOND, l] = canonical_step(
+                state[FIRST, l], state[SECOND, l], 0.0
+            )
 
 
 @part
@@ -220,7 +222,9 @@ def write(frame, state, shown, flat, index, width, past_caches):
     frame, state, shown   with an axis of vectors of lanes.
     """
     for g in range(width // VECTOR):
-        omega1, omega2 = vector_of_velocities(frame, g, load(state, FIRST, g), load(state, SECOND, g))
+        omega1, omega2 = vector_of_velocities(
+            frame, g, load(state, FIRST, g), load(state, SECOND, g)
+        )
         if past_caches:
             stream_pairs(flat, index + 2 * VECTOR * g, omega1, omega2)
         else:
@@ -329,7 +333,7 @@ def _iterate(
     quaternions   (4, B), the orientations: read and written; (4, 0) if they are not wanted.
     turns         (rows, B, 3, 3), those saved.
     final         (B, 2), state `stop`, NaN if it does not exist.
-    status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist for any reason.
+    status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist.
     """
     saves, turning = out.shape[0] > 0, quaternions.shape[1] > 0
     flat, flat_final = out.reshape(out.size), final.reshape(final.size)
@@ -399,7 +403,7 @@ def _iterate(
                     if method == PRINTED:
                         advance_printed(state, coefficients, steps, lanes)
                     elif wild:
-                        # A guard changes nothing in a tame lane: who shares a block does not matter.
+                        # A guard changes nothing in a tame lane: neighbours do not matter.
                         advance_guarded(state, limits[SHIFT], limits[BOUND], steps, lanes)
                     else:
                         advance_tame(state, steps, lanes)

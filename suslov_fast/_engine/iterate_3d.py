@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
-from .._core.formulas.rotation import matrix
 from . import threads
 from .problem import Outcome, Problem, check_computed, never
 from .progress import reporter
@@ -40,6 +39,9 @@ def _iterate(problem: Problem) -> Outcome:
     arguments = _method(problem), *_parameters(problem), problem.omega
     final, status = np.empty((size, 2)), np.full(size, codes.NOT_COMPUTED, np.int8)
     state, turn = _taken_up(problem)
+    R0 = np.empty((3, 3, 0))
+    if problem.orientation is not None:
+        R0 = np.ascontiguousarray(problem.orientation.transpose(1, 2, 0))
     for part in problem.parts(1.0, blocks.LANES):
         threads.run(
             map_3d.iterate,
@@ -52,16 +54,13 @@ def _iterate(problem: Problem) -> Outcome:
             problem.saved,
             state,
             problem.time_step,
+            R0,
             turn,
             problem.turns,
             final,
             status,
         )
     check_computed(status)
-    if problem.orientation is not None:
-        if len(problem.turns) and not len(problem.saved):
-            problem.turns[-1] = np.stack(matrix(*turn), axis=-1).reshape(size, 3, 3)
-        _from_start(problem.orientation, problem.turns)
     failed_at = never(size)
     if status.min(initial=0) < 0:
         failed_at = _failures(problem, arguments, status)
@@ -75,13 +74,6 @@ def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
     turn = np.zeros((4, 0 if problem.orientation is None else problem.size))
     turn[0] = 1.0
     return np.empty((2, problem.size)), turn
-
-
-def _from_start(orientation: FloatArray, turns: FloatArray) -> None:
-    """Let orientations begin with given ones (B, 3, 3), and not with the identity."""
-    if not (orientation == np.eye(3)).all():
-        for row in turns:
-            np.einsum("bij,bjk->bik", orientation, row.copy(), out=row)
 
 
 def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> NDArray[np.int64]:  # type: ignore[type-arg]

@@ -30,7 +30,7 @@ from ..codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 from ..formulas.canonical_map import canonical_step, denominator, guarded_step, shifted, tame
 from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from ..formulas.printed_map import printed_coefficients, printed_denominator, printed_step
-from ..formulas.rotation import matrix, turned
+from ..formulas.rotation import row_times_matrix, turn_between, turned
 from ..jit import Loop, formula, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import (
@@ -273,33 +273,21 @@ def turn_on(time_step, frame, state, shown, turn, lanes):
             state[FIRST, l],
             state[SECOND, l],
         )
-        half = 0.5 * time_step[l]
+        unit, b1, b2 = turn_between(time_step[l], shown[0, l], shown[1, l], next1, next2)
         turn[0, l], turn[1, l], turn[2, l], turn[3, l] = turned(
-            turn[0, l],
-            turn[1, l],
-            turn[2, l],
-            turn[3, l],
-            half * (shown[0, l] + next1),
-            half * (shown[1, l] + next2),
-            0.0,
+            turn[0, l], turn[1, l], turn[2, l], turn[3, l], unit, b1, b2
         )
         shown[0, l], shown[1, l] = next1, next2
 
 
 @part
-def write_turns(turn, turns, row, first, width):
+def write_turns(R0, turn, turns, row, first, width):
     for l in range(width):
-        (
-            turns[row, first + l, 0, 0],
-            turns[row, first + l, 0, 1],
-            turns[row, first + l, 0, 2],
-            turns[row, first + l, 1, 0],
-            turns[row, first + l, 1, 1],
-            turns[row, first + l, 1, 2],
-            turns[row, first + l, 2, 0],
-            turns[row, first + l, 2, 1],
-            turns[row, first + l, 2, 2],
-        ) = matrix(turn[0, l], turn[1, l], turn[2, l], turn[3, l])
+        i, w, x, y, z = first + l, turn[0, l], turn[1, l], turn[2, l], turn[3, l]
+        for r in range(3):
+            turns[row, i, r, 0], turns[row, i, r, 1], turns[row, i, r, 2] = row_times_matrix(
+                R0[r, 0, i], R0[r, 1, i], R0[r, 2, i], w, x, y, z
+            )
 
 
 def _iterate(
@@ -319,6 +307,7 @@ def _iterate(
     out,
     resume,
     time_step,
+    R0,
     quaternions,
     turns,
     final,
@@ -330,8 +319,10 @@ def _iterate(
                   the one numbered first_row * every on; rows may be 0.
     resume        (2, B), the states as they are held: read where start > 0, and written.
     time_step     (B,) or (1,), the step size in the unit of time of omega, for the orientation.
-    quaternions   (4, B), the orientations: read and written; (4, 0) if they are not wanted.
-    turns         (rows, B, 3, 3), those saved.
+    R0            (3, 3, B), the orientations at step 0.
+    quaternions   (4, B), those since then: read and written; (4, 0) if they are not wanted.
+    turns         (rows, B, 3, 3), the orientations that are saved with the states, or alone the
+                  last.
     final         (B, 2), state `stop`, NaN if it does not exist.
     status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist.
     """
@@ -381,7 +372,7 @@ def _iterate(
                     for l in range(lanes):
                         shown[0, l], shown[1, l] = given[OMEGA1, l], given[OMEGA2, l]
                     if saves:
-                        write_turns(turn, turns, 0, first, width)
+                        write_turns(R0, turn, turns, 0, first, width)
 
             straight = method == CANONICAL and width == LANES and every == 1 and saves
             straight = straight and not (wild or turning)
@@ -428,7 +419,7 @@ def _iterate(
                             past_caches,
                         )
                         if turning:
-                            write_turns(turn, turns, row, first, width)
+                            write_turns(R0, turn, turns, row, first, width)
                         row += 1
 
             if stop > 0:
@@ -445,6 +436,8 @@ def _iterate(
                 for l in range(width):
                     for k in range(4):
                         quaternions[k, first + l] = turn[k, l]
+                if not saves and turns.shape[0] > 0:
+                    write_turns(R0, turn, turns, 0, first, width)
         publish()
 
 

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
-from ._core.cpu import blocks, closed_form, map_3d, map_nd
+from ._core.cpu import blocks, closed_form, map_3d
+from ._engine import iterate_nd
 from ._engine import threads as _threads
 from ._engine.arguments import Body, check
 from ._engine.layout import (
@@ -27,6 +28,7 @@ from ._engine.layout import (
     spell,
     unflatten,
 )
+from ._engine.problem import Problem
 from ._engine.progress import Progress, check_progress, reporter
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
@@ -436,38 +438,30 @@ def _never(size: int) -> NDArray[np.int64]:
 
 def _run_nd(problem: _Problem) -> _Results:
     """The same in n dimensions."""
+    rows = problem.saved.shape[1]
     size, m = problem.states.shape
-    method = map_nd.GAUSS if problem.method == "gauss" else map_nd.RANK2
-    J, I = (
-        flat_vectors(each, problem.batch if each.ndim > 1 else (1,), problem.order)
-        for each in problem.body.parameters
-    )
-    final = np.empty((size, m))
-    status, failed_at = np.full(size, Status.OK, np.int8), np.full(size, -1)
-    states = problem.states
-    # The O(n) step may have to eliminate each time: then the first slice takes some 0.3 s.
-    work = m**3 / 3.0 if method == map_nd.GAUSS else max(8.0 * m, m**3 / 48.0)
-    for start, stop in problem.slices(work):
-        _threads.run(
-            map_nd.iterate,
-            problem.shared_work(map_nd.block_size(m), (stop - start) * work),
-            problem.threads,
-            method,
-            J,
-            I,
-            problem.step_size,
-            states,
-            start,
-            stop,
-            problem.every,
-            problem.saved,
-            problem.order == "F",
-            final,
-            status,
-            failed_at,
+    saved = np.empty((rows, size, m))
+    outcome = iterate_nd.run(
+        Problem(
+            body=problem.body,
+            method=problem.method,
+            batch=problem.batch,
+            omega=problem.states,
+            eps=problem.step_size,
+            start=0,
+            stop=problem.steps,
+            every=problem.every,
+            saved=saved,
+            turns=np.empty((0, size, m + 1, m + 1)),
+            threads=problem.threads,
+            progress=problem.progress,
         )
-        states = final
-    return final, status, failed_at
+    )
+    if rows:
+        problem.saved[...] = saved.transpose(2, 0, 1) if problem.order == "F" else (
+            saved.swapaxes(0, 1)
+        )
+    return outcome.final, outcome.status, outcome.failed_at
 
 
 def _report(trajectories: Trajectories, on_singular: str, stacklevel: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,8 @@ class Problem:
         (B, n, n), the orientation at step 0, or None if it is not wanted.
     resume
         What the run up to `start` left to go on from, as `Outcome.resume`.
+    keep
+        Whether this run may be gone on with; else it leaves nothing in `Outcome.resume`.
     """
 
     body: Body
@@ -61,7 +63,8 @@ class Problem:
     saved: FloatArray
     turns: FloatArray
     orientation: FloatArray | None = None
-    resume: dict[str, FloatArray] = field(default_factory=dict)
+    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
+    keep: bool = True
     threads: int | None = None
     progress: Progress = None
 
@@ -142,4 +145,4 @@ class Outcome(NamedTuple):
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     orientation: FloatArray | None
-    resume: dict[str, FloatArray]
+    resume: dict[str, NDArray[Any]]

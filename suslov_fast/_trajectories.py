@@ -140,7 +140,7 @@ class Trajectories:
             steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
             save_every=self.save_every,
             method=self.method,
-            orientation=resume.pop("orientation", None),
+            orientation=resume.pop("R0", None),
             start=self.steps,
             resume=resume,
             threads=thread_count(threads),

@@ -18,6 +18,14 @@ def flat_parameter(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     return for_kernel(np.broadcast_to(array, batch).reshape(-1))
 
 
+def flat_rows(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """Vectors as one row (1, D) that serves all trajectories, or one for each."""
+    D = array.shape[-1]
+    if array.size == D:
+        return for_kernel(array.reshape(1, D))
+    return for_kernel(np.broadcast_to(array, (*batch, D)).reshape(-1, D))
+
+
 def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Vectors as a (B, D) array."""
     return _flat(array, batch, 1)

@@ -124,7 +124,7 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """What the loops left to go on from, with what the run began with."""
     begin = {"omega0": run.omega0}
     if run.orientation is not None:
-        begin["orientation"] = run.orientation
+        begin["R0"] = run.orientation
     return resume | begin
 
 

@@ -15,6 +15,7 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 from .vector import (
     VECTOR,
     choose,
+    copy_transposed,
     in_all,
     load,
     on_stack,
@@ -191,6 +192,35 @@ def _past_caches(builder, vector, place):
 
 _define_pairs(store_pairs, _plain)
 _define_pairs(stream_pairs, _past_caches)
+
+
+@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
+def _copy_transposed(context, builder, signature, arguments):
+    array, index, stride, source, first, distance = arguments
+    rows = []
+    for _ in range(VECTOR):
+        place = _element(context, builder, source, first, _LLVM[DOUBLES])
+        rows.append(builder.load(place, align=8))
+        first = builder.add(first, distance)
+    # Squares of 1, 2 and 4 numbers change places with their mirror images.
+    for size in (1, 2, 4):
+        upper, lower = (
+            ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), places)
+            for places in (
+                [VECTOR + j - size if j & size else j for j in range(VECTOR)],
+                [VECTOR + j if j & size else j + size for j in range(VECTOR)],
+            )
+        )
+        rows = [
+            builder.shuffle_vector(rows[i - size], rows[i], lower)
+            if i & size
+            else builder.shuffle_vector(rows[i], rows[i + size], upper)
+            for i in range(VECTOR)
+        ]
+    for row in rows:
+        builder.store(row, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
+        index = builder.add(index, stride)
+    return context.get_dummy_value()
 
 
 @_define(publish, types.void)

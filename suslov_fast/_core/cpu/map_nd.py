@@ -619,9 +619,7 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums,
             if turns or saved_now:
                 show(omega, span, first, width, cells, sums, g, n)
             if turns:
-                turn_group(
-                    bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n
-                )
+                turn_group(bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n)
                 remember(cells, g, before)
             if saved_now:
                 save(span, saved, kept, flat, first, width, cells, g, n)

@@ -89,5 +89,14 @@ def stream_pairs(array, index, first, second):
     store_pairs(array, index, first, second)
 
 
+def copy_transposed(array, index, stride, source, first, distance):
+    """A square of VECTOR**2 numbers, whose rows start at first, first + distance, ... in `source`.
+
+    Its columns are written at index, index + stride, ...
+    """
+    i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
+    array[index + stride * i + j] = source[first + distance * i + j].T
+
+
 def publish():
     """Let other threads see what was stored past the caches."""

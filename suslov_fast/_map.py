@@ -198,7 +198,6 @@ def _own(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     flat = flat_vectors(state, batch)
     if np.may_share_memory(flat, state):
         flat = flat.copy()
-    missing = np.isnan(flat)
-    if missing.any():
-        flat[missing.any(axis=-1)] = np.nan
+    if np.isnan(flat.min(initial=0.0)):  # no array of its own
+        flat[np.isnan(flat).any(axis=-1)] = np.nan
     return flat

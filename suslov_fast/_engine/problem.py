@@ -27,7 +27,7 @@ _SAVING = 8
 _ABREAST, _LENGTH = 2**13, 2**8
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: that would take longer than a short run
 class Problem:
     """A run over a batch of B trajectories, from state `start` to state `stop`.
 

@@ -18,7 +18,7 @@ from .problem import Problem
 from .progress import Progress
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: that would take longer than a short run
 class Run:
     """A run of the map that is asked for, checked.
 

@@ -85,7 +85,7 @@ def _only_if_trusted(locator):
 class _Places(CompileResultCacheImpl):
     """Where Numba looks for a folder: NUMBA_CACHE_DIR, beside the source, the user's cache."""
 
-    _locator_classes = [_only_if_trusted(each) for each in CompileResultCacheImpl._locator_classes]
+    _locator_classes = tuple(map(_only_if_trusted, CompileResultCacheImpl._locator_classes))
 
 
 class _Files(IndexDataCacheFile):

@@ -47,8 +47,12 @@ thread.join()
 
 def start(code, *arguments, **environment):
     """A child with pipes, whose code may be indented; `environment` is added to this one's."""
+    return _start(["-c", textwrap.dedent(code), *arguments], environment)
+
+
+def _start(arguments, environment):
     return subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)],
+        [sys.executable, *map(str, arguments)],
         env=os.environ | environment,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -68,9 +72,18 @@ def finish(process, timeout=300):
 
 def run(code, *arguments, timeout=300, **environment):
     """The output of a child that must end well."""
-    process = start(code, *arguments, **environment)
+    return _output(start(code, *arguments, **environment), timeout)
+
+
+def run_file(path, *arguments, timeout=300, **environment):
+    """The same for a script."""
+    return _output(_start([path, *arguments], environment), timeout)
+
+
+def _output(process, timeout):
     output, errors = finish(process, timeout)
-    assert process.returncode == 0, f"ended with {process.returncode}: {output}{errors}"
+    told = f"{output[-2000:]}{errors[-4000:]}"
+    assert process.returncode == 0, f"ended with {process.returncode}: {told}"
     return output
 
 

@@ -21,6 +21,7 @@ from ._coordinates import from_xy, to_xy
 from ._full import step_full
 from ._linearised import jacobian, multipliers
 from ._map import iterate, step
+from ._scattering import scattering_angle
 from ._solution import exact, flow, limits
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
@@ -48,6 +49,7 @@ __all__ = [
     "modified_energy",
     "multipliers",
     "reaction",
+    "scattering_angle",
     "step",
     "step_full",
     "to_xy",

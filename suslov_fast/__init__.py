@@ -15,12 +15,13 @@ from ._attitude import attitude
 from ._bodies.nd import SuslovND
 from ._bodies.reduction import NotIntegrableError
 from ._bodies.three import Suslov3D
-from ._conserved import criticality, energy, first_integral, modified_energy
+from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._full import step_full
-from ._linearised import jacobian, multipliers
+from ._linearised import jacobian, matrix, multipliers
 from ._map import iterate, step
+from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
@@ -28,6 +29,7 @@ from ._trajectories import Trajectories
 __version__ = "0.1.0"
 
 __all__ = [
+    "ClosedForm",
     "NotIntegrableError",
     "SingularStepError",
     "SingularStepWarning",
@@ -36,15 +38,18 @@ __all__ = [
     "SuslovND",
     "Trajectories",
     "attitude",
+    "closed_form",
     "criticality",
     "energy",
     "exact",
     "first_integral",
     "flow",
     "from_xy",
+    "invariant_density",
     "iterate",
     "jacobian",
     "limits",
+    "matrix",
     "modified_energy",
     "multipliers",
     "reaction",

@@ -15,13 +15,14 @@ from ._attitude import attitude
 from ._bodies.nd import SuslovND
 from ._bodies.reduction import NotIntegrableError
 from ._bodies.three import Suslov3D
-from ._conserved import criticality, energy, first_integral, modified_energy
+from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._full import step_full
-from ._linearised import jacobian, multipliers
+from ._linearised import jacobian, matrix, multipliers
 from ._map import iterate, step
 from ._scattering import scattering_angle
+from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
@@ -29,6 +30,7 @@ from ._trajectories import SingularStepError, Trajectories
 __version__ = "0.1.0"
 
 __all__ = [
+    "ClosedForm",
     "NotIntegrableError",
     "SingularStepError",
     "SingularStepWarning",
@@ -37,15 +39,18 @@ __all__ = [
     "SuslovND",
     "Trajectories",
     "attitude",
+    "closed_form",
     "criticality",
     "energy",
     "exact",
     "first_integral",
     "flow",
     "from_xy",
+    "invariant_density",
     "iterate",
     "jacobian",
     "limits",
+    "matrix",
     "modified_energy",
     "multipliers",
     "reaction",

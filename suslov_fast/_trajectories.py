@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
-from ._conserved import energy_of, first_integral_of
+from ._conserved import energy, first_integral
 from ._engine.arguments import Body
 from ._engine.layout import first_index, spell
 from ._engine.progress import Progress, check_progress
@@ -169,11 +169,11 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        return first_integral_of(self.body, self.omega, np.asarray(self.eps), self.omega.shape[:-1])
+        return first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
-        return energy_of(self.body, self.omega, self.omega.shape[:-1])
+        return energy(self.body, self.omega)
 
     def to_xarray(self) -> Any:
         """The result as an `xarray.Dataset`, with step numbers and times as coordinates.

@@ -20,7 +20,7 @@ from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._conserved import energy_of, first_integral_of, modified_energy_of
+from .._conserved import energy, first_integral, modified_energy
 from .._engine.arguments import Body
 from .._engine.threads import CROSSOVER
 from .._map import JUMP, iterate, jumps
@@ -257,10 +257,10 @@ def _quantities(trajectories: Trajectories) -> list[tuple[str, Callable[..., Flo
     """What to watch: F where it is conserved by every body, else the two energies."""
     body, eps = trajectories.body, trajectories.eps
     if isinstance(body, Suslov3D):
-        return [("F", lambda states: first_integral_of(body, states, eps, states.shape[:-1]))]
+        return [("F", lambda states: first_integral(body, states, eps))]
     return [
-        ("E", lambda states: energy_of(body, states, states.shape[:-1])),
-        ("E_mod", lambda states: modified_energy_of(body, states, eps, states.shape[:-1])),
+        ("E", lambda states: energy(body, states)),
+        ("E_mod", lambda states: modified_energy(body, states, eps)),
     ]
 
 

@@ -54,7 +54,10 @@ class Loop:
 def _cached(function, build, parallel):
     # Numba names a cache file after the function: two builds of one function need two names.
     named = types.FunctionType(
-        function.__code__, function.__globals__, f"{function.__name__}_{build}"
+        function.__code__,
+        function.__globals__,
+        f"{function.__name__}_{build}",
+        closure=function.__closure__,
     )
     named.__qualname__ = named.__name__
     if config.DISABLE_JIT:

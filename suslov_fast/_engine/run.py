@@ -14,6 +14,7 @@ from .._checks import FloatArray
 from . import iterate_3d, iterate_nd
 from .arguments import Body
 from .layout import flat_parameter
+from .memory import require
 from .problem import Problem
 from .progress import Progress
 
@@ -91,11 +92,12 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
+    _require_memory(run, out is None)
     saved, turns = out, None
     if saved is None and run.save_every is not None:
-        saved = _new(run.shape)
+        saved = np.empty(run.shape)
     if run.orientation is not None:
-        turns = _new((*run.shape[:-1], run.body.dimension + 1, run.body.dimension + 1))
+        turns = np.empty((*run.shape[:-1], run.body.dimension + 1, run.body.dimension + 1))
     if before is not None and run.rows_before:
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
@@ -128,15 +130,16 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return resume | begin
 
 
-def _new(shape: tuple[int, ...]) -> FloatArray:
-    try:
-        if math.prod(shape) >= 2**60:  # more than NumPy could even ask for
-            raise MemoryError
-        return np.empty(shape)
-    except MemoryError as error:
-        raise MemoryError(
-            f"expected saved states that fit in memory, got shape {shape}; raise save_every"
-        ) from error
+def _require_memory(run: Run, saves: bool) -> None:
+    """Refuse a run that does not fit, with what it takes beside the states that are kept."""
+    D = run.body.dimension
+    kept = math.prod(run.shape) // D
+    numbers = 4 * D * math.prod(run.batch)
+    if saves and run.save_every is not None:
+        numbers += D * kept
+    if run.orientation is not None:
+        numbers += (D + 1) ** 2 * kept
+    require(8 * numbers, f"the states kept are {run.shape}: raise save_every or cut the batch")
 
 
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..jit import formula
+from .units import exponent, normal_state, scaled
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
@@ -81,6 +82,23 @@ def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
     back, back_lost = two_product(Y, a2)
     lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
     return eps * x * np.sqrt(inverse), Y, lost
+
+
+@formula
+def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """`to_xy` of a body in the units of `units`, whose logarithms are M and P, and of any state."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
+    return scaled(x, W + P), scaled(y, W + P + M)
+
+
+@formula
+def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
+    """The inverse of `xy_of_state`."""
+    W, of_y = exponent(x) - P, exponent(y) - P - M
+    W = W if of_y < W else of_y
+    omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
+    return scaled(omega1, W), scaled(omega2, W)
 
 
 @formula

@@ -93,7 +93,7 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
         )
     for l in range(lanes):
         states[0, l], states[1, l] = angular_velocity(
-            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, states[0, l], states[1, l]
+            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, 1.0, states[0, l], states[1, l]
         )
     for l in range(lanes):
         still = (orbit[6, l] != 0.0) | (n == 0.0)
@@ -110,7 +110,7 @@ def go_along(given, orbit, frame, lag, times, l, out):
     for j in range(times.size):
         n = times[j]
         X, Y = orbit_point(X_0, Y_0, T, c, r, log_r, lag, n)
-        next1, next2 = angular_velocity(m11, m12, m21, m22, 0.0, 0.0, X, Y)
+        next1, next2 = angular_velocity(m11, m12, m21, m22, 0.0, 0.0, 1.0, X, Y)
         still = (rests != 0.0) | (n == 0.0)
         out[2 * j] = omega1 if still else next1
         out[2 * j + 1] = omega2 if still else next2

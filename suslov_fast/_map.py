@@ -309,6 +309,9 @@ def _iterate(
         status=unflatten(status, batch, order),
         final=final,
         failed_at=unflatten(failed_at, batch, order),
+        method=method,
+        steps=steps,
+        save_every=save_every,
     )
 
 

@@ -93,7 +93,15 @@ def go_across(given, orbit, frame, lag, n, states, lanes):
         )
     for l in range(lanes):
         states[0, l], states[1, l] = angular_velocity(
-            frame[0, l], frame[1, l], frame[2, l], frame[3, l], 0.0, 0.0, 1.0, states[0, l], states[1, l]
+            frame[0, l],
+            frame[1, l],
+            frame[2, l],
+            frame[3, l],
+            0.0,
+            0.0,
+            1.0,
+            states[0, l],
+            states[1, l],
         )
     for l in range(lanes):
         still = (orbit[6, l] != 0.0) | (n == 0.0)

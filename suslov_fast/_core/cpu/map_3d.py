@@ -137,7 +137,7 @@ def enter_printed(given, state, frame, limits, coefficients, lanes):
         frame[M11, l], frame[M12, l], frame[M21, l], frame[M22, l] = 1.0, 0.0, 0.0, 1.0
         frame[REST1, l], frame[REST2, l] = 0.0, 0.0
         frame[SCALE, l] = 1.0 if still else given[UNIT, l]
-        limits[BOUND, l] = LARGEST / max(given[UNIT, l], 1.0)
+        limits[BOUND, l] = np.inf if still else LARGEST / max(given[UNIT, l], 1.0)
     for l in range(lanes):
         coefficients[0, l], coefficients[1, l], coefficients[2, l], coefficients[3, l] = (
             printed_coefficients(

@@ -23,7 +23,9 @@ from .vector import (
     same,
     store,
     store_at,
+    store_pairs,
     store_past_caches,
+    stream_pairs,
     vector_at,
 )
 
@@ -178,14 +180,36 @@ def _store_at(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_past_caches(context, builder, signature, arguments):
-    array, index, vector = arguments
-    place = _element(context, builder, array, index, _LLVM[DOUBLES])
+def _stream(builder, vector, place):
     store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+
+
+@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_past_caches(context, builder, signature, arguments):
+    array, index, vector = arguments
+    _stream(builder, vector, _element(context, builder, array, index, _LLVM[DOUBLES]))
     return context.get_dummy_value()
+
+
+def _define_pairs(function, write):
+    """Two shuffles of two vectors give two whole cache lines of pairs."""
+
+    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
+    def _pairs(context, builder, signature, arguments):
+        array, index, first, second = arguments
+        place = _element(context, builder, array, index, _LLVM[DOUBLES])
+        for half in range(2):
+            lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
+            line = builder.gep(place, [ir.IntType(32)(half)])
+            write(builder, builder.shuffle_vector(first, second, mask), line)
+        return context.get_dummy_value()
+
+
+_define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
+_define_pairs(stream_pairs, _stream)
 
 
 @_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)

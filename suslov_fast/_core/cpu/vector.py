@@ -84,6 +84,16 @@ def store_past_caches(array, index, vector):
     array[index : index + VECTOR] = vector
 
 
+def store_pairs(array, index, first, second):
+    """Write two vectors lane by lane side by side, as pairs of numbers."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
+
+
+def stream_pairs(array, index, first, second):
+    """The same past the caches, from where a cache line starts."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
+
+
 def copy_transposed(array, index, stride, source, first, distance):
     """A square of VECTOR**2 numbers, whose rows start at first, first + distance, ... in `source`.
 

@@ -17,6 +17,7 @@ from ._checks import FloatArray, integer, one_of
 from ._core.cpu import blocks, closed_form, map_3d, map_nd
 from ._engine import threads as _threads
 from ._engine.arguments import Body, check
+from ._engine.closed_form import scratch
 from ._engine.layout import (
     apart,
     first_index,
@@ -324,7 +325,7 @@ _Results = tuple[FloatArray, NDArray[np.int8], NDArray[np.int64]]
 def _run_3d(problem: _Problem) -> _Results:
     """Final states, statuses and first missing states; saved states are filled on the way."""
     assert isinstance(problem.body, Suslov3D)
-    parameters = [*problem.body.flat_normalised(problem.batch, problem.order), problem.step_size]
+    parameters = [*problem.body.flat_normalised(problem.batch), problem.step_size]
     if not jumps(problem.body, problem.method, problem.save_every, problem.steps):
         return _iterate_3d(problem, parameters)
     results = _jump_3d(replace(problem, progress=None), parameters)
@@ -368,13 +369,14 @@ def _closed_form(
     final, status = np.empty((size, 2)), np.empty(size, np.int8)
     _threads.run(
         closed_form.jump,
-        problem.shared_work(blocks.LANES, closed_form.WORK),
+        problem.shared_work(closed_form.WIDTH, closed_form.WORK),
         problem.threads,
         *parameters,
         problem.states,
         float(problem.steps),
         final,
         status,
+        scratch(),
     )
     return final, status
 

@@ -480,14 +480,14 @@ def test_jacobian_and_multipliers(rng):
 
 def test_from_inertia(rng):
     body = sf.SuslovND(*BODY_C)
-    same, rotation = sf.SuslovND.from_inertia(inertia_of(body))
+    same, rotation = sf.SuslovND.from_mass_tensor(inertia_of(body))
     np.testing.assert_allclose(same.J, body.J, rtol=1e-15)
     assert (same.I == body.I).all()
     assert (rotation == np.eye(4)).all()
     for n in (2, 3, 4, 7):
         root = rng.normal(size=(n, n))
         matrix, axis = root @ root.T + np.eye(n), rng.normal(size=n)
-        turned_body, rotation = sf.SuslovND.from_inertia(matrix, axis)
+        turned_body, rotation = sf.SuslovND.from_mass_tensor(matrix, axis)
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(n), atol=1e-14)
         assert np.linalg.det(rotation) > 0
         np.testing.assert_allclose(
@@ -531,7 +531,7 @@ def test_bad_bodies(arguments, message):
 )
 def test_bad_inertia(arguments, message):
     with pytest.raises(ValueError, match=message):
-        sf.SuslovND.from_inertia(*arguments)
+        sf.SuslovND.from_mass_tensor(*arguments)
 
 
 def test_reaction_broadcasts():

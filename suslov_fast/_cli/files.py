@@ -70,7 +70,7 @@ def read_body(path: Path) -> SuslovND:
     """The body with an inertia matrix from a .npy or .csv file."""
     table = _read_table(path)
     with _named(path):
-        return SuslovND.from_inertia(table)[0]
+        return SuslovND.from_mass_tensor(table)[0]
 
 
 def _read_table(path: Path) -> FloatArray:

@@ -9,6 +9,7 @@ from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
 from . import threads
+from .closed_form import scratch
 from .problem import Outcome, Problem, check_computed, never
 from .progress import reporter
 
@@ -155,6 +156,7 @@ def _closed_form(
         float(n),
         final,
         status,
+        scratch(),
     )
     return final, status
 

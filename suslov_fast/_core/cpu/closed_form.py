@@ -2,215 +2,431 @@
 
 Common arguments, flat over the batch of B trajectories:
 
-I1 ... eps   five arrays of B numbers, or of one that serves all; for the flow, eps scales time.
+I1 ... eps   five arrays of B numbers, or of one that serves all; for the flow, eps is the unit of
+             the times.
 omega        (B, 2), the initial states.
+out          (N, B, 2), the states; NaN where there is none.
+missing      (tasks, 2): how many of them are NaN though their trajectory is not, at a step of the
+             map, and between two.
+scratch      (tasks, SCRATCH), which is on a cache line; tasks write to their rows of it.
 
-Arrays of a block, lanes last, beside `given` of `loops_blocks`:
+Arrays of a block of up to WIDTH trajectories, lanes last:
 
-orbit   (7, LANES): X, Y, and the constants T, 1 / (1 + T)**2, r, log |r|; what rounding lost of Y,
-        and then whether the state rests.
-frame   (4, LANES): m11, m12, m21, m22, where omega = m (X, Y).
-states  (2, LANES): angular velocities to be written.
+given   (7, WIDTH), as in `blocks`.
+orbit   (ORBIT, WIDTH): what the rows named below hold of each orbit.
+work    (WORK_ROWS, WIDTH): the numbers of steps, and what is made of them.
+tile    flat: rows of pairs of numbers, which are written to `out` together.
 """
 
 import numpy as np
 from numba import prange
 
 from ..codes import NONFINITE, OK, SUPERCRITICAL
-from ..formulas.closed_form import orbit_of_flow, orbit_of_map, orbit_point
-from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
-from ..jit import Loop, part
-from . import intrinsics  # noqa: F401
-from .blocks import (
-    LANES,
-    TASKS,
-    gather_bodies,
-    gather_states,
-    in_whole_vectors,
-    one_body,
-    scatter_pairs,
+from ..formulas.closed_form import (
+    FAR_OUT,
+    LONG_TIME,
+    combined,
+    far_point,
+    first_of_sequence,
+    growth,
+    in_own_units,
+    level_of_flow,
+    level_of_map,
+    logarithm_of_ratio,
+    orbit_point,
+    ratio_of_map,
 )
-from .vector import on_stack
+from ..formulas.coordinates import at_rest, from_canonical, to_canonical
+from ..formulas.elementary import exponent, scaled
+from ..jit import Loop, part
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
+from .blocks import gather_bodies, gather_states, in_whole_vectors
+from .vector import (
+    VECTOR,
+    publish,
+    store_at,
+    store_pairs,
+    store_past_caches,
+    to_cache_line,
+    vector_at,
+)
 
-# What a state costs, in steps of the map.
-WORK = 30
-# Times that one task takes.
-CHUNK = 4096
-# From so many times on, a loop goes along them and not across the batch.
-ALONG = 16
+# What a state at any time costs, in steps of the map.
+WORK = 8
+# Trajectories of a block, and numbers of its tile: both tables and tile stay in the first cache.
+WIDTH = 64
+TILE = 2048
+# Rows from one exact power of r on, in a run of equal steps.
+GROUP = 64
+# States that one part of a task takes, of few trajectories.
+FEW_STATES = 2**16
+# Saved states of so many numbers are written past the caches.
+BEYOND_CACHES = 2**21
+
+# Rows of `orbit`: omega = (A1 A + B1 B, A2 A + B2 B); then what A and B are made of, as the
+# formulas of the closed form say; the unit of time as a product; whether the first state is far
+# out; and whether it is a number.
+A1, B1, A2, B2, KAPPA, V, K, LAG, R, LOG, LOG_LOST, G, H, UNIT1, UNIT2, FAR, KNOWN = range(17)
+ORBIT = 17
+# Rows of `work`. While an orbit is entered they hold other things.
+N, STEPS, F, E, A, B, OMEGA1, OMEGA2 = range(8)
+WORK_ROWS = 8
+X, Y, LOST, T, T_LOST, RATIO, SCALE = range(7)
+
+GIVEN_AT, ORBIT_AT = 0, 7
+WORK_AT = ORBIT_AT + 2 * ORBIT
+TABLES_AT = WORK_AT + WORK_ROWS
+TILE_AT = TABLES_AT + 20
+SCRATCH = TILE_AT * WIDTH + TILE + 16
 
 
 @part
-def enter_bodies(given, frame, lanes):
-    for l in range(lanes):
-        frame[0, l], frame[1, l], frame[2, l], frame[3, l] = from_canonical(
-            given[0, l], given[1, l], given[2, l], given[3, l], given[4, l]
-        )
-
-
-@part
-def enter_orbits(flow, given, orbit, lanes):
-    for l in range(lanes):
-        orbit[0, l], orbit[1, l], orbit[6, l] = to_canonical(
-            given[0, l],
-            given[1, l],
-            given[2, l],
-            given[3, l],
-            given[4, l],
-            given[5, l],
-            given[6, l],
-        )
-    if flow:
-        for l in range(lanes):
-            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l] = orbit_of_flow(
-                orbit[0, l], orbit[1, l]
-            )
-            orbit[6, l] = orbit[0, l] == 0.0 and orbit[1, l] == 0.0
-    else:
-        for l in range(lanes):
-            orbit[2, l], orbit[3, l], orbit[4, l], orbit[5, l] = orbit_of_map(
-                orbit[0, l], orbit[1, l], orbit[6, l]
-            )
-            orbit[6, l] = at_rest(given[2, l], given[3, l], given[4, l], orbit[0, l], orbit[1, l])
+def rows_of(scratch, first, rows):
+    return scratch[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
 
 
 # Short passes with few results each: one loop over all of this would not be vectorised.
 
 
 @part
-def go_across(given, orbit, frame, lag, n, states, lanes):
-    """State n, or the state at time n, of each trajectory of a block."""
+def enter_units(flow, given, orbit, work, lanes):
+    """X, Y and what it lost; the unit of time, and the exponent of the unit of omega / (X, Y)."""
     for l in range(lanes):
-        states[0, l], states[1, l] = orbit_point(
-            orbit[0, l],
-            orbit[1, l],
-            orbit[2, l],
-            orbit[3, l],
-            orbit[4, l],
-            orbit[5, l],
-            lag,
-            n,
+        work[T, l], work[T_LOST, l] = in_own_units(given[4, l], given[5, l], given[6, l])
+    for l in range(lanes):
+        e, o = work[T, l], work[T_LOST, l]
+        work[X, l], work[Y, l], work[LOST, l] = to_canonical(
+            given[0, l],
+            given[1, l],
+            given[2, l],
+            given[3, l],
+            scaled(given[4, l], -e),
+            scaled(given[5, l], -o),
+            scaled(given[6, l], -o),
         )
     for l in range(lanes):
-        states[0, l], states[1, l] = angular_velocity(
-            frame[0, l],
-            frame[1, l],
-            frame[2, l],
-            frame[3, l],
-            0.0,
-            0.0,
-            1.0,
-            states[0, l],
-            states[1, l],
-        )
-    for l in range(lanes):
-        still = (orbit[6, l] != 0.0) | (n == 0.0)
-        states[0, l] = given[5, l] if still else states[0, l]
-        states[1, l] = given[6, l] if still else states[1, l]
+        e, o = work[T, l], work[T_LOST, l]
+        own = -exponent(max(abs(work[X, l]), abs(work[Y, l])))
+        unit = own if flow else max(min(e + o, 2000.0), -2000.0)
+        work[SCALE, l] = o - own if flow else -e
+        time = max(min(e + o - own, 2000.0), -2000.0) if flow else 0.0
+        orbit[UNIT1, l] = scaled(1.0, max(min(time, 1000.0), -1000.0))
+        orbit[UNIT2, l] = scaled(1.0, time - max(min(time, 1000.0), -1000.0))
+        for k in (X, Y, LOST):
+            work[k, l] = scaled(work[k, l], unit)
 
 
 @part
-def go_along(given, orbit, frame, lag, times, l, out):
-    """The states of the trajectory of one lane at all times, as a flat array."""
-    X_0, Y_0, T, c, r, log_r, rests = orbit[:, l]
-    m11, m12, m21, m22 = frame[:, l]
-    omega1, omega2 = given[5, l], given[6, l]
+def enter_levels(flow, work, orbit, lanes):
+    """T or K as a sum, log |r| as a sum, and r."""
+    if flow:
+        for l in range(lanes):
+            work[T, l], work[T_LOST, l] = level_of_flow(work[X, l], work[Y, l], work[LOST, l])
+            orbit[R, l] = 1.0
+            orbit[LOG, l], orbit[LOG_LOST, l] = -2.0 * work[T, l], -2.0 * work[T_LOST, l]
+        return
+    for l in range(lanes):
+        work[T, l], orbit[R, l] = ratio_of_map(work[X, l], work[Y, l], work[LOST, l])
+    for l in range(lanes):
+        work[T, l], work[T_LOST, l] = level_of_map(
+            work[X, l], work[Y, l], work[LOST, l], work[T, l], orbit[R, l]
+        )
+    for l in range(lanes):
+        orbit[LOG, l], orbit[LOG_LOST, l] = logarithm_of_ratio(
+            work[T, l], work[T_LOST, l], orbit[R, l]
+        )
+
+
+@part
+def enter_sequences(flow, back, given, orbit, work, lanes):
+    for l in range(lanes):
+        one, lag = (1.0, 0.0) if flow else (1.0 + work[T, l], 1.0)
+        orbit[V, l], orbit[K, l], orbit[LAG, l] = first_of_sequence(
+            work[X, l], work[Y, l], work[T, l], one, lag
+        )
+    for l in range(lanes):
+        orbit[KAPPA, l] = 2.0 * orbit[R, l]
+        orbit[H, l] = work[Y, l] / work[T, l]
+        orbit[G, l] = 0.5 * work[X, l] * (1.0 / work[T, l] + 1.0)
+        far = (orbit[R, l] <= 0.0) & (abs(work[Y, l]) > FAR_OUT * work[T, l])
+        orbit[FAR, l] = 1.0 if far else 0.0
+    for l in range(lanes):
+        m11, m12, m21, m22 = from_canonical(
+            given[0, l], given[1, l], given[2, l], given[3, l], work[RATIO, l]
+        )
+        share = 4.0 * (work[T, l] if flow else work[T, l] / (1.0 + work[T, l]))
+        level = back * work[T, l]
+        scale = work[SCALE, l]
+        orbit[A1, l], orbit[B1, l] = scaled(m11 * share, scale), scaled(m12 * level, scale)
+        orbit[A2, l], orbit[B2, l] = scaled(m21 * share, scale), scaled(m22 * level, scale)
+
+
+@part
+def enter_rest(flow, given, orbit, work, lanes):
+    """States that do not move are what their B alone makes; next to (0, 1) none follows."""
+    for l in range(lanes):
+        x, y = work[X, l], work[Y, l]
+        known = given[5, l] + given[6, l]
+        rests = x == 0.0
+        if not flow:
+            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], x, y)
+        ends = (not flow) & rests & ((1.0 - y) - work[LOST, l] == 0.0)
+        orbit[KNOWN, l] = 1.0 if known == known else 0.0
+        orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]
+        orbit[B1, l] = -given[5, l] if rests else orbit[B1, l]
+        orbit[B2, l] = -given[6, l] if rests else orbit[B2, l]
+        orbit[B1, l] = np.nan if ends else orbit[B1, l]
+        orbit[B2, l] = np.nan if ends else orbit[B2, l]
+        orbit[R, l] = 1.0 if rests else orbit[R, l]
+        for k in (KAPPA, V, K, LAG, LOG, LOG_LOST, FAR):
+            orbit[k, l] = 0.0 if rests else orbit[k, l]
+
+
+@part
+def enter_orbits(flow, back, given, orbit, work, lanes):
+    """All that is known of the orbits before any time is: forward, or back in time."""
+    enter_units(flow, given, orbit, work, lanes)
+    for l in range(lanes):
+        work[RATIO, l] = scaled(given[4, l], -exponent(given[4, l]))
+        work[Y, l], work[LOST, l] = back * work[Y, l], back * work[LOST, l]
+    enter_levels(flow, work, orbit, lanes)
+    enter_sequences(flow, back, given, orbit, work, lanes)
+    enter_rest(flow, given, orbit, work, lanes)
+
+
+@part
+def states_at(orbit, work, lanes):
+    """The states of a block at the numbers of steps |n| in its row N, one for each lane."""
+    for l in range(lanes):
+        work[STEPS, l] = min(abs(work[N, l]) * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
+    for l in range(lanes):
+        work[F, l], work[E, l] = growth(
+            work[STEPS, l],
+            orbit[LAG, l],
+            orbit[R, l],
+            orbit[LOG, l],
+            orbit[LOG_LOST, l],
+            orbit[V, l],
+            orbit[K, l],
+        )
+    for l in range(lanes):
+        work[A, l], work[B, l] = orbit_point(work[F, l], work[E, l], orbit[KAPPA, l])
+    if (orbit[FAR, :lanes] != 0.0).any():
+        for l in range(lanes):
+            work[F, l], work[E, l] = far_point(
+                work[STEPS, l],
+                orbit[R, l],
+                orbit[LOG, l],
+                orbit[LOG_LOST, l],
+                orbit[G, l],
+                orbit[H, l],
+            )
+        for l in range(lanes):
+            work[A, l] = work[F, l] if orbit[FAR, l] != 0.0 else work[A, l]
+            work[B, l] = work[E, l] if orbit[FAR, l] != 0.0 else work[B, l]
+    for l in range(lanes):
+        work[OMEGA1, l], work[OMEGA2, l] = combined(
+            orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], work[A, l], work[B, l]
+        )
+
+
+@part
+def count_missing(orbit, work, lanes, missing):
+    """Count states that are NaN without a reason before time 0."""
+    for l in range(lanes):
+        if (work[OMEGA1, l] + work[OMEGA2, l] != work[OMEGA1, l] + work[OMEGA2, l]) & (
+            orbit[KNOWN, l] != 0.0
+        ):
+            missing[0 if np.floor(work[N, l]) == work[N, l] else 1] += 1
+
+
+@part
+def enter_block(I1, I2, I13, I23, eps, omega, first, width, given):
+    """Gather the trajectories of a block; lanes beyond its width hold harmless numbers."""
+    lanes = in_whole_vectors(width)
+    gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
+    gather_states(omega, first, width, lanes, given)
+    return lanes
+
+
+@part
+def write_numbers(source, begin, flat, target, size, line, past_caches):
+    """Write numbers of a tile from `begin` on to `target`, whole lines past the caches if asked."""
+    head = min((line - target) % VECTOR, size) if past_caches else 0
+    stop = head + (size - head) // VECTOR * VECTOR
+    for k in range(head):
+        flat[target + k] = source[begin + k]
+    if past_caches:
+        for k in range(head, stop, VECTOR):
+            store_past_caches(flat, target + k, vector_at(source, begin + k))
+    else:
+        for k in range(head, stop, VECTOR):
+            store_at(flat, target + k, vector_at(source, begin + k))
+    for k in range(stop, size):
+        flat[target + k] = source[begin + k]
+
+
+@part
+def write_rows(tile, row, rows, width, flat, place, batch, first, line):
+    """Write rows of a tile from `row` on to the rows of the result from `place` on."""
+    past_caches = flat.size >= BEYOND_CACHES
+    if width == batch:
+        write_numbers(
+            tile, 2 * row * width, flat, 2 * place * batch, 2 * rows * width, line, past_caches
+        )
+        return
+    for k in range(rows):
+        begin, target = 2 * (row + k) * width, 2 * ((place + k) * batch + first)
+        write_numbers(tile, begin, flat, target, 2 * width, line, past_caches)
+
+
+@part
+def put_pairs(row1, row2, tile, place, width):
+    """Write lanes of two rows to a tile as pairs."""
+    if width < VECTOR:
+        for l in range(width):
+            tile[place + 2 * l], tile[place + 2 * l + 1] = row1[l], row2[l]
+        return
+    for k in range(0, width, VECTOR):
+        l = min(k, width - VECTOR)  # the last vector of a row stays within it
+        store_pairs(tile, place + 2 * l, vector_at(row1, l), vector_at(row2, l))
+
+
+@part
+def shift_of_blocks(line):
+    """Trajectories that the first block lacks, for the others to begin where cache lines do."""
+    return -(line // 2) % (VECTOR // 2)
+
+
+@part
+def blocks_of(lanes, shift, batch):
+    """The blocks of some lanes, which begin at a multiple of WIDTH."""
+    begin, end = lanes
+    return begin // WIDTH, end // WIDTH if end < batch else (batch + shift + WIDTH - 1) // WIDTH
+
+
+@part
+def first_and_width(block, shift, batch):
+    """Blocks begin where cache lines do, if those of all rows lie alike."""
+    first = max(block * WIDTH - shift, 0)
+    return first, min((block + 1) * WIDTH - shift, batch) - first
+
+
+# States at any times, in any order.
+
+
+@part
+def fill_across(given, orbits, work, times, tile, width, lanes, missing):
+    """Rows of a tile: the states of a block at some times."""
     for j in range(times.size):
         n = times[j]
-        X, Y = orbit_point(X_0, Y_0, T, c, r, log_r, lag, n)
-        next1, next2 = angular_velocity(m11, m12, m21, m22, 0.0, 0.0, 1.0, X, Y)
-        still = (rests != 0.0) | (n == 0.0)
-        out[2 * j] = omega1 if still else next1
-        out[2 * j + 1] = omega2 if still else next2
-
-
-def _fill(flow, I1, I2, I13, I23, eps, omega, times, out):
-    """States of the map at step numbers `times`, or of the flow at times `times`.
-
-    times   (N,).
-    out     (B, N, 2); NaN where there is no state.
-    """
-    chunks = (times.size + CHUNK - 1) // CHUNK
-    n_parts = (omega.shape[0] + LANES - 1) // LANES * chunks
-    lag = 0.0 if flow else 1.0
-    shared = one_body(I1, I2, I13, I23, eps)
-    n_tasks = min(n_parts, TASKS)
-    flat = out.reshape(out.size)
-    for task in prange(n_tasks):
-        given, orbit = on_stack(7, LANES), on_stack(7, LANES)
-        frame, states = on_stack(4, LANES), on_stack(2, LANES)
-        begin_of_task = task * n_parts // n_tasks
-        for k in range(begin_of_task, (task + 1) * n_parts // n_tasks):
-            first = k // chunks * LANES
-            width = min(LANES, omega.shape[0] - first)
-            lanes = in_whole_vectors(width)
-            begin = k % chunks * CHUNK
-            end = min(begin + CHUNK, times.size)
-            if k == begin_of_task or not shared:
-                gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
-                enter_bodies(given, frame, lanes)
-            gather_states(omega, first, width, lanes, given)
-            enter_orbits(flow, given, orbit, lanes)
-            if times.size >= ALONG:
-                for l in range(width):
-                    row = (first + l) * times.size
-                    go_along(
-                        given,
-                        orbit,
-                        frame,
-                        lag,
-                        times[begin:end],
-                        l,
-                        flat[2 * (row + begin) : 2 * (row + end)],
-                    )
-            else:
-                for j in range(times.size):
-                    go_across(given, orbit, frame, lag, times[j], states, lanes)
-                    for l in range(width):
-                        out[first + l, j, 0], out[first + l, j, 1] = states[0, l], states[1, l]
+        orbit = orbits[1 if n < 0.0 else 0]
+        if n == 0.0:
+            put_pairs(given[5], given[6], tile, 2 * j * width, width)
+        else:
+            work[N, :lanes] = n
+            states_at(orbit, work, lanes)
+            count_missing(orbit, work, width, missing)
+            put_pairs(work[OMEGA1], work[OMEGA2], tile, 2 * j * width, width)
 
 
 @part
-def keep_safe(orbit, states, lanes):
-    """NaN in place of the states of orbits that may meet a pole.
+def fill_along(given, orbits, spread, work, times, tile, width, missing):
+    """The same where lanes are times."""
+    size = times.size
+    lanes = in_whole_vectors(size)
+    for l in range(width):
+        for side in range(2):
+            if not ((times < 0.0) if side else (times >= 0.0)).any():
+                continue
+            for k in range(ORBIT):
+                spread[k, :lanes] = orbits[side, k, l]
+            for j in range(lanes):
+                work[N, j] = times[min(j, size - 1)]
+            states_at(spread, work, lanes)
+            for j in range(size):
+                n = times[j]
+                if (n < 0.0) == (side == 1):
+                    if n == 0.0:
+                        work[OMEGA1, j], work[OMEGA2, j] = given[5, l], given[6, l]
+                    tile[2 * (j * width + l)] = work[OMEGA1, j]
+                    tile[2 * (j * width + l) + 1] = work[OMEGA2, j]
+                else:
+                    work[OMEGA1, j], work[OMEGA2, j] = 0.0, 0.0
+            count_missing(spread, work, size, missing)
+
+
+def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, scratch):
+    """States of the map at step numbers `times`, or of the flow at times `times`, (N,).
+
+    lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
+    """
+    batch, flat = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(flat, 0)
+    shift = shift_of_blocks(line)
+    first_block, last_block = blocks_of(lanes_asked, shift, batch)
+    chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
+    chunks = (times.size + chunk - 1) // chunk
+    n_parts = (last_block - first_block) * chunks
+    n_tasks = min(n_parts, scratch.shape[0])
+    for task in prange(n_tasks):
+        room = scratch[task]
+        given = rows_of(room, GIVEN_AT, 7)
+        orbits = rows_of(room, ORBIT_AT, 2 * ORBIT).reshape((2, ORBIT, WIDTH))
+        work, spread = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, ORBIT)
+        tile = room[TILE_AT * WIDTH :]
+        entered = -1
+        for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
+            block, begin = first_block + k // chunks, k % chunks * chunk
+            first, width = first_and_width(block, shift, batch)
+            if block != entered:
+                entered = block
+                lanes = enter_block(I1, I2, I13, I23, eps, omega, first, width, given)
+                for side in range(2):
+                    if ((times < 0.0) if side else (times >= 0.0)).any():
+                        enter_orbits(flow, 1.0 - 2.0 * side, given, orbits[side], work, lanes)
+            end = min(begin + chunk, times.size)
+            height = max(min(TILE // (2 * width), WIDTH), 1)
+            for j in range(begin, end, height):
+                some = times[j : min(j + height, end)]
+                if width < VECTOR:
+                    fill_along(given, orbits, spread, work, some, tile, width, missing[task])
+                else:
+                    fill_across(given, orbits, work, some, tile, width, lanes, missing[task])
+                write_rows(tile, 0, some.size, width, flat, j, batch, first, line)
+        publish()
+
+
+def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
+    """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
-    """
-    for l in range(lanes):
-        steady = (orbit[0, l] == 0.0) & (orbit[1, l] != 1.0)
-        safe = (orbit[6, l] != 0.0) | (orbit[1, l] < 1.0) | steady
-        states[0, l] = states[0, l] if safe else np.nan
-        states[1, l] = states[1, l] if safe else np.nan
-
-
-def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
-    """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     final    (B, 2), the states; NaN for the other orbits.
     status   (B,): OK or SUPERCRITICAL; NONFINITE for the other orbits.
     """
-    n_blocks = (omega.shape[0] + LANES - 1) // LANES
-    shared = one_body(I1, I2, I13, I23, eps)
-    n_tasks = min(n_blocks, TASKS)
+    n_blocks = (omega.shape[0] + WIDTH - 1) // WIDTH
+    n_tasks = min(n_blocks, scratch.shape[0])
     for task in prange(n_tasks):
-        given, orbit = on_stack(7, LANES), on_stack(7, LANES)
-        frame, states = on_stack(4, LANES), on_stack(2, LANES)
-        begin_of_task = task * n_blocks // n_tasks
-        for block in range(begin_of_task, (task + 1) * n_blocks // n_tasks):
-            first = block * LANES
-            width = min(LANES, omega.shape[0] - first)
-            lanes = in_whole_vectors(width)
-            if block == begin_of_task or not shared:
-                gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
-                enter_bodies(given, frame, lanes)
-            gather_states(omega, first, width, lanes, given)
-            enter_orbits(False, given, orbit, lanes)
-            go_across(given, orbit, frame, 1.0, n, states, lanes)
-            keep_safe(orbit, states, lanes)
-            scatter_pairs(states[0], states[1], first, width, final.reshape(final.size))
+        room = scratch[task]
+        given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
+        work = rows_of(room, WORK_AT, WORK_ROWS)
+        begin = rows_of(room, TABLES_AT, 1)[0]
+        for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
+            first, width = first_and_width(block, 0, omega.shape[0])
+            lanes = enter_block(I1, I2, I13, I23, eps, omega, first, width, given)
+            enter_orbits(False, 1.0, given, orbit, work, lanes)
+            for l in range(lanes):
+                rests = (orbit[A1, l] == 0.0) & (orbit[A2, l] == 0.0) & (orbit[V, l] == 0.0)
+                begin[l] = 0.0 if rests else work[Y, l]
+            work[N, :lanes] = n
+            states_at(orbit, work, lanes)
             for l in range(width):
-                code = SUPERCRITICAL if (abs(orbit[1, l]) >= 1.0) & (orbit[6, l] == 0.0) else OK
-                status[first + l] = code if abs(states[0, l]) < np.inf else NONFINITE
+                safe = begin[l] < 1.0
+                final[first + l, 0] = work[OMEGA1, l] if safe else np.nan
+                final[first + l, 1] = work[OMEGA2, l] if safe else np.nan
+                code = SUPERCRITICAL if abs(begin[l]) >= 1.0 else OK
+                status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
 
 
 fill = Loop(_fill)

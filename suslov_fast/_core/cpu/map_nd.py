@@ -236,7 +236,7 @@ def add_up(cells, sums, g):
 
 
 @part
-def settle(bodies, span, first, width, cells, sums, g):
+def settle(bodies, chosen, first, cells, sums, g):
     """What depends on the units of omega, and on which lanes have ended."""
     for l in range(VECTOR):
         if sums[g, ENDED, l] > 0.0:
@@ -244,7 +244,7 @@ def settle(bodies, span, first, width, cells, sums, g):
             for i in range(cells.shape[1]):
                 cells[g, i, OMEGA, l] = 0.0
         else:
-            b = trajectory(span.chosen, first + l) if bodies.eps.size > 1 else 0
+            b = trajectory(chosen, first + l) if bodies.eps.size > 1 else 0
             # (dsn) keeps its form: only eps I omega / J counts.
             exponent = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
             moves = sums[g, RESTS, l] == 0.0
@@ -298,7 +298,7 @@ def start_group(bodies, omega, span, kept, first, width, cells, sums, g):
         sums[g, ENDED, l] = 1.0 if l >= width or kept.failed_at[b] >= 0 else 0.0
         if span.start > 0:
             sums[g, OMEGA, l] = kept.exponent[b]
-    settle(bodies, span, first, width, cells, sums, g)
+    settle(bodies, span.chosen, first, cells, sums, g)
 
 
 @part
@@ -316,6 +316,15 @@ def assemble(cells, sums, g, matrix):
             store(matrix, i, j, entry(0.0, of_omega, of_I, I_j, omega_j))
         store(matrix, i, i, entry(1.0 - half / J_i, of_omega, of_I, I_i, omega_i))
         store(matrix, i, m, omega_i)
+
+
+@part
+def step_by_elimination(cells, sums, g, matrix):
+    assemble(cells, sums, g, matrix)
+    eliminate(matrix, cells.shape[1])
+    for i in range(cells.shape[1]):
+        store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
+    take_next_states(cells, sums, g)
 
 
 @inlined_part
@@ -421,8 +430,11 @@ def step_with_care(cells, sums, g, l):
 
 
 @part
-def step_each(bodies, span, kept, first, width, cells, sums, g, matrix):
-    """The step of a group where some lane needs care, by elimination where that is not enough."""
+def step_each(cells, sums, g, width, matrix):
+    """The step of a group where some lane needs care, by elimination where that is not enough.
+
+    Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
+    """
     next_states(cells, sums, g)
     some_left = False
     for l in range(width):
@@ -441,16 +453,21 @@ def step_each(bodies, span, kept, first, width, cells, sums, g, matrix):
                 for i in range(cells.shape[1]):
                     cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
     take_next_states(cells, sums, g)
-    if some_left and matrix.shape[0] == 0:
-        for l in range(width):
-            if sums[g, ACCURATE, l] == 0.0:
-                sums[g, ENDED, l] = 1.0
-                kept.status[trajectory(span.chosen, first + l)] = NEEDS_ELIMINATION
-        settle(bodies, span, first, width, cells, sums, g)
+    return some_left and matrix.shape[0] == 0
 
 
 @part
-def end(span, kept, first, width, cells, sums, g, n):
+def set_aside(bodies, span, kept, first, width, cells, sums, g):
+    """Leave the lanes that are not ACCURATE to a call that has room for their elimination."""
+    for l in range(width):
+        if sums[g, ACCURATE, l] == 0.0:
+            sums[g, ENDED, l] = 1.0
+            kept.status[trajectory(span.chosen, first + l)] = NEEDS_ELIMINATION
+    settle(bodies, span.chosen, first, cells, sums, g)
+
+
+@part
+def end_lanes(span, kept, first, width, cells, sums, g, n):
     """End the trajectories whose state n is not finite in the unit of the user."""
     for l in range(width):
         finite, undefined = True, False
@@ -478,153 +495,142 @@ def renew(bodies, span, first, width, cells, sums, g):
             sums[g, OMEGA, l] = exponent
             for i in range(cells.shape[1]):
                 cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
-    settle(bodies, span, first, width, cells, sums, g)
+    settle(bodies, span.chosen, first, cells, sums, g)
 
 
-@part
-def advance_group(method, bodies, span, kept, first, width, cells, sums, g, matrix, n):
-    """The step to state n; where the method is RANK2, after `sum_up`."""
-    if method == GAUSS:
-        assemble(cells, sums, g, matrix)
-        eliminate(matrix, cells.shape[1])
-        for i in range(cells.shape[1]):
-            store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
-        take_next_states(cells, sums, g)
-    elif in_all(load(sums, g, ACCURATE) > 0.0):
-        step_all(cells, sums, g)
-    else:
-        step_each(bodies, span, kept, first, width, cells, sums, g, matrix)
+@inlined_part
+def units_serve(sums, g):
     square = load(sums, g, SQUARE)
-    if not in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH))):
-        end(span, kept, first, width, cells, sums, g, n)
-        renew(bodies, span, first, width, cells, sums, g)
+    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
 
 
-@part
-def show(omega, span, first, width, cells, sums, g, n):
-    """What users see of state n, as work: what was given where nothing has moved."""
+@inlined_part
+def show(cells, sums, g):
+    """What users see of the states of a group, as work; but see `show_given`."""
     unit = load(sums, g, UNIT)
     for i in range(cells.shape[1]):
         store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
-    if n == 0 or not in_all(load(sums, g, RESTS) < 1.0):
-        for l in range(width):
-            if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
-                b = trajectory(span.chosen, first + l)
-                for i in range(cells.shape[1]):
-                    cells[g, i, WORK, l] = omega[b, i]
+
+
+@inlined_part
+def all_move(sums, g):
+    return in_all(load(sums, g, RESTS) < 1.0)
 
 
 @part
-def write(cells, g, which, span, first, width, flat, begin):
-    """Write states to a flat array, in which those of trajectory 0 lie at `begin`."""
-    m, in_squares = cells.shape[1], 0
-    if width == VECTOR and span.chosen.size == 0:
-        source, distance = cells.reshape(cells.size), CELLS * VECTOR
-        in_squares = m - m % VECTOR
-        for i in range(0, in_squares, VECTOR):
-            row = (g * m + i) * distance + which * VECTOR
-            copy_transposed(flat, begin + first * m + i, m, source, row, distance)
+def show_given(omega, chosen, first, width, cells, sums, g, n):
+    """Where nothing has moved, users see what was given."""
     for l in range(width):
-        target = begin + trajectory(span.chosen, first + l) * m
+        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
+            b = trajectory(chosen, first + l)
+            for i in range(cells.shape[1]):
+                cells[g, i, WORK, l] = omega[b, i]
+
+
+@inlined_part
+def write(flat_cells, m, g, first, flat, begin):
+    """Write what is shown of a whole group to flat saved states; returns for how many components.
+
+    Those of trajectory 0 lie at `begin`.
+    """
+    in_squares = m - m % VECTOR
+    for i in range(0, in_squares, VECTOR):
+        row = ((g * m + i) * CELLS + WORK) * VECTOR
+        copy_transposed(flat, begin + first * m + i, m, flat_cells, row, CELLS * VECTOR)
+    return in_squares
+
+
+@inlined_part
+def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
+    """Write the other components, and those of groups that are not whole, one by one."""
+    m = cells.shape[1]
+    for l in range(width):
+        target = begin + trajectory(chosen, first + l) * m
         for i in range(in_squares, m):
-            flat[target + i] = cells[g, i, which, l]
+            flat[target + i] = cells[g, i, WORK, l]
 
 
 @part
-def turn_group(bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n):
-    """Turn the orientations from state n - 1 on to state n."""
+def orient(bodies, span, saved, kept, first, width, cells, sums, g, turning, n):
+    """Turn the orientations to state n, which is shown, and save them."""
+    before, angle, gram = turning
     for l in range(width):
         b = trajectory(span.chosen, first + l)
         half = 0.5 * bodies.eps[b if bodies.eps.size > 1 else 0]
-        for i in range(cells.shape[1]):
-            angle[i] = half * (before[g, i, l] + cells[g, i, WORK, l])
-        turn(kept.orientation[b], angle)
-        if n % CLEAN_EVERY == 0:
-            clean(kept.orientation[b], gram)
-
-
-@part
-def remember(cells, g, before):
+        if n > span.start:
+            for i in range(cells.shape[1]):
+                angle[i] = half * (before[g, i, l] + cells[g, i, WORK, l])
+            turn(kept.orientation[b], angle)
+            if n % CLEAN_EVERY == 0:
+                clean(kept.orientation[b], gram)
+        elif sums[g, ENDED, l] > 0.0:
+            kept.orientation[b] = np.nan
+        if saved.turns.shape[0] > 0 and n % span.every == 0 and (n > span.start or n == 0):
+            saved.turns[n // span.every - span.first_row, b] = kept.orientation[b]
     for i in range(cells.shape[1]):
         store(before, g, i, load(cells, g, i, WORK))
 
 
 @part
-def save(span, saved, kept, flat, first, width, cells, g, n):
-    """Write what `show` has shown of state n to its row."""
-    row = n // span.every - span.first_row
-    write(cells, g, WORK, span, first, width, flat, row * saved.omega.shape[1] * cells.shape[1])
-    if kept.orientation.shape[0] > 0:
-        for l in range(width):
-            b = trajectory(span.chosen, first + l)
-            saved.turns[row, b] = kept.orientation[b]
-
-
-@part
 def leave_group(omega, span, kept, first, width, cells, sums, g):
     """Write what is left at state stop."""
-    show(omega, span, first, width, cells, sums, g, span.stop)
-    write(cells, g, WORK, span, first, width, kept.final.reshape(kept.final.size), 0)
+    show(cells, sums, g)
+    show_given(omega, span.chosen, first, width, cells, sums, g, span.stop)
     going_on = kept.state.shape[0] > 0
     for l in range(width):
         b = trajectory(span.chosen, first + l)
-        if kept.status[b] == NEEDS_ELIMINATION:
-            if going_on:
-                for i in range(cells.shape[1]):
-                    cells[g, i, OMEGA, l] = kept.state[b, i]
-        else:
-            if kept.failed_at[b] < 0:
-                kept.status[b] = OK
-            if going_on:
-                kept.exponent[b] = sums[g, OMEGA, l]
-    if going_on:
-        write(cells, g, OMEGA, span, first, width, kept.state.reshape(kept.state.size), 0)
-
-
-@part
-def start_block(bodies, omega, span, saved, kept, flat, begin, end, cells, sums, before):
-    for first in range(begin, end, VECTOR):
-        g, width = (first - begin) // VECTOR, min(VECTOR, end - first)
-        start_group(bodies, omega, span, kept, first, width, cells, sums, g)
-        if kept.orientation.shape[0] > 0:
-            show(omega, span, first, width, cells, sums, g, span.start)
-            remember(cells, g, before)
-            if span.start == 0:
-                for l in range(width):
-                    if sums[g, ENDED, l] > 0.0:
-                        kept.orientation[trajectory(span.chosen, first + l)] = np.nan
-        if span.start == 0 and saved.omega.shape[0] > 0:
-            show(omega, span, first, width, cells, sums, g, 0)
-            save(span, saved, kept, flat, first, width, cells, g, 0)
+        if kept.status[b] != NEEDS_ELIMINATION:
+            kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
+            for i in range(cells.shape[1]):
+                kept.final[b, i] = cells[g, i, WORK, l]
+        if kept.status[b] != NEEDS_ELIMINATION and going_on:
+            kept.exponent[b] = sums[g, OMEGA, l]
+            for i in range(cells.shape[1]):
+                kept.state[b, i] = cells[g, i, OMEGA, l]
 
 
 @part
 def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
     """All steps of the trajectories at some positions."""
-    before, angle, gram = turning
+    chosen, m, row_size = span.chosen, omega.shape[1], omega.size
+    flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
     turns, saves = kept.orientation.shape[0] > 0, saved.omega.shape[0] > 0
-    flat = saved.omega.reshape(saved.omega.size)
     groups = (end - begin + VECTOR - 1) // VECTOR
-    start_block(bodies, omega, span, saved, kept, flat, begin, end, cells, sums, before)
-    for n in range(span.start + 1, span.stop + 1):
-        saved_now = saves and n % span.every == 0
-        if method == RANK2:
+    for g in range(groups):
+        first = begin + g * VECTOR
+        start_group(bodies, omega, span, kept, first, min(VECTOR, end - first), cells, sums, g)
+    for n in range(span.start, span.stop + 1):
+        starts = n == span.start
+        saved_now = saves and n % span.every == 0 and (n == 0 or not starts)
+        begin_of_row = (n // span.every - span.first_row) * row_size
+        if method == RANK2 and not starts:
             # Of all groups first: one need not wait for the unknowns of the one before.
             for g in range(groups):
                 sum_up(cells, sums, g)
         for g in range(groups):
             first = begin + g * VECTOR
             width = min(VECTOR, end - first)
-            advance_group(method, bodies, span, kept, first, width, cells, sums, g, matrix, n)
+            if not starts:
+                if method == GAUSS:
+                    step_by_elimination(cells, sums, g, matrix)
+                elif in_all(load(sums, g, ACCURATE) > 0.0):
+                    step_all(cells, sums, g)
+                elif step_each(cells, sums, g, width, matrix):
+                    set_aside(bodies, span, kept, first, width, cells, sums, g)
+                if not units_serve(sums, g):
+                    end_lanes(span, kept, first, width, cells, sums, g, n)
+                    renew(bodies, span, first, width, cells, sums, g)
             if turns or saved_now:
-                show(omega, span, first, width, cells, sums, g, n)
+                show(cells, sums, g)
+                if n == 0 or not all_move(sums, g):
+                    show_given(omega, chosen, first, width, cells, sums, g, n)
             if turns:
-                turn_group(
-                    bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n
-                )
-                remember(cells, g, before)
+                orient(bodies, span, saved, kept, first, width, cells, sums, g, turning, n)
             if saved_now:
-                save(span, saved, kept, flat, first, width, cells, g, n)
+                written = 0
+                if width == VECTOR and chosen.size == 0:
+                    written = write(flat_cells, m, g, first, flat, begin_of_row)
+                write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
     for g in range(groups):
         first = begin + g * VECTOR
         leave_group(omega, span, kept, first, min(VECTOR, end - first), cells, sums, g)

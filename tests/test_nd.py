@@ -383,3 +383,168 @@ def test_n_3_is_the_three_dimensional_map(rng):
     expected = sf.iterate(three, omega, 0.4, 30).omega
     expected = np.stack([expected[..., 1], -expected[..., 0]], axis=-1)
     np.testing.assert_allclose(sf.iterate(nd, states, 0.4, 30).omega, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_states_that_do_not_exist(rng, method):
+    arguments = every_way_through_a_step(rng, 20, 3)
+    arguments[3][4, 1] = np.nan
+    with_nan = run(problem(*arguments, method=method, orientation=np.tile(np.eye(4), (20, 1, 1))))
+    assert with_nan.status[4] == sf.Status.NONFINITE
+    assert with_nan.failed_at[4] == 0
+    assert np.isnan(with_nan.orientation[4]).all()
+    without = [3, 5, 6]
+    given = problem(*arguments, method=method)
+    outcome = run(given)
+    assert np.isnan(given.saved[:, 4]).all()
+    assert np.isnan(outcome.final[4]).all()
+    others = problem(*of(without, arguments), method=method)
+    run(others)
+    assert np.array_equal(given.saved[:, without], others.saved, equal_nan=True)
+    later = run(problem(*arguments, start=12, stop=15, before=outcome, method=method))
+    assert later.failed_at[4] == 0
+    assert later.status[4] == sf.Status.NONFINITE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_failures_stay_what_they_were(rng, method):
+    arguments = every_way_through_a_step(rng, 60, 5)
+    arguments[3][0] = np.nan
+    before = run(problem(*arguments, method=method))
+    failed = before.failed_at >= 0
+    assert set(before.status[failed]) == {sf.Status.SINGULAR, sf.Status.NONFINITE}
+    after = run(problem(*arguments, start=12, stop=20, before=before, method=method))
+    assert (after.failed_at[failed] == before.failed_at[failed]).all()
+    assert (after.status[failed] == before.status[failed]).all()
+    assert np.isnan(after.final[failed]).all()
+
+
+AT_REST = [1e200, 1e-200, 1.0], [5e-324, 0.0, -1.7e308], [-0.0, 0.0, 1e-310]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("omega", AT_REST)
+def test_what_does_not_move_stays_as_it_was_given(method, omega):
+    omega = np.array([omega] * 3)
+    J, I = np.tile([1.0, 2.0, 3.0], (3, 1)), np.array([[0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3])
+    eps = np.array([0.3, 0.0, 0.0])
+    for cuts in ((0, 7), (0, 3, 7), (0, 0, 7)):
+        saved, _, final, *_ = in_cuts(cuts, J, I, eps, omega, method=method)
+        assert (saved == omega).all()
+        assert (final == omega).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_state_at_the_start_is_what_was_given(method):
+    omega = np.array([[1e200, 1e-200, 1.0]])
+    arguments = [[1.0, 2.0, 3.0]], [[0.5, 0.2, 1.0]], np.array([1e-200]), omega
+    given = problem(*arguments, stop=1, method=method)
+    run(given)
+    assert (given.saved[0] == omega).all()
+    assert (run(problem(*arguments, stop=0, method=method)).final == omega).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("exponent", [-1000, -600, -100, 100, 600, 1000])
+@pytest.mark.parametrize("which", ["eps", "inertia", "coupling"])
+def test_units_by_powers_of_two_are_exact(rng, method, exponent, which):
+    J, I, eps, omega = every_way_through_a_step(rng, 30, 4)
+    omega = np.clip(omega, -1e3, 1e3)
+    expected = everything(problem(J, I, eps, omega, method=method))
+    scale = 2.0**exponent
+    if which == "eps":
+        far = everything(problem(J, I, eps / scale, omega * scale, method=method))
+        assert np.array_equal(far[0] / scale, expected[0], equal_nan=True)
+    elif which == "inertia":
+        far = everything(problem(J * scale, I * scale, eps, omega, method=method))
+        assert np.array_equal(far[0], expected[0], equal_nan=True)
+    else:
+        far = everything(problem(J, I * scale, eps / scale, omega, method=method))
+        assert np.array_equal(far[0], expected[0], equal_nan=True)
+    assert (far[3] == expected[3]).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_subnormal_states_alone_in_a_batch_and_in_cuts(rng, method):
+    size = 200
+    J, I = rng.uniform(1, 4, (size, 3)), rng.normal(size=(size, 3))
+    scale = np.exp2(rng.integers(-1074, -1000, (size, 1)))
+    omega = rng.uniform(1, 3, (size, 3)) * scale
+    eps = rng.uniform(0.05, 1.5, size) * 1e300
+    arguments = J, I * 1e10, eps, omega
+    together = everything(problem(*arguments, stop=30, method=method))
+    assert same(together, in_cuts((0, 15, 30), *arguments, method=method))
+    assert (np.ptp(together[0], axis=0) > 0).any()
+    for i in range(0, size, 7):
+        alone = everything(problem(*of([i], arguments), stop=30, method=method))
+        assert same(alone[2:], of([i], together[2:]))
+
+
+def naive_attitude(eps, states):
+    """R_next = R cay(eps (Omega + Omega_next) / 2), with matrices as they stand."""
+    n = states.shape[1] + 1
+    R, all_R = np.eye(n), [np.eye(n)]
+    for v, w in pairwise(states):
+        S = np.zeros((n, n))
+        S[:-1, -1] = 0.5 * eps * (v + w)
+        S[-1, :-1] = -S[:-1, -1]
+        R = R @ np.linalg.solve(np.eye(n) - S / 2, np.eye(n) + S / 2)
+        all_R.append(R)
+    return np.array(all_R)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("m", [1, 3, 6])
+def test_orientation(rng, method, m):
+    """Carried along at each step, whatever is saved."""
+    J, I, eps, _ = random_problem(rng, m)
+    arguments = np.tile(J, (9, 1)), np.tile(I, (9, 1)), np.full(9, eps), rng.normal(size=(9, m))
+    start = np.linalg.qr(rng.normal(size=(9, m + 1, m + 1)))[0]
+    options = {"method": method, "stop": 100, "orientation": start}
+    all_states = problem(*arguments, **options)
+    outcome = run(all_states)
+    assert (all_states.turns[0] == start).all()
+    assert (outcome.orientation == all_states.turns[-1]).all()
+    for b in range(9):
+        expected = start[b] @ naive_attitude(eps, all_states.saved[:, b])
+        np.testing.assert_allclose(all_states.turns[:, b], expected, atol=1e-13)
+    some = problem(*arguments, every=7, **options)
+    run(some)
+    assert (some.turns == all_states.turns[::7]).all()
+    last = problem(*arguments, every=101, **options)
+    assert (run(last).orientation == outcome.orientation).all()
+    del options["stop"]
+    in_pieces = in_cuts((0, 5, 48, 100), *arguments, **options)
+    assert same(in_pieces[:2], [all_states.saved, all_states.turns])
+
+
+def test_orientations_are_orthogonal_to_rounding(rng):
+    J, I, eps, _ = random_problem(rng, 4)
+    omega = rng.normal(size=(3, 4))
+    bodies = np.tile(J, (3, 1)), np.tile(I, (3, 1)), np.full(3, eps)
+    start = np.tile(np.eye(5), (3, 1, 1))
+    R = run(problem(*bodies, omega, stop=20_000, every=20_001, orientation=start)).orientation
+    assert abs(R @ R.swapaxes(1, 2) - np.eye(5)).max() < 4e-15
+
+
+def test_half_a_turn_at_very_high_speed():
+    """An angle whose square is beyond float64."""
+    omega = np.array([[3e200, 0.0, 4e200]])
+    still = problem(
+        [[1.0, 2.0, 3.0]], [[0.0] * 3], np.ones(1), omega, stop=1, orientation=np.eye(4)[None]
+    )
+    R = run(still).orientation[0]
+    axis = np.array([0.6, 0.0, 0.8])
+    expected = np.diag([1.0, 1.0, 1.0, -1.0])
+    expected[:3, :3] -= 2 * np.outer(axis, axis)
+    np.testing.assert_allclose(R, expected, atol=1e-15)
+
+
+def test_orientation_ends_with_its_trajectory():
+    J, I, omega = [[2.0, 2.0, 2.0, 3.0]], [[1.0, 0.0, 0.5, 0.25]], [[2.0, 1.0, 3.0, 2.0]]
+    singular = problem(
+        J, I, np.ones(1), np.array(omega), stop=3, orientation=np.eye(5)[None]
+    )  # fmt: skip
+    run(singular)
+    assert (singular.turns[0] == np.eye(5)).all()
+    assert np.isnan(singular.turns[1:]).all()

@@ -458,8 +458,8 @@ def _run_nd(problem: _Problem) -> _Results:
         )
     )
     if rows:
-        problem.saved[...] = saved.transpose(2, 0, 1) if problem.order == "F" else (
-            saved.swapaxes(0, 1)
+        problem.saved[...] = (
+            saved.transpose(2, 0, 1) if problem.order == "F" else (saved.swapaxes(0, 1))
         )
     return outcome.final, outcome.status, outcome.failed_at
 

@@ -5,6 +5,7 @@ Every function takes states of any shape (..., D): one, a batch, or a whole run,
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ._bodies.nd import SuslovND
@@ -267,11 +268,34 @@ def invariant_density(
     return of_state(observables.invariant_density, body, state, step_size, batch, count)
 
 
-def _first_integral_nd(body: SuslovND, state: FloatArray, step_size: FloatArray) -> FloatArray:
+def _first_integral_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    body, omega, eps, unit = _normal(body, omega, eps)
     reduction = reduce(body, "first_integral")
-    return first_integral_nd(reduction, state, step_size, energy(body, state, threads=1))
+    value = first_integral_nd(reduction, omega, eps, energy(body, omega, threads=1))
+    return _ldexp(value, unit)
 
 
-def _criticality_nd(body: SuslovND, state: FloatArray, step_size: FloatArray) -> FloatArray:
+def _criticality_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    body, omega, eps, _ = _normal(body, omega, eps)
     reduction = reduce(body, "criticality")
-    return criticality(reduction.three, reduction.state(state), step_size, threads=1)
+    return criticality(reduction.three, reduction.state(omega), eps, threads=1)
+
+
+def _normal(
+    body: SuslovND, omega: FloatArray, eps: FloatArray
+) -> tuple[SuslovND, FloatArray, FloatArray, FloatArray]:
+    """All in units of powers of two in which it is of the order of 1; the power that F has."""
+    _, moments = np.frexp(body.J.max(axis=-1, keepdims=True))
+    _, products = np.frexp(abs(body.I).max(axis=-1, keepdims=True))
+    _, speeds = np.frexp(abs(omega).max(axis=-1, keepdims=True))
+    normal = SuslovND(_ldexp(body.J, -moments), _ldexp(body.I, -products))
+    power = (speeds + products - moments)[..., 0]
+    # Steps that long are all alike, and finite.
+    step_size = np.clip(_ldexp(eps, power), -1e300, 1e300)
+    return normal, _ldexp(omega, -speeds), step_size, (2 * speeds - moments)[..., 0]
+
+
+def _ldexp(values: FloatArray, power: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        result: FloatArray = np.ldexp(values, power)
+    return result

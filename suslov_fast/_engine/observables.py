@@ -186,7 +186,7 @@ def _parts(
     whole = states_serve and parameters_serve
     over = axes if whole else batch
     spread = [
-        np.broadcast_to(each, (*over, *components)) if shape else each
+        np.broadcast_to(each.reshape(shape + components), over + components) if shape else each
         for each, shape, components in zip(given, varying, own, strict=True)
     ]
     states = [

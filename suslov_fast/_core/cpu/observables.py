@@ -15,7 +15,6 @@ missing      (tasks, 2): how many states had no result, and the first of them; o
 scratch      (tasks, ...), what a task works in; `logarithms` likewise, of integers.
 """
 
-import numpy as np
 from numba import prange
 
 from ..formulas import continuous, coordinates, integrals, linearised, section4, units

@@ -201,7 +201,8 @@ def find_matrix(cells, sums, logarithms, first, width, out):
             of_omega = nd_map.column_of_omega(cells[J_, i, l], cells[I_, i, l], eps)
             of_I = nd_map.column_of_coupling(cells[J_, i, l], cells[OMEGA, i, l], eps)
             for j in range(m):
-                diagonal = 1.0 - half / cells[J_, i, l] if i == j else 0.0
+                # A NaN in the state is one in all entries.
+                diagonal = 1.0 - half / cells[J_, i, l] if i == j else 0.0 * half
                 out[((first + l) * m + i) * m + j] = nd_map.entry(
                     diagonal, of_omega, of_I, cells[I_, j, l], cells[OMEGA, j, l]
                 )

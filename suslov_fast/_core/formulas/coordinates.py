@@ -96,7 +96,7 @@ def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
     """The inverse of `xy_of_state`."""
     W, of_y = exponent(x) - P, exponent(y) - P - M
-    W = W if W > of_y else of_y
+    W = W if of_y < W else of_y
     omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
     return scaled(omega1, W), scaled(omega2, W)
 

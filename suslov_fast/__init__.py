@@ -21,10 +21,11 @@ from ._coordinates import from_xy, to_xy
 from ._full import step_full
 from ._linearised import jacobian, matrix, multipliers
 from ._map import iterate, step
+from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
-from ._status import SingularStepError, SingularStepWarning, Status
-from ._trajectories import Trajectories
+from ._status import SingularStepWarning, Status
+from ._trajectories import SingularStepError, Trajectories
 
 __version__ = "0.1.0"
 
@@ -53,6 +54,7 @@ __all__ = [
     "modified_energy",
     "multipliers",
     "reaction",
+    "scattering_angle",
     "step",
     "step_full",
     "to_xy",

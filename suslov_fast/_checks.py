@@ -102,6 +102,20 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     return unit
 
 
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = vectors(name, value, n)
+    if matrices.ndim < 2 or matrices.shape[-2] != n:
+        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
+    if error > 1e-10 or not (np.linalg.det(matrices) > 0).all():
+        raise ValueError(
+            f"{name}: expected rotation matrices, got |R R.T - 1| = {error:.2g} and determinant "
+            f"{np.linalg.det(matrices).min(initial=np.inf):.2g}"
+        )
+    return matrices
+
+
 def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     """The shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):

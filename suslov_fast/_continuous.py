@@ -46,7 +46,7 @@ def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> Fl
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    (state,), batch = check(body, {"omega": omega}, allow_nan=True)
+    (state,), batch = check(body, {"omega": omega})
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension,)
@@ -97,9 +97,7 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    (state, *step_size), batch = check(
-        body, {"omega": omega}, {} if eps is None else {"eps": eps}, allow_nan=True
-    )
+    (state, *step_size), batch = check(body, {"omega": omega}, {} if eps is None else {"eps": eps})
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)

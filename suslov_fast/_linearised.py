@@ -56,7 +56,7 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, allow_nan=True)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
@@ -106,7 +106,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, allow_nan=True)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)

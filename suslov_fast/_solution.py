@@ -197,8 +197,8 @@ def _fill(
     times: FloatArray,
     flow: bool,
 ) -> FloatArray:
-    eps = flat_parameter(body.normalised_eps(step_size), batch, "C")
-    states = flat_vectors(state, batch, "C")
+    eps = flat_parameter(body.normalised_eps(step_size), batch)
+    states = flat_vectors(state, batch)
     flat_times = for_kernel(times.reshape(-1))
     out = np.empty((len(states), flat_times.size, 2))
     threads.run(
@@ -206,7 +206,7 @@ def _fill(
         out.size // 2 * loops.WORK,
         None,
         flow,
-        *body.flat_normalised(batch, "C"),
+        *body.flat_normalised(batch),
         eps,
         states,
         flat_times,

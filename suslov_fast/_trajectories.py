@@ -2,16 +2,41 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._bodies.three import Suslov3D
-from ._checks import FloatArray
+from ._checks import FloatArray, integer, one_of
 from ._conserved import energy, first_integral
 from ._engine.arguments import Body
+from ._engine.layout import first_index, spell
+from ._engine.progress import Progress, check_progress
+from ._engine.run import Results, Run, execute
+from ._engine.threads import thread_count
+from ._status import SingularStepWarning, Status
+
+OnSingular = Literal["warn", "raise", "ignore"]
+
+
+class SingularStepError(ArithmeticError):
+    """Some trajectories of a batch came to an end before their last step.
+
+    Attributes
+    ----------
+    trajectories : Trajectories
+        The finished batch, failed trajectories included.
+    """
+
+    def __init__(self, message: str, trajectories: Trajectories) -> None:
+        super().__init__(message)
+        self.trajectories = trajectories
+
+    def __reduce__(self) -> tuple[type, tuple[str, Trajectories]]:
+        return type(self), (str(self), self.trajectories)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,6 +69,86 @@ class Trajectories:
     status: NDArray[np.int8]
     final: FloatArray
     failed_at: NDArray[np.int64]
+    attitude: FloatArray | None
+    method: str
+    steps: int
+    save_every: int | None
+    _resume: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, run: Run, results: Results) -> Trajectories:
+        """The results of a run."""
+        return cls(
+            omega=results.omega,
+            n=run.numbers,
+            eps=float(run.eps) if run.eps.ndim == 0 else run.eps,
+            body=run.body,
+            status=results.status,
+            final=results.final,
+            failed_at=results.failed_at,
+            attitude=results.attitude,
+            method=run.method,
+            steps=run.steps,
+            save_every=run.save_every,
+            _resume=results.resume,
+        )
+
+    def extend(
+        self,
+        steps: int,
+        *,
+        threads: int | None = None,
+        on_singular: OnSingular = "warn",
+        progress: Progress = None,
+    ) -> Trajectories:
+        """The same run, longer, bit for bit as if it had never been interrupted.
+
+        Parameters
+        ----------
+        steps : int
+            How many steps more, 0 or more.
+        threads, on_singular, progress
+            As in :func:`iterate`; trajectories that had failed before are not reported again.
+
+        Returns
+        -------
+        Trajectories
+            A new one, whose arrays hold the states of this one too.
+
+        Raises
+        ------
+        TypeError, ValueError, MemoryError, ImportError, SingularStepError
+            As :func:`iterate` does.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> half = iterate(body, [1.0, 0.5], eps=0.2, steps=15)
+        >>> whole = half.extend(15)
+        >>> bool((whole.omega == iterate(body, [1.0, 0.5], eps=0.2, steps=30).omega).all())
+        True
+        """
+        one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+        check_progress(progress)
+        resume = dict(self._resume)
+        run = Run(
+            body=self.body,
+            batch=self.status.shape,
+            omega0=resume.pop("omega0"),
+            eps=np.asarray(self.eps),
+            steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
+            save_every=self.save_every,
+            method=self.method,
+            orientation=resume.pop("R0", None),
+            start=self.steps,
+            resume=resume,
+            threads=thread_count(threads),
+            progress=progress,
+        )
+        longer = Trajectories.of(run, execute(run, before=(self.omega, self.attitude)))
+        report(longer, on_singular, longer.failed_at > self.steps, stacklevel=2)
+        return longer
 
     @property
     def t(self) -> FloatArray:
@@ -134,3 +239,24 @@ def _range(eps: Any) -> str:
         return "none"
     low, high = np.min(eps), np.max(eps)
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+
+
+def report(
+    trajectories: Trajectories, on_singular: str, failed: NDArray[np.bool_], stacklevel: int
+) -> None:
+    """Say once for the whole batch which trajectories came to an end."""
+    if on_singular == "ignore" or not failed.any():
+        return
+    parts = []
+    for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
+        of_code = failed & (trajectories.status == code)
+        if of_code.any():
+            index = first_index(of_code)
+            parts.append(
+                f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
+                f"first: {spell(index)} at step {trajectories.failed_at[index]}"
+            )
+    message = "; ".join(parts)
+    if on_singular == "raise":
+        raise SingularStepError(message, trajectories)
+    warnings.warn(message, SingularStepWarning, stacklevel=stacklevel + 1)

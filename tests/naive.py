@@ -283,3 +283,44 @@ def orbit_nd(J, I, eps, omega, steps):
     for _ in range(steps):
         states.append(step_nd(J, I, eps, states[-1]))
     return states
+
+
+def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=60):
+    """The angle between the angular velocities in space at tau = -far and far, tau = C t / a.
+
+    By Taylor series of the Poisson equation g' = g x omega of a vector that is fixed in space, with
+    omega = (y = -tanh, x = sech / sqrt(a)) of equation (xy): the vector begins along omega.
+    """
+    I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
+    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
+    root = mpmath.sqrt(a)
+    # d omega / d tau in units of tau: omega a over C.
+    along = [a * I23 / D, -a * I13 / D]
+    across = [root * I13 * I2 / D, root * I23 * I1 / D]
+    length = mpmath.hypot(*along)
+    h = 1 / mpf(steps_per_unit)
+    g = [along[0] / length, along[1] / length, mpf(0)]
+    for step_number in range(-far * steps_per_unit, far * steps_per_unit):
+        tau = step_number * h
+        tanh, sech = [mpmath.tanh(tau)], [mpmath.sech(tau)]
+        series = [[component] for component in g]
+        omega = [[along[i] * -tanh[0] + across[i] * sech[0]] for i in range(2)]
+        for k in range(order):
+            g1, g2, g3 = series
+            w1, w2 = omega
+
+            def product(v, w, k=k):
+                return sum(v[j] * w[k - j] for j in range(k + 1)) / (k + 1)
+
+            derivatives = -product(g3, w2), product(g3, w1), product(g1, w2) - product(g2, w1)
+            next_tanh, next_sech = product(sech, sech), -product(sech, tanh)
+            for row, value in zip(series, derivatives, strict=True):
+                row.append(value)
+            tanh.append(next_tanh)
+            sech.append(next_sech)
+            for i in range(2):
+                omega[i].append(along[i] * -next_tanh + across[i] * next_sech)
+        g = [sum(c * h**k for k, c in enumerate(row)) for row in series]
+    # The vector in the body's frame; at the end omega is -along.
+    cosine = -(g[0] * along[0] + g[1] * along[1]) / length
+    return mpmath.atan2(mpmath.sqrt(max(1 - cosine**2, 0)), cosine)

@@ -1,3 +1,5 @@
+"""The orientation of the body, in three dimensions and in n."""
+
 import naive
 import numpy as np
 import pytest
@@ -5,14 +7,39 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
+from suslov_fast import _attitude
+from suslov_fast._core.formulas import rotation
+
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+BODIES = {"3D": (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
+
+
+@pytest.fixture(params=BODIES)
+def case(request):
+    """A body and a state of it."""
+    return BODIES[request.param]
+
+
+def states(body, omega0, eps, steps):
+    return sf.iterate(body, omega0, eps, steps, on_singular="ignore").omega
 
 
 def orthogonality(R):
-    return abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max()
+    return abs(R @ R.swapaxes(-2, -1) - np.eye(R.shape[-1])).max()
+
+
+def hat(omega):
+    """The matrix of an angular velocity."""
+    if len(omega) == 2:
+        w1, w2 = omega
+        return np.array([[0, 0, w2], [0, 0, -w1], [-w2, w1, 0]])
+    S = np.zeros((len(omega) + 1,) * 2)
+    S[:-1, -1], S[-1, :-1] = omega, -np.asarray(omega)
+    return S
 
 
 def test_against_cayley_matrices(body):
-    omega = sf.iterate(body, [1.0, 0.5], 0.2, 30).omega
+    omega = states(body, [1.0, 0.5], 0.2, 30)
     exact = naive.attitude(omega, 0.2)
     computed = sf.attitude(body, omega, 0.2)
     for R, expected in zip(computed, exact, strict=True):
@@ -20,30 +47,59 @@ def test_against_cayley_matrices(body):
     assert (computed[0] == np.eye(3)).all()
 
 
-def test_order_2(body):
+@pytest.mark.parametrize("eps", [0.2, -0.2, 3.0])
+def test_against_cayley_matrices_in_n_dimensions(rng, eps):
+    for n in (2, 3, 4, 9):
+        body = sf.SuslovND(rng.uniform(1, 3, n - 1), rng.normal(size=n - 1))
+        omega = states(body, rng.normal(size=(2, n - 1)), eps, 40)
+        R = sf.attitude(body, omega, eps)
+        assert R.shape == (41, 2, n, n)
+        expected = np.eye(n)
+        for v, w in zip(omega[:-1, 1], omega[1:, 1], strict=True):
+            S = eps * hat(0.5 * (v + w)) if n != 3 else eps * hat_of_pairs(0.5 * (v + w))
+            expected = expected @ np.linalg.solve(np.eye(n) - S / 2, np.eye(n) + S / 2)
+        np.testing.assert_allclose(R[-1, 1], expected, atol=1e-13)
+
+
+def hat_of_pairs(omega):
+    """The matrix of (Omega_13, Omega_23)."""
+    return hat([-omega[1], omega[0]])
+
+
+def test_order_2(case):
     """Against the integration of R' = R Omega along the exact flow; order by regression."""
+    body, omega0 = case
+    m, n = len(omega0), len(omega0) + 1
 
-    def derivative(time, R):
-        w1, w2 = sf.flow(body, [1.0, 0.5], time)
-        return (R.reshape(3, 3) @ [[0, 0, w2], [0, 0, -w1], [-w2, w1, 0]]).ravel()
+    def derivative(time, state):
+        omega, R = state[:m], state[m:].reshape(n, n)
+        return np.concatenate([sf.vector_field(body, omega), (R @ hat(omega)).ravel()])
 
-    solution = solve_ivp(derivative, (0, 3.0), np.eye(3).ravel(), "DOP853", rtol=1e-13, atol=1e-13)
-    exact = solution.y[:, -1].reshape(3, 3)
+    start = np.concatenate([omega0, np.eye(n).ravel()])
+    solution = solve_ivp(derivative, (0, 3.0), start, "DOP853", rtol=1e-13, atol=1e-13)
+    exact = solution.y[m:, -1].reshape(n, n)
     steps = 2 ** np.arange(5, 10)
     errors = []
-    for n in steps:
-        omega = sf.iterate(body, [1.0, 0.5], 3.0 / n, int(n)).omega
-        errors.append(abs(sf.attitude(body, omega, 3.0 / n)[-1] - exact).max())
+    for count in steps:
+        omega = states(body, omega0, 3.0 / count, int(count))
+        errors.append(abs(sf.attitude(body, omega, 3.0 / count)[-1] - exact).max())
     order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert abs(order - 2) < 0.02
 
 
 @pytest.mark.compiled
-def test_orthogonal_over_a_million_steps(body):
-    omega = sf.iterate(body, [1.0, 0.5], 0.2, 1_000_000).omega
-    R = sf.attitude(body, omega, 0.2)
-    assert orthogonality(R) < 3e-15
-    assert abs(np.linalg.det(R[::1000]) - 1).max() < 3e-15
+def test_orthogonal_over_a_million_steps(case):
+    body, omega0 = case
+    R = sf.attitude(body, states(body, omega0, 0.2, 1_000_000), 0.2)
+    assert orthogonality(R) < 4e-15
+    assert abs(np.linalg.det(R[::1000]) - 1).max() < 6e-15
+
+
+def test_orthogonal_after_a_thousand_steps_in_many_dimensions(rng):
+    """Without cleaning up it is not: 2e-14."""
+    body = sf.SuslovND(rng.uniform(1, 3, 8), rng.normal(size=8))
+    R = sf.attitude(body, states(body, rng.normal(size=8), 0.3, 1000), 0.3)
+    assert orthogonality(R) < 5e-15
 
 
 def test_steady_rotation(body):
@@ -56,36 +112,201 @@ def test_steady_rotation(body):
     assert len(Rotation.from_matrix(R.reshape(-1, 3, 3))) == 11
 
 
+@pytest.mark.parametrize(
+    ("eps", "size"),
+    [(sign * 1.0, 10.0**k) for sign in (1, -1) for k in (14, 100, 153, 155, 200, 307.9)]
+    + [(1e-280, 1e307), (1e-150, 1e307), (1e155, 1.0), (1e300, 1e-280), (1e300, 1e300)],
+)
+def test_half_a_turn(eps, size):
+    """Where |eps omega| is that large: R = 2 u u^T - 1 about the axis u, in the plane of u."""
+    for body, direction in ((sf.Suslov3D(1, 2, 0, 0), [0.6, -0.8]), (still(3), [0.6, 0.0, -0.8])):
+        R = sf.attitude(body, np.tile(np.multiply(size, direction), (3, 1)), eps)
+        if len(direction) == 2:
+            axis = np.append(direction, 0.0)
+            expected = 2 * np.outer(axis, axis) - np.eye(3)
+        else:
+            u, e = np.append(direction, 0.0), np.eye(4)[-1]
+            expected = np.eye(4) - 2 * np.outer(u, u) - 2 * np.outer(e, e)
+        np.testing.assert_allclose(R[1], expected, atol=1e-12)
+        np.testing.assert_allclose(R[2], np.eye(len(expected)), atol=1e-12)
+
+
+def still(m):
+    return sf.SuslovND(np.ones(m), np.zeros(m))
+
+
+@pytest.mark.parametrize("k", [-600, -300, -40, 40, 300, 600])
+def test_units_of_time(case, k):
+    body, omega0 = case
+    omega = states(body, omega0, 0.2, 40)
+    expected = sf.attitude(body, omega, 0.2)
+    scaled = sf.attitude(body, np.ldexp(omega, k), np.ldexp(0.2, -k))
+    assert (scaled == expected).all()
+
+
+def test_units_of_inertia(case):
+    body, omega0 = case
+    omega = states(body, omega0, 0.2, 40)
+    expected = sf.attitude(body, omega, 0.2)
+    for k in (-900, -60, 60, 900):
+        same = type(body)(*(np.ldexp(each, k) for each in body.parameters))
+        assert (sf.attitude(same, omega, 0.2) == expected).all()
+        with pytest.raises(ValueError, match="follow each other"):
+            sf.attitude(same, omega[::2], 0.2)
+
+
 def test_batches(body, rng):
-    omega = sf.iterate(body, rng.normal(size=(4, 1, 2)), [0.1, 0.2], 12).omega
+    omega = states(body, rng.normal(size=(4, 1, 2)), [0.1, 0.2], 12)
     R0 = Rotation.from_quat(rng.normal(size=(4, 4))).as_matrix()[:, None]
     R = sf.attitude(body, omega, [0.1, 0.2], R0)
-    assert R.shape == (4, 2, 13, 3, 3)
-    alone = sf.attitude(body, omega[3, 1], 0.2, R0[3, 0])
-    assert (R[3, 1] == alone).all()
-    assert sf.attitude(body, np.empty((0, 3, 2)), 0.2).shape == (0, 3, 3, 3)
+    assert R.shape == (13, 4, 2, 3, 3)
+    assert R.flags.c_contiguous
+    assert (R[0] == R0).all()
+    alone = sf.attitude(body, omega[:, 3, 1], 0.2, R0[3, 0])
+    assert (R[:, 3, 1] == alone).all()
+    turned = R0 @ sf.attitude(body, omega, [0.1, 0.2])
+    np.testing.assert_allclose(R, turned, atol=2e-15)
+    assert sf.attitude(body, np.empty((3, 0, 2)), 0.2).shape == (3, 0, 3, 3)
+
+
+def test_alone_or_in_a_batch(case, rng):
+    body, omega0 = case
+    size = 300
+    bodies = type(body)(
+        *(np.multiply.outer(rng.uniform(0.5, 2, size), each) for each in body.parameters)
+    )
+    eps = rng.choice([-0.5, 0.1, 0.3], size)
+    omega = states(bodies, rng.normal(size=(size, len(omega0))), eps, 20)
+    R = sf.attitude(bodies, omega, eps)
+    for i in (0, 1, 127, 128, 299):
+        one = type(body)(*(each[i] for each in bodies.parameters))
+        assert np.array_equal(sf.attitude(one, omega[:, i], eps[i]), R[:, i])
+
+
+def test_a_body_of_each_trajectory_and_one_run(rng):
+    """What broadcasts against a state broadcasts against a whole run of it."""
+    body = sf.Suslov3D([1, 2, 3], 1, 0, 0)
+    omega = np.tile(rng.normal(size=2), (7, 1))
+    R = sf.attitude(body, omega, np.full((2, 1), 0.1))
+    assert R.shape == (7, 2, 3, 3, 3)
+    assert (R[:, :1, :1] == R).all()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_slices_and_threads(case, rng, monkeypatch, threads):
+    body, omega0 = case
+    omega = states(body, rng.normal(size=(300, len(omega0))), 0.2, 50)
+    expected = sf.attitude(body, omega, 0.2, threads=1)
+    monkeypatch.setattr(_attitude, "_SLICE", 300 * 9 * 7)
+    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
+    assert np.array_equal(sf.attitude(body, omega, 0.2, threads=threads), expected)
+
+
+def test_memory_order_of_the_states(case):
+    body, omega0 = case
+    omega = states(body, [omega0, np.negative(omega0)], 0.2, 10)
+    expected = sf.attitude(body, omega, 0.2)
+    for order in (np.asfortranarray(omega), omega[:, ::-1][:, ::-1]):
+        order.flags.writeable = False
+        assert np.array_equal(sf.attitude(body, order, 0.2), expected)
 
 
 def test_failed_trajectories(unit):
-    omega = sf.iterate(unit, [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore").omega
+    omega = states(unit, [[1.0, -3.0], [0.3, 0.1]], 1, 5)
     R = sf.attitude(unit, omega, 1)
-    assert np.isnan(R[0, 1:]).all()
+    assert np.isnan(R[1:, 0]).all()
     assert np.isfinite(R[0, 0]).all()
-    assert np.isfinite(R[1]).all()
+    assert np.isfinite(R[:, 1]).all()
+
+
+def test_nan_from_the_first_nan_on(case):
+    body, omega0 = case
+    omega = states(body, omega0, 0.2, 40)
+    whole = sf.attitude(body, omega, 0.2)
+    for first in (0, 1, 17, 40):
+        broken = omega.copy()
+        broken[first, -1] = np.nan
+        R = sf.attitude(body, broken, 0.2)
+        assert np.array_equal(R[:first], whole[:first])
+        assert np.isnan(R[first:]).all()
+
+
+def test_states_that_do_not_follow_each_other(case):
+    body, omega0 = case
+    omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
+    other = sf.Suslov3D(4, 1, -0.5, -0.2) if len(omega0) == 2 else sf.SuslovND(ND.J, ND.I + 0.1)
+    for wrong in (omega[::2], omega[::-1], omega[::59], 2 * omega):
+        with pytest.raises(ValueError, match=r"states 0 and 1 of trajectory 0 that do not"):
+            sf.attitude(body, wrong, 0.2)
+    for eps in (0.2001, -0.2, 0.4, 0.0):
+        with pytest.raises(ValueError, match="omega: expected states that follow each other"):
+            sf.attitude(body, omega, eps)
+    with pytest.raises(ValueError, match="follow each other"):
+        sf.attitude(other, omega, 0.2)
+    omega[24:, 1] = omega[23, 1]
+    with pytest.raises(ValueError, match="states 23 and 24 of trajectory 1 that do not"):
+        sf.attitude(body, omega, 0.2)
+    with pytest.raises(ValueError, match="states 23 and 24 that do not"):
+        sf.attitude(body, omega[:, 1], 0.2)
+
+
+def test_the_exact_flow_does_not_follow_the_map(body):
+    times = 0.2 * np.arange(30)
+    with pytest.raises(ValueError, match="states 0 and 1 that do not"):
+        sf.attitude(body, sf.flow(body, [1.0, 0.5], times), 0.2)
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
+def test_whatever_iterate_returns_follows(rng, method):
+    """Every regime, units far apart, states next to poles and after them."""
+    size = 1000
+    body = sf.Suslov3D(
+        *10 ** rng.uniform(-4, 4, (2, size)),
+        *(rng.normal(size=(2, size)) * rng.choice([0, 1], size)),
+    )
+    omega0 = rng.normal(size=(size, 2)) * 10 ** rng.uniform(-6, 6, (size, 1))
+    eps = rng.choice([-1.0, 1.0], size) * 10 ** rng.uniform(-6, 6, size)
+    run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
+    R = sf.attitude(body, run.omega, eps)
+    assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
+
+
+@pytest.mark.parametrize("method", ["rank2", "gauss"])
+@pytest.mark.parametrize("n", [2, 4, 9])
+def test_whatever_iterate_returns_follows_in_n_dimensions(rng, method, n):
+    size = 300
+    body = sf.SuslovND(10 ** rng.uniform(-2, 2, (size, n - 1)), rng.normal(size=(size, n - 1)))
+    omega0 = rng.normal(size=(size, n - 1)) * 10 ** rng.uniform(-3, 3, (size, 1))
+    eps = rng.choice([-1.0, 1.0], size) * 10 ** rng.uniform(-3, 3, size)
+    run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
+    R = sf.attitude(body, run.omega, eps)
+    assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
+
+
+def test_the_formulas_carry_it_along_bit_for_bit(body):
+    omega, R0 = states(body, [1.0, 0.5], 0.2, 50), Rotation.from_rotvec([1, 2, 3]).as_matrix()
+    carried = (1.0, 0.0, 0.0, 0.0)
+    for k, R in enumerate(sf.attitude(body, omega, 0.2, R0)):
+        if k > 0:
+            turn = rotation.turn_between(0.2, *omega[k - 1], *omega[k])
+            carried = rotation.turned(*carried, *turn)
+        assert ([rotation.row_times_matrix(*row, *carried) for row in R0] == R).all()
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (([1.0, 0.5], 0.2), r"omega: expected shape \(..., N \+ 1, 2\), got \(2,\)"),
-        ((np.ones((0, 2)), 0.2), r"omega: expected shape \(..., N \+ 1, 2\), got \(0, 2\)"),
+        (([1.0, 0.5], 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(2,\)"),
+        ((np.ones((0, 2)), 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(0, 2\)"),
         ((np.ones((4, 3)), 0.2), r"omega: expected shape \(..., 2\), got \(4, 3\)"),
         (([[np.inf, 1]], 0.2), "omega: expected finite real numbers, got inf"),
-        ((np.ones((5, 4, 2)), [1, 2]), r"broadcast .* omega \(5,\), eps \(2,\)"),
+        ((np.ones((4, 2)), np.nan), "eps: expected finite real numbers, got nan"),
+        ((np.ones((4, 5, 2)), [1, 2]), r"broadcast .* omega \(5,\), eps \(2,\)"),
         ((np.ones((4, 2)), 0.2, np.eye(2)), r"R0: expected shape \(..., 3\), got \(2, 2\)"),
         ((np.ones((4, 2)), 0.2, np.ones(3)), r"R0: expected shape \(..., 3, 3\), got \(3,\)"),
         ((np.ones((4, 2)), 0.2, 2 * np.eye(3)), "R0: expected rotation matrices, got .* = 3"),
         ((np.ones((4, 2)), 0.2, -np.eye(3)), "R0: expected rotation .* determinant -1"),
+        ((np.ones((4, 2)), 0.2, None, 0), "threads: expected None or an integer from 1"),
     ],
 )
 def test_bad_input(body, arguments, message):

@@ -478,22 +478,6 @@ def test_jacobian_and_multipliers(rng):
     assert np.isfinite(singular[1]).all()
 
 
-def test_attitude(rng):
-    body = sf.SuslovND(*BODY_C)
-    omega = sf.iterate(body, rng.normal(size=(2, 3)), 0.2, 500).omega
-    R = sf.attitude(body, omega, 0.2)
-    assert R.shape == (2, 501, 4, 4)
-    assert abs(R @ R.swapaxes(-2, -1) - np.eye(4)).max() < 5e-15
-    assert abs(np.linalg.det(R) - 1).max() < 1e-14
-    naive_R = np.eye(4)
-    for v, w in zip(omega[0, :-1], omega[0, 1:], strict=True):
-        S = 0.2 * hat(0.5 * (v + w))
-        naive_R = naive_R @ np.linalg.solve(np.eye(4) - S / 2, np.eye(4) + S / 2)
-    np.testing.assert_allclose(R[0, -1], naive_R, atol=1e-12)
-    turned = sf.attitude(body, omega, 0.2, R0=R[1, 7])
-    np.testing.assert_allclose(turned, R[1, 7] @ R, atol=1e-15)
-
-
 def test_from_inertia(rng):
     body = sf.SuslovND(*BODY_C)
     same, rotation = sf.SuslovND.from_inertia(inertia_of(body))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
+from .._engine.layout import flat_rows
 from .three import frozen
 
 
@@ -76,6 +77,14 @@ class SuslovND:
     def parameters(self) -> tuple[Any, Any]:
         """J, I."""
         return self.J, self.I
+
+    def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
+        """J and I as loops take them."""
+        return [flat_rows(each, batch) for each in self.parameters]
+
+    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+        """The step size that goes with `flat_normalised`: itself."""
+        return eps
 
     def along_time(self) -> SuslovND:
         """The same batch with an axis of length 1 more, for states with a time axis."""

@@ -97,11 +97,9 @@ class Suslov3D:
             np.ldexp(self.I23, -products),
         )
 
-    def flat_normalised(self, batch: tuple[int, ...], order: str) -> list[FloatArray]:
+    def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
         """Them as loops take them."""
-        return self._one_normalised or [
-            flat_parameter(each, batch, order) for each in self.normalised
-        ]
+        return self._one_normalised or [flat_parameter(each, batch) for each in self.normalised]
 
     @cached_property
     def _one_normalised(self) -> list[FloatArray]:

@@ -1,95 +1,196 @@
-"""Loops over the steps of the orientation of the body."""
+"""Loops over the steps of the orientation of the body.
+
+Common arguments, flat over the batch of B trajectories:
+
+omega   (N + 1, B, m), the states, the first of which was dealt with before.
+eps     (B,), the step size.
+out     (N, B, n, n), the orientations at the others; NaN from the first state on that is NaN.
+"""
 
 import numpy as np
 from numba import prange
 
-from ..formulas.rotation import matrix, turned
-from ..jit import Loop
+from ..formulas.implicit import mismatch, strays, unit_of
+from ..formulas.rotation import (
+    is_large,
+    mean,
+    row_times_matrix,
+    turn_between,
+    turned,
+    turned_component,
+    turned_last,
+    unit_of_large,
+)
+from ..jit import Loop, part
 
-
-def _reconstruct(omega, eps, out):
-    """Orientations along trajectories, from the identity on.
-
-    omega   (B, N, 2), the states.
-    eps     (B,) or (1,), the time between two of them.
-    out     (B, N, 3, 3); NaN from the first state on that is NaN.
-    """
-    for i in prange(omega.shape[0]):
-        half = 0.5 * (eps[i] if eps.size > 1 else eps[0])
-        w, x, y, z = 1.0, 0.0, 0.0, 0.0
-        for k in range(omega.shape[1]):
-            if k > 0:
-                w, x, y, z = turned(
-                    w,
-                    x,
-                    y,
-                    z,
-                    half * (omega[i, k - 1, 0] + omega[i, k, 0]),
-                    half * (omega[i, k - 1, 1] + omega[i, k, 1]),
-                    0.0,
-                )
-            (
-                out[i, k, 0, 0],
-                out[i, k, 0, 1],
-                out[i, k, 0, 2],
-                out[i, k, 1, 0],
-                out[i, k, 1, 1],
-                out[i, k, 1, 2],
-                out[i, k, 2, 0],
-                out[i, k, 2, 1],
-                out[i, k, 2, 2],
-            ) = matrix(w, x, y, z)
-
-
-# In n dimensions rounding is undone after so many turns.
+# Trajectories that a task takes side by side; what they need fits in the first cache.
+LANES = 128
+# In n dimensions rounding is undone at each state whose number is a multiple of this.
 CLEAN_EVERY = 16
+# Tasks of a batch, more than the threads of any machine that this is likely to meet.
+TASKS = 64
 
 
-def _reconstruct_nd(omega, eps, out):
-    """The same in n dimensions; out is (B, N, n, n)."""
-    m = omega.shape[2]
-    n = m + 1
-    for i in prange(omega.shape[0]):
-        half = 0.5 * (eps[i] if eps.size > 1 else eps[0])
-        angle, image = np.empty(m), np.empty(n)
-        gram, cleaned = np.empty((n, n)), np.empty((n, n))
-        for r in range(n):
-            for c in range(n):
-                out[i, 0, r, c] = 1.0 if r == c else 0.0
-        for k in range(1, omega.shape[1]):
-            square = 0.0
-            for j in range(m):
-                angle[j] = half * (omega[i, k - 1, j] + omega[i, k, j])
-                square += angle[j] * angle[j]
-            scale = 1.0 / (1.0 + 0.25 * square)
-            # cay(S) = Id + (S + S**2 / 2) / (1 + |angle|**2 / 4), S = angle e_n^T - e_n angle^T.
-            for r in range(n):
-                image[r] = 0.0
-                for j in range(m):
-                    image[r] += out[i, k - 1, r, j] * angle[j]
-            for r in range(n):
-                last = out[i, k - 1, r, m]
-                for j in range(m):
-                    out[i, k, r, j] = (
-                        out[i, k - 1, r, j] - scale * (last + 0.5 * image[r]) * angle[j]
+def _reconstruct(omega, eps, R0, carried, out):
+    """Orientations R0 R, where R began as the identity.
+
+    R0        (3, 3, B).
+    carried   (4, B), the quaternions of R; read and written.
+    """
+    batch = omega.shape[1]
+    for block in prange((batch + LANES - 1) // LANES):
+        first = block * LANES
+        last = min(first + LANES, batch)
+        for k in range(out.shape[0]):
+            for l in range(first, last):
+                unit, b1, b2 = turn_between(
+                    eps[l], omega[k, l, 0], omega[k, l, 1], omega[k + 1, l, 0], omega[k + 1, l, 1]
+                )
+                carried[0, l], carried[1, l], carried[2, l], carried[3, l] = turned(
+                    carried[0, l], carried[1, l], carried[2, l], carried[3, l], unit, b1, b2
+                )
+            for l in range(first, last):
+                w, x, y, z = carried[0, l], carried[1, l], carried[2, l], carried[3, l]
+                for r in range(3):
+                    out[k, l, r, 0], out[k, l, r, 1], out[k, l, r, 2] = row_times_matrix(
+                        R0[r, 0, l], R0[r, 1, l], R0[r, 2, l], w, x, y, z
                     )
-                out[i, k, r, m] = last + scale * (image[r] - 0.5 * square * last)
-            if k % CLEAN_EVERY == 0:
-                # One step of Newton's method for the nearest orthogonal matrix.
+
+
+@part
+def turn(columns, b, eps, image):
+    """Turn an orientation in place, as it goes from one state to the next.
+
+    columns   (n, n), the transpose of R.
+    b         (m,), the mean of the two states; overwritten.
+    image     (n,), scratch.
+    """
+    m = b.size
+    half, total, largest = 0.5 * eps, 0.0, 0.0
+    for j in range(m):
+        total += abs(half * b[j])
+        largest = max(largest, abs(b[j]))
+    large = is_large(total)
+    unit = 0.0 if large else 1.0
+    factor = np.copysign(unit_of_large(largest), eps) if large else half
+    square = 0.0
+    for j in range(m):
+        b[j] *= factor
+        square += b[j] * b[j]
+    scale = 2.0 / (unit + square)
+    # Rows side by side: the inner loops are vectors of them.
+    last = columns[m]
+    for r in range(m + 1):
+        image[r] = 0.0
+    for j in range(m):
+        for r in range(m + 1):
+            image[r] += columns[j, r] * b[j]
+    for j in range(m):
+        scaled = scale * b[j]
+        for r in range(m + 1):
+            columns[j, r] = turned_component(columns[j, r], last[r], image[r], unit, scaled)
+    for r in range(m + 1):
+        last[r] = turned_last(last[r], image[r], scale, unit, square)
+
+
+@part
+def clean_up(columns, gram, cleaned):
+    """One step of Newton's method to the nearest orthogonal matrix, in place; two scratches."""
+    n = columns.shape[0]
+    for r in range(n):
+        for c in range(n):
+            gram[r, c] = 1.5 if r == c else 0.0
+    for k in range(n):
+        for r in range(n):
+            factor = 0.5 * columns[k, r]
+            for c in range(n):
+                gram[r, c] -= factor * columns[k, c]
+    for r in range(n):
+        for c in range(n):
+            cleaned[r, c] = 0.0
+        for k in range(n):
+            factor = columns[r, k]
+            for c in range(n):
+                cleaned[r, c] += factor * gram[k, c]
+    for r in range(n):
+        for c in range(n):
+            columns[r, c] = cleaned[r, c]
+
+
+def _reconstruct_nd(omega, eps, number, before, out, scratch):
+    """The same in n dimensions.
+
+    number    of the first state in `omega`.
+    before    (B, n, n), the orientations there.
+    scratch   (tasks, 3 n + 2, n), one for each task.
+    """
+    batch, m = omega.shape[1], omega.shape[2]
+    n, n_tasks = m + 1, scratch.shape[0]
+    for task in prange(n_tasks):
+        columns, gram, cleaned = (
+            scratch[task, :n],
+            scratch[task, n : 2 * n],
+            scratch[task, 2 * n : 3 * n],
+        )
+        image, b = scratch[task, 3 * n], scratch[task, 3 * n + 1, :m]
+        for i in range(task * batch // n_tasks, (task + 1) * batch // n_tasks):
+            for r in range(n):
+                for c in range(n):
+                    columns[c, r] = before[i, r, c]
+            for k in range(out.shape[0]):
+                for j in range(m):
+                    b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
+                turn(columns, b, eps[i], image)
+                if (number + k + 1) % CLEAN_EVERY == 0:
+                    clean_up(columns, gram, cleaned)
                 for r in range(n):
                     for c in range(n):
-                        gram[r, c] = 1.5 if r == c else 0.0
-                        for j in range(n):
-                            gram[r, c] -= 0.5 * out[i, k, r, j] * out[i, k, c, j]
-                for r in range(n):
-                    for c in range(n):
-                        cleaned[r, c] = 0.0
-                        for j in range(n):
-                            cleaned[r, c] += gram[r, j] * out[i, k, j, c]
-                for r in range(n):
-                    for c in range(n):
-                        out[i, k, r, c] = cleaned[r, c]
+                        out[k, i, r, c] = columns[c, r]
+
+
+@part
+def total_mismatch(root, h, I, omega, following):
+    """The sums over components that `strays` takes."""
+    largest = 0.0
+    for j in range(omega.size):
+        largest = max(largest, max(abs(omega[j]), abs(following[j])))
+    unit = unit_of(largest)
+    p, p_next, product = 0.0, 0.0, 0.0
+    for j in range(omega.size):
+        p += I[j] * (omega[j] * unit)
+        p_next += I[j] * (following[j] * unit)
+        product += (omega[j] * unit) * (following[j] * unit)
+    left, step, size = 0.0, 0.0, 0.0
+    for j in range(omega.size):
+        left_j, step_j, size_j = mismatch(
+            h[j] / unit, I[j], omega[j] * unit, following[j] * unit, p, p_next, product
+        )
+        left += root[j] * left_j
+        step += root[j] * step_j
+        size += root[j] * size_j
+    return left, step, size
+
+
+def _follow(root, h, I, number, omega, stray):
+    """Find states that do not follow the one before by the map.
+
+    root     (B, m) or (1, m), the weights of the components: the roots of J.
+    h, I     (B, m) or (1, m): eps / J, and I, which is of the order of 1.
+    number   of the first state in `omega`.
+    stray    (B,), the number of the first state that does not, or -1; read and written.
+    """
+    batch = omega.shape[1]
+    for block in prange((batch + LANES - 1) // LANES):
+        for k in range(omega.shape[0] - 1):
+            for i in range(block * LANES, min((block + 1) * LANES, batch)):
+                row = i if h.shape[0] > 1 else 0
+                left, step, size = total_mismatch(
+                    root[row], h[row], I[row], omega[k, i], omega[k + 1, i]
+                )
+                if strays(left, step, size) and stray[i] < 0:
+                    stray[i] = number + k + 1
 
 
 reconstruct = Loop(_reconstruct)
 reconstruct_nd = Loop(_reconstruct_nd)
+follow = Loop(_follow)

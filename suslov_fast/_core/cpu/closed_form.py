@@ -20,6 +20,7 @@ from ..codes import NONFINITE, OK, SUPERCRITICAL
 from ..formulas.closed_form import orbit_of_flow, orbit_of_map, orbit_point
 from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from ..jit import Loop, part
+from . import intrinsics  # noqa: F401
 from .blocks import (
     LANES,
     TASKS,
@@ -27,9 +28,9 @@ from .blocks import (
     gather_states,
     in_whole_vectors,
     one_body,
-    rows_of_lanes,
     scatter_pairs,
 )
+from .vector import on_stack
 
 # What a state costs, in steps of the map.
 WORK = 30
@@ -128,8 +129,8 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, out):
     n_tasks = min(n_parts, TASKS)
     flat = out.reshape(out.size)
     for task in prange(n_tasks):
-        given, orbit = rows_of_lanes(7), rows_of_lanes(7)
-        frame, states = rows_of_lanes(4), rows_of_lanes(2)
+        given, orbit = on_stack(7, LANES), on_stack(7, LANES)
+        frame, states = on_stack(4, LANES), on_stack(2, LANES)
         begin_of_task = task * n_parts // n_tasks
         for k in range(begin_of_task, (task + 1) * n_parts // n_tasks):
             first = k // chunks * LANES
@@ -184,8 +185,8 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
     shared = one_body(I1, I2, I13, I23, eps)
     n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
-        given, orbit = rows_of_lanes(7), rows_of_lanes(7)
-        frame, states = rows_of_lanes(4), rows_of_lanes(2)
+        given, orbit = on_stack(7, LANES), on_stack(7, LANES)
+        frame, states = on_stack(4, LANES), on_stack(2, LANES)
         begin_of_task = task * n_blocks // n_tasks
         for block in range(begin_of_task, (task + 1) * n_blocks // n_tasks):
             first = block * LANES

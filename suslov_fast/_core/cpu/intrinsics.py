@@ -10,21 +10,20 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 from .vector import (
     VECTOR,
     choose,
     copy_transposed,
-    expect_store,
     in_all,
     load,
+    on_stack,
     publish,
     same,
     store,
-    store_at,
-    store_past_caches,
-    vector_at,
+    store_pairs,
+    stream_pairs,
 )
 
 
@@ -166,26 +165,33 @@ def _element(context, builder, array, index, kind):
     return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
 
 
-@_define(vector_at, DOUBLES, _FLAT, _INDEX)
-def _vector_at(context, builder, signature, arguments):
-    return builder.load(_element(context, builder, *arguments, _LLVM[DOUBLES]), align=8)
+def _define_pairs(function, emit):
+    """Two vectors become two others, which hold their pairs, and go where `emit` writes."""
+
+    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
+    def _pairs(context, builder, signature, arguments):
+        array, index, first, second = arguments
+        for half in range(2):
+            lanes = [half * VECTOR // 2 + k // 2 + k % 2 * VECTOR for k in range(VECTOR)]
+            places = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
+            pairs = builder.shuffle_vector(first, second, places)
+            emit(builder, pairs, _element(context, builder, array, index, _LLVM[DOUBLES]))
+            index = builder.add(index, index.type(VECTOR))
+        return context.get_dummy_value()
 
 
-@_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_at(context, builder, signature, arguments):
-    array, index, vector = arguments
-    builder.store(vector, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
-    return context.get_dummy_value()
+def _plain(builder, vector, place):
+    builder.store(vector, place, align=8)
 
 
-@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_past_caches(context, builder, signature, arguments):
-    array, index, vector = arguments
-    place = _element(context, builder, array, index, _LLVM[DOUBLES])
+def _past_caches(builder, vector, place):
     store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
-    return context.get_dummy_value()
+
+
+_define_pairs(store_pairs, _plain)
+_define_pairs(stream_pairs, _past_caches)
 
 
 @_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
@@ -217,18 +223,42 @@ def _copy_transposed(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@_define(expect_store, types.void, _FLAT, _INDEX)
-def _expect_store(context, builder, signature, arguments):
-    integer = ir.IntType(32)
-    place = _element(context, builder, *arguments, ir.IntType(8))
-    kind = ir.FunctionType(ir.VoidType(), [place.type, integer, integer, integer])
-    prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
-    for_writing, near, data = integer(1), integer(3), integer(1)
-    builder.call(prefetch, [place, for_writing, near, data])
-    return context.get_dummy_value()
-
-
 @_define(publish, types.void)
 def _publish(context, builder, signature, arguments):
     builder.fence("seq_cst")
     return context.get_dummy_value()
+
+
+@intrinsic(prefer_literal=True)
+def _on_stack(typing_context, rows, lanes):
+    if not (isinstance(rows, types.IntegerLiteral) and isinstance(lanes, types.IntegerLiteral)):
+        return None
+    shape = rows.literal_value, lanes.literal_value
+    array_type = types.Array(types.float64, 2, "C")
+
+    def generate(context, builder, signature, arguments):
+        memory = ir.ArrayType(ir.DoubleType(), shape[0] * shape[1])
+        with builder.goto_entry_block():
+            place = builder.alloca(memory)
+            place.align = 64
+
+        def integers(*values):
+            return cgutils.pack_array(builder, [ir.IntType(64)(value) for value in values])
+
+        array = context.make_array(array_type)(context, builder)
+        context.populate_array(
+            array,
+            data=builder.bitcast(place, ir.DoubleType().as_pointer()),
+            shape=integers(*shape),
+            strides=integers(8 * shape[1], 8),
+            itemsize=ir.IntType(64)(8),
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    return array_type(rows, lanes), generate
+
+
+@overload(on_stack, inline="always", prefer_literal=True)
+def _overload_on_stack(rows, lanes):
+    return lambda rows, lanes: _on_stack(rows, lanes)

@@ -20,6 +20,15 @@ def aligned(size):
     return buffer[offset : offset + size]
 
 
+def on_stack(rows, lanes):
+    """An array (rows, lanes) of doubles on a cache line, for as long as the calling loop runs.
+
+    Both numbers are constants. A part of a loop must not call this: what it gets is gone when the
+    part returns.
+    """
+    return aligned(rows * lanes).reshape((rows, lanes))
+
+
 @part
 def to_cache_line(array, index):
     """How many elements lie between array[index] and the next start of a cache line."""
@@ -66,22 +75,18 @@ def smaller(a, b):
 # Ways to write memory that is not read again; arrays are flat, indices those of elements.
 
 
-def vector_at(array, index):
-    """The vector that starts at an element."""
-    return array[index : index + VECTOR].copy()
+def store_pairs(array, index, first, second):
+    """Two vectors, pair by pair: 2 VECTOR numbers from an element on."""
+    array[index : index + 2 * VECTOR : 2] = first
+    array[index + 1 : index + 2 * VECTOR : 2] = second
 
 
-def store_at(array, index, vector):
-    """The reverse of `vector_at`."""
-    array[index : index + VECTOR] = vector
+def stream_pairs(array, index, first, second):
+    """The same where a cache line starts, past the caches.
 
-
-def store_past_caches(array, index, vector):
-    """Write a vector where a cache line starts.
-
-    The caches need not read the line first, nor lose others to it.
+    The caches need not read the lines first, nor lose others to them.
     """
-    array[index : index + VECTOR] = vector
+    store_pairs(array, index, first, second)
 
 
 def copy_transposed(array, index, stride, source, first, distance):
@@ -91,10 +96,6 @@ def copy_transposed(array, index, stride, source, first, distance):
     """
     i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
     array[index + stride * i + j] = source[first + distance * i + j].T
-
-
-def expect_store(array, index):
-    """Fetch the cache line of an element that will soon be written: a store waits for it."""
 
 
 def publish():

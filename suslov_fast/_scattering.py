@@ -1,0 +1,76 @@
+"""The angle between the steady rotations that a motion leaves and reaches, as seen in space."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray, instance
+from ._core.cpu import scattering
+from ._engine import threads as _threads
+
+
+def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
+    """The angle in space between the angular velocities at time -infinity and at +infinity.
+
+    In the continuous problem every motion leaves one steady rotation and ends in another. The angle
+    between the two in space depends on the body alone, not on the energy.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In radians, from 0, where the body turns over, to pi, where it stays as it is; NaN where
+        I13 = I23 = 0 and nothing moves.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    In closed form: with D = I13**2 I2 + I23**2 I1, k**2 = I13**2 + I23**2, alpha = I1 I2 k / D,
+    beta**2 = I1 I2 / k**2, gamma = beta I13 I23 (I2 - I1) / D and
+    kappa**2 = (alpha - i gamma)**2 - beta**2,
+
+    sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
+    + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
+
+    Rounding of the body is amplified as the formula amplifies it: the error is some 1e-15
+    (alpha + beta + abs(gamma)), times the angle itself where that is exponentially small. So it
+    stays below 1e-10 while I1 and I2 are within a factor of 1e8 of each other, whatever I13 and I23
+    are. The discrete problem has such an angle too, which tends to this one with order 2.
+
+    References
+    ----------
+    .. [1] Yu. N. Fedorov, A. J. Maciejewski, M. Przybylska, "The Poisson equations in the
+       nonholonomic Suslov problem: integrability, meromorphic and hypergeometric solutions",
+       Nonlinearity 22 (2009), arXiv:0902.0079: the angle where gamma = 0.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, scattering_angle
+    >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
+    1.221073798141
+    """
+    instance("body", body, Suslov3D)
+    threads = _threads.thread_count(threads)
+    moments, products = body.exponents
+    unit = np.ldexp(1.0, np.clip(moments - products, -1000, 1000))
+    flat: list[Any] = [
+        np.ascontiguousarray(np.broadcast_to(each, body.shape)).reshape(-1)
+        for each in (*body.normalised, unit)
+    ]
+    angles = np.empty(math.prod(body.shape))
+    _threads.run(scattering.scatter, angles.size * scattering.WORK, threads, *flat, angles)
+    return angles.reshape(body.shape)[()]

@@ -1,0 +1,153 @@
+"""The scattering angle, against long integrations, special cases and the discrete problem."""
+
+import mpmath
+import naive
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import mpf
+
+import suslov_fast as sf
+
+BODIES = [
+    (4, 1, -0.5, -0.3),
+    (1, 3, 0.7, 1.9),
+    (2, 2, 1.5, -2.5),
+    (0.3, 5, 2, 0.8),
+    (4, 2, 0, -1.2),
+]
+
+
+def closed_form(I1, I2, I13, I23):
+    """The angle by the formula of the docstring, in 60 digits; and alpha + beta + |gamma|."""
+    I1, I2, I13, I23 = (mpf(float(each)) for each in (I1, I2, I13, I23))
+    D, k = I13**2 * I2 + I23**2 * I1, mpmath.hypot(I13, I23)
+    alpha, beta = I1 * I2 * k / D, mpmath.sqrt(I1 * I2) / k
+    gamma = beta * I13 * I23 * (I2 - I1) / D
+    kappa = mpmath.sqrt((alpha - 1j * gamma) ** 2 - beta**2)
+    c, half = mpmath.cosh(mpmath.pi * kappa / 2), mpmath.pi * alpha / 2
+    square = (mpmath.re(c) / mpmath.cosh(half)) ** 2 + (mpmath.im(c) / mpmath.sinh(half)) ** 2
+    return 2 * mpmath.asin(mpmath.sqrt(square)), float(alpha + beta + abs(gamma))
+
+
+@pytest.mark.parametrize("parameters", BODIES)
+def test_against_long_integration(parameters):
+    """Of the Poisson equations with the exact flow; what is left out is of the order of 1e-17."""
+    expected = naive.scattering_angle(*parameters)
+    assert abs(mpf(float(sf.scattering_angle(sf.Suslov3D(*parameters)))) - expected) < 4e-15
+
+
+def test_the_closed_form_of_the_reference():
+    """Where gamma = 0: cos(pi sqrt(beta**2 - alpha**2) / 2) / cosh(pi alpha / 2)."""
+    for I1, I2, I13, I23 in ((4, 2, 0, -1.2), (4, 2, 1.7, 0), (3, 3, 2, -1.1)):
+        k = np.hypot(I13, I23)
+        alpha, beta = I1 * I2 * k / (I13**2 * I2 + I23**2 * I1), np.sqrt(I1 * I2) / k
+        root = np.emath.sqrt(beta**2 - alpha**2)
+        sine = np.cos(np.pi * root / 2).real / np.cosh(np.pi * alpha / 2)
+        angle = sf.scattering_angle(sf.Suslov3D(I1, I2, I13, I23))
+        np.testing.assert_allclose(np.sin(angle / 2), abs(sine), rtol=1e-13)
+
+
+def discrete(body, eps, far):
+    """The angle of a run of the map, from and to where x / y is 2 exp(-far) sqrt(I1 I2)."""
+    start = sf.from_xy(body, [2 * np.exp(-far) / np.sqrt(body.I1 * body.I2), 1.0])
+    t = sf.criticality(body, start, eps)
+    steps = int(np.ceil(far / np.arctanh(t)))
+    omega = sf.iterate(body, start, eps, steps).omega
+    R = sf.attitude(body, omega, eps)
+    first, last = R[0, :, :2] @ omega[0], R[-1, :, :2] @ omega[-1]
+    return np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last)
+
+
+@pytest.mark.compiled
+def test_limit_of_the_discrete_problem(rng):
+    for parameters in (*BODIES[:3], (*rng.uniform(0.5, 4, 2), *rng.normal(size=2))):
+        body = sf.Suslov3D(*parameters)
+        unit = body.I1 * body.I2
+        eps = unit * 0.02 / 2.0 ** np.arange(4)
+        angles = np.array([discrete(body, each, 27.0) for each in eps])
+        errors = angles - sf.scattering_angle(body)
+        order = np.polyfit(np.log(eps), np.log(abs(errors)), 1)[0]
+        assert abs(order - 2) < 0.01
+        once = (4 * angles[1:] - angles[:-1]) / 3
+        twice = (16 * once[1:] - once[:-1]) / 15
+        assert abs(twice[-1] - sf.scattering_angle(body)) < 1e-10
+
+
+positive = st.floats(1e-3, 1e3)
+signed = st.floats(1e-3, 1e3) | st.floats(-1e3, -1e-3) | st.just(0.0)
+
+
+@given(positive, positive, signed, signed)
+def test_to_rounding(I1, I2, I13, I23):
+    """Also of angles that are exponentially small."""
+    angle = sf.scattering_angle(sf.Suslov3D(I1, I2, I13, I23))
+    if I13 == 0 and I23 == 0:
+        assert np.isnan(angle)
+        return
+    expected, size = closed_form(I1, I2, I13, I23)
+    if size < 300:
+        assert abs(mpf(float(angle)) - expected) <= 1e-15 * (1 + size) ** 2 * expected
+    else:
+        assert abs(mpf(float(angle)) - expected) <= 2e-15 * size
+
+
+@given(positive, positive, signed, signed, st.integers(-500, 500))
+def test_depends_on_ratios_alone(I1, I2, I13, I23, k):
+    body = sf.Suslov3D(I1, I2, I13, I23)
+    angle = sf.scattering_angle(body)
+    scaled = sf.Suslov3D(*(np.ldexp(each, k) for each in body.parameters))
+    np.testing.assert_array_equal(sf.scattering_angle(scaled), angle)
+    for same in ((I2, I1, I23, I13), (I1, I2, -I13, -I23), (I1, I2, I13, -I23)):
+        other = sf.scattering_angle(sf.Suslov3D(*same))
+        np.testing.assert_allclose(other, angle, rtol=1e-11, atol=1e-300)
+
+
+def test_from_small_to_large_products_of_inertia():
+    """From a body that turns over to one that stays as it is."""
+    weak, strong = sf.scattering_angle(sf.Suslov3D(4, 1, [1e-300, 1e300], [1e-300, 2e300]))
+    assert weak == 0.0
+    assert abs(strong - np.pi) < 1e-15
+    angles = sf.scattering_angle(sf.Suslov3D(4, 1, -(10 ** np.linspace(-0.5, 8, 200)), -0.3))
+    assert (np.diff(angles) >= 0).all()
+
+
+@pytest.mark.parametrize("ratio", [1e-300, 1e-100, 1e-8, 1e-6, 1e6, 1e8, 1e100, 1e300])
+def test_moments_far_apart(ratio):
+    """To 1e-10 up to 1e8; beyond 1e30 some of these angles stand after all digits of float64."""
+    angles = sf.scattering_angle(sf.Suslov3D(ratio, 1, [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]))
+    assert ((angles >= 0) & (angles <= np.pi)).all()
+    if 1e-8 <= ratio <= 1e8:
+        for angle, products in zip(angles, ((1, 0), (0, 1), (1, 1)), strict=True):
+            assert abs(angle - float(closed_form(ratio, 1, *products)[0])) < 1e-10
+
+
+def test_batches(rng):
+    parameters = (*rng.uniform(0.5, 4, (2, 3, 1)), *rng.normal(size=(2, 700)))
+    angles = sf.scattering_angle(sf.Suslov3D(*parameters))
+    assert angles.shape == (3, 700)
+    I1, I2, I13, I23 = parameters
+    assert angles[2, 5] == sf.scattering_angle(sf.Suslov3D(I1[2, 0], I2[2, 0], I13[5], I23[5]))
+    assert isinstance(sf.scattering_angle(sf.Suslov3D(4, 1, 1, 1)), float)
+    assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_threads(rng, threads, monkeypatch):
+    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 5000)), *rng.normal(size=(2, 5000)))
+    expected = sf.scattering_angle(body)
+    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
+    assert (sf.scattering_angle(body, threads=threads) == expected).all()
+
+
+def test_nothing_moves():
+    angles = sf.scattering_angle(sf.Suslov3D(4, 1, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]))
+    assert np.isnan(angles).tolist() == [True, False, False]
+
+
+def test_bad_input():
+    with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
+        sf.scattering_angle(sf.SuslovND([1, 2], [1, 2]))
+    with pytest.raises(ValueError, match="threads: expected"):
+        sf.scattering_angle(sf.Suslov3D(4, 1, 1, 1), threads=0)

@@ -53,7 +53,7 @@ def energy(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArr
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         return of_state_nd(observables_nd.energy, body, state, None, batch, count)
@@ -106,7 +106,7 @@ def first_integral(
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.265344729629
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         reduce(body, "first_integral")
@@ -158,7 +158,7 @@ def modified_energy(
     >>> float(modified_energy(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     2.122757837035
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         return of_state_nd(observables_nd.modified_energy, body, state, step_size, batch, count)
@@ -207,7 +207,7 @@ def criticality(
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         reduce(body, "criticality")
@@ -261,7 +261,7 @@ def invariant_density(
     >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
     -0.09605068
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2, later=True)
     count = thread_count(threads)
     return of_state(observables.invariant_density, body, state, step_size, batch, count)
 

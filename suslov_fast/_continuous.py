@@ -46,7 +46,7 @@ def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> Fl
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension,)
@@ -97,7 +97,9 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    (state, *step_size), batch = check(body, {"omega": omega}, {} if eps is None else {"eps": eps})
+    (state, *step_size), batch = check(
+        body, {"omega": omega}, {} if eps is None else {"eps": eps}, later=True
+    )
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
@@ -108,7 +110,7 @@ def reaction(
         return of_state_nd(observables_nd.reaction, body, state, None, batch, count, result)
     if step_size:
         loop = observables.discrete_reaction
-        return of_state(loop, body, state, step_size[0], batch, count, warn=True)
+        return of_state(loop, body, state, step_size[0], batch, count)
     return of_state(observables.reaction, body, state, None, batch, count)
 
 

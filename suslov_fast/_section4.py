@@ -73,7 +73,9 @@ def closed_form(
     >>> (2 * np.sqrt(4 * h) * np.tanh(k1 * 0.2 * np.arange(4) + k2)).round(6)
     array([-0.95    , -1.030445, -1.107252, -1.18025 ])
     """
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps}, dimension=2)
+    (state, step_size), batch = check(
+        body, {"omega0": omega0}, {"eps": eps}, dimension=2, later=True
+    )
     count = thread_count(threads)
-    found = of_state(observables.constants, body, state, step_size, batch, count, 4)
+    found = of_state(observables.constants, body, state, step_size, batch, count, 4, "omega0")
     return ClosedForm(*(found[..., k][()] for k in range(4)))

@@ -157,6 +157,43 @@ def test_infinite_states_are_errors(function, body):
         evaluate(function, body, [1, 2, 3])
 
 
+@named
+@pytest.mark.parametrize("shape", [(30_000,), (100, 300)], ids=str)
+def test_infinite_states_among_many_are_errors(rng, function, shape):
+    """Those are found by the loops themselves."""
+    omega = rng.normal(size=(*shape, 2))
+    omega[-1, ..., 1] = np.nan
+    evaluate(function, bodies_3d(rng), omega)
+    last = tuple(n - 2 for n in shape)
+    omega[(*last, 1)] = -np.inf
+    for body in (bodies_3d(rng), bodies_3d(rng, shape[-1:])):
+        message = str((*last, 1)).replace("(", r"\(").replace(")", r"\)")
+        with pytest.raises(ValueError, match="omega: expected .* got -inf at index " + message):
+            evaluate(function, body, omega)
+
+
+def test_infinite_states_among_many_in_other_functions(rng, body):
+    many = rng.normal(size=(20_000, 2))
+    many[12_345, 0] = np.inf
+    for function, name, arguments in (
+        (sf.to_xy, "omega", ()),
+        (sf.from_xy, "xy", ()),
+        (sf.closed_form, "omega0", (0.1,)),
+        (sf.reaction, "omega", ()),
+        (sf.reaction, "omega", (0.1,)),
+    ):
+        with pytest.raises(ValueError, match=rf"^{name}: .* got inf at index \(12345, 0\)"):
+            function(body, many, *arguments)
+
+
+@named_nd
+def test_infinite_states_among_many_in_n_dimensions(rng, function):
+    many = rng.normal(size=(5_000, 4))
+    many[1_234, 2] = np.inf
+    with pytest.raises(ValueError, match=r"omega: .* got inf at index \(1234, 2\)"):
+        evaluate(function, bodies_nd(rng), many)
+
+
 def test_nan_step_sizes_are_errors(body):
     for function in (sf.first_integral, sf.jacobian, sf.reaction, sf.closed_form):
         with pytest.raises(ValueError, match="eps: expected finite"):

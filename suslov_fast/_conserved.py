@@ -256,10 +256,10 @@ def invariant_density(
     >>> from suslov_fast import Suslov3D, invariant_density, jacobian, step
     >>> body, omega = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]
     >>> float(invariant_density(body, omega, eps=0.2).round(9))
-    -0.09605068
+    -0.096052391
     >>> after = invariant_density(body, step(body, omega, eps=0.2), eps=0.2)
     >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
-    -0.09605068
+    -0.096052391
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2, later=True)
     count = thread_count(threads)

@@ -18,7 +18,7 @@ from ._bodies.three import Suslov3D
 from ._conserved import criticality, energy, first_integral, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
-from ._full import step_full
+from ._full import iterate_full, step_full
 from ._linearised import jacobian, multipliers
 from ._map import iterate, step
 from ._scattering import scattering_angle
@@ -44,6 +44,7 @@ __all__ = [
     "flow",
     "from_xy",
     "iterate",
+    "iterate_full",
     "jacobian",
     "limits",
     "modified_energy",

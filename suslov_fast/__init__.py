@@ -23,6 +23,7 @@ from ._linearised import jacobian, multipliers
 from ._map import iterate, step
 from ._scattering import scattering_angle
 from ._solution import exact, flow, limits
+from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
 from ._status import SingularStepError, SingularStepWarning, Status
 from ._trajectories import Trajectories
 
@@ -42,17 +43,22 @@ __all__ = [
     "exact",
     "first_integral",
     "flow",
+    "from_matrix",
+    "from_vector",
     "from_xy",
     "iterate",
     "iterate_full",
     "jacobian",
     "limits",
     "modified_energy",
+    "momentum",
     "multipliers",
     "reaction",
     "scattering_angle",
     "step",
     "step_full",
+    "to_matrix",
+    "to_vector",
     "to_xy",
     "vector_field",
 ]

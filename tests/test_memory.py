@@ -1,5 +1,7 @@
 """How much memory is available, as far as the system tells."""
 
+import sys
+
 import children
 import pytest
 
@@ -108,3 +110,45 @@ def test_the_limits_of_this_system():
             assert memory.available() <= {GB}
         """
     )
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space")
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("batch", ["3D", "n = 20001"])
+def test_memory_that_ends_is_an_error(batch, threads):
+    """Numba loses errors inside `prange`: what is left over are states that nobody computed."""
+    output = children.run(
+        """
+        import resource, sys
+        import numpy as np, suslov_fast as sf
+        from suslov_fast._engine import memory
+
+        if sys.argv[1] == "3D":
+            body, omega, steps = sf.Suslov3D(4, 1, -0.5, -0.3), np.ones((100_000, 2)), 40
+        else:
+            body = sf.SuslovND(np.ones(20_000), np.ones(20_000) / 20_000)
+            omega, steps = np.full((9, 20_000), 19.98), 2
+
+        def run():
+            return sf.iterate(body, omega, 0.1, steps, threads=int(sys.argv[2])).omega
+
+        expected = run()
+        outcomes = []
+        for room in range(0, 4 * expected.nbytes, expected.nbytes // 8):
+            used = memory._kilobytes(memory._read("/proc/self/status"), "VmSize")
+            resource.setrlimit(resource.RLIMIT_AS, (used + room, resource.RLIM_INFINITY))
+            try:
+                result = run()
+            except MemoryError:
+                result = None
+            resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+            assert result is None or np.array_equal(result, expected, equal_nan=True)
+            outcomes.append(result is None)
+        print(*set(outcomes))
+        """,
+        batch,
+        threads,
+        **children.layer("workqueue"),
+    )
+    assert set(output.split()) == {"True", "False"}

@@ -26,8 +26,12 @@ PROBLEMS = (
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_scarce_memory(problem, layer):
     threads, settings = (2, children.layer(layer)) if layer else (1, {})
-    # What is freed goes back at once, instead of serving the next run.
-    settings |= {"MALLOC_MMAP_THRESHOLD_": "65536"}
+    # What is freed goes back at once or is overwritten, instead of showing the last run's states.
+    settings |= {
+        "MALLOC_MMAP_THRESHOLD_": "65536",
+        "MALLOC_PERTURB_": "170",
+        "MALLOC_ARENA_MAX": "1",
+    }
     output = children.run_file(SCRIPT, problem, threads, **settings)
     done, refused = map(int, output.split())
     assert done > 1

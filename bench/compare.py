@@ -19,7 +19,7 @@ from pathlib import Path
 from report import BENCH, load, rate, run_pytest
 
 ROOT = BENCH.parent
-SUITES = ["bench_map3d.py", "bench_nd.py", "bench_closed_form.py", "bench_calls.py"]
+SUITES = ["bench_x"]
 
 
 def resolve(revision):

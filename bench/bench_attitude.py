@@ -1,10 +1,11 @@
 """Orientations: carried along by `iterate`, and found along states that are there."""
 
 import pytest
-import suslov_fast
 from problem import BODY, EPS, problem_nd, starts
 from results import Table
 from revision import TIME_FIRST, iterate
+
+import suslov_fast
 
 PROBLEMS = {3: (BODY, starts, EPS), 4: (problem_nd(3, 1)[0], lambda B: problem_nd(3, B)[1], 0.1)}
 

@@ -75,6 +75,4 @@ def bench_new_copy(measure):
 
 def bench_new_memory(measure):
     size = measure.size(SIZE, 2**10)
-    measure(
-        lambda: np.ones(size), rounds=3, **row(Limit.NEW, "`np.ones`, new memory", 8 * size)
-    )
+    measure(lambda: np.ones(size), rounds=3, **row(Limit.NEW, "`np.ones`, new memory", 8 * size))

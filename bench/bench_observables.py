@@ -5,10 +5,11 @@ import functools
 import numpy as np
 import pytest
 import revision
-import suslov_fast
 from peers import formulas
 from problem import BODY, CHECKED, EPS
 from results import Limit, Table, Whose
+
+import suslov_fast
 
 STATES = 10_000_000
 WITH_EPS = (

@@ -62,6 +62,8 @@ def bench_import(measure, process, name):
 @pytest.mark.parametrize("name", RESULTS)
 def bench_second_process(measure, process, name):
     """With what the call that warms up has compiled."""
+    if not measure.full and name != "iterate":
+        pytest.skip("one process is test enough")
     label, code = RESULTS[name]
     measure(lambda: process(code), rounds=2, **row(f"{name}-again", f"{label}, compiled before"))
 

@@ -32,7 +32,8 @@ def main():
     else:
         results = measure(options.passes, options.select)
     RESULTS.mkdir(exist_ok=True)
-    dump(results, RESULTS / "benchmarks.json")
+    if options.write or not options.files:
+        dump(results, RESULTS / "benchmarks.json")
     text = tables.everything(results)
     print(text)
     (RESULTS / "tables.md").write_text(text, encoding="utf-8")

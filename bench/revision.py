@@ -8,8 +8,9 @@ the components, (..., n_saved, D), and was fastest into memory of order "F", whi
 import inspect
 
 import numpy as np
-import suslov_fast
 from limits import aligned
+
+import suslov_fast
 
 TIME_FIRST = "order" not in inspect.signature(suslov_fast.iterate).parameters
 

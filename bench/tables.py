@@ -178,9 +178,7 @@ def save_every(results):
 
 def batches(results):
     """Steps per second, by the size of the batch."""
-    return columns(
-        results, results.best(Table.BATCH), lambda row: figure(row.rate / 1e9), "orbits"
-    )
+    return columns(results, results.best(Table.BATCH), lambda row: figure(row.rate / 1e9), "orbits")
 
 
 def attitude(results):
@@ -248,7 +246,7 @@ DIMENSIONS = (
 OBSERVABLES = (
     "**Quantities** of 10,000,000 states, into new memory. NumPy's formula has one thread. The "
     "copies read and write as many bytes in all, in C into memory that is used again and with "
-    f"all threads, by `ndarray.copy` into new memory with one; shares are of their speed:",
+    "all threads, by `ndarray.copy` into new memory with one; shares are of their speed:",
     observables,
 )
 FEW = (

@@ -64,9 +64,7 @@ FINAL = {
         "heyoka, compiled function, parameter-free, 4 steps a call",
         *("heyoka_", "parameter_free", 65_536, 100),
     ),
-    "heyoka-printed": Peer(
-        "heyoka, compiled function, (ds2)", "heyoka_", "as_printed", 65_536, 40
-    ),
+    "heyoka-printed": Peer("heyoka, compiled function, (ds2)", "heyoka_", "as_printed", 65_536, 40),
     "jax-parameter-free": Peer(
         "JAX, `jit`, `fori_loop` over the batch, parameter-free",
         *("jax_", "parameter_free", 65_536, 200),
@@ -99,9 +97,7 @@ MOTION = {
     "scipy-stacked": Peer(
         "SciPy, DOP853, all in one system", "scipy_ivp", "stacked", 4096, 1000, threads=False
     ),
-    "scipy": Peer(
-        "SciPy, DOP853, one by one", "scipy_ivp", "one_by_one", 8, 1000, threads=False
-    ),
+    "scipy": Peer("SciPy, DOP853, one by one", "scipy_ivp", "one_by_one", 8, 1000, threads=False),
 }
 
 # All states of the map, into memory that is used again where the library allows it.
@@ -109,9 +105,7 @@ STORED = {
     "c-streaming": _c("parameter-free, streaming stores", "stored_streaming", 65_536, 256),
     "c-plain": _c("parameter-free, plain stores", "stored", 65_536, 256),
     "numba": Peer("Numba, `prange` over trajectories, (ds2)", "naive_numba", "stored", 16_384, 256),
-    "jax": Peer(
-        "JAX, `jit`, `scan` over the batch, parameter-free", "jax_", "stored", 16_384, 256
-    ),
+    "jax": Peer("JAX, `jit`, `scan` over the batch, parameter-free", "jax_", "stored", 16_384, 256),
     "pynamicalsys": Peer(
         "pynamicalsys, `trajectory` of an ensemble, (ds2)", "pynamicalsys_", "stored", 2048, 256
     ),

@@ -196,7 +196,7 @@ def _checked(
 ) -> tuple[FloatArray, tuple[FloatArray, ...], tuple[int, ...]]:
     """States, coefficients of the scheme, and the batch shape."""
     (state, step_size, third), batch = check(
-        body, {name: omega}, {"eps": eps, "I3": I3}, dimension=3, allow_nan=True
+        body, {name: omega}, {"eps": eps, "I3": I3}, dimension=3
     )
     if not (third > 0).all():
         raise ValueError(f"I3: expected a positive moment of inertia, got {third.min()}")

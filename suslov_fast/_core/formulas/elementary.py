@@ -81,3 +81,12 @@ def logarithm_beyond(s):
     middle = (1.0 / 11.0 + q * (1.0 / 13.0)) + q2 * (1.0 / 15.0 + q * (1.0 / 17.0))
     high = (1.0 / 19.0 + q * (1.0 / 21.0)) + q2 * (1.0 / 23.0)
     return 2.0 * (s * (q * (low + q4 * (middle + q4 * high))))
+
+
+@formula
+def logarithm(value, distance):
+    """log(value) for 0 < value <= 1, where distance = 1 - value has digits that value lacks."""
+    k = halvings(value)
+    m = value * two_to_the(-k)
+    s = distance / (distance - 2.0) if k == 0.0 else (m - 1.0) / (m + 1.0)
+    return k * LN2_HIGH + ((2.0 * s + logarithm_beyond(s)) + k * LN2_LOW)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,10 @@ from .layout import flat_parameter, flat_vectors, for_kernel
 
 # States of one call of a loop: some 10 ms.
 SLICE = 2**22
+# Fewer times than these are not worth a run: it has tables.
+SHORTEST = 32
+# Most given states have the number 0.
+NO_START = np.zeros(1)
 
 
 def scratch() -> FloatArray:
@@ -84,7 +89,10 @@ def _fill(
     flat = out.reshape(times.size, len(states), 2)
     room = scratch()
     missing = np.zeros((len(room), 2), np.int64)
-    for lanes, rows in slices(len(states), times.size):
+    runs = runs_of(times, flow)
+    for run in runs:
+        fill_run(run, flow, parameters, states, NO_START, flat, missing, room, threads)
+    for lanes, rows in slices(len(states), times.size) if not runs else ():
         _threads.run(
             loops.fill,
             (lanes[1] - lanes[0]) * (rows[1] - rows[0]) * loops.WORK,
@@ -99,3 +107,102 @@ def _fill(
             room,
         )
     return missing.sum(axis=0)
+
+
+@dataclass(frozen=True)
+class Run:
+    """States at equal steps: n = sign (first + every i) for begin <= i < end, first and every >= 0.
+
+    Row i of them goes to row origin + direction i of the result.
+    """
+
+    sign: float
+    first: float
+    every: float
+    begin: int
+    end: int
+    origin: int
+    direction: int
+
+
+def fill_run(
+    run: Run,
+    flow: bool,
+    parameters: list[FloatArray],
+    states: FloatArray,
+    start: FloatArray,
+    out: FloatArray,
+    missing: NDArray[np.int64],
+    room: FloatArray,
+    threads: int | None,
+) -> None:
+    """Fill the rows of `out`, (N, B, 2), that belong to a run.
+
+    start   (1,) or (B,): the number n of each of the given states; rows of smaller n stay.
+    """
+    begin, end = run.begin, run.end
+    for lanes, rows in slices(len(states), end - begin // loops.GROUP * loops.GROUP):
+        low = begin // loops.GROUP * loops.GROUP
+        top, bottom = max(low + rows[0], begin), low + rows[1]
+        _threads.run(
+            loops.fill_run,
+            (lanes[1] - lanes[0]) * (bottom - top),
+            threads,
+            flow,
+            run.sign,
+            *parameters,
+            states,
+            start,
+            (run.first, run.every),
+            lanes,
+            (top, bottom, run.origin, run.direction),
+            out,
+            missing,
+            room,
+        )
+
+
+def runs_of(times: FloatArray, flow: bool) -> list[Run]:
+    """The runs of equal steps that the times make up, one for each sign; none if they do not.
+
+    Runs of steps of the map begin where n is smaller than the step, so that a state does not depend
+    on which others are asked for.
+    """
+    if times.size < SHORTEST:
+        return []
+    every = float((times[-1] - times[0]) / (times.size - 1))
+    if every == 0.0 or not np.isfinite(every):
+        return []
+    if not _equal_steps(times, every):
+        return []
+    if every < 0:
+        return [_turned(run, times.size) for run in runs_of(times[::-1], flow)]
+    negative = int(np.searchsorted(times, 0.0))
+    runs = []
+    for sign, size, origin, direction in (
+        (-1.0, negative, negative - 1, -1),
+        (1.0, times.size - negative, negative, 1),
+    ):
+        if size:
+            nearest = abs(float(times[origin]))
+            skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
+            first = nearest - skipped * every
+            runs.append(
+                Run(sign, first, every, skipped, skipped + size, origin - direction * skipped, direction)
+            )
+    return runs
+
+
+def _turned(run: Run, size: int) -> Run:
+    return replace(run, origin=size - 1 - run.origin, direction=-run.direction)
+
+
+def _equal_steps(times: FloatArray, every: float) -> bool:
+    """Whether each time is the first and so many steps, to one unit of its own last place."""
+    length = 2**15
+    for begin in range(0, times.size, length):
+        some = times[begin : begin + length]
+        expected = times[0] + every * np.arange(begin, begin + some.size)
+        if not (abs(some - expected) <= abs(some) * 2.0**-52).all():
+            return False
+    return True

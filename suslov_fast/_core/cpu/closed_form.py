@@ -77,7 +77,7 @@ GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
 TILE_AT = TABLES_AT + 20
-SCRATCH = TILE_AT * WIDTH + TILE + 16
+SCRATCH = TILE_AT * WIDTH + TILE + 16 + WIDTH
 
 
 @part
@@ -429,5 +429,249 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
                 status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
 
 
+
+
+# Runs of equal steps. Row i has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s there
+# is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
+# or, of few, the rows b; the arithmetic is the same.
+
+TABLE_A, TABLE_B, SEED, SLOW, START, APART = 0, 8, 16, 17, 18, 19
+# Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
+LARGE_SEED, NEAR_POLE = 400.0, 0.25
+# A w this small becomes 0: subnormals are slow. Its square does not count long before.
+NO_SQUARE, NEGLIGIBLE = 2.0**-300, 2.0**-960
+
+
+@part
+def enter_run(orbit, work, tables, first, every, lanes):
+    """The powers of r between seeds, and which orbits have no state between others."""
+    whole = (np.floor(first) == first) & (np.floor(every) == every)
+    for a in range(8):
+        for k in range(2):
+            steps = every * (8.0 * a if k == 0 else 1.0 * a)
+            row = tables[(TABLE_A if k == 0 else TABLE_B) + a]
+            for l in range(lanes):
+                work[STEPS, l] = min(steps * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
+            for l in range(lanes):
+                r = orbit[R, l]
+                work[F, l], work[E, l] = growth(
+                    work[STEPS, l], 0.0, r, orbit[LOG, l], orbit[LOG_LOST, l], 1.0, 0.0
+                )
+            for l in range(lanes):
+                power = scaled(work[F, l], max(work[E, l], -1000.0))
+                row[l] = power if abs(power) > NEGLIGIBLE else 0.0 * power
+    for l in range(lanes):
+        usual = (whole | (orbit[R, l] > 0.0)) & (
+            abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < np.inf
+        )
+        tables[APART, l] = 0.0 if usual | (orbit[KNOWN, l] == 0.0) else 1.0
+
+
+@part
+def enter_seed(orbit, work, tables, n, lanes):
+    """The w of row 64 s, which has the number n; and which orbits must be taken row by row."""
+    for l in range(lanes):
+        since = max(n - tables[START, l], 0.0)
+        work[STEPS, l] = min(since * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
+    for l in range(lanes):
+        work[F, l], work[E, l] = growth(
+            work[STEPS, l],
+            orbit[LAG, l],
+            orbit[R, l],
+            orbit[LOG, l],
+            orbit[LOG_LOST, l],
+            orbit[V, l],
+            orbit[K, l],
+        )
+    for l in range(lanes):
+        k = work[E, l]
+        w = scaled(work[F, l], max(min(k, LARGE_SEED), -1000.0))
+        w = w if abs(w) > NEGLIGIBLE else 0.0 * w
+        poles = (orbit[R, l] < 0.0) & (abs(orbit[KAPPA, l] * w * w) > NEAR_POLE)
+        slow = (k >= LARGE_SEED) | poles | (tables[APART, l] != 0.0)
+        tables[SEED, l] = w
+        tables[SLOW, l] = 1.0 if slow | (n < tables[START, l]) else 0.0
+
+
+@part
+def eight_across(orbit, tables, a, tile, place, stride, width):
+    """Rows 8 a ... 8 a + 7 after a seed, of vectors of trajectories."""
+    factor, seed = tables[TABLE_A + a], tables[SEED]
+    for k in range(0, width, VECTOR):
+        l = min(k, width - VECTOR)
+        u = vector_at(seed, l) * vector_at(factor, l)
+        u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
+        kappa = vector_at(orbit[KAPPA], l)
+        kappa = choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
+        a1, b1 = vector_at(orbit[A1], l), vector_at(orbit[B1], l)
+        a2, b2 = vector_at(orbit[A2], l), vector_at(orbit[B2], l)
+        for b in range(8):
+            A, B = near_point(u * vector_at(tables[TABLE_B + b], l), kappa)
+            omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+            store_pairs(tile, place + b * stride + 2 * l, omega1, omega2)
+
+
+@part
+def eight_along(orbit, tables, along, a, tile, place, stride, width, pairs):
+    """The same of vectors of rows; `along` holds the powers r**(b every) of each trajectory."""
+    for l in range(width):
+        u = tables[SEED, l] * tables[TABLE_A + a, l]
+        u = u if abs(u) > NEGLIGIBLE else 0.0 * u
+        kappa = orbit[KAPPA, l] if abs(u) > NO_SQUARE else 0.0 * orbit[KAPPA, l]
+        A, B = near_point(u * vector_at(along, VECTOR * l), kappa)
+        omega1, omega2 = combined(
+            orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], A, B
+        )
+        if stride == 2:
+            store_pairs(tile, place, omega1, omega2)
+        else:
+            store_pairs(pairs, 0, omega1, omega2)
+            for b in range(8):
+                tile[place + b * stride + 2 * l] = pairs[2 * b]
+                tile[place + b * stride + 2 * l + 1] = pairs[2 * b + 1]
+
+
+@part
+def one_by_one(given, orbit, spread, work, tables, l, n, every, rows, tile, place, stride, missing):
+    """Eight rows of one trajectory by the general formula, of which some rows are asked for."""
+    start = tables[START, l]
+    for k in range(ORBIT):
+        spread[k, :VECTOR] = orbit[k, l]
+    for b in range(VECTOR):
+        work[N, b] = max(n + every * b - start, 0.0)
+    states_at(spread, work, VECTOR)
+    for b in range(VECTOR):
+        since = n + every * b - start
+        if b < rows[0] or b >= rows[1] or since <= 0.0:
+            work[OMEGA1, b], work[OMEGA2, b] = given[5, l], given[6, l]
+        if since >= 0.0:
+            tile[place + b * stride + 2 * l] = work[OMEGA1, b]
+            tile[place + b * stride + 2 * l + 1] = work[OMEGA2, b]
+    count_missing(spread, work, VECTOR, missing)
+
+
+@part
+def keep_rows(tables, l, n, every, rows, tile, place, stride, flat, target, step):
+    """Put the rows of a trajectory before its start into a tile as they are."""
+    for b in range(rows[0], rows[1]):
+        if n + every * b < tables[START, l]:
+            for k in range(2):
+                tile[place + b * stride + 2 * l + k] = flat[target + b * step + k]
+
+
+@part
+def spread_starts(start, first, width, lanes, row):
+    for l in range(lanes):
+        row[l] = start[0] if start.size == 1 else start[first + min(l, width - 1)]
+
+
+def _fill_run(
+    flow, back, I1, I2, I13, I23, eps, omega, start, run, lanes_asked, rows, out, missing, scratch
+):
+    """States at n = first + every i >= 0, i in a range of rows.
+
+    The states of a row are the same bit for bit whatever rows and trajectories are asked for.
+
+    back          1, or -1 for states at -n.
+    start         (B,) or (1,): the number n that omega has, 0 in most cases. Rows of numbers below
+                  stay as they are.
+    run           first, every: floats of at least 0, n being integers for the map if r < 0.
+    lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
+    rows          begin, end, origin and direction: the rows begin <= i < end go to those numbered
+                  origin + direction i of `out`, direction being 1 or -1.
+    """
+    first, every = run
+    begin, end, origin, direction = rows
+    batch, flat = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(flat, 0)
+    shift = shift_of_blocks(line)
+    first_block, last_block = blocks_of(lanes_asked, shift, batch)
+    chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
+    chunks = (end + chunk - 1) // chunk - begin // chunk
+    n_parts = (last_block - first_block) * chunks
+    n_tasks = min(n_parts, scratch.shape[0])
+    for task in prange(n_tasks):
+        room = scratch[task]
+        given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
+        spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
+        work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, 20)
+        tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
+        pairs = room[TILE_AT * WIDTH + TILE : TILE_AT * WIDTH + TILE + 2 * VECTOR]
+        along = room[TILE_AT * WIDTH + TILE + 2 * VECTOR :]
+        entered = -1
+        for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
+            block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks
+            top, bottom = max(begin, part_of_rows * chunk), min(end, (part_of_rows + 1) * chunk)
+            lane, width = first_and_width(block, shift, batch)
+            if block != entered:
+                entered = block
+                lanes = enter_block(I1, I2, I13, I23, eps, omega, lane, width, given)
+                enter_orbits(flow, back, given, orbit, work, lanes)
+                spread_starts(start, lane, width, lanes, tables[START])
+                enter_run(orbit, work, tables, first, every, lanes)
+                if width < VECTOR:
+                    for l in range(width):
+                        for b in range(VECTOR):
+                            along[VECTOR * l + b] = tables[TABLE_B + b, l]
+            height = max(TILE // (2 * width) // 8 * 8, 8)
+            seeded, filled, any_slow = -1, 0, False
+            row = top // 8 * 8
+            while row < bottom:
+                a = row % GROUP // 8
+                n = first + every * row
+                if row // GROUP != seeded:
+                    seeded = row // GROUP
+                    enter_seed(orbit, work, tables, first + every * (seeded * GROUP), lanes)
+                    any_slow = (tables[SLOW, :width] != 0.0).any()
+                place = 2 * width * (filled if direction > 0 else height - 1 - filled)
+                stride = 2 * width * direction
+                if width < VECTOR:
+                    eight_along(orbit, tables, along, a, tile, place, stride, width, pairs)
+                else:
+                    eight_across(orbit, tables, a, tile, place, stride, width)
+                if a == 0:
+                    for l in range(width):
+                        if n == tables[START, l]:
+                            tile[place + 2 * l] = given[5, l]
+                            tile[place + 2 * l + 1] = given[6, l]
+                if any_slow:
+                    asked = max(top - row, 0), min(bottom - row, 8)
+                    for l in range(width):
+                        if tables[SLOW, l] != 0.0:
+                            one_by_one(
+                                given,
+                                orbit,
+                                spread,
+                                work,
+                                tables,
+                                l,
+                                n,
+                                every,
+                                asked,
+                                tile,
+                                place,
+                                stride,
+                                missing[task],
+                            )
+                        if n < tables[START, l]:
+                            target = 2 * ((origin + direction * row) * batch + lane + l)
+                            step = 2 * direction * batch
+                            keep_rows(
+                                tables, l, n, every, asked, tile, place, stride, flat, target, step
+                            )
+                filled, row = filled + 8, row + 8
+                if filled == height or row >= bottom:
+                    upper, lower = max(row - filled, top), min(row, bottom)
+                    in_tile, in_out = upper - (row - filled), origin + upper
+                    if direction < 0:
+                        in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
+                    write_rows(
+                        tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line
+                    )
+                    filled = 0
+        publish()
+
+
 fill = Loop(_fill)
+fill_run = Loop(_fill_run)
 jump = Loop(_jump)

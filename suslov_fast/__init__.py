@@ -25,7 +25,7 @@ from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
 from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
-from ._status import SingularStepError, SingularStepWarning, Status
+from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
 
 __version__ = "0.1.0"

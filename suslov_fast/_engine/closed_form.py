@@ -188,7 +188,15 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
             first = nearest - skipped * every
             runs.append(
-                Run(sign, first, every, skipped, skipped + size, origin - direction * skipped, direction)
+                Run(
+                    sign,
+                    first,
+                    every,
+                    skipped,
+                    skipped + size,
+                    origin - direction * skipped,
+                    direction,
+                )
             )
     return runs
 

@@ -429,8 +429,6 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
                 status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
 
 
-
-
 # Runs of equal steps. Row i has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s there
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
@@ -519,9 +517,7 @@ def eight_along(orbit, tables, along, a, tile, place, stride, width, pairs):
         u = u if abs(u) > NEGLIGIBLE else 0.0 * u
         kappa = orbit[KAPPA, l] if abs(u) > NO_SQUARE else 0.0 * orbit[KAPPA, l]
         A, B = near_point(u * vector_at(along, VECTOR * l), kappa)
-        omega1, omega2 = combined(
-            orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], A, B
-        )
+        omega1, omega2 = combined(orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], A, B)
         if stride == 2:
             store_pairs(tile, place, omega1, omega2)
         else:
@@ -665,9 +661,7 @@ def _fill_run(
                     in_tile, in_out = upper - (row - filled), origin + upper
                     if direction < 0:
                         in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
-                    write_rows(
-                        tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line
-                    )
+                    write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
                     filled = 0
         publish()
 

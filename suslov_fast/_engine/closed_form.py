@@ -21,6 +21,8 @@ from .layout import flat_parameter, flat_vectors, for_kernel
 SLICE = 2**22
 # Fewer times than these are not worth a run: it has tables.
 SHORTEST = 32
+# Numbers that are compared at a time.
+_IN_CACHE = 2**15
 # Most given states have the number 0.
 NO_START = np.zeros(1)
 
@@ -171,33 +173,24 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
     if times.size < SHORTEST:
         return []
     every = float((times[-1] - times[0]) / (times.size - 1))
-    if every == 0.0 or not np.isfinite(every):
+    if every == 0.0 or not math.isfinite(every):
         return []
-    if not _equal_steps(times, every):
-        return []
-    if every < 0:
+    if every < 0.0:
         return [_turned(run, times.size) for run in runs_of(times[::-1], flow)]
     negative = int(np.searchsorted(times, 0.0))
     runs = []
-    for sign, size, origin, direction in (
-        (-1.0, negative, negative - 1, -1),
-        (1.0, times.size - negative, negative, 1),
+    for sign, outward, origin in (
+        (-1.0, -times[:negative][::-1], negative - 1),
+        (1.0, times[negative:], negative),
     ):
-        if size:
-            nearest = abs(float(times[origin]))
+        if outward.size and not _equal_steps(outward, every):
+            return []
+        if outward.size:
+            nearest, direction = float(outward[0]), int(sign)
             skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
+            begin, end = skipped, skipped + outward.size
             first = nearest - skipped * every
-            runs.append(
-                Run(
-                    sign,
-                    first,
-                    every,
-                    skipped,
-                    skipped + size,
-                    origin - direction * skipped,
-                    direction,
-                )
-            )
+            runs.append(Run(sign, first, every, begin, end, origin - direction * skipped, direction))
     return runs
 
 
@@ -207,10 +200,9 @@ def _turned(run: Run, size: int) -> Run:
 
 def _equal_steps(times: FloatArray, every: float) -> bool:
     """Whether each time is the first and so many steps, to one unit of its own last place."""
-    length = 2**15
-    for begin in range(0, times.size, length):
-        some = times[begin : begin + length]
+    for begin in range(0, times.size, _IN_CACHE):
+        some = times[begin : begin + _IN_CACHE]
         expected = times[0] + every * np.arange(begin, begin + some.size)
-        if not (abs(some - expected) <= abs(some) * 2.0**-52).all():
+        if not (abs(some - expected) <= some * 2.0**-52).all():
             return False
     return True

@@ -33,20 +33,23 @@ from ..formulas.closed_form import (
     level_of_flow,
     level_of_map,
     logarithm_of_ratio,
+    near_point,
     orbit_point,
     ratio_of_map,
 )
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
-from ..formulas.elementary import exponent, scaled
+from ..formulas.elementary import exponent, scaled, two_to_the
 from ..jit import Loop, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
+    choose,
     publish,
     store_at,
     store_pairs,
     store_past_caches,
+    stream_pairs,
     to_cache_line,
     vector_at,
 )
@@ -195,6 +198,15 @@ def enter_orbits(flow, back, given, orbit, work, lanes):
 
 
 @part
+def any_of(row, lanes):
+    """Whether a number of a row is not 0; `any` of a comparison would allocate."""
+    total = 0.0
+    for l in range(lanes):
+        total = max(total, abs(row[l]))
+    return total != 0.0
+
+
+@part
 def states_at(orbit, work, lanes):
     """The states of a block at the numbers of steps |n| in its row N, one for each lane."""
     for l in range(lanes):
@@ -211,7 +223,7 @@ def states_at(orbit, work, lanes):
         )
     for l in range(lanes):
         work[A, l], work[B, l] = orbit_point(work[F, l], work[E, l], orbit[KAPPA, l])
-    if (orbit[FAR, :lanes] != 0.0).any():
+    if any_of(orbit[FAR], lanes):
         for l in range(lanes):
             work[F, l], work[E, l] = far_point(
                 work[STEPS, l],
@@ -429,6 +441,8 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
                 status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
 
 
+
+
 # Runs of equal steps. Row i has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s there
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
@@ -444,12 +458,12 @@ NO_SQUARE, NEGLIGIBLE = 2.0**-300, 2.0**-960
 def enter_run(orbit, work, tables, first, every, lanes):
     """The powers of r between seeds, and which orbits have no state between others."""
     whole = (np.floor(first) == first) & (np.floor(every) == every)
-    for a in range(8):
-        for k in range(2):
-            steps = every * (8.0 * a if k == 0 else 1.0 * a)
-            row = tables[(TABLE_A if k == 0 else TABLE_B) + a]
+    for table, steps in ((TABLE_A, 8.0 * every), (TABLE_B, every)):
+        tables[table, :lanes] = 1.0
+        for a in (1, 2, 4):
+            row = tables[table + a]
             for l in range(lanes):
-                work[STEPS, l] = min(steps * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
+                work[STEPS, l] = min(a * steps * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
             for l in range(lanes):
                 r = orbit[R, l]
                 work[F, l], work[E, l] = growth(
@@ -458,6 +472,10 @@ def enter_run(orbit, work, tables, first, every, lanes):
             for l in range(lanes):
                 power = scaled(work[F, l], max(work[E, l], -1000.0))
                 row[l] = power if abs(power) > NEGLIGIBLE else 0.0 * power
+            for k in range(1, a):
+                for l in range(lanes):
+                    power = row[l] * tables[table + k, l]
+                    tables[table + a + k, l] = power if abs(power) > NEGLIGIBLE else 0.0 * power
     for l in range(lanes):
         usual = (whole | (orbit[R, l] > 0.0)) & (
             abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < np.inf
@@ -492,39 +510,66 @@ def enter_seed(orbit, work, tables, n, lanes):
 
 
 @part
-def eight_across(orbit, tables, a, tile, place, stride, width):
-    """Rows 8 a ... 8 a + 7 after a seed, of vectors of trajectories."""
-    factor, seed = tables[TABLE_A + a], tables[SEED]
-    for k in range(0, width, VECTOR):
-        l = min(k, width - VECTOR)
-        u = vector_at(seed, l) * vector_at(factor, l)
-        u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
-        kappa = vector_at(orbit[KAPPA], l)
-        kappa = choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
-        a1, b1 = vector_at(orbit[A1], l), vector_at(orbit[B1], l)
-        a2, b2 = vector_at(orbit[A2], l), vector_at(orbit[B2], l)
-        for b in range(8):
-            A, B = near_point(u * vector_at(tables[TABLE_B + b], l), kappa)
-            omega1, omega2 = combined(a1, b1, a2, b2, A, B)
-            store_pairs(tile, place + b * stride + 2 * l, omega1, omega2)
+def number_among(row, number, lanes):
+    found = 0.0
+    for l in range(lanes):
+        found = 1.0 if row[l] == number else found
+    return found != 0.0
 
 
 @part
-def eight_along(orbit, tables, along, a, tile, place, stride, width, pairs):
+def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
+    """Rows 8 a ... 8 stop - 1 after a seed, of vectors of trajectories.
+
+    straight        whether they go to their last place, past the caches.
+
+    orbit, tables   flat: a view of a row would count references each time.
+    """
+    for k in range(0, width, VECTOR):
+        l = min(k, width - VECTOR)
+        constant = vector_at(orbit, KAPPA * WIDTH + l)
+        a1, b1 = vector_at(orbit, A1 * WIDTH + l), vector_at(orbit, B1 * WIDTH + l)
+        a2, b2 = vector_at(orbit, A2 * WIDTH + l), vector_at(orbit, B2 * WIDTH + l)
+        seed = vector_at(tables, SEED * WIDTH + l)
+        target = place + 2 * l
+        for c in range(a, stop):
+            u = seed * vector_at(tables, (TABLE_A + c) * WIDTH + l)
+            u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
+            kappa = choose(abs(u) > NO_SQUARE, constant, 0.0 * constant)
+            for b in range(8):
+                A, B = near_point(u * vector_at(tables, (TABLE_B + b) * WIDTH + l), kappa)
+                omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+                if straight:
+                    stream_pairs(tile, target, omega1, omega2)
+                else:
+                    store_pairs(tile, target, omega1, omega2)
+                target += stride
+
+
+@part
+def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, pairs):
     """The same of vectors of rows; `along` holds the powers r**(b every) of each trajectory."""
     for l in range(width):
-        u = tables[SEED, l] * tables[TABLE_A + a, l]
-        u = u if abs(u) > NEGLIGIBLE else 0.0 * u
-        kappa = orbit[KAPPA, l] if abs(u) > NO_SQUARE else 0.0 * orbit[KAPPA, l]
-        A, B = near_point(u * vector_at(along, VECTOR * l), kappa)
-        omega1, omega2 = combined(orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], A, B)
-        if stride == 2:
-            store_pairs(tile, place, omega1, omega2)
-        else:
-            store_pairs(pairs, 0, omega1, omega2)
-            for b in range(8):
-                tile[place + b * stride + 2 * l] = pairs[2 * b]
-                tile[place + b * stride + 2 * l + 1] = pairs[2 * b + 1]
+        constant = orbit[KAPPA * WIDTH + l]
+        a1, b1 = orbit[A1 * WIDTH + l], orbit[B1 * WIDTH + l]
+        a2, b2 = orbit[A2 * WIDTH + l], orbit[B2 * WIDTH + l]
+        seed, powers = tables[SEED * WIDTH + l], vector_at(along, VECTOR * l)
+        target = place + 2 * l
+        for c in range(a, stop):
+            u = seed * tables[(TABLE_A + c) * WIDTH + l]
+            u = u if abs(u) > NEGLIGIBLE else 0.0 * u
+            kappa = constant if abs(u) > NO_SQUARE else 0.0 * constant
+            A, B = near_point(u * powers, kappa)
+            omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+            if stride == 2:
+                store_pairs(tile, target, omega1, omega2)
+                target += 2 * VECTOR
+            else:
+                store_pairs(pairs, 0, omega1, omega2)
+                for b in range(8):
+                    tile[target] = pairs[2 * b]
+                    tile[target + 1] = pairs[2 * b + 1]
+                    target += stride
 
 
 @part
@@ -591,6 +636,7 @@ def _fill_run(
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
         work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, 20)
+        flat_orbit, flat_tables = orbit.reshape(orbit.size), tables.reshape(tables.size)
         tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
         pairs = room[TILE_AT * WIDTH + TILE : TILE_AT * WIDTH + TILE + 2 * VECTOR]
         along = room[TILE_AT * WIDTH + TILE + 2 * VECTOR :]
@@ -610,28 +656,48 @@ def _fill_run(
                         for b in range(VECTOR):
                             along[VECTOR * l + b] = tables[TABLE_B + b, l]
             height = max(TILE // (2 * width) // 8 * 8, 8)
-            seeded, filled, any_slow = -1, 0, False
+            in_line = flat.size >= BEYOND_CACHES and batch % (VECTOR // 2) == 0
+            in_line = in_line and width % VECTOR == 0 and (line - 2 * lane) % VECTOR == 0
+            seeded, filled, any_slow, begins = -1, 0, False, False
             row = top // 8 * 8
             while row < bottom:
-                a = row % GROUP // 8
                 n = first + every * row
                 if row // GROUP != seeded:
                     seeded = row // GROUP
                     enter_seed(orbit, work, tables, first + every * (seeded * GROUP), lanes)
-                    any_slow = (tables[SLOW, :width] != 0.0).any()
+                    any_slow = any_of(tables[SLOW], width)
+                    begins = number_among(tables[START], n, width)
+                a = row % GROUP // 8
+                stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
                 place = 2 * width * (filled if direction > 0 else height - 1 - filled)
                 stride = 2 * width * direction
+                straight = in_line and row >= top and bottom - row >= 8
+                if straight and not any_slow and not (a == 0 and begins):
+                    stop = a + min(8 - a, (bottom - row) // 8)
+                    target = 2 * ((origin + direction * row) * batch + lane)
+                    step = 2 * direction * batch
+                    rows_across(True, flat_orbit, flat_tables, a, stop, flat, target, step, width)
+                    row += 8 * (stop - a)
+                    continue
+                if in_line:
+                    stop = a + 1
                 if width < VECTOR:
-                    eight_along(orbit, tables, along, a, tile, place, stride, width, pairs)
+                    rows_along(
+                        flat_orbit, flat_tables, along, a, stop, tile, place, stride, width, pairs
+                    )
                 else:
-                    eight_across(orbit, tables, a, tile, place, stride, width)
+                    rows_across(
+                        False, flat_orbit, flat_tables, a, stop, tile, place, stride, width
+                    )
                 if a == 0:
                     for l in range(width):
                         if n == tables[START, l]:
                             tile[place + 2 * l] = given[5, l]
                             tile[place + 2 * l + 1] = given[6, l]
-                if any_slow:
-                    asked = max(top - row, 0), min(bottom - row, 8)
+                for later in range(row, row + 8 * (stop - a) if any_slow else row, 8):
+                    n = first + every * later
+                    eight = place + (later - row) * stride
+                    asked = max(top - later, 0), min(bottom - later, 8)
                     for l in range(width):
                         if tables[SLOW, l] != 0.0:
                             one_by_one(
@@ -645,23 +711,25 @@ def _fill_run(
                                 every,
                                 asked,
                                 tile,
-                                place,
+                                eight,
                                 stride,
                                 missing[task],
                             )
                         if n < tables[START, l]:
-                            target = 2 * ((origin + direction * row) * batch + lane + l)
+                            target = 2 * ((origin + direction * later) * batch + lane + l)
                             step = 2 * direction * batch
                             keep_rows(
-                                tables, l, n, every, asked, tile, place, stride, flat, target, step
+                                tables, l, n, every, asked, tile, eight, stride, flat, target, step
                             )
-                filled, row = filled + 8, row + 8
-                if filled == height or row >= bottom:
+                filled, row = filled + 8 * (stop - a), row + 8 * (stop - a)
+                if filled == height or row >= bottom or in_line:
                     upper, lower = max(row - filled, top), min(row, bottom)
                     in_tile, in_out = upper - (row - filled), origin + upper
                     if direction < 0:
                         in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
-                    write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
+                    write_rows(
+                        tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line
+                    )
                     filled = 0
         publish()
 

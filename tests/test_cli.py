@@ -635,6 +635,7 @@ def test_drift_beyond_float64(tmp_path):
     assert summary(done.stdout)["drift of F"] == ["0, largest relative; beyond float64: 1"]
 
 
+@pytest.mark.compiled
 def test_the_run_is_computed_once(monkeypatch, capsys):
     """And is not longer than it must be: what is called before are parts of it."""
     from suslov_fast._cli import main
@@ -717,6 +718,7 @@ def test_a_deleted_working_directory(tmp_path, monkeypatch, capsys, arguments):
     assert errors.count("\n") == 1
 
 
+@pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="limits a process")
 @pytest.mark.parametrize("suffix", [".npz", ".nc", ".zarr"])
 def test_a_disk_that_is_full(tmp_path, suffix):

@@ -158,7 +158,7 @@ def _spell_drift(drift: Facts) -> Iterator[tuple[str, str]]:
     for name, change in drift.items():
         text = f"{change['largest']:.2g}, largest relative"
         if change["beyond_float64"]:
-            text += f"; {change['beyond_float64']:,} states beyond float64"
+            text += f"; beyond float64: {change['beyond_float64']:,}"
         yield f"drift of {name}", text
 
 

@@ -89,6 +89,7 @@ def _iterations(body: Body, starts: FloatArray, methods: tuple[str, ...]) -> Cal
 def _functions(body: Body, starts: FloatArray) -> Callable[[], None]:
     def job() -> None:
         states = sf.iterate(body, starts, 0.1, _SAVED, on_singular="ignore").omega
+        sf.step(body, starts, 0.1)
         sf.energy(body, states)
         sf.modified_energy(body, states, 0.1)
         sf.vector_field(body, states)

@@ -660,3 +660,14 @@ def test_units_follow_the_state(rng, method):
     assert 2.0**-100 < abs(outcome.resume["state"]).max() < 2.0**100
     exponent = outcome.resume["exponent"][:, None]
     assert (np.ldexp(outcome.resume["state"], exponent.astype(int)) == outcome.final).all()
+
+
+def test_no_room_for_elimination():
+    """Matrices beyond any address space are refused before anything is computed."""
+    m = 2**22
+    with pytest.raises(MemoryError, match=r"expected 1.13e\+15 bytes to work in"):
+        run(
+            problem(
+                np.ones((1, m)), np.ones((1, m)), np.ones(1), np.ones((1, m)), 1, method="gauss"
+            )
+        )

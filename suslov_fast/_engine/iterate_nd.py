@@ -150,7 +150,13 @@ def _rows(parameter: FloatArray, batch: tuple[int, ...]) -> FloatArray:
 def _rooms(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
     """Arrays of zeros on cache lines: a vector across two lines costs a quarter and more."""
     sizes = [-(-math.prod(shape) // VECTOR) * VECTOR for shape in shapes]
-    buffer = np.zeros(sum(sizes) + VECTOR)
+    try:
+        buffer = np.zeros(sum(sizes) + VECTOR)
+    except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
+        raise MemoryError(
+            f"expected {8 * sum(sizes):.3g} bytes to work in, which there are not; most of it is "
+            "room for elimination: use method='rank2', fewer threads, or shorter steps"
+        ) from error
     begin = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
     for shape, size in zip(shapes, sizes, strict=True):
         yield buffer[begin : begin + math.prod(shape)].reshape(shape)

@@ -5,6 +5,7 @@ from itertools import pairwise
 import naive
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import suslov_fast as sf
 from suslov_fast._core.cpu import map_nd as loops
@@ -548,3 +549,125 @@ def test_orientation_ends_with_its_trajectory():
     run(singular)
     assert (singular.turns[0] == np.eye(5)).all()
     assert np.isnan(singular.turns[1:]).all()
+
+
+def with_small_d(rng, size, gaps):
+    """Problems in which d_i / J_i is gaps[i] for the first i."""
+    J, I = rng.uniform(1, 4, (size, 4)), rng.normal(size=(size, 4)) / 2
+    eps, omega = np.full(size, 0.3), rng.normal(size=(size, 4))
+    omega *= (2 * J[:, 0] * (1 - gaps[0]) / (eps * (I * omega).sum(axis=1)))[:, None]
+    for i, gap in enumerate(gaps[1:], 1):
+        J[:, i] = J[:, 0] * (1 - gaps[0]) / (1 - gap)
+    return J, I, eps, omega
+
+
+def errors(method, J, I, eps, omega):
+    final = run(problem(J, I, eps, omega, stop=1, method=method)).final
+    return np.array(
+        [
+            naive.relative_error(final[b], naive.step_nd(J[b], I[b], eps[b], omega[b]))
+            for b in range(len(omega))
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "factor"),
+    [
+        pytest.param([0.05], [0.1], 25, id="one in between"),
+        pytest.param([0.0, 0.001], [0.01, 0.02], 5, id="two small"),
+    ],
+)
+def test_the_short_step_is_left_where_elimination_is_better(rng, low, high, factor):
+    size = 150
+    gaps = [
+        rng.uniform(*ends, size) * rng.choice([-1, 1], size) for ends in zip(low, high, strict=True)
+    ]
+    arguments = with_small_d(rng, size, gaps)
+    eliminated = np.maximum(errors("gauss", *arguments), 1e-16)
+    ratio = errors("rank2", *arguments) / eliminated
+    assert np.quantile(ratio, 0.9) < factor
+
+
+def matrix_of(J, I, eps, omega):
+    """A of equation (dsn), Id - (eps/2) f'(omega)."""
+    coupling = (2 * np.outer(I, omega) - np.outer(omega, I)) * (eps / 2 / J)[:, None]
+    return np.diag(1 - eps * (I @ omega) / (2 * J)) + coupling
+
+
+def at_a_pole(rng):
+    """A problem whose A is singular to rounding, with one small d; none if chance wills so."""
+    J, I, omega = rng.uniform(1, 4, 3), rng.normal(size=3), rng.normal(size=3)
+    speeds = np.linspace(0.1, 10, 400)
+    det = [np.linalg.det(matrix_of(J, I, 1.0, s * omega)) for s in speeds]
+    for k in np.flatnonzero(np.diff(np.sign(det))):
+        s = brentq(
+            lambda s: np.linalg.det(matrix_of(J, I, 1.0, s * omega)),
+            *speeds[k : k + 2],
+            xtol=1e-300,
+        )
+        d = np.sort(abs(1 - s * (I @ omega) / (2 * J)))
+        if d[0] < 0.2 and d[1] > 0.15:
+            return J, I, s * omega
+    return None
+
+
+def test_poles_beside_one_small_d_are_poles(rng):
+    found = [each for each in (at_a_pole(rng) for _ in range(600)) if each]
+    J, I, omega = (np.array(each) for each in zip(*found, strict=True))
+    assert len(J) > 20
+    eliminated, short = (
+        run(problem(J, I, np.ones(len(J)), omega, stop=1, method=method))
+        for method in METHODS[::-1]
+    )
+    singular = eliminated.status == sf.Status.SINGULAR
+    assert singular.sum() > 10
+    assert (short.status[singular] == sf.Status.SINGULAR).all()
+
+
+def test_large_singular_matrices(rng):
+    """Rounding leaves pivots that grow with the number of equations."""
+    size, m = 60, 30
+    J, I, omega = rng.uniform(1, 4, (size, m)), *rng.normal(size=(2, size, m))
+    J[:, :3] = 2.0
+    omega *= (4.0 / (I * omega).sum(axis=1))[:, None]
+    status = run(problem(J, I, np.ones(size), omega, stop=1, method="gauss")).status
+    assert np.count_nonzero(status == sf.Status.SINGULAR) > size - 3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_next_to_a_pole_there_is_a_state(method):
+    """Two variables are the 3D map, where X = 0.5 has its pole at Y = 1.25."""
+    body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])
+    x, y = 0.5 * np.sqrt(2), 2 * (1.25 - 2.0**-47)
+    pole = sf.iterate(body, [-y, -x], 1.0, 1, method=method, on_singular="ignore")
+    assert pole.status == sf.Status.OK
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_beyond_float64_is_not_called_singular(method):
+    body = sf.SuslovND([1.0, 2.0, 3.0], [1e300, 1e300, 0.0])
+    far = sf.iterate(body, [1e300, 1.0, 1.0], 1e300, 1, method=method, on_singular="ignore")
+    assert far.status == sf.Status.NONFINITE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_units_follow_the_state(rng, method):
+    """Kept states are of the order of 1, however far omega has gone: here down to 1e-40 of it."""
+    J, I, _, omega = random_problem(rng, 4)
+    outcome = run(problem(J[None], I[None], np.full(1, 1e40), omega[None], stop=1, method=method))
+    assert abs(outcome.final).max() < 1e-35
+    assert 2.0**-100 < abs(outcome.resume["state"]).max() < 2.0**100
+    exponent = outcome.resume["exponent"][:, None]
+    assert (np.ldexp(outcome.resume["state"], exponent.astype(int)) == outcome.final).all()
+
+
+def test_no_room_for_elimination():
+    """Matrices beyond any address space are refused before anything is computed."""
+    m = 2**22
+    with pytest.raises(MemoryError, match=r"expected 1.13e\+15 bytes to work in"):
+        run(
+            problem(
+                np.ones((1, m)), np.ones((1, m)), np.ones(1), np.ones((1, m)), 1, method="gauss"
+            )
+        )

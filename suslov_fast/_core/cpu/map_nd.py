@@ -476,8 +476,62 @@ def set_aside(bodies, span, kept, begin, width, cells, sums, g):
     settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
 
 
+@inlined_part
+def all_accurate(sums, g):
+    return in_all(load(sums, g, ACCURATE) > 0.0)
+
+
+@inlined_part
+def units_serve(sums, g):
+    square = load(sums, g, SQUARE)
+    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
+
+
 @part
-def end_lanes(span, kept, first, width, cells, sums, g, n):
+def advance(cells, sums, n, stop):
+    """Steps of a block by RANK2 to state stop, or to where something must be seen to.
+
+    Returns the number of the state, and whether the step from there, of which `sum_up` is done,
+    needs care.
+    """
+    serve, accurate = True, True
+    while n < stop and serve:
+        # Of all groups first: one need not wait for the unknowns of the one before.
+        for g in range(cells.shape[0]):
+            sum_up(cells, sums, g)
+            accurate &= all_accurate(sums, g)
+        if not accurate:
+            return n, True
+        for g in range(cells.shape[0]):
+            step_all(cells, sums, g)
+            serve &= units_serve(sums, g)
+        n += 1
+    return n, False
+
+
+@part
+def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
+    """The step of a block where some lane needs care, after `sum_up`."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if all_accurate(sums, g):
+            step_all(cells, sums, g)
+        elif step_each(cells, sums, g, width, matrix):
+            set_aside(bodies, span, kept, begin, width, cells, sums, g)
+
+
+@part
+def see_to_units(bodies, span, kept, begin, end, cells, sums, n):
+    """After the step to state n: end what is not finite, and find new units."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if not units_serve(sums, g):
+            end_lanes(span, kept, begin, width, cells, sums, g, n)
+            renew(bodies, span, begin, width, cells, sums, g)
+
+
+@part
+def end_lanes(span, kept, begin, width, cells, sums, g, n):
     """End the trajectories whose state n is not finite in the unit of the user."""
     for l in range(width):
         finite, undefined = True, False
@@ -486,7 +540,7 @@ def end_lanes(span, kept, first, width, cells, sums, g, n):
             undefined |= np.isnan(cells[g, i, OMEGA, l])
         if not finite and sums[g, ENDED, l] == 0.0:
             sums[g, ENDED, l] = 1.0
-            b = trajectory(span.chosen, first + l)
+            b = trajectory(span.chosen, begin + g * VECTOR + l)
             in_range = np.isfinite(sums[g, HALF, l])
             kept.status[b] = SINGULAR if undefined and in_range else NONFINITE
             kept.failed_at[b] = n
@@ -506,12 +560,6 @@ def renew(bodies, span, begin, width, cells, sums, g):
             for i in range(cells.shape[1]):
                 cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
     settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
-
-
-@inlined_part
-def units_serve(sums, g):
-    square = load(sums, g, SQUARE)
-    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
 
 
 @inlined_part
@@ -561,8 +609,8 @@ def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
 
 
 @part
-def orient(bodies, span, saved, kept, first, width, cells, sums, g, turning, n):
-    """Turn the orientations to state n, which is shown, and save them."""
+def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
+    """Turn the orientations to state n, which is shown."""
     before, angle, gram = turning
     for l in range(width):
         b = trajectory(span.chosen, first + l)
@@ -575,10 +623,15 @@ def orient(bodies, span, saved, kept, first, width, cells, sums, g, turning, n):
                 clean(kept.orientation[b], gram)
         elif sums[g, ENDED, l] > 0.0:
             kept.orientation[b] = np.nan
-        if saved.turns.shape[0] > 0 and n % span.every == 0 and (n > span.start or n == 0):
-            saved.turns[n // span.every - span.first_row, b] = kept.orientation[b]
     for i in range(cells.shape[1]):
         store(before, g, i, load(cells, g, i, WORK))
+
+
+@part
+def save_turns(chosen, orientation, begin, end, row):
+    for position in range(begin, end):
+        b = trajectory(chosen, position)
+        row[b] = orientation[b]
 
 
 @part
@@ -605,43 +658,49 @@ def leave_block(omega, span, kept, begin, end, cells, sums):
 @part
 def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
     """All steps of the trajectories at some positions."""
-    chosen, m, row_size = span.chosen, omega.shape[1], omega.size
+    chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
     flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
-    turns, saves = kept.orientation.shape[0] > 0, saved.omega.shape[0] > 0
-    groups = cells.shape[0]
+    turns, next_saved = kept.orientation.shape[0] > 0, -1
+    if saved.omega.shape[0] > 0:
+        next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
+    row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
     start_block(bodies, omega, span, kept, begin, end, cells, sums)
-    for n in range(span.start, span.stop + 1):
-        starts = n == span.start
-        saved_now = saves and n % span.every == 0 and (n == 0 or not starts)
-        begin_of_row = (n // span.every - span.first_row) * row_size
-        if method == RANK2 and not starts:
-            # Of all groups first: one need not wait for the unknowns of the one before.
+    n = span.start
+    while True:
+        if turns or n == next_saved:
             for g in range(groups):
-                sum_up(cells, sums, g)
-        for g in range(groups):
-            first = begin + g * VECTOR
-            width = min(VECTOR, end - first)
-            if not starts:
-                if method == GAUSS:
-                    step_by_elimination(cells, sums, g, matrix)
-                elif in_all(load(sums, g, ACCURATE) > 0.0):
-                    step_all(cells, sums, g)
-                elif step_each(cells, sums, g, width, matrix):
-                    set_aside(bodies, span, kept, begin, width, cells, sums, g)
-                if not units_serve(sums, g):
-                    end_lanes(span, kept, first, width, cells, sums, g, n)
-                    renew(bodies, span, begin, width, cells, sums, g)
-            if turns or saved_now:
+                first = begin + g * VECTOR
+                width = min(VECTOR, end - first)
                 show(cells, sums, g)
                 if n == 0 or not all_move(sums, g):
                     show_given(omega, chosen, first, width, cells, sums, g, n)
-            if turns:
-                orient(bodies, span, saved, kept, first, width, cells, sums, g, turning, n)
-            if saved_now:
-                written = 0
-                if width == VECTOR and chosen.size == 0:
-                    written = write(flat_cells, m, g, first, flat, begin_of_row)
-                write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
+                if turns:
+                    orient(bodies, span, kept, first, width, cells, sums, g, turning, n)
+                if n == next_saved:
+                    begin_of_row, written = row * omega.size, 0
+                    if width == VECTOR and chosen.size == 0:
+                        written = write(flat_cells, m, g, first, flat, begin_of_row)
+                    write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
+            if turns and n == next_saved:
+                save_turns(chosen, kept.orientation, begin, end, saved.turns[row])
+        if n == next_saved:
+            next_saved += span.every
+            row += 1
+        if n == span.stop:
+            break
+        if method == GAUSS:
+            for g in range(groups):
+                step_by_elimination(cells, sums, g, matrix)
+            n += 1
+        else:
+            until = n + 1 if turns else span.stop
+            if next_saved > n:
+                until = min(until, next_saved)
+            n, needs_care = advance(cells, sums, n, until)
+            if needs_care:
+                advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
+                n += 1
+        see_to_units(bodies, span, kept, begin, end, cells, sums, n)
     leave_block(omega, span, kept, begin, end, cells, sums)
 
 

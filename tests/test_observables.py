@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._core.cpu import observables as loops
+from suslov_fast._core.jit import Loop
 from suslov_fast._engine import observables as engine
 from suslov_fast._engine import threads
 
@@ -358,3 +360,21 @@ def test_numbers_out_of_range_give_no_warning(unit):
     assert sf.energy(nd, [1e200, 0, 0]) == np.inf
     assert sf.modified_energy(nd, [0, 1e-200, 0], 1) == 0
     assert sf.multipliers(nd, 1e308, 1e308).shape == (3,)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", sorted(n for n, v in vars(loops).items() if isinstance(v, Loop)))
+def test_compiled_loops_and_python_agree(rng, name):
+    """Bit for bit: one formula, and nothing that a compiler may round otherwise."""
+    loop, size, N = getattr(loops, name), 4, 300
+    omega = rng.normal(size=2 * N) * 10.0 ** rng.uniform(-3, 3, 2 * N)
+    bodies = [rng.uniform(0.5, 2, 100) for _ in range(5)]
+    results = []
+    for run in (loop.serial, np.errstate(all="ignore")(loop.serial.py_func)):
+        out, report = np.zeros(size * N), np.zeros((2, 3), np.int64)
+        scratch = np.zeros((2, loops.SCRATCH))
+        logarithms = np.zeros((2, loops.LOGARITHMS, loops.LANES), np.int64)
+        run(*bodies, omega, out, 100, report, scratch, logarithms)
+        results.append((out, report))
+    np.testing.assert_array_equal(*(out for out, _ in results))
+    np.testing.assert_array_equal(*(report for _, report in results))

@@ -20,6 +20,7 @@ from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._full import iterate_full, step_full
 from ._linearised import jacobian, multipliers
+from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
 from ._scattering import scattering_angle
 from ._solution import exact, flow, limits
@@ -50,6 +51,7 @@ __all__ = [
     "iterate_full",
     "jacobian",
     "limits",
+    "lyapunov_exponents",
     "modified_energy",
     "momentum",
     "multipliers",

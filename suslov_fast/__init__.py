@@ -20,6 +20,7 @@ from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._full import iterate_full, step_full
 from ._linearised import jacobian, matrix, multipliers
+from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
 from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
@@ -54,6 +55,7 @@ __all__ = [
     "iterate_full",
     "jacobian",
     "limits",
+    "lyapunov_exponents",
     "matrix",
     "modified_energy",
     "momentum",

@@ -30,7 +30,7 @@ def run(problem: Problem) -> Outcome:
 def jumps(problem: Problem) -> bool:
     """Whether states are taken from the closed form, where they can be."""
     wanted = problem.method == "auto" and problem.orientation is None
-    return wanted and not len(problem.saved) and JUMP <= problem.stop <= 2**53
+    return wanted and not problem.keeps and JUMP <= problem.stop <= 2**53
 
 
 def _iterate(problem: Problem) -> Outcome:

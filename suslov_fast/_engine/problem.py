@@ -43,6 +43,9 @@ class Problem:
         The step size in the unit of time of omega, likewise.
     every
         States whose number is a multiple of this are saved.
+    keeps
+        Whether any are, be it before `start`: a run that keeps states has the same last one as all
+        others, wherever it is cut.
     saved
         (rows, B, D), filled by the run: the saved states from `start` on, state 0 included, state
         `start` > 0 not; no rows if only the last state is wanted.
@@ -62,6 +65,7 @@ class Problem:
     start: int
     stop: int
     every: int
+    keeps: bool
     saved: FloatArray
     turns: FloatArray
     orientation: FloatArray | None = None

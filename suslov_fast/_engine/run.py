@@ -98,17 +98,39 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
-    _require_memory(run, out is None)
-    saved, turns = out, None
-    if saved is None and run.save_every is not None:
-        saved = np.empty(run.shape)
-    if run.orientation is not None:
-        turns = np.empty((*run.shape[:-1], run.dimension + 1, run.dimension + 1))
-    if before is not None and run.rows_before:
+    saved, turns = _room(run, run.shape[0], out)
+    begin = run.rows_before
+    if before is not None and begin:
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
-                array[: run.rows_before] = kept
-    problem = _problem(run, saved, turns)
+                array[:begin] = kept
+    new = [None if array is None else array[begin:] for array in (saved, turns)]
+    return _results(run, _problem(run, *new), saved, turns)
+
+
+def go_on(run: Run) -> Results:
+    """Make the steps of a run since its start; of the states that are kept, only those since."""
+    saved, turns = _room(run, run.shape[0] - run.rows_before)
+    return _results(run, _problem(run, saved, turns), saved, turns)
+
+
+def _room(
+    run: Run, rows: int, out: FloatArray | None = None
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Arrays for so many states that are kept, and for the orientations."""
+    _require_memory(run, rows, out is None)
+    saved, turns = out, None
+    if saved is None and run.save_every is not None:
+        saved = np.empty((rows, *run.shape[1:]))
+    if run.orientation is not None:
+        n = run.dimension + 1
+        turns = np.empty((rows, *run.batch, n, n))
+    return saved, turns
+
+
+def _results(
+    run: Run, problem: Problem, saved: FloatArray | None, turns: FloatArray | None
+) -> Results:
     if run.method == "full":
         final, status, failed_at, resume = iterate_full.run(problem)
     elif isinstance(run.body, Suslov3D):
@@ -120,7 +142,7 @@ def execute(
         saved = final[np.newaxis]
     elif run.save_every is None:
         saved[0] = final
-    elif run.steps % run.save_every == 0:
+    elif run.steps % run.save_every == 0 and len(saved):
         final = saved[-1]
     return Results(
         omega=saved,
@@ -142,10 +164,15 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return resume | begin
 
 
-def _require_memory(run: Run, saves: bool) -> None:
+def _require_memory(run: Run, rows: int, saves: bool) -> None:
     """Refuse a run that does not fit, with what it takes beside the states that are kept."""
+<<<<<<< HEAD
     D = run.dimension
     kept = math.prod(run.shape) // D
+=======
+    D = run.body.dimension
+    kept = rows * math.prod(run.batch)
+>>>>>>> refs/heads/ensemble
     numbers = 4 * D * math.prod(run.batch)
     if saves and run.save_every is not None:
         numbers += D * kept
@@ -167,10 +194,14 @@ def _parameters(run: Run) -> list[FloatArray]:
 
 
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:
+<<<<<<< HEAD
     body, size, D = run.body, math.prod(run.batch), run.dimension
+=======
+    """The flat problem; `saved` and `turns` receive what is kept from its start on."""
+    body, size, D = run.body, math.prod(run.batch), run.body.dimension
+>>>>>>> refs/heads/ensemble
     keeps = saved is not None and run.save_every is not None
-    begin = run.rows_before
-    rows = run.shape[0] - begin
+    rows = run.shape[0] - run.rows_before
     return Problem(
         method=run.method,
         omega=run.omega0,
@@ -180,15 +211,16 @@ def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Pr
         start=run.start,
         stop=run.steps,
         every=run.save_every or run.steps + 1,
+        keeps=run.save_every is not None,
         saved=(
-            saved[begin:].reshape(rows, size, D)  # type: ignore[index]
+            saved.reshape(rows, size, D)  # type: ignore[union-attr]
             if keeps
             else np.empty((0, 0, D))
         ),
         turns=(
             np.empty((0, 0, D + 1, D + 1))
             if turns is None
-            else turns[begin:].reshape(rows, size, D + 1, D + 1)
+            else turns.reshape(rows, size, D + 1, D + 1)
         ),
         orientation=run.orientation,
         resume=run.resume,

@@ -58,7 +58,7 @@ def bench_saved_states(measure, method, save_every, memory, threads):
     steps = (saved - 1) * save_every
     measure(
         lambda: iterate(BODY, omega0, EPS, steps, **options),
-        rounds=3 if memory == "new" else 5,
+        rounds=3,
         table=Table.SAVED,
         key=f"{method}-{memory}",
         label=f'`method="{method}"`, {EVERY[save_every]}, {memory} memory',

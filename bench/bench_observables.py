@@ -73,7 +73,7 @@ def row(name, function, size):
 def bench_observable(measure, name, threads, set_threads):
     set_threads(threads)
     function, omega = ours(name), states(measure.size(STATES, 1000))
-    measure(lambda: function(omega), rounds=2, threads=threads, **row(name, function, len(omega)))
+    measure(lambda: function(omega), rounds=1, threads=threads, **row(name, function, len(omega)))
 
 
 @pytest.mark.other

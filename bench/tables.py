@@ -269,7 +269,13 @@ ATTITUDE = (
 CALLS = ("**Small calls**:", calls)
 STARTS = ("**Processes** from start to end:", starts)
 
-IN_README = (LAST, SAVED, OBSERVABLES, DIMENSIONS, CALLS, STARTS)
+PAGE = "bench/results/tables.md"
+PICTURES = (
+    "![Steps per second of this package and of others, beside limits of the machine](speed.png)",
+    "![Time per state of each quantity, beside NumPy and copies](observables.png)",
+    "![Against the batch, what lies between saved states, steps, n and threads](scaling.png)",
+)
+IN_README = (LAST, SAVED, OBSERVABLES)
 ALL = (
     *(LAST, SAVED, FEW, EVERY, BATCHES, JUMPS, MOTION, OBSERVABLES),
     *(DIMENSIONS, DIMENSIONS_SAVED, ATTITUDE, CALLS, STARTS),
@@ -288,12 +294,16 @@ def sections(results, chosen):
 
 def summary(results):
     """The tables of the README, with the markers around them."""
-    return "\n\n".join([BEGIN, sections(results, IN_README), END])
+    rest = (
+        f"[All tables]({PAGE}): few orbits, states that lie apart, batches up to 100,000,000, the "
+        "closed form, the continuous motion, n dimensions, orientations, small calls, processes."
+    )
+    return "\n\n".join([BEGIN, sections(results, IN_README), rest, END])
 
 
 def everything(results):
-    """A page with all tables."""
-    return "# Benchmarks\n\n" + sections(results, ALL) + "\n"
+    """A page with all tables, beside the charts."""
+    return "\n\n".join(["# Benchmarks", *PICTURES, sections(results, ALL)]) + "\n"
 
 
 def replace(text, new):

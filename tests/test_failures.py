@@ -3,6 +3,7 @@
 import pickle
 import warnings
 
+import naive
 import numpy as np
 import pytest
 

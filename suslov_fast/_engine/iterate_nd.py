@@ -49,7 +49,7 @@ class _Run:
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps)
+        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps, problem.time_step)
         self.saved = map_nd.Saved(problem.saved, problem.turns)
         self.kept = _kept(problem)
         matrix = 8 * math.prod(matrix_shape(m)) <= _MATRIX
@@ -69,8 +69,7 @@ class _Run:
                 (tasks, groups, map_nd.SUMS, VECTOR),
                 (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
                 (tasks, groups if oriented else 0, m, VECTOR),
-                (tasks, m),
-                (tasks, *((m + 2, m + 1) if oriented else (0, 0))),
+                (tasks, *((2 * m + 4, m + 1) if oriented else (0, 0))),
             )
         )
 
@@ -104,11 +103,11 @@ class _Run:
         kept = self.kept
         resume = {name: getattr(kept, name) for name in _RESUME}
         if len(self.problem.turns) and not len(self.problem.saved):
-            self.problem.turns[-1] = kept.orientation
+            self.problem.turns[-1] = kept.columns.swapaxes(1, 2)
         return Outcome(kept.final, kept.status, kept.failed_at, resume)
 
 
-_RESUME = ("state", "exponent", "status", "failed_at", "orientation")
+_RESUME = ("state", "exponent", "status", "failed_at", "columns")
 
 
 def _kept(problem: Problem) -> map_nd.Kept:
@@ -120,10 +119,10 @@ def _kept(problem: Problem) -> map_nd.Kept:
         failed_at=np.full(size, -1),
         state=np.empty((size, m)),
         exponent=np.empty(size),
-        orientation=(
+        columns=(
             np.empty((0, m + 1, m + 1))
             if problem.orientation is None
-            else problem.orientation.copy()
+            else np.ascontiguousarray(problem.orientation.swapaxes(1, 2))
         ),
     )
     if not problem.start:

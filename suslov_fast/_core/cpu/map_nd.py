@@ -37,10 +37,11 @@ from ..formulas.nd_map import (
     summands,
     weights,
 )
+from ..formulas.rotation import mean
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
-from .turning_nd import CLEAN_EVERY, clean, turn
+from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     choose,
@@ -98,11 +99,15 @@ LARGEST = 2.0**1023
 
 
 class Bodies(NamedTuple):
-    """J and I: (B, m), or (1, m) where one body serves all; eps: (B,) or (1,)."""
+    """J and I: (B, m), or (1, m) where one body serves all; eps: (B,) or (1,).
+
+    time_step   (B,) or (1,), the step size in the unit of time of omega, for orientations.
+    """
 
     J: np.ndarray
     I: np.ndarray
     eps: np.ndarray
+    time_step: np.ndarray
 
 
 class Span(NamedTuple):
@@ -136,7 +141,7 @@ class Kept(NamedTuple):
     failed_at     (B,), the first state that does not exist, or -1.
     state         (B, m), the states in units of 2**exponent; (0, m) if nobody will go on.
     exponent      (B,)
-    orientation   (B, n, n), or (0, n, n) if it is not wanted.
+    columns       (B, n, n), the transposed orientations, or (0, n, n) if they are not wanted.
     """
 
     final: np.ndarray
@@ -144,7 +149,7 @@ class Kept(NamedTuple):
     failed_at: np.ndarray
     state: np.ndarray
     exponent: np.ndarray
-    orientation: np.ndarray
+    columns: np.ndarray
 
 
 class Scratch(NamedTuple):
@@ -154,16 +159,14 @@ class Scratch(NamedTuple):
     sums     (tasks, groups, SUMS, VECTOR)
     matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
     before   (tasks, groups, m, VECTOR), the states before the step, if turns are wanted.
-    angle    (tasks, m)
-    gram     (tasks, n + 1, n), see `turning_nd`.
+    turning  (tasks, 2 n + 2, n), two matrices and two vectors, if turns are wanted.
     """
 
     cells: np.ndarray
     sums: np.ndarray
     matrix: np.ndarray
     before: np.ndarray
-    angle: np.ndarray
-    gram: np.ndarray
+    turning: np.ndarray
 
 
 @part
@@ -611,27 +614,32 @@ def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
 @part
 def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
     """Turn the orientations to state n, which is shown."""
-    before, angle, gram = turning
+    before, room = turning
+    size = cells.shape[1] + 1
+    gram, cleaned = room[:size], room[size : 2 * size]
+    image, middle = room[2 * size], room[2 * size + 1, : size - 1]
     for l in range(width):
         b = trajectory(span.chosen, first + l)
-        half = 0.5 * bodies.eps[b if bodies.eps.size > 1 else 0]
         if n > span.start:
-            for i in range(cells.shape[1]):
-                angle[i] = half * (before[g, i, l] + cells[g, i, WORK, l])
-            turn(kept.orientation[b], angle)
+            for i in range(size - 1):
+                middle[i] = mean(before[g, i, l], cells[g, i, WORK, l])
+            step = bodies.time_step[b if bodies.time_step.size > 1 else 0]
+            turn(kept.columns[b], middle, step, image)
             if n % CLEAN_EVERY == 0:
-                clean(kept.orientation[b], gram)
+                clean_up(kept.columns[b], gram, cleaned)
         elif sums[g, ENDED, l] > 0.0:
-            kept.orientation[b] = np.nan
-    for i in range(cells.shape[1]):
+            kept.columns[b] = np.nan
+    for i in range(size - 1):
         store(before, g, i, load(cells, g, i, WORK))
 
 
 @part
-def save_turns(chosen, orientation, begin, end, row):
+def save_turns(chosen, columns, begin, end, row):
     for position in range(begin, end):
         b = trajectory(chosen, position)
-        row[b] = orientation[b]
+        for r in range(row.shape[1]):
+            for c in range(row.shape[1]):
+                row[b, r, c] = columns[b, c, r]
 
 
 @part
@@ -660,7 +668,7 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums,
     """All steps of the trajectories at some positions."""
     chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
     flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
-    turns, next_saved = kept.orientation.shape[0] > 0, -1
+    turns, next_saved = kept.columns.shape[0] > 0, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
@@ -682,7 +690,7 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums,
                         written = write(flat_cells, m, g, first, flat, begin_of_row)
                     write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
             if turns and n == next_saved:
-                save_turns(chosen, kept.orientation, begin, end, saved.turns[row])
+                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
         if n == next_saved:
             next_saved += span.every
             row += 1
@@ -726,7 +734,7 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
                 scratch.cells[task, :groups],
                 scratch.sums[task, :groups],
                 scratch.matrix[task],
-                (scratch.before[task], scratch.angle[task], scratch.gram[task]),
+                (scratch.before[task], scratch.turning[task]),
             )
 
 

@@ -150,7 +150,9 @@ def test_nan_in_n_dimensions(rng, function):
     assert np.isnan(values).any(axis=1).tolist() == missing.tolist()
 
 
-@pytest.mark.parametrize("J, I", [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1, 1, 1, 4], [0, 0, 0, 1])])
+@pytest.mark.parametrize(
+    ("J", "I"), [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1, 1, 1, 4], [0, 0, 0, 1])]
+)
 def test_nan_of_solved_bodies_and_of_steps_in_n_dimensions(rng, J, I):
     body, omega = sf.SuslovND(J, I), rng.normal(size=(5, 6, 4))
     omega[1, 2], omega[2, 3, 1], omega[4] = np.nan, np.nan, 0.0

@@ -73,6 +73,15 @@ def normal_state(omega1, omega2):
 
 
 @formula
+def own_unit(eps, omega1, omega2):
+    """A step size and a state in units in which the state is of the order of 1, and its unit."""
+    W = exponent(larger(abs(omega1), abs(omega2)))
+    W = W if W > NO_POWER else np.int64(NO_POWER + 1)
+    unit = power(-W)
+    return scaled(eps, W), omega1 * unit, omega2 * unit, power(W)
+
+
+@formula
 def moderate(v, k):
     """v 2**k for v of the order of 1, or 2**900 in its place: far enough, and no square of a
     ratio of such numbers leaves the range.

@@ -267,6 +267,9 @@ def invariant_density(
 
 
 def _first_integral_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    if body.dimension == 2:
+        reduction = reduce(body, "first_integral")
+        return first_integral(reduction.three, reduction.state(omega), eps, threads=1)
     body, omega, eps, unit = _normal(body, omega, eps)
     reduction = reduce(body, "first_integral")
     value = first_integral_nd(reduction, omega, eps, energy(body, omega, threads=1))
@@ -274,7 +277,8 @@ def _first_integral_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 
 def _criticality_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    body, omega, eps, _ = _normal(body, omega, eps)
+    if body.dimension > 2:
+        body, omega, eps, _ = _normal(body, omega, eps)
     reduction = reduce(body, "criticality")
     return criticality(reduction.three, reduction.state(omega), eps, threads=1)
 
@@ -286,7 +290,8 @@ def _normal(
     _, moments = np.frexp(body.J.max(axis=-1, keepdims=True))
     _, products = np.frexp(abs(body.I).max(axis=-1, keepdims=True))
     _, speeds = np.frexp(abs(omega).max(axis=-1, keepdims=True))
-    normal = SuslovND(_ldexp(body.J, -moments), _ldexp(body.I, -products))
+    # Positive, as a body's must be, however far apart they are.
+    normal = SuslovND(np.maximum(_ldexp(body.J, -moments), 2.0**-900), _ldexp(body.I, -products))
     power = (speeds + products - moments)[..., 0]
     # Steps that long are all alike, and finite.
     step_size = np.clip(_ldexp(eps, power), -1e300, 1e300)

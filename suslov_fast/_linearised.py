@@ -184,16 +184,21 @@ def _exponent(values: FloatArray) -> FloatArray:
 
 def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
     """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
-    moments, products = body.exponents
-    I1, I2, I13, I23 = body.normalised
-    return np.asarray(I13 * I13 / I1 + I23 * I23 / I2)[..., np.newaxis], 2 * products - moments
+    I1, I2, I13, I23 = body.parameters
+    first, k = _mantissa(I13) ** 2 / _mantissa(I1), 2 * _exponent(I13) - _exponent(I1)
+    second, l = _mantissa(I23) ** 2 / _mantissa(I2), 2 * _exponent(I23) - _exponent(I2)
+    # The larger of the two powers; that of a 0 does not count.
+    power = np.maximum(np.where(first > 0, k, l), np.where(second > 0, l, k))
+    total = np.ldexp(first, k - power) + np.ldexp(second, l - power)
+    return np.asarray(total)[..., np.newaxis], power
 
 
 def _spectrum_nd(body: SuslovND) -> tuple[FloatArray, FloatArray]:
     """The spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, likewise, ascending."""
     moments = _exponent(body.J.max(axis=-1))
     products = _exponent(abs(body.I).max(axis=-1))
-    J = np.ldexp(body.J, -moments[..., np.newaxis])
+    # A moment this much smaller than others leaves the range of float64 in what follows.
+    J = np.maximum(np.ldexp(body.J, -moments[..., np.newaxis]), 2.0**-900)
     I = np.ldexp(body.I, -products[..., np.newaxis])
     square = (I * I).sum(axis=-1, keepdims=True)
     # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and takes sqrt(J) I to 0. A reflection of an

@@ -166,9 +166,9 @@ def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
     return state
 
 
-def derivative(function, state, h=mpf(10) ** -20):
+def derivative(function, state, digits=20):
     """The derivative of a function of vectors by central differences."""
-    m = range(len(state))
+    h, m = mpf(10) ** -digits, range(len(state))
     columns = []
     for j in m:
         ends = []

@@ -150,6 +150,19 @@ def test_nan_in_n_dimensions(rng, function):
     assert np.isnan(values).any(axis=1).tolist() == missing.tolist()
 
 
+@pytest.mark.parametrize(
+    ("J", "I"), [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1, 1, 1, 4], [0, 0, 0, 1])]
+)
+def test_nan_of_solved_bodies_and_of_steps_in_n_dimensions(rng, J, I):
+    body, omega = sf.SuslovND(J, I), rng.normal(size=(5, 6, 4))
+    omega[1, 2], omega[2, 3, 1], omega[4] = np.nan, np.nan, 0.0
+    missing = np.isnan(omega).any(axis=-1)
+    for function in (sf.first_integral, sf.criticality, sf.jacobian, sf.reaction):
+        values = function(body, omega, 0.2).reshape(5, 6, -1)
+        assert (np.isnan(values).all(axis=-1) == missing).all()
+        assert (np.isnan(values).any(axis=-1) == missing).all()
+
+
 @named
 def test_infinite_states_are_errors(function, body):
     for bad in ([[1, 2], [np.inf, 1]], [[1, 2], [0, -np.inf]]):
@@ -360,6 +373,35 @@ def test_numbers_out_of_range_give_no_warning(unit):
     assert sf.energy(nd, [1e200, 0, 0]) == np.inf
     assert sf.modified_energy(nd, [0, 1e-200, 0], 1) == 0
     assert sf.multipliers(nd, 1e308, 1e308).shape == (3,)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
+def test_numbers_anywhere_in_the_range_give_no_warning(rng):
+    """Of NumPy, that is."""
+
+    def anywhere(size, low=-1060, high=1020):
+        return np.ldexp(rng.uniform(0.5, 1, size), rng.integers(low, high, size))
+
+    with_step = [sf.first_integral, sf.modified_energy, sf.criticality, sf.jacobian, sf.matrix]
+    with_step += [sf.invariant_density, sf.closed_form, sf.reaction]
+    for _ in range(100):
+        body, omega, eps = (
+            sf.Suslov3D(*anywhere(2, -850, 850), *anywhere(2)),
+            anywhere(2),
+            anywhere(()),
+        )
+        for function in (sf.energy, sf.to_xy, sf.from_xy, sf.vector_field, sf.reaction):
+            function(body, omega)
+        for function in with_step:
+            function(body, omega, eps)
+        sf.multipliers(body, omega[0], eps)
+        m = rng.integers(1, 5)
+        body, omega = sf.SuslovND(anywhere(m, -850, 850), anywhere(m)), anywhere(m)
+        for function in (sf.energy, sf.vector_field, sf.reaction):
+            function(body, omega)
+        for function in (sf.modified_energy, sf.matrix, sf.jacobian, sf.reaction):
+            function(body, omega, eps)
+        sf.multipliers(body, omega[0], eps)
 
 
 @pytest.mark.compiled

@@ -28,7 +28,7 @@ M, P, E, W = range(4)
 LOGARITHMS = 4
 
 
-def scratch_size(m):
+def scratch_size(m: int) -> int:
     """The numbers that a task works in: one cache line more than its rows."""
     return (CELLS * m + SUMS) * LANES + VECTOR
 

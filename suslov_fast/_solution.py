@@ -76,9 +76,7 @@ def exact(
     return states
 
 
-def flow(
-    body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = None
-) -> FloatArray:
+def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """The continuous motion at time t, by its closed form.
 
     Parameters

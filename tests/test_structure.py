@@ -43,7 +43,10 @@ def test_the_core_stands_alone(path):
     """The cache on disk watches the files of the core and no others."""
     standard = {"hashlib", "types", "contextlib", "pathlib"} if path.stem == "jit" else set()
     relative = {".", ".."} if path.parent.name != "_core" else {"."}
-    assert set(imports(path)) <= {"llvmlite", "math", "numba", "numpy", "operator"} | relative | standard
+    assert (
+        set(imports(path))
+        <= {"llvmlite", "math", "numba", "numpy", "operator"} | relative | standard
+    )
 
 
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)

@@ -155,8 +155,7 @@ def first_integral(
     three, state = reduction.three, reduction.state(omega)
     with np.errstate(all="ignore"):
         x = three.I13 * state[..., 0] + three.I23 * state[..., 1]
-        value: FloatArray = (
-            np.ldexp(2.0 * energy, -2 * reduction.unit)
-            / (4.0 * three.I1 * three.I2 + (eps * x) ** 2)
+        value: FloatArray = np.ldexp(2.0 * energy, -2 * reduction.unit) / (
+            4.0 * three.I1 * three.I2 + (eps * x) ** 2
         )
     return value[()]

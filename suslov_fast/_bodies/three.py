@@ -111,7 +111,9 @@ class Suslov3D:
 
     def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
         """Them as loops take them."""
-        return self._one_normalised or [flat_parameter(each, batch, "C") for each in self.normalised]
+        return self._one_normalised or [
+            flat_parameter(each, batch, "C") for each in self.normalised
+        ]
 
     @cached_property
     def _one_normalised(self) -> list[FloatArray]:

@@ -190,7 +190,9 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
             begin, end = skipped, skipped + outward.size
             first = nearest - skipped * every
-            runs.append(Run(sign, first, every, begin, end, origin - direction * skipped, direction))
+            runs.append(
+                Run(sign, first, every, begin, end, origin - direction * skipped, direction)
+            )
     return runs
 
 

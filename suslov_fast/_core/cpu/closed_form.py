@@ -38,7 +38,7 @@ from ..formulas.closed_form import (
     ratio_of_map,
 )
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
-from ..formulas.elementary import exponent, scaled, two_to_the
+from ..formulas.elementary import exponent, scaled
 from ..jit import Loop, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_bodies, gather_states, in_whole_vectors
@@ -441,8 +441,6 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
                 status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
 
 
-
-
 # Runs of equal steps. Row i has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s there
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
@@ -686,9 +684,7 @@ def _fill_run(
                         flat_orbit, flat_tables, along, a, stop, tile, place, stride, width, pairs
                     )
                 else:
-                    rows_across(
-                        False, flat_orbit, flat_tables, a, stop, tile, place, stride, width
-                    )
+                    rows_across(False, flat_orbit, flat_tables, a, stop, tile, place, stride, width)
                 if a == 0:
                     for l in range(width):
                         if n == tables[START, l]:
@@ -727,9 +723,7 @@ def _fill_run(
                     in_tile, in_out = upper - (row - filled), origin + upper
                     if direction < 0:
                         in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
-                    write_rows(
-                        tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line
-                    )
+                    write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
                     filled = 0
         publish()
 

@@ -441,7 +441,7 @@ def _run_nd(problem: _Problem) -> _Results:
     size, m = problem.states.shape
     method = map_nd.GAUSS if problem.method == "gauss" else map_nd.RANK2
     J, I = (
-        flat_vectors(each, problem.batch if each.ndim > 1 else (1,), problem.order)
+        flat_vectors(np.asarray(each), problem.batch if np.ndim(each) > 1 else (1,), problem.order)
         for each in problem.body.parameters
     )
     final = np.empty((size, m))

@@ -422,7 +422,7 @@ def test_the_unit_of_time(k):
         scaled = np.ldexp(omega, k)
         expected = np.ldexp(sf.flow(unit, omega, t), k)
         assert (sf.flow(unit, scaled, np.ldexp(t, -k)) == expected).all()
-        times = t * np.arange(40)
+        times = 0.125 * t * np.arange(40)
         expected = np.ldexp(sf.flow(unit, omega, times), k)
         assert (sf.flow(unit, scaled, np.ldexp(times, -k)) == expected).all()
         for n in (-7, 3, np.arange(60)):
@@ -568,10 +568,8 @@ def test_rows_before_the_start_stay(body, rng):
 
 
 def test_states_that_do_not_fit_in_memory(body):
-    with pytest.raises(
-        MemoryError, match=r"fit in memory, got shape \(10000000, 1000000000000, 2\)"
-    ):
-        sf.exact(body, np.broadcast_to([1.0, 2.0], (10**12, 2)), 0.2, np.arange(10**7))
+    with pytest.raises(MemoryError, match=r"fit in memory, got shape \(10000000, 1000000, 2\)"):
+        sf.exact(body, np.broadcast_to([1.0, 2.0], (10**6, 2)), 0.2, np.arange(10**7))
 
 
 def test_threads(body, rng):

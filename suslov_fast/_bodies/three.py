@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from .values import equal, frozen, hash_of, line_of, named, plain
 _APART = 1800
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Suslov3D:
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
@@ -57,10 +57,9 @@ class Suslov3D:
     I13: float | FloatArray
     I23: float | FloatArray
 
-    def __post_init__(self) -> None:
-        arrays = {
-            field.name: real_array(field.name, getattr(self, field.name)) for field in fields(self)
-        }
+    def __init__(self, I1: ArrayLike, I2: ArrayLike, I13: ArrayLike, I23: ArrayLike) -> None:
+        given = {"I1": I1, "I2": I2, "I13": I13, "I23": I23}
+        arrays = {name: real_array(name, value) for name, value in given.items()}
         for name in ("I1", "I2"):
             if not (arrays[name] > 0).all():
                 smallest = arrays[name].min()
@@ -136,7 +135,8 @@ class Suslov3D:
         return (first + second) // 2, products
 
     def __eq__(self, other: object) -> bool:
-        return equal(self, other)
+        same: bool = equal(self, other)
+        return same
 
     def __hash__(self) -> int:
         return hash_of(self)
@@ -217,7 +217,7 @@ class Suslov3D:
         >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3).admissible_I3()
         (np.float64(nan), np.float64(nan))
         """
-        return admissible_I3(*self.parameters)
+        return admissible_I3(*map(np.asarray, self.parameters))
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:

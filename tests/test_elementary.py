@@ -15,7 +15,6 @@ from suslov_fast._core.formulas.elementary import (
     two_to_the,
 )
 
-
 mpmath.mp.dps = 60
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from .._checks import FloatArray
@@ -41,7 +43,7 @@ def admissible_I3(
     A being the product of inertia beside the larger of I1 and I2. f is concave: it has no root or
     two, which Newton's method approaches from outside.
     """
-    I1, I2, I13, I23 = np.broadcast_arrays(*map(np.asarray, (I1, I2, I13, I23)))
+    I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
     _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
     I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
     d, m = abs(I1 - I2), np.minimum(I1, I2)
@@ -61,13 +63,15 @@ def admissible_I3(
         return -4.0 * (_over(first * first, s) + _over(second * second, s + 2.0 * d))
 
     with np.errstate(all="ignore"):
-        top = _newton(slope, bend, np.maximum(2.0 * A, np.maximum(2.0 * (B - d), 0.0)))
+        start = np.maximum(2.0 * A, np.maximum(2.0 * (B - d), 0.0))
+        # Where A = 0, f may fall from s = 0 on.
+        top = np.where(slope(start) <= 0, start, _newton(slope, bend, start))
         exists = (f(top) > 0) & (top < 2.0 * m)
         left = 4.0 * A * A / (m + np.sqrt(np.maximum(m * m - 4.0 * A * A, 0.0)))
         low = np.where(f(left) >= 0, left, _newton(f, slope, left))
         high = _newton(f, slope, 2.0 * m)
-        low, high = (np.where(exists, np.ldexp(d + s, exponent), np.nan) for s in (low, high))
-    return low[()], high[()]
+        ends = [np.where(exists, np.ldexp(d + s, exponent), np.nan)[()] for s in (low, high)]
+    return ends[0], ends[1]
 
 
 def _over(v: FloatArray, w: FloatArray) -> FloatArray:
@@ -75,7 +79,11 @@ def _over(v: FloatArray, w: FloatArray) -> FloatArray:
     return np.where(v == 0, 0.0, v / w)
 
 
-def _newton(function, derivative, s):  # type: ignore[no-untyped-def]
+def _newton(
+    function: Callable[[FloatArray], FloatArray],
+    derivative: Callable[[FloatArray], FloatArray],
+    s: FloatArray,
+) -> FloatArray:
     """A root that is approached from one side, or the start where the function has its sign."""
     for _ in range(_ITERATIONS):
         value = function(s)

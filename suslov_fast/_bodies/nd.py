@@ -15,7 +15,7 @@ from .._engine.layout import flat_rows
 from .values import equal, frozen, hash_of, line_of, named, plain
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class SuslovND:
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
@@ -51,8 +51,8 @@ class SuslovND:
     J: FloatArray
     I: FloatArray
 
-    def __post_init__(self) -> None:
-        J, I = real_array("J", self.J), real_array("I", self.I)
+    def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
+        J, I = real_array("J", J), real_array("I", I)
         if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
             raise ValueError(
                 "J, I: expected shapes (..., n - 1) with the same n > 1, "
@@ -108,7 +108,8 @@ class SuslovND:
         return np.asarray((smallest + largest) // 2), np.asarray(couplings)
 
     def __eq__(self, other: object) -> bool:
-        return equal(self, other)
+        same: bool = equal(self, other)
+        return same
 
     def __hash__(self) -> int:
         return hash_of(self)

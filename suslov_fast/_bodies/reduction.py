@@ -119,7 +119,7 @@ def reduce(body: SuslovND, function: str) -> Reduction:
     if body.dimension == 2:
         J, I = body.J, body.I
         three = Suslov3D(J[..., 1], J[..., 0], -I[..., 0], -I[..., 1])
-        return Reduction(body, three, I, J[..., 1], J[..., 0], np.intc(0))
+        return Reduction(body, three, I, J[..., 1], J[..., 0], np.zeros((), np.intc))
     J, I = body.normalised
     norm = _length(I)[..., np.newaxis]
     coupled = np.broadcast_to(abs(I) > _ROUNDING * norm, np.broadcast_shapes(I.shape, J.shape))

@@ -21,7 +21,7 @@ def frozen(array: FloatArray) -> float | FloatArray:
     return np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
 
 
-def equal(body: Any, other: object) -> bool:
+def equal(body: Any, other: Any) -> Any:
     """Whether both are bodies of one kind with the same parameters."""
     if type(other) is not type(body):
         return NotImplemented

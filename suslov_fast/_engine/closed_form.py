@@ -108,7 +108,8 @@ def _fill(
             missing,
             room,
         )
-    return missing.sum(axis=0)
+    total: NDArray[np.int64] = missing.sum(axis=0)
+    return total
 
 
 @dataclass(frozen=True)

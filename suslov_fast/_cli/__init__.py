@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
     )
     parser.add_argument("--version", action="version", version=f"suslov-fast {__version__}")
-    commands = parser.add_subparsers(metavar="{run,pictures}", required=True)
+    commands = parser.add_subparsers(metavar="{run,pictures,animate}", required=True)
     run.add_to(commands)
     pictures.add_to(commands)
     return parser

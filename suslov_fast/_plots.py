@@ -382,7 +382,7 @@ def animate_body(
     Examples
     --------
     >>> from suslov_fast import animate_body
-    >>> animation = animate_body(steps=4)
+    >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
     from matplotlib.animation import FuncAnimation

@@ -15,11 +15,11 @@ from ._attitude import attitude
 from ._bodies.nd import SuslovND
 from ._bodies.reduction import NotIntegrableError
 from ._bodies.three import Suslov3D
-from ._conserved import criticality, energy, first_integral, modified_energy
+from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._full import iterate_full, step_full
-from ._linearised import jacobian, multipliers
+from ._linearised import jacobian, matrix, multipliers
 from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
 from ._plots import (
@@ -31,14 +31,16 @@ from ._plots import (
     plot_scattering,
 )
 from ._scattering import scattering_angle
+from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
 from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
-from ._status import SingularStepError, SingularStepWarning, Status
-from ._trajectories import Trajectories
+from ._status import SingularStepWarning, Status
+from ._trajectories import SingularStepError, Trajectories
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "ClosedForm",
     "NotIntegrableError",
     "SingularStepError",
     "SingularStepWarning",
@@ -48,6 +50,7 @@ __all__ = [
     "Trajectories",
     "animate_body",
     "attitude",
+    "closed_form",
     "criticality",
     "energy",
     "exact",
@@ -56,11 +59,13 @@ __all__ = [
     "from_matrix",
     "from_vector",
     "from_xy",
+    "invariant_density",
     "iterate",
     "iterate_full",
     "jacobian",
     "limits",
     "lyapunov_exponents",
+    "matrix",
     "modified_energy",
     "momentum",
     "multipliers",

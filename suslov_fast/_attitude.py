@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ._bodies.nd import SuslovND
 from ._bodies.three import Suslov3D
-from ._checks import FloatArray, common_shape, instance, real_array, vectors
+from ._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
 from ._core.cpu import attitude as loops
 from ._engine import threads as _threads
 from ._engine.arguments import Body
@@ -88,7 +88,7 @@ def attitude(
     if states.ndim < 2 or len(states) == 0:
         raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")
     step_size = real_array("eps", eps)
-    start = np.eye(m + 1) if R0 is None else _rotations("R0", R0, m + 1)
+    start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
     threads = _threads.thread_count(threads)
     batch = common_shape(
         body=body.shape, omega=states.shape[1:-1], eps=step_size.shape, R0=start.shape[:-2]
@@ -218,16 +218,3 @@ def _implicit_parameters(
         for each in (np.sqrt(J), h, I)
     )
     return root, h, I
-
-
-def _rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
-    matrices = vectors(name, value, n)
-    if matrices.ndim < 2 or matrices.shape[-2] != n:
-        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
-    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
-    if error > 1e-10 or not (np.linalg.det(matrices) > 0).all():
-        raise ValueError(
-            f"{name}: expected rotation matrices, got |R R.T - 1| = {error:.2g} and determinant "
-            f"{np.linalg.det(matrices).min(initial=np.inf):.2g}"
-        )
-    return matrices

@@ -1,22 +1,25 @@
-"""What is conserved, and which regime an orbit is in."""
+"""What is conserved, and which regime an orbit is in.
+
+Every function takes states of any shape (..., D): one, a batch, or a whole run, time first.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _nd
 from ._bodies.nd import SuslovND
 from ._bodies.reduction import first_integral as first_integral_nd
 from ._bodies.reduction import reduce
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray
-from ._core.formulas import coordinates, integrals
-from ._engine.arguments import Body, check, components
-from ._engine.elementwise import evaluate
+from ._core.cpu import observables, observables_nd
+from ._engine.arguments import Body, check
+from ._engine.observables import by_slabs, of_state, of_state_nd
+from ._engine.threads import thread_count
 
 
-def energy(body: Body, omega: ArrayLike) -> FloatArray:
+def energy(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """The energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
 
     In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2.
@@ -26,7 +29,9 @@ def energy(body: Body, omega: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -48,18 +53,16 @@ def energy(body: Body, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    (state,), batch = check(body, {"omega": omega})
-    return energy_of(body, state, batch)
-
-
-def energy_of(body: Body, state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """The energy of states that are checked already, or that may hold NaN."""
+    (state,), batch = check(body, {"omega": omega}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        return np.broadcast_to(_nd.energy(body, state), batch).copy()[()]
-    return evaluate(integrals.energy, batch, body.I1, body.I2, *components(state))
+        return of_state_nd(observables_nd.energy, body, state, None, batch, count)
+    return of_state(observables.energy, body, state, None, batch, count)
 
 
-def first_integral(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def first_integral(
+    body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+) -> FloatArray:
     """The first integral F of the map.
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 (I13 Omega1 + I23 Omega2)**2). In more
@@ -71,9 +74,11 @@ def first_integral(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -101,22 +106,17 @@ def first_integral(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.265344729629
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
-    return first_integral_of(body, state, step_size, batch)
-
-
-def first_integral_of(
-    body: Body, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
-) -> FloatArray:
-    """F of states that are checked already, or that may hold NaN."""
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        E = energy_of(body, state, batch)
-        return first_integral_nd(reduce(body, "first_integral"), state, step_size, E)
-    X = _canonical(body, state, step_size, batch)[..., 0]
-    return evaluate(integrals.first_integral, batch, body.I1, body.I2, X, *components(state))
+        reduce(body, "first_integral")
+        return by_slabs(_first_integral_nd, body, state, step_size, batch)
+    return of_state(observables.first_integral, body, state, step_size, batch, count)
 
 
-def modified_energy(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def modified_energy(
+    body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+) -> FloatArray:
     """E**2 / (E + eps**2 f.Jf / 8), the energy that the map conserves, or nearly.
 
     E is the energy and f the vector field. In three dimensions this is 2 I1 I2 F, and it is
@@ -128,9 +128,11 @@ def modified_energy(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -156,21 +158,16 @@ def modified_energy(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> float(modified_energy(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     2.122757837035
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
-    return modified_energy_of(body, state, step_size, batch)
-
-
-def modified_energy_of(
-    body: Body, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
-) -> FloatArray:
-    """The modified energy of states that are checked already, or that may hold NaN."""
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        return _nd.modified_energy(body, state, step_size)
-    X = _canonical(body, state, step_size, batch)[..., 0]
-    return evaluate(integrals.modified_energy, batch, energy_of(body, state, batch), X)
+        return of_state_nd(observables_nd.modified_energy, body, state, step_size, batch, count)
+    return of_state(observables.modified_energy, body, state, step_size, batch, count)
 
 
-def criticality(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def criticality(
+    body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+) -> FloatArray:
     """The number t = eps sqrt(h / (I1 I2)) that decides how an orbit of the map behaves.
 
     With -1 < t < 1 the orbit follows the continuous motion; otherwise the step is too long
@@ -181,9 +178,11 @@ def criticality(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega; t has its sign.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -208,21 +207,93 @@ def criticality(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        reduction = reduce(body, "criticality")
-        return criticality(reduction.three, reduction.state(state), step_size)
-    XY = _canonical(body, state, step_size, batch)
-    level = evaluate(integrals.level, batch, *components(XY))
-    # Rounding must not carry an orbit across the border: |t| < 1 exactly where |Y| < 1.
-    below = np.nextafter(1.0, 0.0)
-    level = np.where(abs(XY[..., 1]) < 1.0, np.minimum(level, below), np.maximum(level, 1.0))
-    return np.copysign(level, step_size)
+        reduce(body, "criticality")
+        return by_slabs(_criticality_nd, body, state, step_size, batch)
+    return of_state(observables.criticality, body, state, step_size, batch, count)
 
 
-def _canonical(
-    body: Suslov3D, state: FloatArray, step_size: FloatArray, batch: tuple[int, ...]
+def invariant_density(
+    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
-    """The dimensionless coordinates (X, Y)."""
-    parameters = (*body.normalised, body.normalised_eps(step_size))
-    return evaluate(coordinates.to_canonical, batch, *parameters, *components(state))[..., :2]
+    """The density of the measure that the map preserves, in (Omega1, Omega2).
+
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)), x = I13 Omega1 + I23 Omega2. Where J is the
+    :func:`jacobian` at omega, rho(next omega) det J = rho(omega), signs included.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities; NaN for states that do not exist, and so is the result.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega; 0 gives a density of the continuous motion.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of 1 / omega over that of inertia to the third power; it has the sign of x, and
+        is infinite on the line x = 0 of steady states. A constant factor is free: here it is the
+        one that makes this the density in (x, y) too.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    The paper names no measure; that of equation (xy1) is dx dy / (x (4 I1 I2 + eps**2 x**2)).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, invariant_density, jacobian, step
+    >>> body, omega = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]
+    >>> float(invariant_density(body, omega, eps=0.2).round(9))
+    -0.096052391
+    >>> after = invariant_density(body, step(body, omega, eps=0.2), eps=0.2)
+    >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
+    -0.096052391
+    """
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2, later=True)
+    count = thread_count(threads)
+    return of_state(observables.invariant_density, body, state, step_size, batch, count)
+
+
+def _first_integral_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    body, omega, eps, unit = _normal(body, omega, eps)
+    reduction = reduce(body, "first_integral")
+    value = first_integral_nd(reduction, omega, eps, energy(body, omega, threads=1))
+    return _ldexp(value, unit)
+
+
+def _criticality_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    body, omega, eps, _ = _normal(body, omega, eps)
+    reduction = reduce(body, "criticality")
+    return criticality(reduction.three, reduction.state(omega), eps, threads=1)
+
+
+def _normal(
+    body: SuslovND, omega: FloatArray, eps: FloatArray
+) -> tuple[SuslovND, FloatArray, FloatArray, FloatArray]:
+    """All in units of powers of two in which it is of the order of 1; the power that F has."""
+    _, moments = np.frexp(body.J.max(axis=-1, keepdims=True))
+    _, products = np.frexp(abs(body.I).max(axis=-1, keepdims=True))
+    _, speeds = np.frexp(abs(omega).max(axis=-1, keepdims=True))
+    normal = SuslovND(_ldexp(body.J, -moments), _ldexp(body.I, -products))
+    power = (speeds + products - moments)[..., 0]
+    # Steps that long are all alike, and finite.
+    step_size = np.clip(_ldexp(eps, power), -1e300, 1e300)
+    return normal, _ldexp(omega, -speeds), step_size, (2 * speeds - moments)[..., 0]
+
+
+def _ldexp(values: FloatArray, power: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        result: FloatArray = np.ldexp(values, power)
+    return result

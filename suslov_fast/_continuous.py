@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _nd
 from ._bodies.nd import SuslovND
 from ._checks import FloatArray
-from ._core.formulas import continuous
-from ._engine.arguments import Body, check, components
-from ._engine.elementwise import evaluate
-from ._map import next_states
+from ._core.cpu import observables, observables_nd
+from ._engine.arguments import Body, check
+from ._engine.observables import by_slabs, of_state, of_state_nd
+from ._engine.threads import thread_count
+from ._map import iterate
 
 
-def vector_field(body: Body, omega: ArrayLike) -> FloatArray:
+def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """The derivative of omega by time.
 
     Parameters
@@ -22,7 +21,9 @@ def vector_field(body: Body, omega: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -45,17 +46,16 @@ def vector_field(body: Body, omega: ArrayLike) -> FloatArray:
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        return _nd.slope(body, state, state)
-    return evaluate(continuous.vector_field, batch, *body.parameters, *components(state))
+        result = (body.dimension,)
+        return of_state_nd(observables_nd.vector_field, body, state, None, batch, count, result)
+    return of_state(observables.vector_field, body, state, None, batch, count, 2)
 
 
 def reaction(
-    body: Body,
-    omega: ArrayLike,
-    eps: ArrayLike | None = None,
-    omega_next: ArrayLike | None = None,
+    body: Body, omega: ArrayLike, eps: ArrayLike | None = None, threads: int | None = None
 ) -> FloatArray:
     """The Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
@@ -64,18 +64,19 @@ def reaction(
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
-        equations between omega and the next state, without it that of the continuous ones.
-    omega_next : array_like(float, shape=(..., D)), optional
-        The next state, if it is known already; only together with eps.
+        equations between each state and its own next one, without it that of the continuous ones.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
         In the unit of inertia times that of omega squared; in n dimensions the antisymmetric
-        lambda_ij of (nsus).
+        lambda_ij of (nsus). NaN, with one :class:`SingularStepWarning`, where eps is given and a
+        state has no next one.
 
     Raises
     ------
@@ -96,19 +97,24 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    if omega_next is None:
-        (state,), batch = check(body, {"omega": omega})
-        following = state if eps is None else next_states(body, state, eps, stacklevel=3)
-        batch = following.shape[:-1] if eps is not None else batch
-    elif eps is None:
-        raise ValueError("eps: expected a step size together with omega_next, got None")
-    else:
-        (state, following, _), batch = check(
-            body, {"omega": omega, "omega_next": omega_next}, {"eps": eps}
-        )
-    if isinstance(body, SuslovND):
-        m = body.dimension
-        return np.broadcast_to(_nd.reaction(body, state, following), (*batch, m, m)).copy()
-    return evaluate(
-        continuous.reaction, batch, *body.parameters, *components(state), *components(following)
+    (state, *step_size), batch = check(
+        body, {"omega": omega}, {} if eps is None else {"eps": eps}, later=True
     )
+    count = thread_count(threads)
+    if isinstance(body, SuslovND):
+        result = (body.dimension, body.dimension)
+        if step_size:
+            return by_slabs(
+                _discrete_reaction_nd, body, state, step_size[0], batch, result, warn=True
+            )
+        return of_state_nd(observables_nd.reaction, body, state, None, batch, count, result)
+    if step_size:
+        loop = observables.discrete_reaction
+        return of_state(loop, body, state, step_size[0], batch, count)
+    return of_state(observables.reaction, body, state, None, batch, count)
+
+
+def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
+    loop, result = observables_nd.reaction, (body.dimension, body.dimension)
+    return of_state_nd(loop, body, omega, None, omega.shape[:-1], None, result, following)

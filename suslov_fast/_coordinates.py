@@ -7,12 +7,13 @@ from numpy.typing import ArrayLike
 
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray
-from ._core.formulas import coordinates
-from ._engine.arguments import check, components
-from ._engine.elementwise import evaluate
+from ._core.cpu import observables
+from ._engine.arguments import check
+from ._engine.observables import of_state
+from ._engine.threads import thread_count
 
 
-def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """The coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
     The steady states are the line x = 0. x is accurate to rounding next to that line too.
@@ -22,7 +23,9 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     body : Suslov3D
         The body, or a batch of them.
     omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
+        Angular velocities (Omega1, Omega2); NaN for states that do not exist, as is the result.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -44,12 +47,11 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    (state,), batch = check(body, {"omega": omega}, dimension=2)
-    xy = evaluate(coordinates.to_xy, batch, *body.normalised, *components(state))
-    return _rescaled(body, xy, 1)
+    (state,), batch = check(body, {"omega": omega}, dimension=2, later=True)
+    return of_state(observables.to_xy, body, state, None, batch, thread_count(threads), 2)
 
 
-def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
+def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatArray:
     """The angular velocities with given coordinates (x, y): the inverse of :func:`to_xy`.
 
     Parameters
@@ -57,7 +59,9 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     body : Suslov3D
         The body, or a batch of them, with I13 and I23 not both 0.
     xy : array_like(float, shape=(..., 2))
-        Coordinates (x, y).
+        Coordinates (x, y); NaN where there are none, as is the result.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -79,19 +83,9 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    (state,), batch = check(body, {"xy": xy}, dimension=2)
+    (state,), batch = check(body, {"xy": xy}, dimension=2, later=True)
     if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    xy = _rescaled(body, np.broadcast_to(state, (*batch, 2)), -1)
-    return evaluate(coordinates.from_xy, batch, *body.normalised, *components(xy))
-
-
-def _rescaled(body: Suslov3D, xy: FloatArray, sign: int) -> FloatArray:
-    """Put back, or take out, the powers of two by which the body is normalised."""
-    moments, products = body.exponents
-    powers = sign * np.stack(np.broadcast_arrays(products, products + moments), axis=-1)
-    with np.errstate(all="ignore"):
-        rescaled: FloatArray = np.ldexp(xy, powers)
-    return rescaled
+    return of_state(observables.from_xy, body, state, None, batch, thread_count(threads), 2, "xy")

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import _nd
 from ._bodies.nd import SuslovND
+from ._bodies.three import Suslov3D
 from ._checks import FloatArray
-from ._core.formulas import linearised
-from ._engine.arguments import Body, check, components
-from ._engine.elementwise import evaluate, without_poles
-from ._map import next_states
+from ._core.cpu import observables, observables_nd
+from ._engine.arguments import Body, check
+from ._engine.observables import by_slabs, of_state, of_state_nd
+from ._engine.threads import thread_count
+from ._map import iterate
 
 
-def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def jacobian(
+    body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+) -> FloatArray:
     """The derivative of the map.
 
     Parameters
@@ -22,15 +25,17 @@ def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     body : Suslov3D or SuslovND
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
-        Angular velocities.
+        Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
-        with one :class:`SingularStepWarning`, where the map has a pole.
+        with one :class:`SingularStepWarning`, where a state has no next one.
 
     Raises
     ------
@@ -39,8 +44,9 @@ def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    DPhi = A(omega; eps)**-1 A(omega_next; -eps), with the matrix A that the paper inverts to
-    get (ds2).
+    In three dimensions that of equation (xy1), solved for the next state: next to poles it is as
+    accurate as :func:`step`. In n dimensions A(omega; eps)**-1 A(omega_next; -eps), with the A of
+    :func:`matrix`, by LAPACK.
 
     Examples
     --------
@@ -50,13 +56,72 @@ def jacobian(body: Body, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
+    count = thread_count(threads)
     if isinstance(body, SuslovND):
-        following = next_states(body, state, step_size, stacklevel=3)
-        return _nd.jacobian(body, state, following, step_size)
-    parameters = (*body.normalised, body.normalised_eps(step_size))
-    entries = evaluate(linearised.jacobian, batch, *parameters, *components(state))
-    return without_poles(entries).reshape((*batch, 2, 2))
+        result = (body.dimension, body.dimension)
+        return by_slabs(_jacobian_nd, body, state, step_size, batch, result, warn=True)
+    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4)
+    return entries.reshape((*batch, 2, 2))
+
+
+def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
+    """The matrix A that the paper inverts: A(omega; eps) next_omega = omega.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovND
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities; NaN for states that do not exist, and so is the result.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D, D))
+        A, dimensionless.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above.
+
+    Notes
+    -----
+    The matrices above (ds2) and below (dsn): the identity less eps / 2 times the derivative of the
+    vector field. The package itself solves these equations by other ways.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, matrix, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> A = matrix(body, [1.0, 0.5], eps=0.2)
+    >>> A.round(6)
+    array([[ 0.99375, -0.02   ],
+           [ 0.115  ,  1.03   ]])
+    >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
+    array([1. , 0.5])
+    """
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
+    count = thread_count(threads)
+    if isinstance(body, SuslovND):
+        result = (body.dimension, body.dimension)
+        return of_state_nd(observables_nd.matrix, body, state, step_size, batch, count, result)
+    entries = of_state(observables.matrix, body, state, step_size, batch, count, 4)
+    return entries.reshape((*batch, 2, 2))
+
+
+def _jacobian_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
+    exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
+    identity = np.eye(body.dimension)
+    left = np.where(exists, matrix(body, omega, eps), identity)
+    right = np.where(exists, matrix(body, following, -eps), np.nan)
+    return np.linalg.solve(left, right)
 
 
 def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -96,7 +161,65 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
            [1.      , 1.062919]])
     """
     (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
-    if isinstance(body, SuslovND):
-        return _nd.multipliers(body, where, step_size)
-    I1, I2, I13, I23 = body.parameters
-    return np.asarray(evaluate(linearised.multipliers, batch, I1, I2, I13, I23, step_size, where))
+    spectrum, exponent = _spectrum_nd(body) if isinstance(body, SuslovND) else _spectrum_3d(body)
+    fraction, power = np.frexp(np.multiply(*map(_mantissa, (where, step_size))))
+    power = power + _exponent(where) + _exponent(step_size) + exponent
+    with np.errstate(all="ignore"):
+        Y = np.ldexp(0.5 * fraction[..., np.newaxis] * spectrum, power[..., np.newaxis])
+        result: FloatArray = np.where(
+            abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
+        )
+    full = np.ones((*batch, body.dimension))
+    full[..., 1:] = result
+    return full
+
+
+def _mantissa(values: FloatArray) -> FloatArray:
+    return np.frexp(values)[0]
+
+
+def _exponent(values: FloatArray) -> FloatArray:
+    return np.frexp(values)[1]
+
+
+def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
+    """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
+    moments, products = body.exponents
+    I1, I2, I13, I23 = body.normalised
+    return np.asarray(I13 * I13 / I1 + I23 * I23 / I2)[..., np.newaxis], 2 * products - moments
+
+
+def _spectrum_nd(body: SuslovND) -> tuple[FloatArray, FloatArray]:
+    """The spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, likewise, ascending."""
+    moments = _exponent(body.J.max(axis=-1))
+    products = _exponent(abs(body.I).max(axis=-1))
+    J = np.ldexp(body.J, -moments[..., np.newaxis])
+    I = np.ldexp(body.I, -products[..., np.newaxis])
+    square = (I * I).sum(axis=-1, keepdims=True)
+    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and takes sqrt(J) I to 0. A reflection of an
+    # axis into that direction takes the other axes to a basis of the rest.
+    root = np.sqrt(J)
+    null, across = np.broadcast_arrays(root * I, I / root)
+    basis = _complement(null)
+    inverse = np.broadcast_to(square / J, null.shape)[..., np.newaxis]
+    projected = across[..., np.newaxis, :] @ basis
+    symmetric = basis.swapaxes(-2, -1) @ (inverse * basis) - projected.swapaxes(-2, -1) * projected
+    spectrum = np.linalg.eigvalsh(symmetric)
+    # Each lies between two of the |I|**2 / J_i.
+    bounds = np.sort(inverse[..., 0], axis=-1)
+    return np.clip(spectrum, bounds[..., :-1], bounds[..., 1:]), 2 * products - moments
+
+
+def _complement(vectors: FloatArray) -> FloatArray:
+    """Orthonormal bases (..., m, m - 1) of what is orthogonal to vectors (..., m), 0 included."""
+    m = vectors.shape[-1]
+    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit = np.where(size > 0, vectors / np.where(size > 0, size, 1.0), np.eye(m)[0])
+    # Householder's reflection, of the first axis into plus or minus the unit vector.
+    normal = unit.copy()
+    normal[..., 0] += np.copysign(1.0, unit[..., 0])
+    square = (normal * normal).sum(axis=-1)[..., np.newaxis, np.newaxis]
+    reflection: FloatArray = (
+        np.eye(m) - 2.0 / square * normal[..., :, np.newaxis] * normal[..., np.newaxis, :]
+    )
+    return reflection[..., 1:]

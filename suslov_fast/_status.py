@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING
 
 from ._core import codes
-
-if TYPE_CHECKING:
-    from ._trajectories import Trajectories
 
 
 class Status(IntEnum):
@@ -45,20 +41,3 @@ _MESSAGES = {
 
 class SingularStepWarning(RuntimeWarning):
     """Some trajectories of a batch came to an end before their last step."""
-
-
-class SingularStepError(ArithmeticError):
-    """Some trajectories of a batch came to an end before their last step.
-
-    Attributes
-    ----------
-    trajectories : Trajectories
-        The finished batch, failed trajectories included.
-    """
-
-    def __init__(self, message: str, trajectories: Trajectories) -> None:
-        super().__init__(message)
-        self.trajectories = trajectories
-
-    def __reduce__(self) -> tuple[type, tuple[str, Trajectories]]:
-        return type(self), (str(self), self.trajectories)

@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import damage
 import pytest
 
 import suslov_fast
+from suslov_fast._core import cache
 
 pytestmark = pytest.mark.compiled
 
@@ -79,10 +81,39 @@ def test_an_edit_of_any_module_counts(copy):
 
 def test_a_damaged_cache_is_replaced(copy):
     first, _ = run(copy)
-    for suffix in ("*.nbc", "*.nbi"):
-        for path in copy.rglob(suffix):
-            path.write_bytes(b"damaged")
-        assert run(copy)[0] == first
+    (path,) = copy.rglob("*.nbc")
+    sound = path.read_bytes()
+    for damaged in (b"", b"damaged", sound[:-1], sound + b"\0", sound[: len(sound) // 2]):
+        path.write_bytes(damaged)
+        again, _ = run(copy, NUMBA_DEBUG_CACHE="1")
+        assert first in again
+        assert "data loaded" not in again
+        assert "data saved" in again
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flipped_bits_and_zeroed_blocks(copy, seed):
+    """Code with one wrong bit may crash, or worse, compute."""
+    first, _ = run(copy)
+    (path,) = copy.rglob("*.nbc")
+    sound = path.read_bytes()
+    path.write_bytes(damage.damaged(sound, seed))
+    again, _ = run(copy, NUMBA_DEBUG_CACHE="1")
+    assert first in again
+    assert "data loaded" not in again
+    assert "data saved" in again
+    assert run(copy)[0] == first
+
+
+def test_files_of_another_key_are_not_taken(copy):
+    """Two processes may write at once, and a file may be renamed."""
+    first, _ = run(copy, NUMBA_CPU_NAME="generic")
+    second, _ = run(copy)
+    assert first == second
+    one, other = copy.rglob("*.nbc")
+    one.write_bytes(other.read_bytes())
+    for cpu in ({"NUMBA_CPU_NAME": "generic"}, {}):
+        assert run(copy, **cpu)[0] == first
 
 
 def test_no_place_for_a_cache(copy):
@@ -110,3 +141,65 @@ def test_many_processes_at_once(copy):
     assert [process.returncode for process in processes] == [0] * 4, results
     assert len({output for output, _ in results}) == 1
     assert run(copy)[0] == results[0][0]
+
+
+needs_modes = pytest.mark.skipif(os.name != "posix", reason="needs POSIX file modes")
+
+
+@needs_modes
+def test_a_folder_that_others_write_to_is_passed_by(copy, tmp_path):
+    """What anyone may put there would run as code."""
+    (home := tmp_path / "home").mkdir()
+    beside = copy / "suslov_fast" / "_core" / "cpu" / "__pycache__"
+    beside.mkdir()
+    beside.chmod(0o777)
+    first, _ = run(copy, HOME=str(home), XDG_CACHE_HOME=str(home))
+    assert not compiled_files(beside)
+    assert len(compiled_files(home)) == 1
+    for folder in home.rglob("*"):
+        if folder.is_dir():
+            folder.chmod(0o777)
+    again, _ = run(copy, HOME=str(home), XDG_CACHE_HOME=str(home), NUMBA_DEBUG_CACHE="1")
+    assert first == again  # with nothing loaded or saved
+
+
+@needs_modes
+@pytest.mark.parametrize(
+    ("mode", "above", "expected"),
+    [
+        (0o755, 0o755, True),
+        (0o700, 0o1777, True),
+        (0o777, 0o755, False),
+        (0o1777, 0o755, False),
+        (0o755, 0o777, False),
+    ],
+)
+def test_trust(tmp_path, mode, above, expected):
+    folder = tmp_path / "above" / "folder"
+    folder.mkdir(parents=True)
+    folder.chmod(mode)
+    folder.parent.chmod(above)
+    assert cache.trusted.__wrapped__(folder) is expected
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    assert cache.trusted.__wrapped__(link) is expected
+
+
+@needs_modes
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs root")
+def test_folders_of_other_users_and_groups(tmp_path):
+    os.chown(tmp_path, 12345, -1)
+    assert not cache.trusted.__wrapped__(tmp_path)
+    os.chown(tmp_path, 0, 12345)
+    assert cache.trusted.__wrapped__(tmp_path)
+    tmp_path.chmod(0o775)
+    assert not cache.trusted.__wrapped__(tmp_path)
+
+
+@needs_modes
+def test_a_chosen_folder_is_the_users_own_affair(tmp_path, monkeypatch):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    folder.chmod(0o777)
+    monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
+    assert cache.trusted.__wrapped__(folder)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import _full
+from suslov_fast._engine import problem
 
 # With eps = 1 the map has no next state where y = 2 + x**2; here x = Omega1 and y = -Omega2.
 UNIT = sf.Suslov3D(1, 1, 1, 0)
@@ -122,13 +122,21 @@ def test_alone_or_in_a_batch(rng):
         assert alone.failed_at == orbits.failed_at[i]
 
 
+def test_a_run_that_is_gone_on_with(rng):
+    body, omega0, eps, I3 = mixed_batch(rng, 20)
+    whole = run(body, omega0, eps, 60, I3, save_every=7)
+    gone_on = run(body, omega0, eps, 33, I3, save_every=7).extend(27, on_singular="ignore")
+    for name in ("omega", "final", "status", "failed_at"):
+        assert np.array_equal(getattr(gone_on, name), getattr(whole, name), equal_nan=True)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("save_every", [1, 7, None])
-def test_slices_and_threads(rng, threads, save_every, monkeypatch):
+def test_parts_and_threads(rng, threads, save_every, monkeypatch, request):
     body, omega0, eps, I3 = mixed_batch(rng, 300)
     omega0[::50] = np.nan
     expected = run(body, omega0, eps, 60, I3, save_every=save_every)
-    monkeypatch.setattr(_full, "_SLICE", 300 * 12 * 11)
+    request.getfixturevalue("small_parts")
     monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
     done = []
     cut = run(
@@ -169,10 +177,12 @@ def test_failures(rng):
     assert caught.value.trajectories.failed_at == 1
 
 
-@pytest.mark.parametrize("slice_length", [1, 2**25])
-def test_failure_after_several_steps(monkeypatch, slice_length):
-    """In the middle of a slice or at its end."""
-    monkeypatch.setattr(_full, "_SLICE", slice_length)
+@pytest.mark.parametrize("cut", [False, True])
+def test_failure_after_several_steps(monkeypatch, request, cut):
+    """In the middle of a part or at its end."""
+    if cut:
+        request.getfixturevalue("small_parts")
+        monkeypatch.setattr(problem, "_PART", 1)
     before_a_pole = run(UNIT, [1.0, -3.0, 0.0], -1.0, 4, 3.0).final
     orbit = run(UNIT, before_a_pole, 1.0, 9, 3.0)
     assert orbit.status == sf.Status.SINGULAR

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast import _map
 from suslov_fast._core.cpu import blocks
 from suslov_fast._core.cpu import map_3d as loops
 from suslov_fast._engine import threads
@@ -48,7 +47,7 @@ def test_alone_or_in_a_batch(rng, method, save_every):
     assert set(np.unique(together.status)) >= {sf.Status.OK, sf.Status.SUPERCRITICAL}
     for i in (0, 1, 7, LANES - 1, LANES, size - 1):
         alone = run(part(body, i), omega[i], eps[i], **options)
-        assert same(alone.omega, together.omega[i])
+        assert same(alone.omega, together.omega[:, i])
         assert same(alone.final, together.final[i])
         assert alone.status == together.status[i]
 
@@ -61,7 +60,7 @@ def test_order_of_the_batch(rng, method, save_every):
     options = {"method": method, "save_every": save_every}
     first = run(body, omega, eps, **options)
     second = run(part(body, shuffled), omega[shuffled], eps[shuffled], **options)
-    assert same(first.omega[shuffled], second.omega)
+    assert same(first.omega[:, shuffled], second.omega)
     assert same(first.status[shuffled], second.status)
 
 
@@ -86,55 +85,95 @@ def test_compiled_equals_interpreted(rng, method):
     parameters = [np.ascontiguousarray(p) for p in (*body.normalised, eps)]
 
     def call(loop):
-        out, final = np.empty((70, 41, 2)), np.empty((70, 2))
-        status = np.empty(70, np.int8)
+        out, final, state = np.empty((41, 70, 2)), np.empty((70, 2)), np.empty((2, 70))
+        status, turn, turns = np.empty(70, np.int8), np.zeros((4, 70)), np.empty((41, 70, 3, 3))
+        turn[0], R0 = 1.0, np.ones((3, 3, 70))
+        arguments = (0, 70, 0, 40, 1, 0, out, state, eps, R0, turn, turns, final, status)
         with np.errstate(all="ignore"):
-            loop(method, *parameters, omega, 0, 40, 1, out, False, np.empty((2, 0)), final, status)
-        return out, final, status
+            loop(method, *parameters, omega, *arguments)
+        return out, final, status, state, turn, turns
 
     compiled = call(loops.iterate.serial)
     for other in (call(loops.iterate.parallel), call(loops.iterate.serial.py_func)):
         assert all(map(same, compiled, other))
 
 
+@pytest.mark.parametrize("attitude", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_slices(rng, monkeypatch, method):
-    """A run that is cut into slices, to look for Ctrl-C, goes on as if it were not."""
+def test_parts(rng, request, method, attitude):
+    """A run that is cut into parts, to look for Ctrl-C, goes on as if it were not."""
     body, omega, eps = mixed_batch(rng, 70)
-    whole = run(body, omega, eps, 701, method=method, save_every=7)
-    last = run(body, omega, eps, 701, method=method, save_every=None)
-    monkeypatch.setattr(_map, "_SLICE", 70 * 90)
-    slices = []
-    sliced = run(
+    options = {"method": method, "attitude": attitude}
+    whole = run(body, omega, eps, 701, save_every=7, **options)
+    last = run(body, omega, eps, 701, save_every=None, **options)
+    request.getfixturevalue("small_parts")
+    parts = []
+    cut = run(
         body,
         omega,
         eps,
         701,
-        method=method,
         save_every=7,
-        progress=lambda *seen: slices.append(seen),
+        progress=lambda *seen: parts.append(seen),
+        **options,
     )
-    assert len(slices) > 3
-    assert slices[-1] == (701, 701)
-    assert same(whole.omega, sliced.omega)
-    assert same(whole.final, sliced.final)
-    assert same(whole.status, sliced.status)
-    assert same(last.final, run(body, omega, eps, 701, method=method, save_every=None).final)
+    if method != "auto":
+        assert len(parts) > 3
+    assert parts[-1] == (701, 701)
+    assert same(whole.omega, cut.omega)
+    assert same(whole.final, cut.final)
+    assert same(whole.status, cut.status)
+    assert not attitude or same(whole.attitude, cut.attitude)
+    assert same(last.final, run(body, omega, eps, 701, save_every=None, **options).final)
+
+
+@pytest.mark.parametrize("attitude", [False, True])
+@pytest.mark.parametrize("save_every", [1, 4, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_that_is_gone_on_with(rng, method, save_every, attitude):
+    """30 steps are 15 and 15, or 1, 0, 28 and 1: the states, where they end, and how."""
+    body, omega, eps = mixed_batch(rng, 70)
+    omega[3] = np.nan
+    options = {"method": method, "save_every": save_every, "attitude": attitude}
+    for steps, cuts in ((30, (15, 15)), (30, (1, 0, 28, 1)), (300, (20, 280)), (300, (256, 44))):
+        whole = run(body, omega, eps, steps, **options)
+        gone_on = run(body, omega, eps, cuts[0], **options)
+        for more in cuts[1:]:
+            gone_on = gone_on.extend(more, on_singular="ignore")
+        for name in ("omega", "n", "final", "status", "failed_at", "attitude"):
+            expected, got = getattr(whole, name), getattr(gone_on, name)
+            assert (expected is None and got is None) or same(expected, got), name
+
+
+@pytest.mark.parametrize("save_every", [1, 4, None])
+def test_the_orientation_is_that_of_every_step(body, rng, save_every):
+    """Whatever is saved, it is the one that `attitude` finds along all states."""
+    omega = rng.normal(size=(5, 2))
+    start = sf.attitude(body, run(body, omega, 0.1, 3).omega, 0.1)[-1]
+    states = run(body, omega, 0.3, 40, method="canonical").omega
+    for given_start in (True, start):
+        turns = run(
+            body, omega, 0.3, 40, method="canonical", save_every=save_every, attitude=given_start
+        )
+        R0 = None if given_start is True else start
+        expected = sf.attitude(body, states, 0.3, R0)
+        assert turns.attitude.shape == (len(turns.n), 5, 3, 3)
+        np.testing.assert_allclose(turns.attitude, expected[turns.n], rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
 def test_save_every(rng, method):
     body, omega, eps = mixed_batch(rng, 20)
     every = run(body, omega, eps, 300, method=method)
-    assert same(every.omega[:, -1], every.final)
+    assert same(every.omega[-1], every.final)
     for k in (2, 7, 64, 300, 1000):
         some = run(body, omega, eps, 300, method=method, save_every=k)
         assert (some.n == np.arange(0, 301, k)).all()
-        assert same(some.omega, every.omega[:, ::k])
+        assert same(some.omega, every.omega[::k])
         assert same(some.final, every.final)
     last = run(body, omega, eps, 300, method=method, save_every=None)
     assert (last.n == [300]).all()
-    assert same(last.omega, every.omega[:, -1:])
+    assert same(last.omega, every.omega[-1:])
 
 
 def test_auto_agrees_with_canonical(body, rng):
@@ -147,56 +186,48 @@ def test_auto_agrees_with_canonical(body, rng):
 
 
 @pytest.mark.parametrize("batch", [(), (3,), (2, 3), (2, 1, 3), (0,), (2, 0)])
-@pytest.mark.parametrize("given_out", [False, True])
-def test_memory_orders(rng, batch, given_out):
+def test_shapes(rng, batch):
     body = sf.Suslov3D(rng.uniform(1, 2, batch), 1.5, 0.3, -0.2)
     omega = rng.normal(size=(*batch, 2))
     expected = run(body, omega, 0.3, 33, save_every=2)
-    assert expected.omega.shape == (*batch, 17, 2)
+    assert expected.omega.shape == (17, *batch, 2)
     assert expected.omega.flags.c_contiguous
-    if given_out:
-        out = np.full((*batch, 17, 2), 7.0, order="F")
-        other = run(body, omega, 0.3, 33, save_every=2, out=out)
-        assert other.omega is out
-    else:
-        other = run(body, omega, 0.3, 33, save_every=2, order="F")
-    assert other.omega.flags.f_contiguous
-    assert same(expected.omega, other.omega)
+    assert expected.final.shape == (*batch, 2)
+    assert expected.status.shape == expected.failed_at.shape == batch
+    out = np.full((17, *batch, 2), 7.0)
+    other = run(body, omega, 0.3, 33, save_every=2, out=out)
+    assert other.omega is out
+    assert same(expected.omega, out)
     assert same(expected.final, other.final)
-    assert expected.final.shape == other.final.shape == (*batch, 2)
-    assert expected.status.shape == other.status.shape == batch
 
 
-def test_order_of_the_last_state(body, rng):
-    omega = rng.normal(size=(5, 3, 2))
-    for order in "CF":
-        result = run(body, omega, 0.2, 7, save_every=None, order=order)
-        assert result.omega.flags[f"{order}_CONTIGUOUS"]
-        assert same(result.omega[..., 0, :], result.final)
-
-
-def test_out_in_c_order_and_for_the_last_state(body, rng):
+def test_out_for_the_last_state(body, rng):
     omega = rng.normal(size=(6, 2))
-    out = np.empty((6, 11, 2))
-    assert run(body, omega, 0.2, 10, out=out).omega is out
-    assert same(out, run(body, omega, 0.2, 10).omega)
-    last = np.empty((6, 1, 2))
+    last = np.empty((1, 6, 2))
     result = run(body, omega, 0.2, 10, out=last, save_every=None)
     assert result.omega is last
-    assert same(last[:, 0], result.final)
+    assert same(last[0], result.final)
 
 
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_out_may_overlap_the_input(body, rng, order):
-    buffer = np.asarray(rng.normal(size=(5, 4, 2)), order=order)
-    eps, omega = buffer[:, 1, 0], buffer[:, 0]
+def test_out_may_overlap_the_input(body, rng):
+    buffer = rng.normal(size=(4, 5, 2))
+    eps, omega = buffer[1, :, 0], buffer[0]
     expected = run(body, omega.copy(), eps.copy(), 3)
     result = run(body, omega, eps, 3, out=buffer)
     assert same(result.omega, expected.omega)
     assert same(result.eps, expected.eps)
     flat = rng.normal(size=12)
     expected = run(body, flat[:2].copy(), flat[2:4].copy(), 2)
-    assert same(run(body, flat[:2], flat[2:4], 2, out=flat.reshape(2, 3, 2)).omega, expected.omega)
+    assert same(run(body, flat[:2], flat[2:4], 2, out=flat.reshape(3, 2, 2)).omega, expected.omega)
+
+
+def test_a_run_keeps_what_it_began_with(body):
+    """Whoever writes to the input afterwards does not change what a run goes on from."""
+    omega = np.array([[1.0, 0.5], [0.3, 0.2]])
+    whole = run(body, omega, 0.2, 60, save_every=None)
+    half = run(body, omega, 0.2, 10, save_every=None)
+    omega[:] = 7.0
+    assert same(half.extend(50).final, whole.final)
 
 
 def test_any_layout_of_the_input(body, rng):
@@ -227,17 +258,17 @@ def test_broadcasting(rng):
     eps = np.array([0.1, 0.2, -0.1, 0.05]).reshape(4, 1, 1)
     omega = rng.normal(size=(2, 2))
     result = run(body, omega, eps, 10)
-    assert result.omega.shape == (4, 3, 2, 11, 2)
-    assert result.t.shape == (4, 1, 1, 11)
+    assert result.omega.shape == (11, 4, 3, 2, 2)
+    assert result.t.shape == (11, 4, 1, 1)
     for i, j, k in np.ndindex(4, 3, 2):
         one = sf.Suslov3D(body.I1[j, 0], 1.5, 0.3, body.I23[k])
         alone = run(one, omega[k], eps[i, 0, 0], 10)
-        assert same(alone.omega, result.omega[i, j, k])
+        assert same(alone.omega, result.omega[:, i, j, k])
 
 
 def test_no_steps(body):
     result = run(body, [[1, 2], [3, 4]], 0.2, 0)
-    assert (result.omega == [[[1, 2]], [[3, 4]]]).all()
+    assert (result.omega == [[[1, 2], [3, 4]]]).all()
     assert (result.final == [[1, 2], [3, 4]]).all()
     assert (run(body, [1, 2], 0.2, 0, save_every=None).omega == [[1, 2]]).all()
 
@@ -260,10 +291,10 @@ def test_any_batch_size_number_of_steps_and_saving(size, steps, save_every):
     body = sf.Suslov3D(4, 1, -0.5, -0.3)
     omega = rng.normal(size=(size, 2))
     result = run(body, omega, 0.2, steps, save_every=save_every)
-    assert result.omega.shape == (size, steps // save_every + 1, 2)
+    assert result.omega.shape == (steps // save_every + 1, size, 2)
     assert np.isfinite(result.omega).all()
     i = size - 1
-    assert same(result.omega[i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)
+    assert same(result.omega[:, i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)
 
 
 @pytest.mark.parametrize("shift", range(8))
@@ -275,15 +306,13 @@ def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
     steps = 10
     options = {"save_every": None, "method": "canonical"}
     last = [sf.iterate(body, omega, 0.2, n, **options).final for n in range(steps + 1)]
-    expected = np.stack(last, axis=1)
-    for order in "CF":
-        memory = np.full(batch * (steps + 1) * 2 + 16, 7.0)
-        out = memory[shift : shift + memory.size - 16].reshape((batch, steps + 1, 2), order=order)
-        result = sf.iterate(body, omega, 0.2, steps, out=out)
-        assert np.shares_memory(result.omega, memory) or batch == 0
-        assert (result.omega == expected).all()
-        assert (memory[:shift] == 7).all()
-        assert (memory[shift + out.size :] == 7).all()
+    expected = np.stack(last)
+    memory = np.full(batch * (steps + 1) * 2 + 16, 7.0)
+    out = memory[shift : shift + memory.size - 16].reshape((steps + 1, batch, 2))
+    sf.iterate(body, omega, 0.2, steps, out=out, method="canonical")
+    assert (out == expected).all()
+    assert (memory[:shift] == 7).all()
+    assert (memory[shift + out.size :] == 7).all()
 
 
 @pytest.mark.compiled
@@ -291,5 +320,8 @@ def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
 def test_saved_states_beyond_the_caches(body, rng, batch):
     omega = rng.uniform(-2, 2, (batch, 2))
     steps = loops.BEYOND_CACHES // 2 // batch + 9
-    along = sf.iterate(body, omega, 0.2, steps).omega
-    assert same(sf.iterate(body, omega, 0.2, steps, order="F").omega, along)
+    states = sf.iterate(body, omega, 0.2, steps, method="canonical").omega
+    some = slice(5, 12)
+    few = sf.iterate(body, omega[some], 0.2, steps, method="canonical").omega
+    assert few.size < loops.BEYOND_CACHES
+    assert same(states[:, some], few)

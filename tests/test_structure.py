@@ -20,6 +20,11 @@ MODULES = [
     for _, name, _ in pkgutil.walk_packages(suslov_fast.__path__, "suslov_fast.")
     if not name.endswith("__main__")
 ]
+# What files of the core may import from the standard library beside numbers.
+STANDARD = {
+    "jit": {"types", "contextlib"},
+    "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
+}
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]
 
 
@@ -41,9 +46,10 @@ def test_options_of_numba_live_in_one_file():
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
 def test_the_core_stands_alone(path):
     """The cache on disk watches the files of the core and no others."""
-    standard = {"hashlib", "types", "contextlib", "pathlib"} if path.stem == "jit" else set()
+    standard = STANDARD.get(path.stem, set())
     relative = {".", ".."} if path.parent.name != "_core" else {"."}
-    assert set(imports(path)) <= {"llvmlite", "math", "numba", "numpy", "operator"} | relative | standard
+    numeric = {"llvmlite", "math", "numba", "numpy", "operator"}
+    assert set(imports(path)) <= numeric | {"typing"} | relative | standard
 
 
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)

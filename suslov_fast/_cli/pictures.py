@@ -1,4 +1,4 @@
-"""`suslov-fast pictures`, the paper's four and four more, and `suslov-fast animate`."""
+"""`suslov-fast pictures`: draw the paper's four pictures, and four more."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ DRAWINGS: dict[str, Callable[[bool], Any]] = {
 
 
 def add_to(commands: Any) -> None:
-    """Add the commands to a parser."""
+    """Add the command to a parser."""
     parser = commands.add_parser(
         "pictures",
         help="draw the paper's four pictures, and four more",
@@ -53,34 +53,20 @@ def add_to(commands: Any) -> None:
     add = partial(parser.add_argument)
     add("-o", dest="folder", type=Path, default=Path(), metavar="DIR", help="(this folder)")
     add("--format", choices=FORMATS, default="png", help="of the files (png)")
-    add("--dpi", type=_positive, default=160, metavar="N", help="dots per inch of png (160)")
+    add("--dpi", type=at_least_one, default=160, metavar="N", help="dots per inch of png (160)")
     add("--letters", action="store_true", help="write the letters of panels, (a), (b) ...")
 
-    parser = commands.add_parser(
-        "animate",
-        help="draw a moving body in space",
-        description=(
-            "Draw the ellipsoid of inertia of a body of the paper, its axes e1 and e2, and the "
-            "path of the axis a about which it does not turn, from one steady rotation to the "
-            "other. FILE ends in .gif, or in .mp4 where ffmpeg is installed."
-        ),
-    )
-    parser.set_defaults(command=animate)
-    add = partial(parser.add_argument)
-    add("-o", dest="file", type=Path, required=True, metavar="FILE", help="where to write it")
-    add("--picture", type=int, choices=tuple(PICTURES), default=2, help="whose body (2)")
-    add("--steps", type=_positive, default=440, metavar="N", help="steps of 0.05 (440)")
-    add("--dpi", type=_positive, default=100, metavar="N", help="dots per inch (100)")
 
-
-def _positive(text: str) -> int:
+def at_least_one(text: str) -> int:
+    """Read a positive integer."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"expected an integer of at least 1, got {text}")
     return number
 
 
-def _check_matplotlib(command: str) -> None:
+def check_matplotlib(command: str) -> None:
+    """Say how to install what a command needs."""
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:
@@ -90,8 +76,8 @@ def _check_matplotlib(command: str) -> None:
 
 
 def pictures(options: argparse.Namespace) -> None:
-    """Carry out the command `pictures`."""
-    _check_matplotlib("pictures")
+    """Carry out the command."""
+    check_matplotlib("pictures")
     from matplotlib import rc_context
 
     try:
@@ -109,27 +95,3 @@ def pictures(options: argparse.Namespace) -> None:
                 file, format=options.format, dpi=options.dpi, metadata=date[options.format]
             )
         print(path)
-
-
-def animate(options: argparse.Namespace) -> None:
-    """Carry out the command `animate`."""
-    _check_matplotlib("animate")
-    from matplotlib.animation import FFMpegWriter, PillowWriter
-
-    writers: dict[str, Any] = {".gif": PillowWriter, ".mp4": FFMpegWriter}
-    suffix = options.file.suffix.lower()
-    if suffix not in writers:
-        raise UserError(f"{options.file}: expected a name that ends in .gif or .mp4, got {suffix}")
-    if not writers[suffix].isAvailable():
-        raise UserError(f"{options.file}: expected ffmpeg to write it with, got none; use .gif")
-    try:
-        animation = _plots.animate_body(PICTURES[options.picture].body, steps=options.steps)
-    except ValueError as error:
-        raise UserError(f"--picture {options.picture}: {error}") from error
-    try:
-        animation.save(str(options.file), writer=writers[suffix](fps=25), dpi=options.dpi)
-    except OSError as error:
-        raise UserError(
-            f"{options.file}: expected a file that can be written, got: {error.strerror}"
-        ) from error
-    print(options.file)

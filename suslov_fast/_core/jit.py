@@ -1,15 +1,14 @@
 """Every option of Numba that the package uses, each with its reason."""
 
-import hashlib
 import types
 from contextlib import suppress
-from pathlib import Path
 
 import numba
 import numpy as np
 from numba import config
-from numba.core.caching import FunctionCache
 from numba.extending import register_jitable
+
+from .cache import KernelCache
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -55,7 +54,10 @@ class Loop:
 def _cached(function, build, parallel):
     # Numba names a cache file after the function: two builds of one function need two names.
     named = types.FunctionType(
-        function.__code__, function.__globals__, f"{function.__name__}_{build}"
+        function.__code__,
+        function.__globals__,
+        f"{function.__name__}_{build}",
+        closure=function.__closure__,
     )
     named.__qualname__ = named.__name__
     if config.DISABLE_JIT:
@@ -63,37 +65,5 @@ def _cached(function, build, parallel):
     compiled = numba.njit(parallel=parallel, **_OPTIONS)(named)
     # No writable folder, or a Numba whose cache works otherwise: compile in each process.
     with suppress(RuntimeError, AttributeError, OSError):
-        compiled._cache = _KernelCache(named)
+        compiled._cache = KernelCache(named)
     return compiled
-
-
-class _KernelCache(FunctionCache):
-    """Numba's cache on disk, fresh after an edit of any kernel source, and never fatal.
-
-    Numba compares the file of the compiled function alone: a formula edited in another file would
-    go unnoticed.
-    """
-
-    def __init__(self, function):
-        super().__init__(function)
-        self._cache_file._source_stamp = _SOURCE_STAMP
-
-    def load_overload(self, sig, target_context):
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # a damaged or vanished file: compile again
-            return None
-
-    def save_overload(self, sig, data):
-        with suppress(Exception):  # a full or read-only disk: the code is in memory all the same
-            super().save_overload(sig, data)
-
-
-def _source_stamp():
-    digest = hashlib.sha256(repr((config.BOUNDSCHECK, config.OPT)).encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-_SOURCE_STAMP = _source_stamp()

@@ -1,33 +1,55 @@
-"""Between batches of any shape and memory order and the flat arrays that loops take."""
+"""Between batches of any shape and the flat arrays that loops take."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
 
-Scalar = TypeVar("Scalar", bound=np.generic)
 
-
-def flat_parameter(array: FloatArray, batch: tuple[int, ...], order: str) -> FloatArray:
+def flat_parameter(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """A parameter as one number that serves all trajectories, or one for each."""
     if array.size == 1:
         return for_kernel(array.reshape(1))
-    return for_kernel(np.broadcast_to(array, batch).ravel(order))  # type: ignore[arg-type]
+    return for_kernel(np.broadcast_to(array, batch).reshape(-1))
 
 
-def flat_vectors(array: FloatArray, batch: tuple[int, ...], order: str) -> FloatArray:
+def flat_rows(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """Vectors as one row (1, D) that serves all trajectories, or one for each."""
+    D = array.shape[-1]
+    if array.size == D:
+        return for_kernel(array.reshape(1, D))
+    return for_kernel(np.broadcast_to(array, (*batch, D)).reshape(-1, D))
+
+
+def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Vectors as a (B, D) array."""
-    dimension = array.shape[-1]
-    shape = (*batch, dimension)
+    return _flat(array, batch, 1)
+
+
+def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """States (B, D) that nobody else writes to; NaN in all components where one is."""
+    flat = flat_vectors(state, batch)
+    if np.may_share_memory(flat, state):
+        flat = flat.copy()
+    if np.isnan(flat.min(initial=0.0)):  # no array of its own
+        flat[np.isnan(flat).any(axis=-1)] = np.nan
+    return flat
+
+
+def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """Matrices as a (B, n, n) array."""
+    return _flat(array, batch, 2)
+
+
+def _flat(array: FloatArray, batch: tuple[int, ...], axes: int) -> FloatArray:
+    shape = (*batch, *array.shape[-axes:])
     full = array if array.shape == shape else np.broadcast_to(array, shape)
-    if order == "F":
-        full = full.transpose(*reversed(range(len(batch))), len(batch))
-    return for_kernel(full.reshape(-1, dimension))
+    return for_kernel(full.reshape((math.prod(batch), *array.shape[-axes:])))
 
 
 def for_kernel(array: FloatArray) -> FloatArray:
@@ -38,45 +60,19 @@ def for_kernel(array: FloatArray) -> FloatArray:
     return np.require(array, np.float64, ["C", "A", "W"])
 
 
-def unflatten(flat: NDArray[Scalar], batch: tuple[int, ...], order: str) -> NDArray[Scalar]:
-    """A view of shape (..., trailing) of an array of shape (B, trailing)."""
-    trailing = flat.shape[1:]
-    if order == "C":
-        return flat.reshape((*batch, *trailing))
-    axes = len(batch)
-    view = flat.reshape((*reversed(batch), *trailing))
-    return view.transpose(*reversed(range(axes)), *range(axes, view.ndim))
-
-
-def saved_states(shape: tuple[int, ...], order: str, out: FloatArray | None) -> FloatArray:
-    """The array of shape (..., n_saved, D) that is to be filled."""
-    if out is None:
-        return np.empty(shape, order=order)  # type: ignore[call-overload, no-any-return]
-    if not isinstance(out, np.ndarray):
-        raise TypeError(f"out: expected a NumPy array, got {type(out).__name__}")
+def checked_out(name: str, out: Any, shape: tuple[int, ...]) -> FloatArray:
+    """An array of the user's that is to be filled."""
+    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
+        raise TypeError(f"{name}: expected a NumPy array, got {type(out).__name__}")
     if out.dtype != np.float64:
-        raise TypeError(f"out: expected dtype float64, got {out.dtype}")
+        raise TypeError(f"{name}: expected dtype float64, got {out.dtype}")
     if out.shape != shape:
-        raise ValueError(f"out: expected shape {shape}, got {out.shape}")
-    if not (out.flags.c_contiguous or out.flags.f_contiguous):
-        raise ValueError("out: expected a C- or F-contiguous array, got one that is neither")
+        raise ValueError(f"{name}: expected shape {shape}, got {out.shape}")
+    if not out.flags.c_contiguous:
+        raise ValueError(f"{name}: expected a C-contiguous array, got one that is not")
     if not (out.flags.writeable and out.flags.aligned):
-        raise ValueError("out: expected a writeable, aligned array, got one that is not")
+        raise ValueError(f"{name}: expected a writeable, aligned array, got one that is not")
     return out
-
-
-def flat_saved_states(array: FloatArray, order: str) -> FloatArray:
-    """A view of the saved states: (B, n_saved, D), or (D, n_saved, B) in order "F"."""
-    *batch, n_saved, dimension = array.shape
-    size = math.prod(batch)
-    if order == "C":
-        return array.reshape(size, n_saved, dimension)
-    return array.T.reshape(dimension, n_saved, size)
-
-
-def apart(argument: FloatArray, out: FloatArray) -> FloatArray:
-    """An argument that does not change when `out` is written to."""
-    return argument.copy() if np.may_share_memory(argument, out) else argument
 
 
 def first_index(mask: NDArray[Any]) -> tuple[int, ...]:

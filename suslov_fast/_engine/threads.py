@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numba
+from numba.np.ufunc import parallel as numba_threads
 
 from .._checks import integer
 from .._core.jit import Loop
@@ -18,9 +19,11 @@ from .._core.jit import Loop
 CROSSOVER = 1_000_000
 
 # One parallel call at a time: Numba's `workqueue` threads abort under two. Whoever comes second
-# takes the serial build, whose results are the same bit for bit.
-_one_at_a_time = threading.Lock()
+# takes the serial build, whose results are the same bit for bit. The lock knows which thread owns
+# it, so that it can be released without knowing whether it was acquired.
+_one_at_a_time = threading.RLock()
 _may_use_threads = True
+_idle_at_fork = True
 
 
 def thread_count(threads: int | None) -> int | None:
@@ -41,37 +44,82 @@ def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
         work < CROSSOVER
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
-        or not _one_at_a_time.acquire(blocking=False)
+        or _owned()  # by a call that a signal has interrupted, whose handler this one is from
+        or not _parallel(loop, threads, arguments)
     ):
         loop.serial(*arguments)
-        return
+
+
+# A handler of a signal may raise between any two lines here, but not before the first call of a
+# `finally`, which is one to C.
+
+
+def _parallel(loop: Loop, threads: int | None, arguments: tuple[Any, ...]) -> bool:
+    """Call the parallel build, unless another thread does so; whether it was called."""
     try:
-        with _numba_threads(threads):
+        if not _one_at_a_time.acquire(blocking=False):
+            return False
+        if threads is None:
             loop.parallel(*arguments)
+        else:
+            _with_threads(loop, threads, arguments)
+        return True
     finally:
+        try:  # noqa: SIM105  (`suppress` would be the first call)
+            _one_at_a_time.release()
+        except RuntimeError:  # another thread's
+            pass
+
+
+def _with_threads(loop: Loop, threads: int, arguments: tuple[Any, ...]) -> None:
+    before = numba.get_num_threads()
+    restore = _setter()
+    try:
+        restore(threads)
+        loop.parallel(*arguments)
+    finally:
+        restore(before)
+
+
+def _setter() -> Callable[[int], None]:
+    """Numba's own function in C behind `set_num_threads`, where it has it."""
+    setter: Callable[[int], None] = getattr(
+        numba_threads, "_set_num_threads", numba.set_num_threads
+    )
+    return setter
+
+
+def _owned() -> bool:
+    """Whether this thread is in a parallel call."""
+    owned: bool = _one_at_a_time._is_owned()  # type: ignore[attr-defined]
+    return owned
+
+
+def _before_fork() -> None:
+    """Let no parallel call begin; one that is under way leaves the child threads half at work."""
+    global _idle_at_fork
+    _idle_at_fork = _one_at_a_time.acquire(blocking=False)
+
+
+def _after_fork_in_parent() -> None:
+    with suppress(RuntimeError):  # another thread's
         _one_at_a_time.release()
 
 
-@contextmanager
-def _numba_threads(threads: int | None) -> Iterator[None]:
-    if threads is None:
-        yield
-        return
-    before = numba.get_num_threads()
-    numba.set_num_threads(threads)
-    try:
-        yield
-    finally:
-        numba.set_num_threads(before)
+def _after_fork_in_child() -> None:
+    """Stay serial in a child of a process whose threads it cannot use.
 
-
-def _after_fork() -> None:
-    """Stay serial in a child of a process whose OpenMP threads ran: they would abort it."""
+    OpenMP aborts it, TBB may wait for ever, and `workqueue` starts its own unless it was at work.
+    """
     global _may_use_threads, _one_at_a_time
-    _one_at_a_time = threading.Lock()
+    _one_at_a_time = threading.RLock()
     with suppress(ValueError):  # no thread was ever started
-        _may_use_threads = numba.threading_layer() != "omp"
+        _may_use_threads &= numba.threading_layer() == "workqueue" and _idle_at_fork
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
+    os.register_at_fork(
+        before=_before_fork,
+        after_in_parent=_after_fork_in_parent,
+        after_in_child=_after_fork_in_child,
+    )

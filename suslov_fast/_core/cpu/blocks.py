@@ -1,21 +1,22 @@
 """Blocks of trajectories of the 3D problem, which loops take side by side.
 
 A block has up to LANES trajectories. Their numbers stand in rows of lanes, of which whole vectors
-are in use, so that the compiler puts lanes side by side in vector registers.
+are in use, so that the compiler puts lanes side by side in vector registers. Rows live on the
+stack: nothing is allocated while a loop runs, and the compiler knows that no two of them overlap.
 """
 
+from ..formulas.units import own_unit
 from ..jit import part
-from .vector import VECTOR, aligned
+from .vector import VECTOR
 
 # Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128
 # More than the threads of any machine that this is likely to meet.
 TASKS = 64
 
-
-@part
-def rows_of_lanes(rows):
-    return aligned(rows * LANES).reshape((rows, LANES))
+# The rows of `given`: what a block is given, and the state in a unit of its own, with that unit.
+I1_, I2_, I13_, I23_, EPS, OMEGA1, OMEGA2, STATE1, STATE2, UNIT = range(10)
+GIVEN = 10
 
 
 @part
@@ -52,20 +53,32 @@ def scatter_pairs(row1, row2, first, width, pairs):
 
 @part
 def gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given):
-    """I1, I2, I13, I23 and eps of a block: the first rows of the (7, LANES) array `given`."""
-    spread(I1, first, width, lanes, given[0])
-    spread(I2, first, width, lanes, given[1])
-    spread(I13, first, width, lanes, given[2])
-    spread(I23, first, width, lanes, given[3])
-    spread(eps, first, width, lanes, given[4])
+    """The bodies and step sizes of a block."""
+    spread(I1, first, width, lanes, given[I1_])
+    spread(I2, first, width, lanes, given[I2_])
+    spread(I13, first, width, lanes, given[I13_])
+    spread(I23, first, width, lanes, given[I23_])
+    spread(eps, first, width, lanes, given[EPS])
 
 
 @part
 def gather_states(omega, first, width, lanes, given):
-    """omega1 and omega2 of a block: the last rows of `given`."""
-    gather_pairs(omega.reshape(omega.size), first, width, given[5], given[6])
+    """The states of a block."""
+    gather_pairs(omega.reshape(omega.size), first, width, given[OMEGA1], given[OMEGA2])
     for l in range(width, lanes):
-        given[5, l], given[6, l] = 1.0, 1.0
+        given[OMEGA1, l], given[OMEGA2, l] = 1.0, 1.0
+
+
+@part
+def take_units_out(given, lanes):
+    """Find units, powers of two, in which the states of a block are of the order of 1.
+
+    The step sizes change with them; the bodies define no unit of time.
+    """
+    for l in range(lanes):
+        given[EPS, l], given[STATE1, l], given[STATE2, l], given[UNIT, l] = own_unit(
+            given[EPS, l], given[OMEGA1, l], given[OMEGA2, l]
+        )
 
 
 @part

@@ -52,7 +52,7 @@ def advance(rows):
 
 
 @part
-def end(rows, l):
+def how_it_ended(rows, l):
     """How many steps the trajectory of a lane went from its first state here, and how it ended."""
     k1, k2, k3, k4 = rows[l], rows[LANES + l], rows[2 * LANES + l], rows[3 * LANES + l]
     k5, k6, k7, k8 = (
@@ -77,23 +77,24 @@ def end(rows, l):
     return steps, SINGULAR if np.isnan(det) and in_range else NONFINITE
 
 
-def _iterate(k, start, stop, every, state, out, status, failed_at, scratch):
-    """Iterate from state `start` to state `stop`.
+def _iterate(k, begin, end, start, stop, every, first_row, state, out, status, failed_at, scratch):
+    """Iterate trajectories `begin` to `end` from state `start` to state `stop`.
 
     k           (8, B), the coefficients.
     state       (3, B), state `start`, then state `stop`; NaN where it does not exist.
-    out         (n_saved, B, 3), states whose number is a multiple of `every`; n_saved may be 0.
+    out         (rows, B, 3), states whose number is a multiple of `every`, from the one numbered
+                first_row * every on; rows may be 0.
     status      (B,), SINGULAR or NONFINITE where a trajectory has ended; read and written.
     failed_at   (B,), the first state that does not exist, where one does not; read and written.
     scratch     (tasks, ROWS LANES), one for each task.
     """
-    batch, n_tasks = state.shape[1], scratch.shape[0]
-    n_blocks = (batch + LANES - 1) // LANES
+    n_tasks = scratch.shape[0]
+    n_blocks = (end - begin + LANES - 1) // LANES
     for task in prange(n_tasks):
         rows = scratch[task]
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-            first = block * LANES
-            width = min(LANES, batch - first)
+            first = begin + block * LANES
+            width = min(LANES, end - first)
             enter(k, state, first, width, rows)
             to_save = every - start % every
             for n in range(start, stop):
@@ -101,15 +102,16 @@ def _iterate(k, start, stop, every, state, out, status, failed_at, scratch):
                 to_save -= 1
                 if to_save == 0:
                     to_save = every
-                    row = (n + 1) // every
-                    for l in range(width):
-                        for c in range(3):
-                            out[row, first + l, c] = rows[(STATE + c) * LANES + l]
+                    row = (n + 1) // every - first_row
+                    if row < out.shape[0]:
+                        for l in range(width):
+                            for c in range(3):
+                                out[row, first + l, c] = rows[(STATE + c) * LANES + l]
             for l in range(width):
                 for c in range(3):
                     state[c, first + l] = rows[(STATE + c) * LANES + l]
                 if status[first + l] == OK and np.isnan(state[0, first + l]):
-                    steps, status[first + l] = end(rows, l)
+                    steps, status[first + l] = how_it_ended(rows, l)
                     failed_at[first + l] = start + steps + 1
 
 

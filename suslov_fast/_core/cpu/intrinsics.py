@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 from .vector import (
     VECTOR,
@@ -19,11 +19,14 @@ from .vector import (
     expect_store,
     in_all,
     load,
+    on_stack,
     publish,
     same,
     store,
     store_at,
+    store_pairs,
     store_past_caches,
+    stream_pairs,
     vector_at,
 )
 
@@ -178,14 +181,36 @@ def _store_at(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_past_caches(context, builder, signature, arguments):
-    array, index, vector = arguments
-    place = _element(context, builder, array, index, _LLVM[DOUBLES])
+def _stream(builder, vector, place):
     store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+
+
+@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_past_caches(context, builder, signature, arguments):
+    array, index, vector = arguments
+    _stream(builder, vector, _element(context, builder, array, index, _LLVM[DOUBLES]))
     return context.get_dummy_value()
+
+
+def _define_pairs(function, write):
+    """Two shuffles of two vectors give two whole cache lines of pairs."""
+
+    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
+    def _pairs(context, builder, signature, arguments):
+        array, index, first, second = arguments
+        place = _element(context, builder, array, index, _LLVM[DOUBLES])
+        for half in range(2):
+            lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
+            line = builder.gep(place, [ir.IntType(32)(half)])
+            write(builder, builder.shuffle_vector(first, second, mask), line)
+        return context.get_dummy_value()
+
+
+_define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
+_define_pairs(stream_pairs, _stream)
 
 
 @_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
@@ -232,3 +257,38 @@ def _expect_store(context, builder, signature, arguments):
 def _publish(context, builder, signature, arguments):
     builder.fence("seq_cst")
     return context.get_dummy_value()
+
+
+@intrinsic(prefer_literal=True)
+def _on_stack(typing_context, rows, lanes):
+    if not (isinstance(rows, types.IntegerLiteral) and isinstance(lanes, types.IntegerLiteral)):
+        return None
+    shape = rows.literal_value, lanes.literal_value
+    array_type = types.Array(types.float64, 2, "C")
+
+    def generate(context, builder, signature, arguments):
+        memory = ir.ArrayType(ir.DoubleType(), shape[0] * shape[1])
+        with builder.goto_entry_block():
+            place = builder.alloca(memory)
+            place.align = 64
+
+        def integers(*values):
+            return cgutils.pack_array(builder, [ir.IntType(64)(value) for value in values])
+
+        array = context.make_array(array_type)(context, builder)
+        context.populate_array(
+            array,
+            data=builder.bitcast(place, ir.DoubleType().as_pointer()),
+            shape=integers(*shape),
+            strides=integers(8 * shape[1], 8),
+            itemsize=ir.IntType(64)(8),
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    return array_type(rows, lanes), generate
+
+
+@overload(on_stack, inline="always", prefer_literal=True)
+def _overload_on_stack(rows, lanes):
+    return lambda rows, lanes: _on_stack(rows, lanes)

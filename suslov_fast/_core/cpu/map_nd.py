@@ -1,35 +1,57 @@
 """Loops over trajectories, steps and components of the n-dimensional map.
 
 A block of a few groups of VECTOR trajectories advances together: while one group waits for a
-division another works. With m = n - 1 components:
-
-method   GAUSS or RANK2.
-J, I     (B, m), or (1, m) where one body serves all: J_i = I_ii + I_nn and the couplings I_in.
-eps      (B,) or (1,).
-omega    (B, m), the states to start from.
+division another works. A trajectory's arithmetic never depends on its block, nor on how its steps
+are cut into calls.
 
 GAUSS solves A(omega) omega_next = omega, equation (dsn). RANK2 solves for the increment in O(n):
 then little is rounded while steps are small. Where they are not, where a d_i nearly vanishes or
 omega shrinks by orders of magnitude, it goes over to other ways, a lane at a time.
 
-Arrays of vectors of lanes:
+The arrays of a group are vectors of lanes:
 
-cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega. All in units of
-         powers of two in which they are of the order of 1; new ones where omega has left that.
-sums     (groups, 14, VECTOR): logarithms of these units, then what EPS and so on name.
-matrix   (rows, columns, VECTOR), of one group at a time: A and its right side.
+cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega, then what users
+         see of it. All but the last are in units of powers of two in which they are of the order of
+         1; new ones where omega has left that.
+sums     (groups, SUMS, VECTOR): logarithms of these units, then what EPS and so on name.
+
+Lanes that are not in use, and those of trajectories that have ended, rest at 0, in a unit that
+makes it NaN.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 
-from ..codes import NONFINITE, OK, SINGULAR
-from ..formulas.nd_map import column_of_coupling, column_of_omega, entry, increment, slope, solve2
+from ..codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
+from ..formulas.nd_map import (
+    bordered,
+    column_of_coupling,
+    column_of_omega,
+    entry,
+    increment,
+    solve2,
+    solve3,
+    summands,
+    weights,
+)
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
-from .vector import VECTOR, aligned, choose, in_all, larger, load, same, smaller, store
+from .elimination import eliminate
+from .turning_nd import CLEAN_EVERY, clean, turn
+from .vector import (
+    VECTOR,
+    choose,
+    copy_transposed,
+    in_all,
+    larger,
+    load,
+    same,
+    smaller,
+    store,
+)
 
 GAUSS, RANK2 = range(2)
 
@@ -37,32 +59,169 @@ LANES = 32
 # Components that the groups of a block have together, unless it is one group: cells that fit in L1.
 ROOM = 160
 
-J_, I_, OMEGA, WORK = range(4)
+CELLS = 4
+J_, I_, OMEGA, WORK = range(CELLS)
 # eps; the unit of omega; bounds of |omega|**2 for steps to be small and for units to serve; p,
-# |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, else 0.
-EPS, UNIT, SMALL_STEPS, LOW, HIGH, P, SQUARE, HALF, OF_OMEGA, OF_I, ACCURATE = range(3, 14)
+# |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, where a
+# trajectory has ended, and where it never moves, else 0.
+SUMS = 16
+(
+    EPS,
+    UNIT,
+    SMALL_STEPS,
+    LOW,
+    HIGH,
+    P,
+    SQUARE,
+    HALF,
+    OF_OMEGA,
+    OF_I,
+    ACCURATE,
+    ENDED,
+    RESTS,
+) = range(3, SUMS)
 
-# A pivot this much smaller than those before it, times m, is zero to rounding.
-ZERO_TO_ROUNDING = 2.0**-50
 # Where all |d_i| / J_i are above this, and the determinant of the two sums is above its square, the
 # O(n) step loses less than two digits.
 FAR = 0.25
 # With the component of the smallest |d_i| / J_i as a third unknown, the next may be this small.
 FAR_ENOUGH = 0.1
+# A pivot of the three equations this much smaller than those before it costs three digits.
+TOO_SMALL = 1e-3
 # Steps are small where eps |I| |omega| / min J is below this: increments cancel at most so much.
 SMALL = 64.0
-# Units serve while |omega|**2 is between the inverse of this and this, or 0 from the start.
+# Units serve while |omega|**2 is between the inverse of this and this, or 0 from the start: then
+# products of four of its components are in range.
 SPREAD = 2.0**200
 # States whose |omega| is below this in the unit of the user are finite there.
-LARGEST = 2.0**1000
-# Rows or columns of A that are reduced at once.
-ABREAST = 4
+LARGEST = 2.0**1023
+
+
+class Bodies(NamedTuple):
+    """J and I: (B, m), or (1, m) where one body serves all; eps: (B,) or (1,)."""
+
+    J: np.ndarray
+    I: np.ndarray
+    eps: np.ndarray
+
+
+class Span(NamedTuple):
+    """What is computed: positions begin to end of `chosen`, from state start to state stop.
+
+    chosen   Numbers of trajectories; (0,) if all are meant.
+    every    States whose number is a multiple of this are saved, `first_row` of them are not here.
+    """
+
+    chosen: np.ndarray
+    begin: int
+    end: int
+    start: int
+    stop: int
+    every: int
+    first_row: int
+
+
+class Saved(NamedTuple):
+    """The saved states, (rows, B, m), and orientations, (rows, B, n, n); rows may be 0."""
+
+    omega: np.ndarray
+    turns: np.ndarray
+
+
+class Kept(NamedTuple):
+    """What is left at state stop; read where start is not 0.
+
+    final         (B, m), the states, NaN where one does not exist.
+    status        (B,): OK, SINGULAR, NONFINITE, or NEEDS_ELIMINATION where all else is as it was.
+    failed_at     (B,), the first state that does not exist, or -1.
+    state         (B, m), the states in units of 2**exponent; (0, m) if nobody will go on.
+    exponent      (B,)
+    orientation   (B, n, n), or (0, n, n) if it is not wanted.
+    """
+
+    final: np.ndarray
+    status: np.ndarray
+    failed_at: np.ndarray
+    state: np.ndarray
+    exponent: np.ndarray
+    orientation: np.ndarray
+
+
+class Scratch(NamedTuple):
+    """The first axis is that of tasks, of which each has several blocks.
+
+    cells    (tasks, groups, m, CELLS, VECTOR)
+    sums     (tasks, groups, SUMS, VECTOR)
+    matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
+    before   (tasks, groups, m, VECTOR), the states before the step, if turns are wanted.
+    angle    (tasks, m)
+    gram     (tasks, n + 1, n), see `turning_nd`.
+    """
+
+    cells: np.ndarray
+    sums: np.ndarray
+    matrix: np.ndarray
+    before: np.ndarray
+    angle: np.ndarray
+    gram: np.ndarray
 
 
 @part
 def block_size(m):
     """The trajectories that share a block, in whole groups."""
     return max(VECTOR, min(LANES, ROOM // m * VECTOR))
+
+
+@part
+def trajectory(chosen, position):
+    return chosen[position] if chosen.size > 0 else position
+
+
+@part
+def scaled(number, exponent):
+    """2**exponent times a number, infinite beyond float64; exponents are those of three units."""
+    third = (exponent + 1) // 3
+    root = math.ldexp(1.0, third)
+    return number * root * root * math.ldexp(1.0, exponent - 2 * third)
+
+
+@part
+def unit_of(largest, before):
+    """The exponent of the unit for numbers up to this; it and its inverse are in range."""
+    return min(max(math.frexp(largest)[1] + before, -1022), 1023)
+
+
+@part
+def gather(values, chosen, begin, end, cells, which):
+    """Rows of values, or one row for all; lanes beyond the end repeat the last."""
+    m, alike = values.shape[1], values.shape[0] == 1
+    for g in range(cells.shape[0]):
+        if alike:
+            for i in range(m):
+                store(cells, g, i, which, same(values[0, i]))
+        else:
+            for l in range(VECTOR):
+                b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
+                for i in range(m):
+                    cells[g, i, which, l] = values[b, i]
+
+
+@part
+def normalise(cells, sums, which, alike):
+    """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
+    exponent = 0
+    for g in range(cells.shape[0]):
+        largest = same(0.0)
+        for i in range(cells.shape[1]):
+            largest = larger(abs(load(cells, g, i, which)), largest)
+        store(sums, g, UNIT, largest)
+        for l in range(VECTOR):
+            if g + l == 0 or not alike:
+                exponent = unit_of(sums[g, UNIT, l], 0)
+            sums[g, which, l], sums[g, UNIT, l] = exponent, math.ldexp(1.0, -exponent)
+        inverse = load(sums, g, UNIT)
+        for i in range(cells.shape[1]):
+            store(cells, g, i, which, load(cells, g, i, which) * inverse)
 
 
 @part
@@ -78,19 +237,83 @@ def add_up(cells, sums, g):
 
 
 @part
-def new_matrix(m):
-    """Room for A and its right side, and for ABREAST rows or columns from any on.
+def settle_lanes(eps, chosen, first, cells, sums, g):
+    """eps in the units of a lane, that of omega, and rest where the trajectory has ended."""
+    for l in range(VECTOR):
+        if sums[g, ENDED, l] > 0.0:
+            sums[g, EPS, l], sums[g, UNIT, l] = 0.0, np.nan
+            for i in range(cells.shape[1]):
+                cells[g, i, OMEGA, l] = 0.0
+        else:
+            b = trajectory(chosen, first + l) if eps.size > 1 else 0
+            # (dsn) keeps its form: only eps I omega / J counts.
+            exponent = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
+            moves = sums[g, RESTS, l] == 0.0
+            sums[g, EPS, l] = scaled(eps[b], exponent) if moves else 0.0
+            sums[g, UNIT, l] = math.ldexp(1.0, int(sums[g, OMEGA, l]))
 
-    The number of columns is odd, so that the rows of a column are spread over the cache.
-    """
-    rows, columns = m + ABREAST, (m + ABREAST) // 2 * 2 + 1
-    matrix = aligned(rows * columns * VECTOR).reshape((rows, columns, VECTOR))
-    matrix[:] = 0.0
-    return matrix
+
+@part
+def settle(eps, chosen, begin, cells, sums, groups):
+    """What depends on the units of omega, and on which lanes have ended."""
+    for g in groups:
+        settle_lanes(eps, chosen, begin + g * VECTOR, cells, sums, g)
+        smallest, coupling = same(np.inf), same(0.0)
+        for i in range(cells.shape[1]):
+            smallest = smaller(load(cells, g, i, J_), smallest)
+            coupling = coupling + load(cells, g, i, I_) * load(cells, g, i, I_)
+        longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
+        store(sums, g, SMALL_STEPS, longest * longest / coupling)
+        add_up(cells, sums, g)
+        moves = load(sums, g, SQUARE) > 0.0
+        store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
+        store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
+
+
+@part
+def end_undefined(omega, span, kept, begin, end):
+    """NaN is no state: such a trajectory ends before it begins."""
+    for position in range(begin, end):
+        b = trajectory(span.chosen, position)
+        undefined = 0.0
+        for i in range(omega.shape[1]):
+            undefined += 0.0 * omega[b, i]
+        if np.isnan(undefined):
+            kept.status[b], kept.failed_at[b] = NONFINITE, 0
+
+
+@part
+def start_block(bodies, omega, span, kept, begin, end, cells, sums):
+    chosen = span.chosen
+    gather(bodies.J, chosen, begin, end, cells, J_)
+    gather(bodies.I, chosen, begin, end, cells, I_)
+    normalise(cells, sums, J_, bodies.J.shape[0] == 1)
+    normalise(cells, sums, I_, bodies.I.shape[0] == 1)
+    if span.start == 0:
+        end_undefined(omega, span, kept, begin, end)
+        gather(omega, chosen, begin, end, cells, OMEGA)
+        normalise(cells, sums, OMEGA, omega.shape[0] == 1)
+    else:
+        gather(kept.state, chosen, begin, end, cells, OMEGA)
+    for g in range(cells.shape[0]):
+        coupled = same(0.0)
+        for i in range(cells.shape[1]):
+            coupled = larger(abs(load(cells, g, i, I_)), coupled)
+        store(sums, g, RESTS, coupled)
+        for l in range(VECTOR):
+            position = begin + g * VECTOR + l
+            b = trajectory(chosen, min(position, end - 1))
+            eps = bodies.eps[b if bodies.eps.size > 1 else 0]
+            sums[g, RESTS, l] = 1.0 if eps == 0.0 or sums[g, RESTS, l] == 0.0 else 0.0
+            sums[g, ENDED, l] = 1.0 if position >= end or kept.failed_at[b] >= 0 else 0.0
+            if span.start > 0:
+                sums[g, OMEGA, l] = kept.exponent[b]
+    settle(bodies.eps, chosen, begin, cells, sums, range(cells.shape[0]))
 
 
 @part
 def assemble(cells, sums, g, matrix):
+    """A and its right side."""
     m = cells.shape[1]
     eps = load(sums, g, EPS)
     half = 0.5 * eps * load(sums, g, P)
@@ -105,87 +328,13 @@ def assemble(cells, sums, g, matrix):
         store(matrix, i, m, omega_i)
 
 
-@inlined_part
-def reduce_column(matrix, first, k):
-    """Eliminate in column k what the columns before it stand for, ABREAST rows from `first` on."""
-    i0, i1, i2, i3 = first, first + 1, first + 2, first + 3
-    a0, a1 = load(matrix, i0, k), load(matrix, i1, k)
-    a2, a3 = load(matrix, i2, k), load(matrix, i3, k)
-    for t in range(k):
-        above = load(matrix, t, k)
-        a0 = a0 - load(matrix, i0, t) * above
-        a1 = a1 - load(matrix, i1, t) * above
-        a2 = a2 - load(matrix, i2, t) * above
-        a3 = a3 - load(matrix, i3, t) * above
-    store(matrix, i0, k, a0)
-    store(matrix, i1, k, a1)
-    store(matrix, i2, k, a2)
-    store(matrix, i3, k, a3)
-
-
-@inlined_part
-def reduce_row(matrix, k, first):
-    """The same in row k, ABREAST columns from `first` on."""
-    j0, j1, j2, j3 = first, first + 1, first + 2, first + 3
-    a0, a1 = load(matrix, k, j0), load(matrix, k, j1)
-    a2, a3 = load(matrix, k, j2), load(matrix, k, j3)
-    for t in range(k):
-        factor = load(matrix, k, t)
-        a0 = a0 - factor * load(matrix, t, j0)
-        a1 = a1 - factor * load(matrix, t, j1)
-        a2 = a2 - factor * load(matrix, t, j2)
-        a3 = a3 - factor * load(matrix, t, j3)
-    store(matrix, k, j0, a0)
-    store(matrix, k, j1, a1)
-    store(matrix, k, j2, a2)
-    store(matrix, k, j3, a3)
-
-
-@inlined_part
-def exchange_rows(matrix, m, k):
-    """Bring the largest number of column k, from row k on, into row k, a lane at a time."""
-    for l in range(VECTOR):
-        pivot = k
-        for i in range(k + 1, m):
-            larger_yet = abs(matrix[i, k, l]) > abs(matrix[pivot, k, l])
-            pivot = i if larger_yet else pivot
-        for j in range(m + 1):
-            other = matrix[pivot, j, l]
-            matrix[pivot, j, l] = matrix[k, j, l]
-            matrix[k, j, l] = other
-
-
 @part
-def eliminate(matrix, m):
-    """Gaussian elimination with partial pivoting, in place, in Crout's order.
-
-    A number is loaded when its row or column is due and takes all its products at once. The right
-    side becomes the solution, NaN where the matrix is singular.
-    """
-    size = same(0.0)
-    for k in range(m):
-        for i in range(k, m, ABREAST):
-            reduce_column(matrix, i, k)
-        diagonal = abs(load(matrix, k, k))
-        largest = diagonal
-        for i in range(k + 1, m):
-            largest = larger(abs(load(matrix, i, k)), largest)
-        # Most often no lane exchanges rows: A is near the identity.
-        if not in_all(diagonal >= largest):
-            exchange_rows(matrix, m, k)
-        size = larger(largest, size)
-        regular = largest > ZERO_TO_ROUNDING * m * size
-        inverse = choose(regular, 1.0 / load(matrix, k, k), same(np.nan))
-        store(matrix, k, k, inverse)
-        for i in range(k + 1, m):
-            store(matrix, i, k, load(matrix, i, k) * inverse)
-        for j in range(k + 1, m + 1, ABREAST):
-            reduce_row(matrix, k, j)
-    for i in range(m - 1, -1, -1):
-        solution = load(matrix, i, m)
-        for j in range(m - 1, i, -1):
-            solution = solution - load(matrix, i, j) * load(matrix, j, m)
-        store(matrix, i, m, solution * load(matrix, i, i))
+def step_by_elimination(cells, sums, g, matrix):
+    assemble(cells, sums, g, matrix)
+    eliminate(matrix, cells.shape[1])
+    for i in range(cells.shape[1]):
+        store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
+    take_next_states(cells, sums, g)
 
 
 @inlined_part
@@ -199,10 +348,10 @@ def sum_up(cells, sums, g):
         d = J - half
         r = 1.0 / d
         margin = smaller(abs(d) - FAR * J, margin)
-        I_r = I * r
-        alpha = alpha + I_r * omega
-        beta = beta + I_r * I
-        gamma = gamma + omega * r * omega
+        of_alpha, of_beta, of_gamma = summands(I, omega, r)
+        alpha = alpha + of_alpha
+        beta = beta + of_beta
+        gamma = gamma + of_gamma
         store(cells, g, i, WORK, r)
     of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
     accurate = (margin > 0.0) & (det > FAR * FAR * size) & (square < load(sums, g, SMALL_STEPS))
@@ -247,72 +396,31 @@ def step_all(cells, sums, g):
 
 
 @part
-def solve3(system):
-    """Solve a 3 x 3 system, pivoting; the solution is the last column. False if it is singular."""
-    size, regular = 0.0, True
-    for k in range(3):
-        row = k
-        for i in range(k + 1, 3):
-            row = i if abs(system[i, k]) > abs(system[row, k]) else row
-        for j in range(4):
-            other = system[row, j]
-            system[row, j] = system[k, j]
-            system[k, j] = other
-        size = max(size, abs(system[k, k]))
-        regular = regular and abs(system[k, k]) > 1e-3 * size
-        for i in range(3):
-            if i != k:
-                factor = system[i, k] / system[k, k]
-                for j in range(k, 4):
-                    system[i, j] -= factor * system[k, j]
-    for k in range(3):
-        system[k, 3] /= system[k, k]
-    return regular
-
-
-@part
-def step_bordered(cells, g, eps, p, square, k, l):
+def step_bordered(cells, sums, g, l, k):
     """The O(n) step of lane l with the increment of component k, whose d is small, as an unknown.
 
     Returns whether it is accurate.
     """
+    eps, p, square = sums[g, EPS, l], sums[g, P, l], sums[g, SQUARE, l]
     alpha, beta, gamma = 0.0, 0.0, 0.0
     for i in range(cells.shape[1]):
         if i != k:
-            r = 1.0 / (cells[g, i, J_, l] - 0.5 * eps * p)
-            alpha += cells[g, i, I_, l] * cells[g, i, OMEGA, l] * r
-            beta += cells[g, i, I_, l] * cells[g, i, I_, l] * r
-            gamma += cells[g, i, OMEGA, l] * cells[g, i, OMEGA, l] * r
+            r = 1.0 / (cells[g, i, J_, l] - sums[g, HALF, l])
+            of_alpha, of_beta, of_gamma = summands(cells[g, i, I_, l], cells[g, i, OMEGA, l], r)
+            alpha += of_alpha
+            beta += of_beta
+            gamma += of_gamma
             cells[g, i, WORK, l] = r
     J_k, I_k, omega_k = cells[g, k, J_, l], cells[g, k, I_, l], cells[g, k, OMEGA, l]
-    # Unknowns: I.delta, omega.delta as in `solve2`, and delta_k, which is not in their sums. The
-    # second one over |omega|, to a power of two: then pivots do not depend on the unit of omega.
-    unit = math.ldexp(1.0, math.frexp(square)[1] // 2)
-    system = np.array(
-        [
-            [1.0 - 0.5 * eps * alpha, eps * beta * unit, -I_k, eps * (p * alpha - square * beta)],
-            [
-                -0.5 * eps * gamma / unit,
-                1.0 + eps * alpha,
-                -omega_k / unit,
-                eps * (p * gamma - square * alpha) / unit,
-            ],
-            [
-                -0.5 * eps * omega_k / J_k,
-                eps * I_k / J_k * unit,
-                1.0 - 0.5 * eps * p / J_k,
-                eps * slope(J_k, I_k, omega_k, p, square),
-            ],
-        ]
-    )
-    accurate = solve3(system)
-    of_omega, of_I = 0.5 * eps * (2.0 * p + system[0, 3]), eps * (square + system[1, 3] * unit)
+    first, second, third = bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma)
+    I_delta, omega_delta, delta_k, pivot1, pivot2, pivot3 = solve3(first, second, third)
+    of_omega, of_I = weights(eps, p, square, I_delta, omega_delta)
     for i in range(cells.shape[1]):
         cells[g, i, WORK, l] = cells[g, i, OMEGA, l] + increment(
             cells[g, i, I_, l], cells[g, i, OMEGA, l], of_omega, of_I, cells[g, i, WORK, l]
         )
-    cells[g, k, WORK, l] = omega_k + system[2, 3]
-    return accurate
+    cells[g, k, WORK, l] = omega_k + delta_k
+    return pivot2 > TOO_SMALL * pivot1 and pivot3 > TOO_SMALL * max(pivot1, pivot2)
 
 
 @part
@@ -328,172 +436,298 @@ def step_with_care(cells, sums, g, l):
             k, smallest, second = i, ratio, smallest
         elif ratio < second:
             second = ratio
-    return second > FAR_ENOUGH and step_bordered(
-        cells, g, sums[g, EPS, l], sums[g, P, l], sums[g, SQUARE, l], k, l
-    )
+    return second > FAR_ENOUGH and step_bordered(cells, sums, g, l, k)
 
 
 @part
-def step_each(cells, sums, g):
-    """The step of a group where some lane needs care, by elimination where that is not enough."""
+def step_each(cells, sums, g, width, matrix):
+    """The step of a group where some lane needs care, by elimination where that is not enough.
+
+    Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
+    """
     next_states(cells, sums, g)
-    m, left = cells.shape[1], np.zeros(VECTOR, np.bool_)
-    for l in range(VECTOR):
-        left[l] = sums[g, ACCURATE, l] == 0.0 and not step_with_care(cells, sums, g, l)
-    if left.any():
-        matrix = new_matrix(m)
+    some_left = False
+    for l in range(width):
+        left = (
+            sums[g, ACCURATE, l] == 0.0
+            and sums[g, ENDED, l] == 0.0
+            and not step_with_care(cells, sums, g, l)
+        )
+        sums[g, ACCURATE, l] = 0.0 if left else 1.0
+        some_left |= left
+    if some_left and matrix.shape[0] > 0:
         assemble(cells, sums, g, matrix)
-        eliminate(matrix, m)
-        for l in range(VECTOR):
-            if left[l]:
-                for i in range(m):
-                    cells[g, i, WORK, l] = matrix[i, m, l]
+        eliminate(matrix, cells.shape[1])
+        for l in range(width):
+            if sums[g, ACCURATE, l] == 0.0:
+                for i in range(cells.shape[1]):
+                    cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
     take_next_states(cells, sums, g)
+    return some_left and matrix.shape[0] == 0
 
 
 @part
-def end(cells, sums, g, first, status, failed_at, n):
+def set_aside(bodies, span, kept, begin, width, cells, sums, g):
+    """Leave the lanes that are not ACCURATE to a call that has room for their elimination."""
+    for l in range(width):
+        if sums[g, ACCURATE, l] == 0.0:
+            sums[g, ENDED, l] = 1.0
+            kept.status[trajectory(span.chosen, begin + g * VECTOR + l)] = NEEDS_ELIMINATION
+    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
+
+
+@inlined_part
+def all_accurate(sums, g):
+    return in_all(load(sums, g, ACCURATE) > 0.0)
+
+
+@inlined_part
+def units_serve(sums, g):
+    square = load(sums, g, SQUARE)
+    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
+
+
+@part
+def advance(cells, sums, n, stop):
+    """Steps of a block by RANK2 to state stop, or to where something must be seen to.
+
+    Returns the number of the state, and whether the step from there, of which `sum_up` is done,
+    needs care.
+    """
+    serve, accurate = True, True
+    while n < stop and serve:
+        # Of all groups first: one need not wait for the unknowns of the one before.
+        for g in range(cells.shape[0]):
+            sum_up(cells, sums, g)
+            accurate &= all_accurate(sums, g)
+        if not accurate:
+            return n, True
+        for g in range(cells.shape[0]):
+            step_all(cells, sums, g)
+            serve &= units_serve(sums, g)
+        n += 1
+    return n, False
+
+
+@part
+def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
+    """The step of a block where some lane needs care, after `sum_up`."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if all_accurate(sums, g):
+            step_all(cells, sums, g)
+        elif step_each(cells, sums, g, width, matrix):
+            set_aside(bodies, span, kept, begin, width, cells, sums, g)
+
+
+@part
+def see_to_units(bodies, span, kept, begin, end, cells, sums, n):
+    """After the step to state n: end what is not finite, and find new units."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if not units_serve(sums, g):
+            end_lanes(span, kept, begin, width, cells, sums, g, n)
+            renew(bodies, span, begin, width, cells, sums, g)
+
+
+@part
+def end_lanes(span, kept, begin, width, cells, sums, g, n):
     """End the trajectories whose state n is not finite in the unit of the user."""
-    for l in range(min(VECTOR, status.size - first)):
+    for l in range(width):
         finite, undefined = True, False
         for i in range(cells.shape[1]):
             finite &= np.isfinite(cells[g, i, OMEGA, l] * sums[g, UNIT, l])
             undefined |= np.isnan(cells[g, i, OMEGA, l])
-        if not finite and status[first + l] == OK:
+        if not finite and sums[g, ENDED, l] == 0.0:
+            sums[g, ENDED, l] = 1.0
+            b = trajectory(span.chosen, begin + g * VECTOR + l)
             in_range = np.isfinite(sums[g, HALF, l])
-            status[first + l] = SINGULAR if undefined and in_range else NONFINITE
-            failed_at[first + l] = n
+            kept.status[b] = SINGULAR if undefined and in_range else NONFINITE
+            kept.failed_at[b] = n
 
 
 @part
-def fill(cells, sums, g, which, values, first):
-    """Rows of values, or one row for all lanes, in units that go to UNIT, with their logarithms."""
-    m, last = values.shape[1], values.shape[0] - 1
-    if last == 0:
-        for i in range(m):
-            store(cells, g, i, which, same(values[0, i]))
-    else:
-        for l in range(VECTOR):
-            row = min(first + l, last)
-            for i in range(m):
-                cells[g, i, which, l] = values[row, i]
-    largest = same(0.0)
-    for i in range(m):
-        largest = larger(abs(load(cells, g, i, which)), largest)
-    store(sums, g, which, largest)
-    exponent, unit = 0, 1.0
-    for l in range(VECTOR):
-        if l == 0 or last > 0:
-            # The unit and its inverse are in range.
-            exponent = min(max(math.frexp(sums[g, which, l])[1], -1022), 1023)
-            unit = math.ldexp(1.0, exponent)
-        sums[g, which, l], sums[g, UNIT, l] = exponent, unit
-    inverse = 1.0 / load(sums, g, UNIT)
-    for i in range(m):
-        store(cells, g, i, which, load(cells, g, i, which) * inverse)
-
-
-@part
-def start_group(J, I, eps, omega, first, status, cells, sums, g):
-    """Fill the arrays of a group.
-
-    Lanes beyond the batch, and those that have ended, rest at 0, in a unit that makes it NaN.
-    """
-    fill(cells, sums, g, J_, J, first)
-    fill(cells, sums, g, I_, I, first)
-    fill(cells, sums, g, OMEGA, omega, first)
-    for l in range(VECTOR):
-        # (dsn) keeps its form: only eps I omega / J counts.
-        exponent = sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l]
-        sums[g, EPS, l] = math.ldexp(eps[min(first + l, eps.size - 1)], int(exponent))
-        if first + l >= status.size or status[first + l] != OK:
-            sums[g, EPS, l], sums[g, UNIT, l] = 0.0, np.nan
+def renew(bodies, span, begin, width, cells, sums, g):
+    """Find new units where they do not serve any more."""
+    for l in range(width):
+        serves = sums[g, LOW, l] < sums[g, SQUARE, l] < sums[g, HIGH, l]
+        if not serves and sums[g, ENDED, l] == 0.0:
+            largest, before = 0.0, int(sums[g, OMEGA, l])
             for i in range(cells.shape[1]):
-                cells[g, i, OMEGA, l] = 0.0
-    smallest, square = same(np.inf), same(0.0)
+                largest = max(largest, abs(cells[g, i, OMEGA, l]))
+            exponent = unit_of(largest, before)
+            sums[g, OMEGA, l] = exponent
+            for i in range(cells.shape[1]):
+                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
+    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
+
+
+@inlined_part
+def show(cells, sums, g):
+    """What users see of the states of a group, as work; but see `show_given`."""
+    unit = load(sums, g, UNIT)
     for i in range(cells.shape[1]):
-        smallest = smaller(load(cells, g, i, J_), smallest)
-        square = square + load(cells, g, i, I_) * load(cells, g, i, I_)
-    longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
-    store(sums, g, SMALL_STEPS, longest * longest / square)
-    add_up(cells, sums, g)
-    moves = load(sums, g, SQUARE) > 0.0
-    store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
-    store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
+        store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
+
+
+@inlined_part
+def all_move(sums, g):
+    return in_all(load(sums, g, RESTS) < 1.0)
 
 
 @part
-def write(cells, sums, g, out, row, batch_last, first):
-    if batch_last:
-        for i in range(cells.shape[1]):
-            for l in range(min(VECTOR, out.shape[2] - first)):
-                out[i, row, first + l] = cells[g, i, OMEGA, l] * sums[g, UNIT, l]
-    else:
-        for l in range(min(VECTOR, out.shape[0] - first)):
+def show_given(omega, chosen, first, width, cells, sums, g, n):
+    """Where nothing has moved, users see what was given."""
+    for l in range(width):
+        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
+            b = trajectory(chosen, first + l)
             for i in range(cells.shape[1]):
-                out[first + l, row, i] = cells[g, i, OMEGA, l] * sums[g, UNIT, l]
+                cells[g, i, WORK, l] = omega[b, i]
 
 
-@part
-def write_last(cells, sums, g, final, first):
-    write(cells, sums, g, final.reshape((final.shape[0], 1, final.shape[1])), 0, False, first)
+@inlined_part
+def write(flat_cells, m, g, first, flat, begin):
+    """Write what is shown of a whole group to flat saved states; returns for how many components.
 
-
-@part
-def renew(J, I, eps, final, first, status, cells, sums, g):
-    """Find new units for a group, as a call that went on from here would."""
-    write_last(cells, sums, g, final, first)
-    start_group(J, I, eps, final, first, status, cells, sums, g)
-
-
-def _iterate(
-    method, J, I, eps, omega, start, stop, every, out, batch_last, final, status, failed_at
-):
-    """Iterate from state `start`, given as omega, to state `stop`.
-
-    out         the saved states: (B, n_saved, m), or (m, n_saved, B) if batch_last; n_saved may be
-                0. States whose number is a multiple of `every` are saved.
-    final       (B, m), state `stop`; may be omega itself.
-    status      (B,), SINGULAR or NONFINITE where a trajectory has ended; read and written.
-    failed_at   (B,), the first state that does not exist, where one does not; read and written.
+    Those of trajectory 0 lie at `begin`.
     """
-    m = omega.shape[1]
-    size = block_size(m)
-    for block in prange((omega.shape[0] + size - 1) // size):
-        first = block * size
-        groups = (min(size, omega.shape[0] - first) + VECTOR - 1) // VECTOR
-        cells = aligned(groups * m * 4 * VECTOR).reshape((groups, m, 4, VECTOR))
-        sums = aligned(groups * 14 * VECTOR).reshape((groups, 14, VECTOR))
-        matrix = new_matrix(m) if method == GAUSS else np.empty((0, 0, VECTOR))
-        for g in range(groups):
-            start_group(J, I, eps, omega, first + g * VECTOR, status, cells, sums, g)
-            if start == 0 and out.shape[1] > 0:
-                write(cells, sums, g, out, 0, batch_last, first + g * VECTOR)
-        for n in range(start + 1, stop + 1):
-            saved = n % every == 0
-            if method == RANK2:
-                # Of all groups first: one need not wait for the unknowns of the one before.
-                for g in range(groups):
-                    sum_up(cells, sums, g)
+    in_squares = m - m % VECTOR
+    for i in range(0, in_squares, VECTOR):
+        row = ((g * m + i) * CELLS + WORK) * VECTOR
+        copy_transposed(flat, begin + first * m + i, m, flat_cells, row, CELLS * VECTOR)
+    return in_squares
+
+
+@inlined_part
+def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
+    """Write the other components, and those of groups that are not whole, one by one."""
+    m = cells.shape[1]
+    for l in range(width):
+        target = begin + trajectory(chosen, first + l) * m
+        for i in range(in_squares, m):
+            flat[target + i] = cells[g, i, WORK, l]
+
+
+@part
+def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
+    """Turn the orientations to state n, which is shown."""
+    before, angle, gram = turning
+    for l in range(width):
+        b = trajectory(span.chosen, first + l)
+        half = 0.5 * bodies.eps[b if bodies.eps.size > 1 else 0]
+        if n > span.start:
+            for i in range(cells.shape[1]):
+                angle[i] = half * (before[g, i, l] + cells[g, i, WORK, l])
+            turn(kept.orientation[b], angle)
+            if n % CLEAN_EVERY == 0:
+                clean(kept.orientation[b], gram)
+        elif sums[g, ENDED, l] > 0.0:
+            kept.orientation[b] = np.nan
+    for i in range(cells.shape[1]):
+        store(before, g, i, load(cells, g, i, WORK))
+
+
+@part
+def save_turns(chosen, orientation, begin, end, row):
+    for position in range(begin, end):
+        b = trajectory(chosen, position)
+        row[b] = orientation[b]
+
+
+@part
+def leave_block(omega, span, kept, begin, end, cells, sums):
+    """Write what is left at state stop."""
+    for g in range(cells.shape[0]):
+        show(cells, sums, g)
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if span.stop == 0 or not all_move(sums, g):
+            first = begin + g * VECTOR
+            show_given(omega, span.chosen, first, width, cells, sums, g, span.stop)
+        for l in range(width):
+            b = trajectory(span.chosen, begin + g * VECTOR + l)
+            if kept.status[b] != NEEDS_ELIMINATION:
+                kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
+                for i in range(cells.shape[1]):
+                    kept.final[b, i] = cells[g, i, WORK, l]
+                if kept.state.shape[0] > 0:
+                    kept.exponent[b] = sums[g, OMEGA, l]
+                    for i in range(cells.shape[1]):
+                        kept.state[b, i] = cells[g, i, OMEGA, l]
+
+
+@part
+def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
+    """All steps of the trajectories at some positions."""
+    chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
+    flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
+    turns, next_saved = kept.orientation.shape[0] > 0, -1
+    if saved.omega.shape[0] > 0:
+        next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
+    row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
+    start_block(bodies, omega, span, kept, begin, end, cells, sums)
+    n = span.start
+    while True:
+        if turns or n == next_saved:
             for g in range(groups):
-                if method == GAUSS:
-                    assemble(cells, sums, g, matrix)
-                    eliminate(matrix, m)
-                    for i in range(m):
-                        store(cells, g, i, WORK, load(matrix, i, m))
-                    take_next_states(cells, sums, g)
-                elif in_all(load(sums, g, ACCURATE) > 0.0):
-                    step_all(cells, sums, g)
-                else:
-                    step_each(cells, sums, g)
-                square = load(sums, g, SQUARE)
-                if not in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH))):
-                    end(cells, sums, g, first + g * VECTOR, status, failed_at, n)
-                    renew(J, I, eps, final, first + g * VECTOR, status, cells, sums, g)
-                if saved:
-                    write(cells, sums, g, out, n // every, batch_last, first + g * VECTOR)
-        for g in range(groups):
-            write_last(cells, sums, g, final, first + g * VECTOR)
+                first = begin + g * VECTOR
+                width = min(VECTOR, end - first)
+                show(cells, sums, g)
+                if n == 0 or not all_move(sums, g):
+                    show_given(omega, chosen, first, width, cells, sums, g, n)
+                if turns:
+                    orient(bodies, span, kept, first, width, cells, sums, g, turning, n)
+                if n == next_saved:
+                    begin_of_row, written = row * omega.size, 0
+                    if width == VECTOR and chosen.size == 0:
+                        written = write(flat_cells, m, g, first, flat, begin_of_row)
+                    write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
+            if turns and n == next_saved:
+                save_turns(chosen, kept.orientation, begin, end, saved.turns[row])
+        if n == next_saved:
+            next_saved += span.every
+            row += 1
+        if n == span.stop:
+            break
+        if method == GAUSS:
+            for g in range(groups):
+                step_by_elimination(cells, sums, g, matrix)
+            n += 1
+        else:
+            until = n + 1 if turns else span.stop
+            if next_saved > n:
+                until = min(until, next_saved)
+            n, needs_care = advance(cells, sums, n, until)
+            if needs_care:
+                advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
+                n += 1
+        see_to_units(bodies, span, kept, begin, end, cells, sums, n)
+    leave_block(omega, span, kept, begin, end, cells, sums)
+
+
+def _iterate(method, bodies, omega, span, saved, kept, scratch):
+    """Iterate from the states `omega`, (B, m), at step 0, or from what is kept of state start."""
+    size = block_size(omega.shape[1])
+    blocks = (span.end - span.begin + size - 1) // size
+    tasks = min(blocks, scratch.cells.shape[0])
+    for task in prange(tasks):
+        for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+            begin = span.begin + block * size
+            end = min(begin + size, span.end)
+            groups = (end - begin + VECTOR - 1) // VECTOR
+            run_block(
+                method,
+                bodies,
+                omega,
+                span,
+                saved,
+                kept,
+                begin,
+                end,
+                scratch.cells[task, :groups],
+                scratch.sums[task, :groups],
+                scratch.matrix[task],
+                (scratch.before[task], scratch.angle[task], scratch.gram[task]),
+            )
 
 
 iterate = Loop(_iterate)

@@ -20,6 +20,15 @@ def aligned(size):
     return buffer[offset : offset + size]
 
 
+def on_stack(rows, lanes):
+    """An array (rows, lanes) of doubles on a cache line, for as long as the calling loop runs.
+
+    Both numbers are constants. A part of a loop must not call this: what it gets is gone when the
+    part returns.
+    """
+    return aligned(rows * lanes).reshape((rows, lanes))
+
+
 @part
 def to_cache_line(array, index):
     """How many elements lie between array[index] and the next start of a cache line."""
@@ -82,6 +91,16 @@ def store_past_caches(array, index, vector):
     The caches need not read the line first, nor lose others to it.
     """
     array[index : index + VECTOR] = vector
+
+
+def store_pairs(array, index, first, second):
+    """Write two vectors lane by lane side by side, as pairs of numbers."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
+
+
+def stream_pairs(array, index, first, second):
+    """The same past the caches, from where a cache line starts."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
 def copy_transposed(array, index, stride, source, first, distance):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..jit import formula
+from .units import exponent, normal_state, scaled
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
@@ -84,6 +85,23 @@ def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
 
 
 @formula
+def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """`to_xy` of a body in the units of `units`, whose logarithms are M and P, and of any state."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
+    return scaled(x, W + P), scaled(y, W + P + M)
+
+
+@formula
+def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
+    """The inverse of `xy_of_state`."""
+    W, of_y = exponent(x) - P, exponent(y) - P - M
+    W = W if of_y < W else of_y
+    omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
+    return scaled(omega1, W), scaled(omega2, W)
+
+
+@formula
 def at_rest(I13, I23, eps, X, Y):
     """Whether the map is the identity, or does not move this state by any digit."""
     return (I13 == 0.0 and I23 == 0.0) or eps == 0.0 or abs(X) + abs(Y) < MOTIONLESS
@@ -99,9 +117,9 @@ def from_canonical(I1, I2, I13, I23, eps):
 
 
 @formula
-def angular_velocity(m11, m12, m21, m22, rest1, rest2, X, Y):
-    """omega = m (X, Y) + rest; NaN where it is not finite."""
-    omega1 = m11 * X + m12 * Y + rest1
-    omega2 = m21 * X + m22 * Y + rest2
+def angular_velocity(m11, m12, m21, m22, rest1, rest2, unit, X, Y):
+    """omega = (m (X, Y) + rest) unit; NaN where it is not finite."""
+    omega1 = (m11 * X + m12 * Y + rest1) * unit
+    omega2 = (m21 * X + m22 * Y + rest2) * unit
     poison = 0.0 * omega1 + 0.0 * omega2
     return omega1 + poison, omega2 + poison

@@ -1,26 +1,45 @@
-"""What the 3D flow and the 3D map conserve."""
+"""What the 3D flow and the 3D map conserve, and the terms of that in n dimensions.
+
+Arguments that are called M, P, E and W are the logarithms of units: see `units`.
+"""
 
 import numpy as np
 
 from ..jit import formula
+from .coordinates import sum_of_products, to_canonical
+from .units import above_one, moderate, normal_state, scaled
 
 
 @formula
 def energy(I1, I2, omega1, omega2):
     """The energy, conserved by equation (s1)."""
-    return 0.5 * (I1 * omega1 * omega1 + I2 * omega2 * omega2)
+    return 0.5 * I1 * omega1 * omega1 + 0.5 * I2 * omega2 * omega2
 
 
 @formula
-def first_integral(I1, I2, X, omega1, omega2):
+def canonical_x(I1, I2, I13, I23, eps, K, omega1, omega2):
+    """X = 2**K eps x / sqrt(2 I1 I2) and 1 in one unit, in which neither is above 1, and its
+    logarithm.
+    """
+    x = sum_of_products(I13, omega1, I23, omega2)
+    return above_one(eps * x / np.sqrt(2.0 * I1 * I2), K)
+
+
+@formula
+def first_integral(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """F of Lemma 1, equation (i1), divided above and below by I1 I2."""
-    return (omega1 * (omega1 / I2) + omega2 * (omega2 / I1)) / (4.0 + 2.0 * X * X)
+    omega1, omega2, W = normal_state(omega1, omega2)
+    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
+    above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
+    return scaled(above / (4.0 * one * one + 2.0 * X * X), 2 * W - M - 2 * k)
 
 
 @formula
-def modified_energy(E, X):
+def modified_energy(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """2 I1 I2 F, from the energy."""
-    return E / (1.0 + 0.5 * X * X)
+    omega1, omega2, W = normal_state(omega1, omega2)
+    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
+    return scaled(energy(I1, I2, omega1, omega2) / (one * one + 0.5 * X * X), M + 2 * W - 2 * k)
 
 
 @formula
@@ -32,3 +51,47 @@ def level(X, Y):
     X1, Y1, X2 = X * above, Y * above, X * below
     squares = (X1 * X1 + 2.0 * Y1 * Y1) / (X2 * X2 + 2.0 * below * below)
     return size * below * np.sqrt(squares)
+
+
+# The number below 1.
+BELOW_ONE = 1.0 - 2.0**-53
+
+
+@formula
+def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """t = eps sqrt(h / (I1 I2)), with the sign of eps."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    eps_W = moderate(eps, E + W + P - M)
+    X, Y, _ = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
+    T = level(X, Y)
+    # Rounding must not carry an orbit across the border: T < 1 exactly where |Y| < 1.
+    below = T if T > 1.0 else 1.0
+    below = T if T != T else below
+    T = (T if T < 1.0 else BELOW_ONE) if abs(Y) < 1.0 else below
+    return -T if eps < 0.0 else T
+
+
+@formula
+def invariant_density(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """1 / (x (4 I1 I2 + eps**2 x**2)): the density of the invariant measure."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    x = sum_of_products(I13, omega1, I23, omega2)
+    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
+    value = 1.0 / (x * (I1 * I2) * (4.0 * one * one + 2.0 * X * X))
+    return scaled(value, -(P + W) - 2 * M - 2 * k)
+
+
+# In n dimensions, one component at a time.
+
+
+@formula
+def energy_term(J_i, omega_i):
+    return 0.5 * J_i * omega_i * omega_i
+
+
+@formula
+def modified_energy_nd(energy, excess, one):
+    """E**2 / (E + eps**2 f.Jf / 8), or 0 at rest; excess = eps**2 f.Jf / 8 in units in which 1 is
+    `one`.
+    """
+    return energy / (one * one + excess / energy) if energy > 0.0 else energy + excess

@@ -1,36 +1,87 @@
-"""The derivative of the 3D map."""
+"""The derivative of the 3D map, and the matrix that the paper inverts.
+
+M, P, E and W are logarithms of units: see `units`.
+"""
+
+import numpy as np
 
 from ..jit import formula
-from .canonical_map import nan_at_zero
+from .canonical_map import denominator, shifted
+from .coordinates import at_rest, to_canonical
 from .printed_map import printed_coefficients
+from .units import exponent, larger, moderate, normal_state, power, scaled
+
+# |X| + |Y| below this: the derivative is the identity and a small matrix, found as such.
+NEAR_IDENTITY = 0.25
 
 
 @formula
-def jacobian(I1, I2, I13, I23, eps, omega1, omega2):
-    """The entries (11, 12, 21, 22) of A(omega; eps)**-1 A(omega_next; -eps).
+def canonical_jacobian(X, Z, c):
+    """The derivative of `canonical_step` by X and Y, less the number that comes last: 0 or 1.
 
-    A(omega; eps) is the matrix that the paper inverts above (ds2), and omega_next the solution of
-    A(omega; eps) omega_next = omega.
+    With d = 1 - Y + X**2 its rows are
+    ((1 + Y)(1 - Y - X**2), X (2 + X**2)) / d**2,
+    (-2 X (1 + Y)(1 - Y), (1 - Y)**2 - 2 Y X**2) / d**2.
     """
-    k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
-    a11, a12 = 1.0 + k1 * omega2, k1 * omega1 + k3 * omega2
-    a21, a22 = -k4 * omega1 - k2 * omega2, 1.0 - k2 * omega1
-    size = (1.0 + abs(k1 * omega2)) * (1.0 + abs(k2 * omega1)) + abs(a12 * a21)
-    det = nan_at_zero(a11 * a22 - a12 * a21, size)
-    next1 = (a22 * omega1 - a12 * omega2) / det
-    next2 = (a11 * omega2 - a21 * omega1) / det
-    b11, b12 = 1.0 - k1 * next2, -k1 * next1 - k3 * next2
-    b21, b22 = k4 * next1 + k2 * next2, 1.0 + k2 * next1
+    # In the unit of |X| if that is above 1: its square is in range.
+    one = power(-exponent(larger(abs(X), 1.0)))
+    X1 = X * one
+    square, unit = X1 * X1, one * one
+    below, above, Y = ((1.0 - c) + Z) * unit, ((1.0 + c) - Z) * unit, (c - Z) * unit
+    r = 1.0 / (below + square)
+    near = abs(X) + abs(c - Z) < NEAR_IDENTITY
+    from_X = 2.0 * Y * below - square * (3.0 * unit - Y) - square * square
+    from_Y = -square * (2.0 * unit + square)
+    d11 = from_X if near else above * (below - square)
+    d22 = from_Y if near else below * below - 2.0 * Y * square
+    d12 = X1 * one * (2.0 * unit + square)
+    d21 = -2.0 * X * above * below
+    return d11 * r * r, d12 * r * r, d21 * r * r, d22 * r * r, 1.0 if near else 0.0
+
+
+@formula
+def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """The entries (11, 12, 21, 22) of the derivative of the map; NaN where that has a pole."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    eps_W = moderate(eps, E + W + P - M)
+    X, Y, lost = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
+    rests = at_rest(I13, I23, eps_W, X, Y)
+    c, Z = shifted(Y, lost)
+    _, regular = denominator(X, Z, c)
+    d11, d12, d21, d22, identity = canonical_jacobian(X, Z, c)
+    # From (X, Y) to (x, y), then to (Omega1, Omega2).
+    s = np.sqrt(2.0 * I1 * I2)
+    d12, d21 = d12 / s, d21 * s
+    right11, right12 = d11 * I13 + d12 * (I23 * I1), d11 * I23 - d12 * (I13 * I2)
+    right21, right22 = d21 * I13 + d22 * (I23 * I1), d21 * I23 - d22 * (I13 * I2)
+    inverse = 1.0 / (I13 * I13 * I2 + I23 * I23 * I1)
+    a11 = identity + (I13 * I2 * right11 + I23 * right21) * inverse
+    a12 = (I13 * I2 * right12 + I23 * right22) * inverse
+    a21 = (I23 * I1 * right11 - I13 * right21) * inverse
+    a22 = identity + (I23 * I1 * right12 - I13 * right22) * inverse
+    # A NaN in any entry or in the state is one in all.
+    poison = 0.0 * (a11 + a12 + a21 + a22)
+    poison = poison if regular else np.nan
+    poison = 0.0 * (omega1 + omega2) if rests else poison
     return (
-        (a22 * b11 - a12 * b21) / det,
-        (a22 * b12 - a12 * b22) / det,
-        (a11 * b21 - a21 * b11) / det,
-        (a11 * b22 - a21 * b12) / det,
+        (1.0 if rests else a11) + poison,
+        (0.0 if rests else a12) + poison,
+        (0.0 if rests else a21) + poison,
+        (1.0 if rests else a22) + poison,
     )
 
 
 @formula
-def multipliers(I1, I2, I13, I23, eps, c):
-    """The eigenvalues of the derivative at omega = c (I23, -I13): along the line, and off it."""
-    Y = 0.5 * eps * c * (I23 * I23 / I2 + I13 * I13 / I1)
-    return 1.0 + 0.0 * Y, (1.0 + Y) / (1.0 - Y)
+def matrix(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """The entries (11, 12, 21, 22) of the matrix that the paper inverts above (ds2)."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
+    K = E + W + P - M
+    # A NaN in the state is one in all entries.
+    poison = 0.0 * (omega1 + omega2)
+    return (
+        1.0 + scaled(k1 * omega2 + poison, K),
+        scaled(k1 * omega1 + k3 * omega2, K),
+        scaled(-k4 * omega1 - k2 * omega2, K),
+        1.0 - scaled(k2 * omega1 + poison, K),
+    )

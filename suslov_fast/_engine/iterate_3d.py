@@ -1,0 +1,170 @@
+"""Runs of the 3D map: which loop takes which part of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._checks import FloatArray
+from .._core import codes
+from .._core.cpu import blocks, closed_form, map_3d
+from . import threads
+from .closed_form import scratch
+from .problem import Outcome, Problem, check_computed, never
+from .progress import reporter
+
+# From so many steps on the closed form is faster than they are, where only the last state counts.
+JUMP = 32
+# Orbits that may meet a pole are iterated for so many steps, those not past it for 16 times more.
+_AHEAD = 256
+# So many of them at a time, in arrays of their own.
+_TOGETHER = 2**13
+# Steps of all failed trajectories between two looks for Ctrl-C.
+_SEARCH = 2**24
+
+
+def run(problem: Problem) -> Outcome:
+    """The last states, and how each trajectory ended; saved states are filled on the way."""
+    return _jump(problem) if jumps(problem) else _iterate(problem)
+
+
+def jumps(problem: Problem) -> bool:
+    """Whether states are taken from the closed form, where they can be."""
+    wanted = problem.method == "auto" and problem.orientation is None
+    return wanted and not len(problem.saved) and JUMP <= problem.stop <= 2**53
+
+
+def _iterate(problem: Problem) -> Outcome:
+    """Step by step."""
+    size = problem.size
+    arguments = _method(problem), *_parameters(problem), problem.omega
+    final, status = np.empty((size, 2)), np.full(size, codes.NOT_COMPUTED, np.int8)
+    state, turn = _taken_up(problem)
+    R0 = np.empty((3, 3, 0))
+    if problem.orientation is not None:
+        R0 = np.ascontiguousarray(problem.orientation.transpose(1, 2, 0))
+    for part in problem.parts(1.0, blocks.LANES):
+        threads.run(
+            map_3d.iterate,
+            part.work(blocks.LANES, 1.0),
+            problem.threads,
+            *arguments,
+            *part,
+            problem.every,
+            problem.first_row,
+            problem.saved,
+            state,
+            problem.time_step,
+            R0,
+            turn,
+            problem.turns,
+            final,
+            status,
+        )
+    check_computed(status)
+    failed_at = never(size)
+    if status.min(initial=0) < 0:
+        failed_at = _failures(problem, arguments, status)
+    return Outcome(final, status, failed_at, {"state": state, "turn": turn})
+
+
+def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """The states (2, B) and the orientations (4, B), or (4, 0), as a run begins with them."""
+    if problem.start:
+        return problem.resume["state"].copy(), problem.resume["turn"].copy()
+    turn = np.zeros((4, 0 if problem.orientation is None else problem.size))
+    turn[0] = 1.0
+    return np.empty((2, problem.size)), turn
+
+
+def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> NDArray[np.int64]:  # type: ignore[type-arg]
+    """Where trajectories came to an end; their statuses then say how."""
+    failed_at = np.full(problem.size, -1)
+    failed = np.flatnonzero(status < 0)
+    state = np.empty((2, failed.size))
+    start = 0
+    while (failed_at[failed] < 0).any():
+        stop = min(start + max(_SEARCH // failed.size, 1), problem.stop)
+        threads.run(
+            map_3d.locate_failure,
+            failed.size * (stop - start),
+            problem.threads,
+            *arguments,
+            failed,
+            start,
+            stop,
+            state,
+            status,
+            failed_at,
+        )
+        start = stop
+    return failed_at
+
+
+def _jump(problem: Problem) -> Outcome:
+    """The last states by the closed form.
+
+    Orbits that may meet a pole are iterated from their start until they are past it.
+    """
+    final, status = _closed_form(problem, problem.omega, problem.stop)
+    failed_at = never(problem.size)
+    if status.min(initial=0) < 0:
+        failed_at = failed_at.copy()
+        unsafe = np.flatnonzero(status < 0)
+        for first in range(0, unsafe.size, _TOGETHER):
+            _past_poles(problem, unsafe[first : first + _TOGETHER], final, status, failed_at)
+    with reporter(problem.progress, problem.stop - problem.start) as report:
+        report(problem.stop - problem.start)
+    return Outcome(final, status, failed_at, {})
+
+
+def _past_poles(
+    problem: Problem,
+    left: NDArray[np.intp],
+    final: FloatArray,
+    status: NDArray[np.int8],
+    failed_at: NDArray[np.int64],
+) -> None:
+    """The same for trajectories that may meet a pole on their way."""
+    ahead = _AHEAD
+    while left.size:
+        ahead = min(ahead, problem.stop)
+        few = problem.some(left, ahead)
+        final[left], status[left], failed_at[left], _ = _iterate(few)
+        if ahead == problem.stop:
+            break
+        left = left[status[left] >= 0]
+        ends, codes_of = _closed_form(problem.some(left, ahead), final[left], problem.stop - ahead)
+        past = codes_of >= 0
+        final[left[past]] = ends[past]
+        left = left[~past]
+        ahead *= 16
+
+
+def _closed_form(
+    problem: Problem, omega: FloatArray, n: int
+) -> tuple[FloatArray, NDArray[np.int8]]:
+    """State n, counted from omega; a status is negative where the closed form may not be used."""
+    size = len(omega)
+    final, status = np.empty((size, 2)), np.empty(size, np.int8)
+    threads.run(
+        closed_form.jump,
+        size * closed_form.WORK if size > blocks.LANES else 0,
+        problem.threads,
+        *_parameters(problem),
+        omega,
+        float(n),
+        final,
+        status,
+        scratch(),
+    )
+    return final, status
+
+
+def _method(problem: Problem) -> int:
+    return map_3d.PRINTED if problem.method == "ds2" else map_3d.CANONICAL
+
+
+def _parameters(problem: Problem) -> list[FloatArray]:
+    """I1, I2, I13, I23 and eps, as loops take them."""
+    return [*problem.parameters, problem.eps]

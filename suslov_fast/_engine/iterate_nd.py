@@ -1,0 +1,147 @@
+"""Runs of the n-dimensional map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from .._checks import FloatArray
+from .._core.codes import NEEDS_ELIMINATION, NOT_COMPUTED
+from .._core.cpu import map_nd
+from .._core.cpu.elimination import matrix_shape
+from .._core.cpu.vector import VECTOR
+from . import threads
+from .problem import Outcome, Part, Problem, check_computed
+
+# Room for elimination is made beforehand where it takes at most so many bytes a thread: memory that
+# is never touched costs nothing. Where it takes more, trajectories that turn out to need it are
+# computed anew.
+_MATRIX = 2**26
+
+_ALL = np.empty(0, np.int64)
+
+
+def run(problem: Problem) -> Outcome:
+    """Iterate a checked problem.
+
+    Raises
+    ------
+    MemoryError
+        If there is no room to work in.
+    """
+    run = _Run(problem)
+    for part in problem.parts(run.work, map_nd.block_size(problem.omega.shape[1])):
+        run.compute(part)
+    return run.outcome()
+
+
+class _Run:
+    """The arrays of a run."""
+
+    def __init__(self, problem: Problem) -> None:
+        size, m = problem.omega.shape
+        gauss = problem.method == "gauss"
+        # The O(n) step may have to eliminate each time: then the first part takes some 0.3 s.
+        self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
+        self.problem = problem
+        self.method = map_nd.GAUSS if gauss else map_nd.RANK2
+        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps)
+        self.saved = map_nd.Saved(problem.saved, problem.turns)
+        self.kept = _kept(problem)
+        matrix = 8 * math.prod(matrix_shape(m)) <= _MATRIX
+        oriented = problem.orientation is not None  # which takes as much
+        self.scratch = self._scratch(size, gauss or matrix or oriented)
+
+    def _scratch(self, size: int, matrix: bool) -> map_nd.Scratch:
+        """Room for so many trajectories, as much as threads can use at once."""
+        m = self.problem.omega.shape[1]
+        block = map_nd.block_size(m)
+        tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
+        groups = -(-min(block, max(size, 1)) // VECTOR)
+        oriented = self.problem.orientation is not None
+        return map_nd.Scratch(
+            *_rooms(
+                (tasks, groups, m, map_nd.CELLS, VECTOR),
+                (tasks, groups, map_nd.SUMS, VECTOR),
+                (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
+                (tasks, groups if oriented else 0, m, VECTOR),
+                (tasks, m),
+                (tasks, *((m + 2, m + 1) if oriented else (0, 0))),
+            )
+        )
+
+    def compute(self, part: Part) -> None:
+        status = self.kept.status[part.begin : part.end]
+        status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
+        self._call(part, _ALL, self.scratch)
+        left = np.flatnonzero(status == NEEDS_ELIMINATION)
+        if left.size:
+            scratch = self._scratch(left.size, True)
+            status[left] = NOT_COMPUTED
+            self._call(part._replace(begin=0, end=left.size), left + part.begin, scratch)
+        check_computed(status)
+
+    def _call(self, part: Part, chosen: NDArray[np.intp], scratch: map_nd.Scratch) -> None:
+        every, first_row = self.problem.every, self.problem.first_row
+        threads.run(
+            map_nd.iterate,
+            part.work(map_nd.block_size(self.problem.omega.shape[1]), self.work),
+            self.problem.threads,
+            self.method,
+            self.bodies,
+            self.problem.omega,
+            map_nd.Span(chosen, *part, every, first_row),
+            self.saved,
+            self.kept,
+            scratch,
+        )
+
+    def outcome(self) -> Outcome:
+        kept = self.kept
+        resume = {name: getattr(kept, name) for name in _RESUME}
+        if len(self.problem.turns) and not len(self.problem.saved):
+            self.problem.turns[-1] = kept.orientation
+        return Outcome(kept.final, kept.status, kept.failed_at, resume)
+
+
+_RESUME = ("state", "exponent", "status", "failed_at", "orientation")
+
+
+def _kept(problem: Problem) -> map_nd.Kept:
+    """What a run writes, with what it goes on from, which stays as it is."""
+    size, m = problem.omega.shape
+    kept = map_nd.Kept(
+        final=np.empty((size, m)),
+        status=np.full(size, NOT_COMPUTED, np.int8),
+        failed_at=np.full(size, -1),
+        state=np.empty((size, m)),
+        exponent=np.empty(size),
+        orientation=(
+            np.empty((0, m + 1, m + 1))
+            if problem.orientation is None
+            else problem.orientation.copy()
+        ),
+    )
+    if not problem.start:
+        return kept
+    return kept._replace(**{name: problem.resume[name].copy() for name in _RESUME})
+
+
+def _rooms(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
+    """Arrays of zeros on cache lines: a vector across two lines costs a quarter and more."""
+    sizes = [-(-math.prod(shape) // VECTOR) * VECTOR for shape in shapes]
+    try:
+        buffer = np.zeros(sum(sizes) + VECTOR)
+    except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
+        raise MemoryError(
+            f"expected {8 * sum(sizes):.3g} bytes to work in, which there are not; most of it is "
+            "room for elimination: use method='rank2', fewer threads, or shorter steps"
+        ) from error
+    begin = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
+    for shape, size in zip(shapes, sizes, strict=True):
+        yield buffer[begin : begin + math.prod(shape)].reshape(shape)
+        begin += size

@@ -1,0 +1,172 @@
+"""A run of the map, checked and flat, and the parts that it is computed in."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from .._checks import FloatArray
+from .._core import codes
+from .progress import Progress, reporter
+
+# What a part costs at first, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
+# looks for Ctrl-C between parts.
+_PART = 2**27
+# Parts that take less or more seconds than these are followed by longer or shorter ones.
+_SHORT, _LONG = 0.05, 0.2
+# What a saved state costs, in steps.
+_SAVING = 8
+# A part has at least so many trajectories, if there are as many, and so many steps, each divided by
+# the work of a step: entering a trajectory costs some 30 steps of the 3D map.
+_ABREAST, _LENGTH = 2**13, 2**8
+
+
+@dataclass(slots=True)  # not frozen: that would take longer than a short run
+class Problem:
+    """A run over a batch of B trajectories, from state `start` to state `stop`.
+
+    Attributes
+    ----------
+    omega
+        (B, D), the states at step 0.
+    parameters
+        Those of the body as loops take them, each for all trajectories or for one after the other.
+    eps
+        The step size that goes with them, (B,) or (1,).
+    time_step
+        The step size in the unit of time of omega, likewise.
+    every
+        States whose number is a multiple of this are saved.
+    saved
+        (rows, B, D), filled by the run: the saved states from `start` on, state 0 included, state
+        `start` > 0 not; no rows if only the last state is wanted.
+    turns
+        (rows, B, n, n), the orientations that go with them.
+    orientation
+        (B, n, n), the orientation at step 0, or None if it is not wanted.
+    resume
+        What the run up to `start` left to go on from, as `Outcome.resume`.
+    """
+
+    method: str
+    omega: FloatArray
+    parameters: list[FloatArray]
+    eps: FloatArray
+    time_step: FloatArray
+    start: int
+    stop: int
+    every: int
+    saved: FloatArray
+    turns: FloatArray
+    orientation: FloatArray | None = None
+    resume: dict[str, FloatArray] = field(default_factory=dict)
+    threads: int | None = None
+    progress: Progress = None
+
+    @property
+    def size(self) -> int:
+        """The number of trajectories."""
+        return len(self.omega)
+
+    def some(self, chosen: NDArray[np.intp], stop: int) -> Problem:
+        """A run of some of the trajectories, from the start to a state `stop`, without saving."""
+
+        def of(parameter: FloatArray) -> FloatArray:
+            return parameter if len(parameter) == 1 else parameter[chosen]
+
+        return replace(
+            self,
+            omega=self.omega[chosen],
+            parameters=[of(each) for each in self.parameters],
+            eps=of(self.eps),
+            time_step=of(self.time_step),
+            start=0,
+            stop=stop,
+            saved=self.saved[:0],
+            progress=None,
+        )
+
+    @property
+    def first_row(self) -> int:
+        """The number of the saved state that the first row holds, in multiples of `every`."""
+        return self.start // self.every + 1 if self.start else 0
+
+    def parts(self, work: float, lanes: int) -> Iterator[Part]:
+        """What is computed at a time: some trajectories, and some of their steps.
+
+        `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
+        be cheaper or dearer, parts grow or shrink. A thread takes `lanes` trajectories at a time.
+        The batch is cut first, so that what a part works on stays in the caches; time is only where
+        few trajectories take long.
+        """
+        steps = self.stop - self.start
+        if len(self.saved):
+            work += _SAVING / self.every
+        room = _PART / work
+        if (not self.progress and self.size * steps <= room) or not self.size * steps:
+            yield Part(0, self.size, self.start, self.stop)
+            return
+        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
+        length = max(1, int(_LENGTH / work))
+        with reporter(self.progress, steps) as report:
+            end = 0
+            while end < self.size:
+                begin, end = end, min(end + max(abreast, int(room / steps)), self.size)
+                stop = self.start
+                while stop < self.stop:
+                    most = max(length, int(room / (end - begin)))
+                    start, stop = stop, min(stop + most, self.stop)
+                    clock = time.perf_counter()
+                    yield Part(begin, end, start, stop)
+                    seconds = time.perf_counter() - clock
+                    if seconds < _SHORT:
+                        room *= 2.0
+                    elif seconds > _LONG:
+                        room *= 0.5
+                    report((begin * steps + (end - begin) * (stop - self.start)) // self.size)
+
+
+class Part(NamedTuple):
+    """Trajectories `begin` to `end`, from state `start` to state `stop`."""
+
+    begin: int
+    end: int
+    start: int
+    stop: int
+
+    def work(self, lanes: int, step: float) -> int:
+        """Lane-steps that threads can share: none within one block of lanes."""
+        count = self.end - self.begin
+        return int(count * (self.stop - self.start) * step) if count > lanes else 0
+
+
+class Outcome(NamedTuple):
+    """What a run leaves, beside the saved states.
+
+    final       (B, D), state `stop`; NaN if it does not exist.
+    status      (B,): see `codes`.
+    failed_at   (B,), the number of the first state that does not exist, or -1.
+    resume      Arrays from which the run can be gone on with, by name.
+    """
+
+    final: FloatArray
+    status: NDArray[np.int8]
+    failed_at: NDArray[np.int64]
+    resume: dict[str, FloatArray]
+
+
+def never(size: int) -> NDArray[np.int64]:
+    """`failed_at` where nothing failed: -1, read-only and in no memory."""
+    return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
+
+
+def check_computed(status: NDArray[np.int8]) -> None:
+    """Make sure that loops have been where they should."""
+    if status.min(initial=0) == codes.NOT_COMPUTED:
+        raise RuntimeError("a loop ended before its last trajectory; please report this")

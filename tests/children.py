@@ -1,0 +1,111 @@
+"""Child processes: what aborts, hangs or needs other settings is tested in one."""
+
+import functools
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+LAYERS = ("omp", "tbb", "workqueue")
+
+SETUP = """
+import numpy as np, suslov_fast as sf
+body = sf.Suslov3D(4, 1, -0.5, -0.3)
+omega = np.random.default_rng(1).uniform(-2, 2, (4096, 2))
+def run(**options):
+    options |= {"save_every": None, "method": "canonical"}  # enough work for threads
+    return sf.iterate(body, omega, 0.2, 400, **options).final
+expected = run(threads=1)
+"""
+
+# Children of a process one of whose threads computes all the time.
+FORKS = (
+    SETUP
+    + """
+import os, sys, threading, warnings
+warnings.simplefilter("ignore", DeprecationWarning)
+assert (run() == expected).all()
+stop = threading.Event()
+def compute():
+    while not stop.is_set():
+        run()
+thread = threading.Thread(target=compute)
+thread.start()
+for _ in range(int(sys.argv[1])):
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if (run() == expected).all() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+stop.set()
+thread.join()
+"""
+)
+
+
+def start(code, *arguments, **environment):
+    """A child with pipes, whose code may be indented; `environment` is added to this one's."""
+    return _start(["-c", textwrap.dedent(code), *arguments], environment)
+
+
+def _start(arguments, environment):
+    return subprocess.Popen(
+        [sys.executable, *map(str, arguments)],
+        env=os.environ | environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finish(process, timeout=300):
+    """Its output and errors; a child that hangs is killed, and an error."""
+    try:
+        return process.communicate(timeout=timeout)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def run(code, *arguments, timeout=300, **environment):
+    """The output of a child that must end well."""
+    return _output(start(code, *arguments, **environment), timeout)
+
+
+def run_file(path, *arguments, timeout=300, **environment):
+    """The same for a script."""
+    return _output(_start([path, *arguments], environment), timeout)
+
+
+def _output(process, timeout):
+    output, errors = finish(process, timeout)
+    told = f"{output[-2000:]}{errors[-4000:]}"
+    assert process.returncode == 0, f"ended with {process.returncode}: {told}"
+    return output
+
+
+def layer(name):
+    """The settings under which a child uses a threading layer of Numba; skips without it."""
+    if not _has(name):
+        pytest.skip(f"Numba has no threading layer {name} here")
+    return _settings(name)
+
+
+def _settings(name):
+    # Where pip puts the library of TBB, which the loader does not search by itself.
+    places = [str(Path(sys.prefix) / "lib"), os.environ.get("LD_LIBRARY_PATH", "")]
+    return {
+        "NUMBA_THREADING_LAYER": name,
+        "NUMBA_NUM_THREADS": "2",
+        "LD_LIBRARY_PATH": os.pathsep.join(filter(None, places)),
+    }
+
+
+@functools.cache
+def _has(name):
+    process = start("import numba; numba.get_num_threads()", **_settings(name))
+    finish(process)
+    return process.returncode == 0

@@ -1,0 +1,280 @@
+"""Threads, forks, Ctrl-C and progress."""
+
+import functools
+import os
+import random
+import signal
+import textwrap
+import threading
+
+import children
+import numba
+import numpy as np
+import pytest
+from numba.np.ufunc import parallel as numba_threads
+
+import suslov_fast as sf
+from suslov_fast._core.cpu import blocks
+from suslov_fast._core.cpu import map_3d as loops
+from suslov_fast._engine import threads
+
+
+def in_child(code, **environment):
+    return children.run(children.SETUP + textwrap.dedent(code), **environment)
+
+
+@pytest.fixture
+def big(rng):
+    return rng.uniform(-2, 2, (3 * blocks.LANES, 2))
+
+
+needs_two_threads = pytest.mark.skipif(
+    numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads"
+)
+
+
+needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+
+
+@needs_two_threads
+@pytest.mark.compiled
+@pytest.mark.parametrize("before", [1, 2])
+def test_threads_are_restored(body, big, before):
+    numba.set_num_threads(before)
+    try:
+        for threads in (1, 2, None):
+            sf.iterate(body, big, 0.2, 4000, threads=threads)
+            assert numba.get_num_threads() == before
+    finally:
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+
+
+@needs_two_threads
+@pytest.mark.compiled
+def test_threads_are_restored_on_error(body, big, monkeypatch):
+    seen = []
+
+    class Broken:
+        def parallel(self, *arguments):
+            seen.append(numba.get_num_threads())
+            raise MemoryError
+
+    monkeypatch.setattr(loops, "iterate", Broken())
+    numba.set_num_threads(2)
+    with pytest.raises(MemoryError):
+        sf.iterate(body, big, 0.2, 4000, threads=2)
+    assert seen == [2]
+    assert numba.get_num_threads() == 2
+    assert not threads._owned()
+
+
+@pytest.mark.parametrize("work", ["small batch", "one block"])
+def test_little_work_stays_serial(body, monkeypatch, work):
+    class SerialOnly:
+        serial = staticmethod(loops.iterate.serial)
+
+    monkeypatch.setattr(loops, "iterate", SerialOnly())
+    if work == "one block":
+        sf.iterate(body, np.ones((blocks.LANES, 2)), 0.2, 20_000)
+    else:
+        sf.iterate(body, np.ones((blocks.LANES + 1, 2)), 0.2, 10)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("layer", children.LAYERS)
+def test_python_threads_at_once(layer):
+    in_child(
+        """
+        from concurrent.futures import ThreadPoolExecutor
+        with ThreadPoolExecutor(8) as pool:
+            results = list(pool.map(lambda _: run(), range(64)))
+        assert all((result == expected).all() for result in results)
+        """,
+        **children.layer(layer),
+    )
+
+
+@needs_fork
+@pytest.mark.compiled
+@pytest.mark.parametrize("layer", children.LAYERS)
+def test_forks(layer):
+    """A child of a process whose threads ran must neither abort nor hang."""
+    in_child(
+        """
+        import multiprocessing, warnings
+        warnings.simplefilter("ignore", DeprecationWarning)
+        assert (run() == expected).all()
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            results = pool.starmap_async(run, [()] * 4).get(timeout=60)
+        assert all((result == expected).all() for result in results)
+        """,
+        **children.layer(layer),
+    )
+
+
+@needs_fork
+@pytest.mark.compiled
+@pytest.mark.parametrize("layer", children.LAYERS)
+def test_forks_while_another_thread_computes(layer):
+    children.run(children.FORKS, 20, **children.layer(layer))
+
+
+@needs_fork
+@pytest.mark.compiled
+def test_forks_leave_the_parent_its_threads():
+    in_child(
+        """
+        import os
+        from suslov_fast._engine import threads
+        assert (run() == expected).all()
+        if os.fork() == 0:
+            os._exit(threads._may_use_threads)
+        assert os.wait()[1] == 0
+        assert threads._may_use_threads
+        assert threads._one_at_a_time.acquire(blocking=False)
+        """,
+        **children.layer("omp"),
+    )
+
+
+class Idle:
+    """A loop that does nothing, so that signals meet what is around it."""
+
+    def parallel(self):
+        pass
+
+    serial = parallel
+
+
+@pytest.fixture
+def alarm():
+    """Send a signal after so many seconds, whose handler raises."""
+
+    class Alarm(Exception):
+        pass
+
+    def raise_alarm(signum, frame):
+        raise Alarm
+
+    before = signal.signal(signal.SIGALRM, raise_alarm)
+    yield functools.partial(signal.setitimer, signal.ITIMER_REAL), Alarm
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@needs_two_threads
+@pytest.mark.compiled
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
+def test_signals_at_random_moments(alarm):
+    """Neither the lock nor the number of threads stays behind, wherever a handler raises."""
+    send, Alarm = alarm
+    chance = random.Random(1)
+    numba.set_num_threads(1)
+    try:
+        for _ in range(20_000):
+            try:
+                send(chance.uniform(1e-6, 3e-5), 1.0)
+                while True:
+                    threads.run(Idle(), threads.CROSSOVER, 2)
+            except Alarm:
+                send(0)
+            assert not threads._owned()
+            assert numba_threads._get_num_threads() == 1
+    finally:
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+
+
+def test_a_handler_that_computes(monkeypatch):
+    """It interrupts a parallel call, so it is served serially, and the call goes on."""
+    calls = []
+
+    class Inner:
+        def serial(self):
+            calls.append("serial")
+
+    class Outer:
+        def parallel(self):
+            threads.run(Inner(), threads.CROSSOVER, 2)
+            calls.append("parallel")
+
+    monkeypatch.setattr(numba_threads, "_set_num_threads", lambda count: None, raising=False)
+    threads._parallel(Outer(), None, ())
+    assert calls == ["serial", "parallel"]
+    assert not threads._owned()
+
+
+def test_who_comes_second_is_served_serially():
+    calls = []
+
+    class Second:
+        def serial(self):
+            calls.append("serial")
+
+    class First:
+        def parallel(self):
+            other = threading.Thread(target=threads.run, args=(Second(), threads.CROSSOVER, None))
+            other.start()
+            other.join()
+
+    threads._parallel(First(), None, ())
+    assert calls == ["serial"]
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+@pytest.mark.parametrize("batch", ["(1, 2)", "(2000, 2)"])
+@pytest.mark.parametrize("save_every", ["None", "2 * 10**9"])
+def test_ctrl_c(batch, save_every):
+    """A run of days ends at the next return to Python, and there are many."""
+    output = in_child(
+        f"""
+        import os, signal, threading
+        batch = np.ones({batch})
+        seen, ready = [0], threading.Event()
+
+        def progress(done, total):
+            seen.append(done)
+            if len(seen) == 8:
+                ready.set()
+
+        def interrupt():
+            ready.wait()
+            seen_before.append(len(seen))
+            os.kill(os.getpid(), signal.SIGINT)
+
+        seen_before = []
+        thread = threading.Thread(target=interrupt)
+        thread.start()
+        try:
+            sf.iterate(body, batch, 0.2, 10**13, save_every={save_every}, method="canonical",
+                       progress=progress)
+        except KeyboardInterrupt:
+            print(len(seen) - seen_before[0], max(np.diff(seen)) * len(batch))
+        thread.join()
+        """
+    )
+    returns, steps = map(int, output.split())
+    assert returns <= 2
+    assert steps < 2**33  # a second of the fastest machines
+
+
+def test_progress_callable(body):
+    seen = []
+    sf.iterate(body, [1, 0.5], 0.2, 10, progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (10, 10)
+
+
+def test_progress_bar(body, capsys):
+    sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
+    assert "10.0/10.0" in capsys.readouterr().err
+
+
+def test_results_from_a_thread(body, big):
+    expected = sf.iterate(body, big, 0.2, 4000, save_every=None).final
+    results = []
+    thread = threading.Thread(
+        target=lambda: results.append(sf.iterate(body, big, 0.2, 4000, save_every=None).final)
+    )
+    thread.start()
+    thread.join()
+    assert (results[0] == expected).all()

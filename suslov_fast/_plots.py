@@ -253,7 +253,7 @@ def plot_four_dimensions(
     >>> len(plot_four_dimensions())
     2
     """
-    body = SuslovND(J=[1.0, 1.6, 2.2], I=[0.5, -0.3, 0.4]) if body is None else body
+    body = SuslovND(np.array([1.0, 1.6, 2.2]), np.array([0.5, -0.3, 0.4])) if body is None else body
     instance("body", body, SuslovND)
     if body.dimension != 3 or body.shape:
         raise ValueError(f"body: expected a single one with n = 4, got {body}")
@@ -393,7 +393,7 @@ def animate_body(
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
     omega = iterate(body, omega0, eps, steps).omega
-    third = max(body.I1, body.I2) if I3 is None else I3
+    third = float(max(body.I1, body.I2)) if I3 is None else I3
     scene = _Scene(body, third, attitude(body, omega, eps))
     return FuncAnimation(
         scene.figure, scene.draw, frames=range(0, steps + 1, every), interval=1000.0 / fps

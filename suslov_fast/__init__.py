@@ -22,6 +22,14 @@ from ._full import iterate_full, step_full
 from ._linearised import jacobian, matrix, multipliers
 from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
+from ._plots import (
+    animate_body,
+    plot_convergence,
+    plot_four_dimensions,
+    plot_phase,
+    plot_regimes,
+    plot_scattering,
+)
 from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
@@ -40,6 +48,7 @@ __all__ = [
     "Suslov3D",
     "SuslovND",
     "Trajectories",
+    "animate_body",
     "attitude",
     "closed_form",
     "criticality",
@@ -60,6 +69,11 @@ __all__ = [
     "modified_energy",
     "momentum",
     "multipliers",
+    "plot_convergence",
+    "plot_four_dimensions",
+    "plot_phase",
+    "plot_regimes",
+    "plot_scattering",
     "reaction",
     "scattering_angle",
     "step",

@@ -69,7 +69,7 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps}, allow_nan=True)
+    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     steps = integer("steps", steps, 1, "an integer of at least 1")
     threads = _threads.thread_count(threads)
     size, m = math.prod(batch), body.dimension

@@ -58,7 +58,7 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    (state,), batch = check(body, {"omega": omega}, allow_nan=True)
+    (state,), batch = check(body, {"omega": omega})
     matrix = _antisymmetric(body, np.broadcast_to(state, (*batch, body.dimension)))
     turn = _turn(body.dimension + 1, rotation, attitude)
     return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
@@ -162,7 +162,7 @@ def to_vector(
     array([2., 5., 0.])
     """
     instance("body", body, Suslov3D)
-    (state,), batch = check(body, {"omega": omega}, allow_nan=True)
+    (state,), batch = check(body, {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, 0.0 * state.sum(axis=-1)
     return _turned(vector, _turn(3, rotation, attitude))
@@ -197,7 +197,7 @@ def from_vector(
     Examples
     --------
     >>> from suslov_fast import Suslov3D, from_vector
-    >>> I = [[4, 0, -0.5], [0, 1, -0.3], [-0.5, -0.3, 3]]
+    >>> I = [[4, 0, -0.5], [0, 3, -0.3], [-0.5, -0.3, 3]]
     >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 1, 0])
     >>> from_vector(body, [1.0, 0.0, 0.5], rotation=rotation).shape
     (2,)
@@ -264,7 +264,7 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), batch = check(body, {"omega": omega}, allow_nan=True)
+    (state,), batch = check(body, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, Suslov3D):

@@ -43,8 +43,8 @@ def summary(text):
 @pytest.mark.parametrize("command", [COMMAND, MODULE])
 def test_version_and_help(command):
     assert run("--version", command=command).stdout == f"suslov-fast {sf.__version__}\n"
-    assert "{run,info,warm-up,pictures}" in run("--help", command=command).stdout
-    for name in ("run", "info", "warm-up", "pictures"):
+    assert "{run,info,warm-up,pictures,animate}" in run("--help", command=command).stdout
+    for name in ("run", "info", "warm-up", "pictures", "animate"):
         shown = run(name, "--help", command=command)
         assert shown.returncode == 0
         assert f"usage: suslov-fast {name}" in shown.stdout
@@ -259,7 +259,7 @@ def test_csv(tmp_path, header):
 
 
 BAD = [
-    ("", "the following arguments are required: {run,info,warm-up,pictures}"),
+    ("", "the following arguments are required: {run,info,warm-up,pictures,animate}"),
     ("walk", "invalid choice: 'walk'"),
     ("run --speed 3", "unrecognized arguments: --speed 3"),
     ("run --picture 5", "--picture: expected 1, 2, 3 or 4, got '5'"),
@@ -788,12 +788,15 @@ def test_pictures(tmp_path):
         "regimes.png",
         "convergence.png",
         "four_dimensions.png",
+        "scattering.png",
     ]
     assert done.stdout.split() == [str(tmp_path / "new" / "folder" / name) for name in names]
     assert sorted(path.name for path in (tmp_path / "new" / "folder").iterdir()) == sorted(names)
     for name in names:
         picture = matplotlib_image.imread(tmp_path / "new" / "folder" / name)
-        assert min(picture.shape[:2]) > 700
+        assert min(picture.shape[:2]) > 600
+        if name == "scattering.png":
+            continue
         red = (picture[..., 0] > 0.8) & (picture[..., 1] < 0.2) & (picture[..., 2] < 0.4)
         assert red.sum() > 800, "the line of steady states"
 

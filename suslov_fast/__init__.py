@@ -18,12 +18,14 @@ from ._bodies.three import Suslov3D
 from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
-from ._full import step_full
+from ._full import iterate_full, step_full
 from ._linearised import jacobian, matrix, multipliers
+from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
 from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
+from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
 
@@ -45,18 +47,25 @@ __all__ = [
     "exact",
     "first_integral",
     "flow",
+    "from_matrix",
+    "from_vector",
     "from_xy",
     "invariant_density",
     "iterate",
+    "iterate_full",
     "jacobian",
     "limits",
+    "lyapunov_exponents",
     "matrix",
     "modified_energy",
+    "momentum",
     "multipliers",
     "reaction",
     "scattering_angle",
     "step",
     "step_full",
+    "to_matrix",
+    "to_vector",
     "to_xy",
     "vector_field",
 ]

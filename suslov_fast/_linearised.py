@@ -56,12 +56,12 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
         return by_slabs(_jacobian_nd, body, state, step_size, batch, result, warn=True)
-    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4, warn=True)
+    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4)
     return entries.reshape((*batch, 2, 2))
 
 
@@ -106,7 +106,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
@@ -117,7 +117,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
 
 def _jacobian_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
-    exists = np.isfinite(following).all(axis=-1)[..., np.newaxis, np.newaxis]
+    exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
     identity = np.eye(body.dimension)
     left = np.where(exists, matrix(body, omega, eps), identity)
     right = np.where(exists, matrix(body, following, -eps), np.nan)

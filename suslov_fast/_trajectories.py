@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import html
+import os
 import warnings
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _conserved, _coordinates, _files, _labelled
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
-from ._conserved import energy, first_integral
 from ._engine.arguments import Body
 from ._engine.layout import first_index, spell
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Results, Run, execute
 from ._engine.threads import thread_count
+from ._record import entries_of, run_of
 from ._status import SingularStepWarning, Status
+
+if TYPE_CHECKING:
+    import xarray
+
 
 OnSingular = Literal["warn", "raise", "ignore"]
 
@@ -55,25 +63,43 @@ class Trajectories:
         The body.
     status : ndarray(int8, shape=(...))
         How each trajectory ended: a :class:`Status`; negative if it failed.
+    failed_at : ndarray(int, shape=(...))
+        The number of the first state that does not exist, or -1; read-only if nothing failed.
     final : ndarray(float, shape=(..., D))
         The state after the last step, whether saved or not; where saved, it may share memory with
         `omega`.
-    failed_at : ndarray(int, shape=(...))
-        The number of the first state that does not exist, or -1; read-only if nothing failed.
+    method : str
+        The method that was asked for.
+    steps : int
+        The number of steps.
+    save_every : int or None
+        The states 0, k, 2k, ... were saved, or only the last.
+    attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
+        The orientations of the body at the saved states, if they were asked for.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, iterate
+    >>> orbit = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+    >>> orbit
+    Trajectories(omega: (26, 2), n: 0, 1 ... 25, eps: 0.2, failed: 0 of 1)
+    >>> orbit.energy().shape
+    (26,)
     """
 
     omega: FloatArray
     n: NDArray[np.int64]
-    eps: Any
+    eps: float | FloatArray
     body: Body
     status: NDArray[np.int8]
-    final: FloatArray
     failed_at: NDArray[np.int64]
-    attitude: FloatArray | None
+    final: FloatArray
     method: str
     steps: int
     save_every: int | None
-    _resume: dict[str, FloatArray]
+    attitude: FloatArray | None = None
+    # What the iteration needs to go on with, beside the states that it shows.
+    _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, run: Run, results: Results) -> Trajectories:
@@ -152,8 +178,13 @@ class Trajectories:
 
     @property
     def t(self) -> FloatArray:
-        """The times n eps of the saved states: (n_saved,), or (n_saved, ...) if eps varies."""
-        times: FloatArray = np.multiply.outer(self.n, self.eps)
+        """The times n eps of the saved states.
+
+        Shape (n_saved,); where eps varies, (n_saved, ...), which broadcasts against the states.
+        """
+        n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
+        with np.errstate(over="ignore"):
+            times: FloatArray = n * np.asarray(self.eps)
         return times
 
     @property
@@ -169,72 +200,184 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        return first_integral(self.body, self.omega, self.eps)
+        return _conserved.first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
-        return energy(self.body, self.omega)
+        return _conserved.energy(self.body, self.omega)
 
-    def to_xarray(self) -> Any:
-        """The result as an `xarray.Dataset`, with step numbers and times as coordinates.
+    def modified_energy(self) -> FloatArray:
+        """The modified energy of the saved states, shape (n_saved, ...).
+
+        See :func:`suslov_fast.modified_energy`.
+        """
+        return _conserved.modified_energy(self.body, self.omega, self.eps)
+
+    def criticality(self) -> FloatArray:
+        """The number t of the saved states, shape (n_saved, ...).
+
+        See :func:`suslov_fast.criticality`.
+
+        Raises
+        ------
+        NotIntegrableError
+            If no first integral is known for the body.
+        """
+        return _conserved.criticality(self.body, self.omega, self.eps)
+
+    def to_xy(self) -> FloatArray:
+        """The paper's coordinates (x, y) of the saved states, shape (n_saved, ..., 2).
+
+        See :func:`suslov_fast.to_xy`.
+
+        Raises
+        ------
+        TypeError
+            If the body is not three-dimensional.
+        """
+        if not isinstance(self.body, Suslov3D):
+            raise TypeError(f"to_xy: expected a body in 3D, got {type(self.body).__name__}")
+        return _coordinates.to_xy(self.body, self.omega)
+
+    def reaction(self) -> FloatArray:
+        """The discrete multiplier of the constraint, from each saved state to the next of the map.
+
+        Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
+        :func:`suslov_fast.reaction`.
+        """
+        from ._continuous import reaction
+
+        return reaction(self.body, self.omega, self.eps)
+
+    def to_xarray(
+        self,
+        dims: str | Sequence[str] | None = None,
+        coords: Mapping[Any, Any] | None = None,
+    ) -> xarray.Dataset:
+        """The run as an `xarray.Dataset`, with all that :meth:`from_xarray` needs.
+
+        What does not vary along an axis of the batch is not repeated along it, and the last state
+        is a variable of its own, `final`, only where it is not saved. The arrays are not copied.
+
+        Parameters
+        ----------
+        dims : str or sequence of str, optional
+            Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
+        coords : mapping, optional
+            Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+
+        Returns
+        -------
+        xarray.Dataset
+            Its dimensions are "n", those of the batch, and "component". It goes through NetCDF
+            and Zarr without loss.
 
         Raises
         ------
         ImportError
             If xarray is not installed: ``pip install 'suslov_fast[xarray]'``.
+        TypeError, ValueError
+            If `dims` are not one distinct name for each axis, or `coords` do not fit.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
+        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
+        -0.7
         """
-        try:
-            import xarray
-        except ImportError as error:
-            raise ImportError(
-                "to_xarray needs xarray: pip install 'suslov_fast[xarray]'"
-            ) from error
-        axes = self.status.ndim
-        batch = ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
+        return _labelled.dataset_of(entries_of(vars(self)), dims, coords)
 
-        def over_batch(value: Any) -> Any:
-            return batch, np.broadcast_to(value, self.status.shape)
+    @classmethod
+    def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
+        """The run that a dataset of :meth:`to_xarray` holds.
 
-        if isinstance(self.body, Suslov3D):
-            names = ["Omega1", "Omega2"]
-            parameters = {
-                name: over_batch(getattr(self.body, name)) for name in ("I1", "I2", "I13", "I23")
-            }
-        else:
-            names = [f"Omega{i + 1}n" for i in range(self.body.dimension)]
-            parameters = {
-                name: (
-                    (*batch, "component"),
-                    np.broadcast_to(getattr(self.body, name), self.final.shape),
-                )
-                for name in ("J", "I")
-            }
-        t = self.t if np.ndim(self.eps) == 0 else np.broadcast_to(self.t, self.omega.shape[:-1])
-        return xarray.Dataset(
-            {
-                "omega": (("n", *batch, "component"), self.omega),
-                "final": ((*batch, "component"), self.final),
-                "status": over_batch(self.status),
-                "failed_at": over_batch(self.failed_at),
-                "eps": over_batch(self.eps),
-                **parameters,
-            },
-            coords={"n": self.n, "t": (("n", *batch)[: t.ndim], t), "component": names},
-        )
+        It may have been written to a file and opened again. Coordinates that were given by the
+        user stay with the dataset. A dataset that is a part of a batch gives the trajectories of
+        that part if the variables whose names begin with "resume" are dropped first.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed: ``pip install 'suslov_fast[xarray]'``.
+        TypeError, ValueError
+            If it is not such a dataset.
+        """
+        return cls(**run_of(_labelled.entries_of_dataset(dataset)))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the run to a file that :meth:`load` reads, bit for bit.
+
+        The file appears under its name once it is complete, and not at all otherwise. If there is
+        one of that name, its mode is kept; if that is a link, what it points to is replaced. Other
+        hard links keep what they had.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .npz, which needs nothing but NumPy, in .nc (NetCDF) or in .zarr.
+
+        Raises
+        ------
+        ImportError
+            If .nc or .zarr need what is not installed: ``pip install 'suslov_fast[xarray]'``.
+        OSError
+            If it cannot be written.
+        TypeError, ValueError
+            If the name ends otherwise.
+        """
+        with _files.place_for(path) as put:
+            put(entries_of(vars(self)))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectories:
+        """Read a run that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Its name, which ends in .npz, .nc or .zarr.
+
+        Raises
+        ------
+        ImportError
+            If .nc or .zarr need what is not installed: ``pip install 'suslov_fast[xarray]'``.
+        OSError
+            If it cannot be read.
+        TypeError, ValueError
+            If the name ends otherwise, or it holds something else or is damaged.
+        """
+        return cls(**_files.read(path, run_of))
 
     def __repr__(self) -> str:
-        failed = np.count_nonzero(self.status < 0)
-        return (
-            f"Trajectories(omega: {self.omega.shape}, n: {_first_and_last(self.n)}, "
-            f"eps: {_range(self.eps)}, failed: {failed} of {self.status.size})"
+        return f"Trajectories({', '.join(f'{name}: {value}' for name, value in self._rows())})"
+
+    def _repr_html_(self) -> str:
+        rows = [("body", repr(self.body)), ("method", self.method), *self._rows()]
+        cells = (
+            f"<tr><th>{name}</th><td>{html.escape(str(value))}</td></tr>" for name, value in rows
         )
+        return f"<table><caption>Trajectories</caption>{''.join(cells)}</table>"
+
+    def _rows(self) -> list[tuple[str, object]]:
+        failed = np.count_nonzero(self.status < 0)
+        return [
+            ("omega", self.omega.shape),
+            ("n", _first_and_last(self.n)),
+            ("eps", _range(self.eps)),
+            ("failed", f"{failed} of {self.status.size}"),
+        ]
 
 
 def _first_and_last(n: NDArray[np.int64]) -> str:
-    return f"{n[0]}" if n.size == 1 else f"{n[0]}, {n[1]} ... {n[-1]}"
+    if n.size <= 2:
+        return ", ".join(map(str, n))
+    return f"{n[0]}, {n[1]} ... {n[-1]}"
 
 
-def _range(eps: Any) -> str:
+def _range(eps: float | FloatArray) -> str:
     if np.size(eps) == 0:
         return "none"
     low, high = np.min(eps), np.max(eps)

@@ -3,6 +3,7 @@
 import ast
 import graphlib
 import json
+import shutil
 from pathlib import Path
 
 import charts
@@ -324,6 +325,7 @@ def test_a_lost_benchmark_fails(run):
     assert run([{"x": 1.0, "y": 1.0}] * 2, [{"x": 1.0}] * 2)[0] == 1
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 def test_unknown_revisions_are_named():
     with pytest.raises(SystemExit, match="no such revision: nowhere-at-all"):
         compare.resolve("nowhere-at-all")

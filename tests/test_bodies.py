@@ -9,7 +9,8 @@ import suslov_fast as sf
 
 def random_inertia(rng, shape=()):
     root = rng.normal(size=(*shape, 3, 3))
-    return root @ root.swapaxes(-2, -1) + 0.1 * np.eye(3)
+    matter = root @ root.swapaxes(-2, -1) + 0.1 * np.eye(3)
+    return np.trace(matter, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - matter
 
 
 def adapted(rotation, inertia):
@@ -69,7 +70,7 @@ def test_from_inertia(rng):
 
 
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0, 0, 5], [0, 0, 1e-200], [0, 0, 1e200]])
-@pytest.mark.parametrize("I1", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("I1", [2.0, 3.0, 4.0])
 def test_an_adapted_basis_is_kept(axis, I1):
     inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
     body, rotation = sf.Suslov3D.from_inertia(inertia, axis)

@@ -345,3 +345,28 @@ def test_far_too_large_states(unit, omega):
         exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)[-1]
         for state in states:
             assert naive.relative_error(state, exact) < 1e-15
+
+
+@pytest.mark.parametrize("k", [-900, -600, -300, -1, 300, 600])
+@pytest.mark.parametrize("method", METHODS)
+def test_any_unit_of_time(rng, method, k):
+    """Scaled by powers of two, states are scaled and no bit of them changes."""
+    omega = rng.normal(size=(50, 2)) * 10 ** rng.uniform(-2, 2, (50, 1))
+    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 50)), *rng.normal(size=(2, 50)))
+    expected = sf.iterate(body, omega, 0.3, 20, method=method, on_singular="ignore")
+    scaled = sf.iterate(
+        body, np.ldexp(omega, k), np.ldexp(0.3, -k), 20, method=method, on_singular="ignore"
+    )
+    assert np.array_equal(np.ldexp(scaled.omega, -k), expected.omega, equal_nan=True)
+    assert (scaled.status == expected.status).all()
+
+
+def test_at_the_ends_of_float64(unit):
+    np.testing.assert_allclose(
+        sf.step(unit, [1e301, 0.5e301], 1e-301), [30e300 / 7, 65e300 / 7], rtol=1e-15
+    )
+    assert (sf.step(unit, [1e200, 1e200], 1e-310) == [1e200, 1e200]).all()
+    body = sf.Suslov3D(1, 1, 1, 0)
+    tiny = sf.iterate(body, [5e-310, 3e-310], 1e308, 3).omega
+    usual = sf.iterate(body, [5e-2, 3e-2], 1, 3).omega
+    np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)

@@ -1,61 +1,341 @@
+"""What an iteration returns: its methods, and labelled arrays made of it."""
+
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
 
+BODY_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+
 
 @pytest.fixture
 def sweep(rng):
+    """Bodies down, step sizes across: three bodies, and as many saved states as step sizes."""
     body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
-    return sf.iterate(body, [1, 0.5], [0.1, 0.2], 20, save_every=4)
+    return sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
 
 
-def test_first_integral_and_energy(sweep):
-    for values in (sweep.first_integral(), sweep.energy()):
-        assert values.shape == (3, 2, 6)
-    one = sf.Suslov3D(sweep.body.I1[2, 0], 1, 0.3, 0.2)
-    assert (sweep.first_integral()[2, 1] == sf.first_integral(one, sweep.omega[2, 1], 0.2)).all()
-    assert (sweep.energy()[2, 1] == sf.energy(one, sweep.omega[2, 1])).all()
-    assert np.ptp(sweep.first_integral(), axis=-1).max() < 1e-15
+def same(a, b):
+    """Bit for bit equal, in shape and dtype too."""
+    a, b = np.asarray(a), np.asarray(b)
+    return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
 
 
-def test_failed_states_have_no_integral(unit):
-    result = sf.iterate(unit, [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore")
-    F = result.first_integral()
-    assert np.isnan(F[0, 1:]).all()
-    assert np.isfinite(F[1]).all()
-    assert np.isnan(result.energy()[0, 1:]).all()
+def assert_same_run(a, b):
+    for name in ("omega", "n", "eps", "status", "failed_at", "final", "t"):
+        assert same(getattr(a, name), getattr(b, name)), name
+    assert type(a.eps) is type(b.eps)
+    assert type(a.body) is type(b.body)
+    assert all(map(same, a.body.parameters, b.body.parameters))
+    assert (a.method, a.steps, a.save_every) == (b.method, b.steps, b.save_every)
+    assert type(b.steps) is int
+    assert (a.attitude is None) == (b.attitude is None)
+    assert a.attitude is None or same(a.attitude, b.attitude)
+    assert a._resume.keys() == b._resume.keys()
+    assert all(same(a._resume[name], b._resume[name]) for name in a._resume)
 
 
-def test_to_xarray(body, rng):
-    omega = rng.normal(size=(5, 2))
-    result = sf.iterate(body, omega, 0.2, 20, save_every=5)
-    data = result.to_xarray()
-    assert data.omega.dims == ("trajectory", "n", "component")
-    assert (data.omega.sel(n=10, component="Omega2") == result.omega[:, 2, 1]).all()
-    assert (data.t == result.t).all()
-    assert (data.final.values == result.final).all()
-    assert (data.status == 0).all()
-    assert (data.I13 == -0.5).all()
+def with_everything(run):
+    """The run with an attitude and with arrays to go on from, as iterations may leave them."""
+    side = run.body.dimension + 1
+    attitude = np.random.default_rng(1).normal(size=(*run.omega.shape[:-1], side, side))
+    resume = {"canonical": np.array([[0.1, np.nan]]), "count": np.arange(3), "none": np.empty(0)}
+    return replace(run, attitude=attitude, _resume=resume)
 
 
-def test_to_xarray_of_a_sweep(sweep):
+def runs():
+    """One run of each kind."""
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    starts = np.random.default_rng(3).normal(size=(5, 2))
+    odd = np.array([[0.3, -0.0], [1.0, 2.0]])
+    many = {
+        "batch": sf.iterate(body, starts, 0.2, 20, save_every=5),
+        "one": sf.iterate(body, starts[0], -0.2, 3),
+        "last": sf.iterate(body, starts, 0.2, 40, save_every=None),
+        "not_saved": sf.iterate(body, starts, 0.2, 7, save_every=5),
+        "no_steps": sf.iterate(body, starts, 0.2, 0),
+        "empty": sf.iterate(body, np.empty((0, 2)), 0.2, 3),
+        "empty_axis": sf.iterate(body, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
+        "bodies": sf.iterate(sf.Suslov3D([[1.0], [2.0], [3.0]], 1, [[0.1, 0.2]], 0), odd, 0.1, 4),
+        "short_axes": sf.iterate(
+            sf.Suslov3D(np.full((1, 1, 1), 2.0), [1.0], 0.1, np.array([[0.1]])),
+            starts[:1, None],
+            np.array([[0.1]]),
+            4,
+        ),
+        "failed": sf.iterate(
+            sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore"
+        ),
+        "nd": sf.iterate(BODY_ND, starts[:, [0, 1, 1]], [0.1, 0.2, 0.3, 0.4, 0.5], 6, save_every=4),
+        "nd_bodies": sf.iterate(
+            sf.SuslovND(np.array([[[1.0, 2.0]], [[3.0, 1.0]]]), [0.2, 0.1]),
+            starts,
+            0.1,
+            4,
+            method="gauss",
+        ),
+    }
+    many["everything"] = with_everything(many["not_saved"])
+    many["nd_everything"] = with_everything(many["nd"])
+    return many
+
+
+RUNS = runs()
+
+
+def test_observables_are_the_functions_of_states(sweep):
+    for name in ("first_integral", "modified_energy", "criticality"):
+        values = getattr(sweep, name)()
+        assert same(values, getattr(sf, name)(sweep.body, sweep.omega, sweep.eps)), name
+        assert values.shape == (2, 3, 2)
+    assert same(sweep.energy(), sf.energy(sweep.body, sweep.omega))
+    assert same(sweep.to_xy(), sf.to_xy(sweep.body, sweep.omega))
+    assert same(sweep.reaction(), sf.reaction(sweep.body, sweep.omega, sweep.eps))
+
+
+def test_observables_of_one_trajectory_of_a_sweep(sweep):
+    """With three bodies and two saved states, no axis can be taken for another."""
+    for i in range(3):
+        one = sf.Suslov3D(sweep.body.I1[i, 0], 1, 0.3, 0.2)
+        for j in range(2):
+            alone = sf.iterate(one, [1, 0.5], sweep.eps[j], 5, save_every=4)
+            for name in ("first_integral", "energy", "modified_energy", "to_xy", "reaction"):
+                np.testing.assert_allclose(
+                    getattr(sweep, name)()[:, i, j], getattr(alone, name)(), rtol=1e-14
+                )
+
+
+def test_observables_in_n_dimensions():
+    run = RUNS["nd"]
+    assert run.energy().shape == run.omega.shape[:-1]
+    assert run.modified_energy().shape == run.omega.shape[:-1]
+    assert run.reaction().shape == (*run.omega.shape[:-1], 3, 3)
+    for name in ("first_integral", "criticality"):
+        with pytest.raises(sf.NotIntegrableError):
+            getattr(run, name)()
+    with pytest.raises(TypeError, match="expected a body in 3D, got SuslovND"):
+        run.to_xy()
+
+
+def test_states_that_do_not_exist_have_no_observables():
+    run = RUNS["failed"]
+    for name in ("first_integral", "energy", "modified_energy", "criticality", "to_xy"):
+        values = getattr(run, name)()
+        assert np.isnan(values[1:, 0]).all(), name
+        assert np.isfinite(values[:, 1]).all(), name
+
+
+def test_times():
+    assert same(RUNS["batch"].t, 0.2 * np.array([0, 5, 10, 15, 20]))
+    sweep = RUNS["nd"]
+    assert sweep.t.shape == (2, 5)
+    assert sweep.t[1, 4] == 4 * 0.5
+
+
+def test_times_broadcast_against_the_states(sweep):
+    """As many saved states as step sizes must not be taken for each other."""
+    assert sweep.t.shape == (2, 1, 2)
+    assert np.broadcast_shapes(sweep.t.shape, sweep.omega.shape[:-1]) == sweep.omega.shape[:-1]
+    assert same(sweep.t[:, 0], np.multiply.outer([0, 4], sweep.eps))
+
+
+def test_times_beyond_float64(body):
+    assert sf.iterate(body, [0.0, 0.0], 1e308, 3).t[-1] == np.inf
+
+
+def test_repr_is_one_line():
+    for run in RUNS.values():
+        assert repr(run).startswith("Trajectories(omega: ")
+        assert "\n" not in repr(run)
+        assert len(repr(run)) < 120
+        assert "<table>" in run._repr_html_()
+    assert repr(RUNS["failed"]) == (
+        "Trajectories(omega: (6, 2, 2), n: 0, 1 ... 5, eps: 1, failed: 1 of 2)"
+    )
+    assert repr(RUNS["empty_axis"]).endswith("eps: 0.1, failed: 0 of 0)")
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_through_xarray(name):
+    pytest.importorskip("xarray")
+    run = RUNS[name]
+    assert_same_run(run, sf.Trajectories.from_xarray(run.to_xarray()))
+
+
+@pytest.mark.parametrize("engine", ["netcdf4", "h5netcdf", "zarr2", "zarr3"])
+@pytest.mark.parametrize("name", RUNS)
+def test_through_files_of_xarray(name, engine, tmp_path):
+    """Written and opened by xarray itself, with what it does by default to NaN and to time."""
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4" if engine == "netcdf4" else engine.rstrip("23"))
+    run = RUNS[name]
+    data = run.to_xarray()
+    path = tmp_path / "run"
+    if engine.startswith("zarr"):
+        if int(pytest.importorskip("zarr").__version__.split(".")[0]) < int(engine[-1]):
+            pytest.skip("a format that is too new")
+        consolidated = engine == "zarr2"
+        data.to_zarr(path, zarr_format=int(engine[-1]), consolidated=consolidated)
+        opened = xarray.open_dataset(path, engine="zarr", consolidated=consolidated)
+    else:
+        data.to_netcdf(path, engine=engine)
+        opened = xarray.open_dataset(path, engine=engine)
+    with opened:
+        assert_same_run(run, sf.Trajectories.from_xarray(opened))
+        assert opened.attrs["Conventions"].startswith("CF-")
+
+
+def test_labels():
+    pytest.importorskip("xarray")
+    run = RUNS["batch"]
+    data = run.to_xarray()
+    assert data.omega.dims == ("n", "trajectory", "component")
+    assert (data.omega.sel(n=10, component="Omega2") == run.omega[2, :, 1]).all()
+    assert same(data.t.values, run.t)
+    assert data.attrs["method"] == "auto"
+    assert data.attrs["steps"] == 20
+    assert data.attrs["save_every"] == 5
+    assert data.attrs["version"] == sf.__version__
+    assert data.status.attrs["flag_values"].dtype == np.int8
+    names = data.status.attrs["flag_meanings"].split()
+    for value, name in zip(data.status.attrs["flag_values"], names, strict=True):
+        assert sf.Status[name] == value
+    assert RUNS["nd"].to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
+
+
+def test_names_and_coordinates_of_the_user(sweep):
+    pytest.importorskip("xarray")
+    data = sweep.to_xarray(
+        dims=("mass", "step"), coords={"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
+    )
+    assert data.omega.dims == ("n", "mass", "step", "component")
+    assert same(data.omega.sel(mass="c").isel(step=1).values, sweep.omega[:, 2, 1])
+    assert data.colour.dims == ("step",)
+    assert_same_run(sweep, sf.Trajectories.from_xarray(data))
+    assert RUNS["batch"].to_xarray(dims="start").omega.dims == ("n", "start", "component")
+
+
+def test_what_does_not_vary_is_not_repeated(sweep):
+    pytest.importorskip("xarray")
     data = sweep.to_xarray()
-    assert data.omega.dims == ("batch_0", "batch_1", "n", "component")
-    assert data.t.dims == ("batch_0", "batch_1", "n")
-    assert (data.eps.values == [[0.1, 0.2]] * 3).all()
-    assert (data.t[1, 1] == sweep.t[1]).all()
+    dims = {name: data[name].dims for name in ("I1", "I2", "I13", "eps", "t")}
+    assert dims == {
+        "I1": ("batch_0",),
+        "I2": (),
+        "I13": (),
+        "eps": ("batch_1",),
+        "t": ("n", "batch_1"),
+    }
+    states = RUNS["last"]
+    held = [states.omega.nbytes, states.status.nbytes, states.failed_at.nbytes]
+    assert states.to_xarray().nbytes < sum(held) + 200
 
 
-def test_to_xarray_of_one_trajectory(body):
-    data = sf.iterate(body, [1, 0.5], 0.2, 3).to_xarray()
-    assert data.omega.dims == ("n", "component")
-    assert float(data.eps) == 0.2
+def test_the_last_state_is_there_once():
+    pytest.importorskip("xarray")
+    for name, separate in (("batch", False), ("last", False), ("not_saved", True)):
+        assert ("final" in RUNS[name].to_xarray()) == separate
 
 
-def test_to_xarray_without_xarray(body, monkeypatch):
+def test_arrays_are_not_copied():
+    pytest.importorskip("xarray")
+    run = RUNS["everything"]
+    data = run.to_xarray()
+    for name in ("omega", "final", "attitude", "status"):
+        assert np.shares_memory(data[name].values, getattr(run, name))
+
+
+def test_axes_in_another_order(sweep):
+    pytest.importorskip("xarray")
+    data = sweep.to_xarray().transpose("component", "batch_1", "n", "batch_0")
+    turned = sf.Trajectories.from_xarray(data)
+    assert same(turned.omega, np.swapaxes(sweep.omega, 1, 2))
+    assert same(turned.first_integral(), np.swapaxes(sweep.first_integral(), 1, 2))
+
+
+def test_a_part_of_a_batch(sweep):
+    pytest.importorskip("xarray")
+    part = sf.Trajectories.from_xarray(sweep.to_xarray().isel(batch_0=2))
+    assert same(part.omega, sweep.omega[:, 2])
+    assert np.ravel(part.body.I1) == sweep.body.I1[2, 0]
+    assert same(part.energy(), sweep.energy()[:, 2])
+    part = sf.Trajectories.from_xarray(sweep.to_xarray().isel(batch_1=[1]))
+    assert same(part.omega, sweep.omega[:, :, 1:])
+    assert same(part.eps, sweep.eps[1:])
+
+
+def test_a_part_of_a_batch_is_not_gone_on_with():
+    pytest.importorskip("xarray")
+    data = RUNS["everything"].to_xarray().isel(trajectory=[2, 1])
+    with pytest.raises(ValueError, match="as of a part of the batch; drop resume_canonical"):
+        sf.Trajectories.from_xarray(data)
+    data = data.drop_vars([name for name in data.data_vars if name.startswith("resume")])
+    part = sf.Trajectories.from_xarray(data)
+    assert same(part.omega, RUNS["everything"].omega[:, [2, 1]])
+    assert part._resume == {}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"dims": "a"}, ValueError, "for each of the 2 axes of the batch, got 'a'"),
+        ({"dims": ("a", "a")}, ValueError, "a name of its own"),
+        ({"dims": ("a", "n")}, ValueError, "of which n is taken"),
+        ({"dims": ("a", "eps")}, ValueError, "of which eps is taken"),
+        ({"dims": ("a", 3)}, TypeError, "dims: expected names"),
+        ({"coords": {"n": [1, 2]}}, ValueError, "expected names of their own, got n"),
+        ({"coords": {"omega": 3}}, ValueError, "expected names of their own, got omega"),
+        ({"coords": {"batch_0": [1, 2]}}, ValueError, "coords: conflicting sizes"),
+        ({"coords": {"stranger": [1, 2]}}, ValueError, "got new dimensions stranger"),
+        ({"coords": [1, 2]}, TypeError, "coords: expected a mapping"),
+    ],
+)
+def test_bad_labels(sweep, arguments, error, message):
+    pytest.importorskip("xarray")
+    with pytest.raises(error, match=message):
+        sweep.to_xarray(**arguments)
+
+
+def spoil(**changes):
+    return lambda data: data.assign(changes)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda data: data.omega, TypeError, "expected an xarray.Dataset, got DataArray"),
+        (lambda data: data.drop_vars("omega"), ValueError, "got one without omega"),
+        (lambda data: data.drop_vars("I1"), ValueError, "got no I1"),
+        (lambda data: data.drop_attrs(), ValueError, "got one without the attribute 'body'"),
+        (lambda data: data.isel(n=[0]), ValueError, r"n: expected the saved steps of a run of 5"),
+        (lambda data: data.isel(component=[0]), ValueError, "omega: expected shape"),
+        (lambda data: data.isel(n=0), ValueError, "expected omega along n, batch_0"),
+        (spoil(status=("x", [0])), ValueError, "expected omega along n, x, component, got it"),
+        (spoil(eps=("x", [0.1])), ValueError, "expected eps along the batch, got x"),
+        (lambda data: data.assign_attrs(format=2), ValueError, "expected a run in format 1, got"),
+        (lambda data: data.assign_attrs(body="Euler"), ValueError, "the attribute 'body'"),
+        (lambda data: data.assign_attrs(steps=2**61), ValueError, "n: expected the saved steps"),
+        (lambda data: data.astype(np.float32), ValueError, "and dtype float64, got"),
+    ],
+)
+def test_other_datasets(sweep, change, error, message):
+    pytest.importorskip("xarray")
+    with pytest.raises(error, match=message):
+        sf.Trajectories.from_xarray(change(sweep.to_xarray()))
+
+
+def test_without_xarray(monkeypatch):
+    data = None
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(ImportError, match=r"pip install 'suslov_fast\[xarray\]'"):
-        sf.iterate(body, [1, 0.5], 0.2, 3).to_xarray()
+        RUNS["one"].to_xarray()
+    with pytest.raises(ImportError, match=r"pip install 'suslov_fast\[xarray\]'"):
+        sf.Trajectories.from_xarray(data)
+
+
+def test_a_run_is_immutable():
+    with pytest.raises(AttributeError):
+        RUNS["one"].method = "ds2"

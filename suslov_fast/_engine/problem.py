@@ -43,6 +43,9 @@ class Problem:
         The step size in the unit of time of omega, likewise.
     every
         States whose number is a multiple of this are saved.
+    keeps
+        Whether any are, be it before `start`: a run that keeps states has the same last one as all
+        others, wherever it is cut.
     saved
         (rows, B, D), filled by the run: the saved states from `start` on, state 0 included, state
         `start` > 0 not; no rows if only the last state is wanted.
@@ -62,6 +65,7 @@ class Problem:
     start: int
     stop: int
     every: int
+    keeps: bool
     saved: FloatArray
     turns: FloatArray
     orientation: FloatArray | None = None
@@ -74,8 +78,8 @@ class Problem:
         """The number of trajectories."""
         return len(self.omega)
 
-    def some(self, chosen: NDArray[np.intp], stop: int) -> Problem:
-        """A run of some of the trajectories, from the start to a state `stop`, without saving."""
+    def some(self, chosen: NDArray[np.intp], stop: int, saved: FloatArray) -> Problem:
+        """A run of some of the trajectories, from the start to a state `stop`."""
 
         def of(parameter: FloatArray) -> FloatArray:
             return parameter if len(parameter) == 1 else parameter[chosen]
@@ -88,9 +92,14 @@ class Problem:
             time_step=of(self.time_step),
             start=0,
             stop=stop,
-            saved=self.saved[:0],
+            saved=saved,
             progress=None,
         )
+
+    @property
+    def last_row(self) -> int:
+        """The number of the last saved state, in multiples of `every`."""
+        return self.stop // self.every
 
     @property
     def first_row(self) -> int:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from . import iterate_3d, iterate_nd
+from .._core.formulas.full_map import full_coefficients
+from . import iterate_3d, iterate_full, iterate_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
@@ -58,10 +59,15 @@ class Run:
         return np.arange(0, self.steps + 1, self.save_every)
 
     @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return self.omega0.shape[-1]
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """The shape of the states that are kept."""
         rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        return (rows, *self.batch, self.body.dimension)
+        return (rows, *self.batch, self.dimension)
 
     @property
     def rows_before(self) -> int:
@@ -92,25 +98,51 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
-    _require_memory(run, out is None)
-    saved, turns = out, None
-    if saved is None and run.save_every is not None:
-        saved = np.empty(run.shape)
-    if run.orientation is not None:
-        turns = np.empty((*run.shape[:-1], run.body.dimension + 1, run.body.dimension + 1))
-    if before is not None and run.rows_before:
+    saved, turns = _room(run, run.shape[0], out)
+    begin = run.rows_before
+    if before is not None and begin:
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
-                array[: run.rows_before] = kept
-    problem = _problem(run, saved, turns)
-    iterate = iterate_3d.run if isinstance(run.body, Suslov3D) else iterate_nd.run
-    final, status, failed_at, resume = iterate(problem)
-    final = final.reshape((*run.batch, run.body.dimension))
+                array[:begin] = kept
+    new = [None if array is None else array[begin:] for array in (saved, turns)]
+    return _results(run, _problem(run, *new), saved, turns)
+
+
+def go_on(run: Run) -> Results:
+    """Make the steps of a run since its start; of the states that are kept, only those since."""
+    saved, turns = _room(run, run.shape[0] - run.rows_before)
+    return _results(run, _problem(run, saved, turns), saved, turns)
+
+
+def _room(
+    run: Run, rows: int, out: FloatArray | None = None
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Arrays for so many states that are kept, and for the orientations."""
+    _require_memory(run, rows, out is None)
+    saved, turns = out, None
+    if saved is None and run.save_every is not None:
+        saved = np.empty((rows, *run.shape[1:]))
+    if run.orientation is not None:
+        n = run.dimension + 1
+        turns = np.empty((rows, *run.batch, n, n))
+    return saved, turns
+
+
+def _results(
+    run: Run, problem: Problem, saved: FloatArray | None, turns: FloatArray | None
+) -> Results:
+    if run.method == "full":
+        final, status, failed_at, resume = iterate_full.run(problem)
+    elif isinstance(run.body, Suslov3D):
+        final, status, failed_at, resume = iterate_3d.run(problem)
+    else:
+        final, status, failed_at, resume = iterate_nd.run(problem)
+    final = final.reshape((*run.batch, run.dimension))
     if saved is None:
         saved = final[np.newaxis]
     elif run.save_every is None:
         saved[0] = final
-    elif run.steps % run.save_every == 0:
+    elif run.steps % run.save_every == 0 and len(saved):
         final = saved[-1]
     return Results(
         omega=saved,
@@ -127,13 +159,20 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
     begin = {"omega0": run.omega0}
     if run.orientation is not None:
         begin["R0"] = run.orientation
+    if run.method == "full":
+        begin["I3"] = run.resume["I3"]
     return resume | begin
 
 
-def _require_memory(run: Run, saves: bool) -> None:
+def _require_memory(run: Run, rows: int, saves: bool) -> None:
     """Refuse a run that does not fit, with what it takes beside the states that are kept."""
-    D = run.body.dimension
+<<<<<<< HEAD
+    D = run.dimension
     kept = math.prod(run.shape) // D
+=======
+    D = run.body.dimension
+    kept = rows * math.prod(run.batch)
+>>>>>>> refs/heads/ensemble
     numbers = 4 * D * math.prod(run.batch)
     if saves and run.save_every is not None:
         numbers += D * kept
@@ -142,29 +181,46 @@ def _require_memory(run: Run, saves: bool) -> None:
     require(8 * numbers, f"the states kept are {run.shape}: raise save_every or cut the batch")
 
 
+def _parameters(run: Run) -> list[FloatArray]:
+    if run.method != "full":
+        return run.body.flat_normalised(run.batch)
+    given = [
+        flat_parameter(np.asarray(each), run.batch) for each in (*run.body.parameters, run.eps)
+    ]
+    with np.errstate(all="ignore"):
+        coefficients = full_coefficients(*given, run.resume["I3"])
+    size = len(run.omega0)
+    return [np.stack([np.broadcast_to(each, (size,)) for each in coefficients])]
+
+
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:
+<<<<<<< HEAD
+    body, size, D = run.body, math.prod(run.batch), run.dimension
+=======
+    """The flat problem; `saved` and `turns` receive what is kept from its start on."""
     body, size, D = run.body, math.prod(run.batch), run.body.dimension
+>>>>>>> refs/heads/ensemble
     keeps = saved is not None and run.save_every is not None
-    begin = run.rows_before
-    rows = run.shape[0] - begin
+    rows = run.shape[0] - run.rows_before
     return Problem(
         method=run.method,
         omega=run.omega0,
-        parameters=body.flat_normalised(run.batch),
+        parameters=_parameters(run),
         eps=flat_parameter(body.normalised_eps(run.eps), run.batch),
         time_step=flat_parameter(run.eps, run.batch),
         start=run.start,
         stop=run.steps,
         every=run.save_every or run.steps + 1,
+        keeps=run.save_every is not None,
         saved=(
-            saved[begin:].reshape(rows, size, D)  # type: ignore[index]
+            saved.reshape(rows, size, D)  # type: ignore[union-attr]
             if keeps
             else np.empty((0, 0, D))
         ),
         turns=(
             np.empty((0, 0, D + 1, D + 1))
             if turns is None
-            else turns[begin:].reshape(rows, size, D + 1, D + 1)
+            else turns.reshape(rows, size, D + 1, D + 1)
         ),
         orientation=run.orientation,
         resume=run.resume,

@@ -5,6 +5,7 @@ are in use, so that the compiler puts lanes side by side in vector registers. Ro
 stack: nothing is allocated while a loop runs, and the compiler knows that no two of them overlap.
 """
 
+from ..formulas.units import own_unit
 from ..jit import part
 from .vector import VECTOR
 
@@ -13,9 +14,9 @@ LANES = 128
 # More than the threads of any machine that this is likely to meet.
 TASKS = 64
 
-# The rows of `given`: what a block is given.
-I1_, I2_, I13_, I23_, EPS, OMEGA1, OMEGA2 = range(7)
-GIVEN = 7
+# The rows of `given`: what a block is given, and the state in a unit of its own, with that unit.
+I1_, I2_, I13_, I23_, EPS, OMEGA1, OMEGA2, STATE1, STATE2, UNIT = range(10)
+GIVEN = 10
 
 
 @part
@@ -66,6 +67,18 @@ def gather_states(omega, first, width, lanes, given):
     gather_pairs(omega.reshape(omega.size), first, width, given[OMEGA1], given[OMEGA2])
     for l in range(width, lanes):
         given[OMEGA1, l], given[OMEGA2, l] = 1.0, 1.0
+
+
+@part
+def take_units_out(given, lanes):
+    """Find units, powers of two, in which the states of a block are of the order of 1.
+
+    The step sizes change with them; the bodies define no unit of time.
+    """
+    for l in range(lanes):
+        given[EPS, l], given[STATE1, l], given[STATE2, l], given[UNIT, l] = own_unit(
+            given[EPS, l], given[OMEGA1, l], given[OMEGA2, l]
+        )
 
 
 @part

@@ -17,7 +17,7 @@ state          (2, LANES), the rows FIRST and SECOND: (omega1, omega2) where the
 limits         (4, LANES), the rows SHIFT: c, where Z = c - Y; BOUND: for |X| + |Z|, beyond which
                omega would overflow; WILD: whether the trajectory is not tame; BEYOND: whether
                t >= 1.
-frame          (6, LANES), the rows M11 to REST2, where omega = m state + rest.
+frame          (7, LANES), the rows M11 to SCALE, where omega = (m state + rest) scale.
 coefficients   (4, LANES): those of (ds2).
 shown          (2, LANES): angular velocities, those of the last step.
 turn           (4, LANES): the orientation, a unit quaternion.
@@ -43,12 +43,16 @@ from .blocks import (
     LANES,
     OMEGA1,
     OMEGA2,
+    STATE1,
+    STATE2,
     TASKS,
+    UNIT,
     gather_bodies,
     gather_states,
     in_whole_vectors,
     scatter_pairs,
     spread,
+    take_units_out,
 )
 from .vector import (
     VECTOR,
@@ -65,7 +69,7 @@ PRINTED, CANONICAL = range(2)
 
 FIRST, SECOND = range(2)
 SHIFT, BOUND, WILD, BEYOND = range(4)
-M11, M12, M21, M22, REST1, REST2 = range(6)
+M11, M12, M21, M22, REST1, REST2, SCALE = range(7)
 
 # Saved states of so many numbers are written past the caches.
 BEYOND_CACHES = 2**21
@@ -91,8 +95,8 @@ def enter_canonical(given, state, frame, limits, lanes):
             given[I13_, l],
             given[I23_, l],
             given[EPS, l],
-            given[OMEGA1, l],
-            given[OMEGA2, l],
+            given[STATE1, l],
+            given[STATE2, l],
         )
     for l in range(lanes):
         frame[M11, l], frame[M12, l], frame[M21, l], frame[M22, l] = from_canonical(
@@ -110,12 +114,13 @@ def enter_canonical(given, state, frame, limits, lanes):
             frame[k, l] = 0.0 if rests else frame[k, l]
         for k in range(2):
             frame[REST1 + k, l] = given[OMEGA1 + k, l] if rests else 0.0
+        frame[SCALE, l] = 1.0 if rests else given[UNIT, l]
     for l in range(lanes):
         limits[BEYOND, l] = abs(state[SECOND, l]) >= 1.0
         limits[SHIFT, l], state[SECOND, l] = shifted(state[SECOND, l], limits[SHIFT, l])
         limits[WILD, l] = not tame(state[FIRST, l], state[SECOND, l], limits[SHIFT, l])
     for l in range(lanes):
-        limits[BOUND, l] = LARGEST / max(
+        limits[BOUND, l] = (LARGEST / max(given[UNIT, l], 1.0)) / max(
             max(abs(frame[M11, l]), abs(frame[M12, l])), max(abs(frame[M21, l]), abs(frame[M22, l]))
         )
         frame[REST1, l] += frame[M12, l] * limits[SHIFT, l]
@@ -124,11 +129,15 @@ def enter_canonical(given, state, frame, limits, lanes):
 
 
 @part
-def enter_printed(given, state, frame, coefficients, lanes):
+def enter_printed(given, state, frame, limits, coefficients, lanes):
     for l in range(lanes):
-        state[FIRST, l], state[SECOND, l] = given[OMEGA1, l], given[OMEGA2, l]
+        still = given[EPS, l] == 0.0 or (given[I13_, l] == 0.0 and given[I23_, l] == 0.0)
+        state[FIRST, l] = given[OMEGA1, l] if still else given[STATE1, l]
+        state[SECOND, l] = given[OMEGA2, l] if still else given[STATE2, l]
         frame[M11, l], frame[M12, l], frame[M21, l], frame[M22, l] = 1.0, 0.0, 0.0, 1.0
         frame[REST1, l], frame[REST2, l] = 0.0, 0.0
+        frame[SCALE, l] = 1.0 if still else given[UNIT, l]
+        limits[BOUND, l] = np.inf if still else LARGEST / max(given[UNIT, l], 1.0)
     for l in range(lanes):
         coefficients[0, l], coefficients[1, l], coefficients[2, l], coefficients[3, l] = (
             printed_coefficients(
@@ -146,7 +155,7 @@ def any_wild(limits, lanes):
 
 
 @part
-def advance_printed(state, coefficients, steps, lanes):
+def advance_printed(state, coefficients, bound, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
             state[FIRST, l], state[SECOND, l] = printed_step(
@@ -156,6 +165,7 @@ def advance_printed(state, coefficients, steps, lanes):
                 coefficients[3, l],
                 state[FIRST, l],
                 state[SECOND, l],
+                bound[l],
             )
 
 
@@ -195,6 +205,7 @@ def show(frame, state, shown, lanes):
             frame[M22, l],
             frame[REST1, l],
             frame[REST2, l],
+            frame[SCALE, l],
             state[FIRST, l],
             state[SECOND, l],
         )
@@ -210,6 +221,7 @@ def vector_of_velocities(frame, g, X, Z):
         load(frame, M22, g),
         load(frame, REST1, g),
         load(frame, REST2, g),
+        load(frame, SCALE, g),
         X,
         Z,
     )
@@ -270,6 +282,7 @@ def turn_on(time_step, frame, state, shown, turn, lanes):
             frame[M22, l],
             frame[REST1, l],
             frame[REST2, l],
+            frame[SCALE, l],
             state[FIRST, l],
             state[SECOND, l],
         )
@@ -338,12 +351,12 @@ def _iterate(
     n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
         given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
-        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(6, LANES)
+        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
         coefficients, turn = on_stack(4, LANES), on_stack(4, LANES)
         step_row = on_stack(1, LANES)[0]
         state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
         shown_vectors = shown.reshape((2, LANES // VECTOR, VECTOR))
-        frame_vectors = frame.reshape((6, LANES // VECTOR, VECTOR))
+        frame_vectors = frame.reshape((7, LANES // VECTOR, VECTOR))
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
             first = begin + max(block * LANES - pad, 0)
             width = min(begin + (block + 1) * LANES - pad, end) - first
@@ -352,15 +365,16 @@ def _iterate(
 
             gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
             gather_states(omega, first, width, lanes, given)
+            if start == 0 and saves:
+                scatter_pairs(given[OMEGA1], given[OMEGA2], first, width, flat)
+            take_units_out(given, lanes)
             enter_canonical(given, state, frame, limits, lanes)
             wild = any_wild(limits, lanes)
             if method == PRINTED:
-                enter_printed(given, state, frame, coefficients, lanes)
+                enter_printed(given, state, frame, limits, coefficients, lanes)
             if start > 0:
                 for l in range(width):
                     state[FIRST, l], state[SECOND, l] = resume[0, first + l], resume[1, first + l]
-            elif saves:
-                scatter_pairs(given[OMEGA1], given[OMEGA2], first, width, flat)
             if turning:
                 spread(time_step, first, width, lanes, step_row)
                 for l in range(width):
@@ -392,7 +406,7 @@ def _iterate(
                 else:
                     steps = min(steps, 1 if turning else to_save)
                     if method == PRINTED:
-                        advance_printed(state, coefficients, steps, lanes)
+                        advance_printed(state, coefficients, limits[BOUND], steps, lanes)
                     elif wild:
                         # A guard changes nothing in a tame lane: neighbours do not matter.
                         advance_guarded(state, limits[SHIFT], limits[BOUND], steps, lanes)
@@ -453,14 +467,15 @@ def _locate_failure(
     for k in prange(failed.size):
         i = failed[k]
         given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
-        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(6, LANES)
+        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
         coefficients = on_stack(4, LANES)
         d, regular = 1.0, True
         gather_bodies(I1, I2, I13, I23, eps, i, 1, 1, given)
         gather_states(omega, i, 1, 1, given)
+        take_units_out(given, 1)
         enter_canonical(given, state, frame, limits, 1)
         if method == PRINTED:
-            enter_printed(given, state, frame, coefficients, 1)
+            enter_printed(given, state, frame, limits, coefficients, 1)
         if start > 0:
             state[FIRST, 0], state[SECOND, 0] = resume[0, k], resume[1, k]
         c = coefficients[:, 0]
@@ -470,7 +485,7 @@ def _locate_failure(
             first, second = state[FIRST, 0], state[SECOND, 0]
             if method == PRINTED:
                 d, regular = printed_denominator(c[0], c[1], c[2], c[3], first, second)
-                advance_printed(state, coefficients, 1, 1)
+                advance_printed(state, coefficients, limits[BOUND], 1, 1)
             else:
                 d, regular = denominator(first, second, limits[SHIFT, 0])
                 advance_guarded(state, limits[SHIFT], limits[BOUND], 1, 1)

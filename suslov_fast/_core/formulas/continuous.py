@@ -57,7 +57,7 @@ def discrete_reaction(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     c, Z = shifted(Y, lost)
     X, Z = guarded_step(X, Z, c, np.inf)
     m11, m12, m21, m22 = from_canonical(I1, I2, I13, I23, eps_W)
-    next1, next2 = angular_velocity(m11, -m12, m21, -m22, m12 * c, m22 * c, X, Z)
+    next1, next2 = angular_velocity(m11, -m12, m21, -m22, m12 * c, m22 * c, 1.0, X, Z)
     next1, next2 = omega1 if rests else next1, omega2 if rests else next2
     value, unit = polarised_reaction(I1, I2, I13, I23, M, P, omega1, omega2, next1, next2)
     return scaled(value, unit + 2 * W)

@@ -117,9 +117,9 @@ def from_canonical(I1, I2, I13, I23, eps):
 
 
 @formula
-def angular_velocity(m11, m12, m21, m22, rest1, rest2, X, Y):
-    """omega = m (X, Y) + rest; NaN where it is not finite."""
-    omega1 = m11 * X + m12 * Y + rest1
-    omega2 = m21 * X + m22 * Y + rest2
+def angular_velocity(m11, m12, m21, m22, rest1, rest2, unit, X, Y):
+    """omega = (m (X, Y) + rest) unit; NaN where it is not finite."""
+    omega1 = (m11 * X + m12 * Y + rest1) * unit
+    omega2 = (m21 * X + m22 * Y + rest2) * unit
     poison = 0.0 * omega1 + 0.0 * omega2
     return omega1 + poison, omega2 + poison

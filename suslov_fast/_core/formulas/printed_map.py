@@ -27,10 +27,11 @@ def printed_denominator(k1, k2, k3, k4, omega1, omega2):
 
 
 @formula
-def printed_step(k1, k2, k3, k4, omega1, omega2):
-    """Equation (ds2); NaN where there is no next state."""
+def printed_step(k1, k2, k3, k4, omega1, omega2, bound):
+    """Equation (ds2); NaN where there is no next state or it is beyond a bound."""
     delta, regular = printed_denominator(k1, k2, k3, k4, omega1, omega2)
-    delta = delta if regular else np.nan
     next1 = omega1 - k2 * omega1 * omega1 - k1 * omega1 * omega2 - k3 * omega2 * omega2
     next2 = omega2 + k1 * omega2 * omega2 + k2 * omega1 * omega2 + k4 * omega1 * omega1
-    return next1 / delta, next2 / delta
+    next1, next2 = next1 / delta, next2 / delta
+    exists = regular & (abs(next1) + abs(next2) < bound)
+    return next1 if exists else np.nan, next2 if exists else np.nan

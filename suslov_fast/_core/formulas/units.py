@@ -54,7 +54,7 @@ def normal_body(I1, I2, I13, I23, eps):
     """A body and a step size in units of powers of two, and the logarithms of the units.
 
     The moments have the unit 2**M, the products of inertia 2**P and the step size 2**E. All is of
-    the order of 1, unless moments differ by orders of magnitude or a product is far below the other.
+    the order of 1, unless moments differ by orders of magnitude, or products do.
     """
     M = (exponent(I1) + exponent(I2)) >> 1
     product = larger(abs(I13), abs(I23))
@@ -70,6 +70,15 @@ def normal_state(omega1, omega2):
     W = exponent(larger(abs(omega1), abs(omega2)))
     unit = power(-W)
     return omega1 * unit, omega2 * unit, W
+
+
+@formula
+def own_unit(eps, omega1, omega2):
+    """A step size and a state in units in which the state is of the order of 1, and its unit."""
+    W = exponent(larger(abs(omega1), abs(omega2)))
+    W = W if W > NO_POWER else np.int64(NO_POWER + 1)
+    unit = power(-W)
+    return scaled(eps, W), omega1 * unit, omega2 * unit, power(W)
 
 
 @formula

@@ -134,7 +134,7 @@ def _past_poles(
     while left.size:
         ahead = min(ahead, problem.stop)
         # All rows of this run and of what went before it: where it is cut does not matter.
-        rows = np.empty((problem.last_row + 1 if problem.keeps else 0, left.size, 2))
+        rows = np.empty((problem.last_row + 1 if len(problem.saved) else 0, left.size, 2))
         few = problem.some(left, ahead, rows[: ahead // problem.every + 1])
         final[left], status[left], failed_at[left], _ = _iterate(few)
         past = status[left] >= 0
@@ -146,7 +146,8 @@ def _past_poles(
         # Those that came to an end are done with too.
         done = past | (status[left] < 0) | (ahead == problem.stop)
         rows[ahead // problem.every + 1 :, status[left] < 0] = np.nan
-        problem.saved[:, left[done]] = rows[problem.first_row :, done]
+        if len(problem.saved):
+            problem.saved[:, left[done]] = rows[problem.first_row :, done]
         left = left[~done]
         ahead *= 16
 

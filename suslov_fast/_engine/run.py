@@ -166,13 +166,8 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
 
 def _require_memory(run: Run, rows: int, saves: bool) -> None:
     """Refuse a run that does not fit, with what it takes beside the states that are kept."""
-<<<<<<< HEAD
     D = run.dimension
-    kept = math.prod(run.shape) // D
-=======
-    D = run.body.dimension
     kept = rows * math.prod(run.batch)
->>>>>>> refs/heads/ensemble
     numbers = 4 * D * math.prod(run.batch)
     if saves and run.save_every is not None:
         numbers += D * kept
@@ -194,12 +189,8 @@ def _parameters(run: Run) -> list[FloatArray]:
 
 
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:
-<<<<<<< HEAD
-    body, size, D = run.body, math.prod(run.batch), run.dimension
-=======
     """The flat problem; `saved` and `turns` receive what is kept from its start on."""
-    body, size, D = run.body, math.prod(run.batch), run.body.dimension
->>>>>>> refs/heads/ensemble
+    body, size, D = run.body, math.prod(run.batch), run.dimension
     keeps = saved is not None and run.save_every is not None
     rows = run.shape[0] - run.rows_before
     return Problem(

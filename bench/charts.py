@@ -80,7 +80,7 @@ def bars(axis, rows, limits):
     axis.set_yticks(places, [plain(row.label) for row in rows])
     # Figures stand beside the axes, where no line crosses them.
     columns = [
-        (1.10, "1e9 / s", [f"{value / 1e9:.3g}" for value in values]),
+        (1.10, "per second", [scientific(value) for value in values]),
         (1.20, "error", [error(row.error) for row in rows]),
     ]
     for x, header, texts in columns:
@@ -101,8 +101,13 @@ def bars(axis, rows, limits):
         handles.append(line)
     below = {"loc": "upper center", "bbox_to_anchor": (0.4, -0.09), "ncols": 6}
     axis.legend(handles=handles, **LEGEND, **below)
-    axis.xaxis.set_major_formatter(lambda value, _: f"{value / 1e9:g}e9")
     axis.tick_params(axis="y", length=0)
+
+
+def scientific(value):
+    """Three digits and an exponent."""
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
 
 
 def observables(results, path):
@@ -202,7 +207,7 @@ def batch(axis, results):
 
 def few(axis, results):
     """Shares of streaming stores for few orbits."""
-    rows = [row for row in results.best(Table.FEW) if row.key in NAMED]
+    rows = [row for row in results.best(Table.FEW) if row.key in ("auto", "canonical")]
     share = {row.name: results.share(row) for row in rows}
     rows = [row for row in rows if share[row.name]]
     lines(axis, rows, lambda row: 100 * share[row.name], METHODS, NAMED)

@@ -147,10 +147,10 @@ def observables(results):
         spelled(results.threads),
         "one thread",
         "NumPy",
-        "of NumPy",
-        "of NumPy, one thread",
+        "times NumPy",
+        "one thread, times NumPy",
         "of a copy in C",
-        "of `ndarray.copy`",
+        "times `ndarray.copy`",
         "error",
     ]
     return markdown(header, ordered(lines))

@@ -37,7 +37,7 @@ from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ClosedForm",

@@ -18,6 +18,8 @@ from ._bodies.three import Suslov3D
 from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
+from ._ensemble.api import ensemble, open_ensemble
+from ._ensemble.starts import RandomStarts
 from ._full import step_full
 from ._linearised import jacobian, matrix, multipliers
 from ._map import iterate, step
@@ -32,6 +34,7 @@ __version__ = "0.1.0"
 __all__ = [
     "ClosedForm",
     "NotIntegrableError",
+    "RandomStarts",
     "SingularStepError",
     "SingularStepWarning",
     "Status",
@@ -42,6 +45,7 @@ __all__ = [
     "closed_form",
     "criticality",
     "energy",
+    "ensemble",
     "exact",
     "first_integral",
     "flow",
@@ -53,6 +57,7 @@ __all__ = [
     "matrix",
     "modified_energy",
     "multipliers",
+    "open_ensemble",
     "reaction",
     "scattering_angle",
     "step",

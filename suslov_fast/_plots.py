@@ -71,8 +71,8 @@ def plot_phase(
     --------
     >>> from suslov_fast import Suslov3D, plot_phase
     >>> axes = plot_phase(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
-    >>> axes.get_xlim()
-    (np.float64(-4.0), np.float64(4.0))
+    >>> [float(end) for end in axes.get_xlim()]
+    [-4.0, 4.0]
     """
     direction = _direction(body)
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))

@@ -73,7 +73,7 @@ def run(
                 for index in islice(tiles, 1):
                     futures.add(submit(index))
     except BaseException:
-        client.cancel([each for each in futures.futures])
+        client.cancel(list(futures.futures))
         raise
 
 

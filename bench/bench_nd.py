@@ -1,13 +1,14 @@
-"""The map in n dimensions: nanoseconds per step against the number of components, n - 1."""
+"""The map in n dimensions, against the number of components, n - 1."""
 
 import peers
 import pytest
-from problem import CHECKED_ND, EPS, STEPS_ND, orbit_nd, problem_nd, relative_error
-
-from suslov_fast import iterate
+from problem import CHECKED_ND, EPS, STEPS_ND, isotropic, orbit_nd, problem_nd, relative_error
+from results import Limit, Table
+from revision import iterate, saved_memory
 
 COMPONENTS = [2, 4, 8, 16, 32, 64, 128]
 BATCH = 512
+BYTES_SAVED = 2**26
 
 
 def problem(measure, components, cubic):
@@ -32,35 +33,57 @@ def bench_nd(measure, components, method, threads):
     checked = iterate(body, few, EPS / 2, STEPS_ND, **options).final
     measure(
         lambda: iterate(body, omega0, EPS / 2, steps, **options),
-        table="nd",
-        row=f'**suslov_fast**, `method="{method}"`',
+        table=Table.ND,
+        key=method,
+        label=f'`method="{method}"`',
         unit="steps",
         work=len(omega0) * steps,
         threads=threads,
         error=relative_error(checked, orbit_nd(components)),
-        components=components,
+        x=components,
     )
 
 
-@pytest.mark.parametrize("name", peers.ND)
+@pytest.mark.other
+@pytest.mark.parametrize("key", peers.ND)
 @pytest.mark.parametrize("components", COMPONENTS)
-def bench_nd_peer(measure, components, name):
+def bench_nd_peer(measure, components, key):
     skip_large(measure, components)
-    function = peers.ND[name].load()
-    cubic = "rank two" not in name
-    body, omega0, steps = problem(measure, components, cubic)
-    if "NumPy" in name:  # too slow for all of it
+    peer = peers.ND[key]
+    function = peer.load()
+    body, omega0, steps = problem(measure, components, peer.cubic)
+    if peer.whose is peers.NUMPY:  # too slow for all of it
         steps = min(steps, max(1, 64 // components))
-    if "NumPy" in name and cubic:
-        omega0 = omega0[: 4096 // components]
+        omega0 = omega0[: 4096 // components] if peer.cubic else omega0
     checked = function(body, problem_nd(components, CHECKED_ND)[1], EPS / 2, STEPS_ND)
     measure(
         lambda: function(body, omega0, EPS / 2, steps),
-        table="nd",
-        row=name,
+        **peer.row(key),
+        table=Table.ND,
         unit="steps",
         work=len(omega0) * steps,
-        threads=1,
         error=relative_error(checked, orbit_nd(components)),
-        components=components,
+        x=components,
+    )
+
+
+@pytest.mark.parametrize("kind", ["any", "integrable"])
+@pytest.mark.parametrize("components", [3, 8, 32])
+def bench_saved_states(measure, components, kind, all_threads):
+    """Into memory that is used again; an integrable body has a closed form."""
+    make = problem_nd if kind == "any" else isotropic
+    body, omega0 = make(components, measure.size(4096, 16))
+    saved = measure.size(BYTES_SAVED // omega0.nbytes, 4)
+    options = {"out": saved_memory(saved, *omega0.shape), "threads": all_threads}
+    measure(
+        lambda: iterate(body, omega0, EPS / 2, saved - 1, **options),
+        rounds=3,
+        table=Table.ND_SAVED,
+        key=kind,
+        label=f"`iterate`, {'an integrable' if kind == 'integrable' else 'any'} body",
+        unit="states",
+        work=len(omega0) * saved,
+        threads=all_threads,
+        limit=(Limit.STREAMING, 8 * components),
+        x=components,
     )

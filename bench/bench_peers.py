@@ -4,8 +4,12 @@ import limits
 import peers
 import pytest
 from problem import CHECKED, EPS, STEPS, motion, orbit, relative_error, starts
+from results import Limit, Table
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # their own
+pytestmark = [
+    pytest.mark.filterwarnings("ignore"),  # their own
+    pytest.mark.other,
+]
 
 
 @pytest.fixture
@@ -13,28 +17,28 @@ def threads_of(all_threads):
     return lambda peer: all_threads if peer.threads else 1
 
 
-@pytest.mark.parametrize("name", peers.FINAL)
-def bench_last_states(measure, name, threads_of):
-    peer = peers.FINAL[name]
+@pytest.mark.parametrize("key", peers.FINAL)
+def bench_last_states(measure, key, threads_of):
+    peer = peers.FINAL[key]
     function, threads = peer.load(), threads_of(peer)
     omega0 = starts(measure.size(peer.batch, 64))
     steps, checked = measure.size(peer.steps, 20), measure.size(STEPS, 20)
     computed = function(starts(CHECKED), checked, threads)
     measure(
         lambda: function(omega0, steps, threads),
-        table="last states",
-        row=name,
+        **peer.row(key),
+        table=Table.LAST,
         unit="steps",
         work=len(omega0) * steps,
         threads=threads,
-        error=relative_error(computed, orbit(CHECKED, checked)[:, -1]),
-        limit=("divisions", peer.divisions) if peer.divisions else None,
+        error=relative_error(computed, orbit(CHECKED, checked)[-1]),
+        limit=(Limit.DIVISIONS, peer.divisions) if peer.divisions else None,
     )
 
 
-@pytest.mark.parametrize("name", peers.MOTION)
-def bench_motion(measure, name, threads_of):
-    peer = peers.MOTION[name]
+@pytest.mark.parametrize("key", peers.MOTION)
+def bench_motion(measure, key, threads_of):
+    peer = peers.MOTION[key]
     function, threads = peer.load(), threads_of(peer)
     omega0 = starts(measure.size(peer.batch, 2))
     steps = measure.size(peer.steps, 20)
@@ -42,8 +46,8 @@ def bench_motion(measure, name, threads_of):
     computed = function(starts(few), steps, threads)
     measure(
         lambda: function(omega0, steps, threads),
-        table="motion",
-        row=name,
+        **peer.row(key),
+        table=Table.MOTION,
         unit="trajectories",
         work=len(omega0),
         threads=threads,
@@ -51,39 +55,40 @@ def bench_motion(measure, name, threads_of):
     )
 
 
-@pytest.mark.parametrize("name", peers.STORED)
-def bench_all_states(measure, name, threads_of):
-    peer = peers.STORED[name]
+@pytest.mark.parametrize("key", peers.STORED)
+def bench_saved_states(measure, key, threads_of):
+    peer = peers.STORED[key]
     function, threads = peer.load(), threads_of(peer)
     omega0, steps = starts(measure.size(peer.batch, 64)), measure.size(peer.steps, 20)
-    out = limits.aligned((2, steps + 1, len(omega0)))
-    few = limits.aligned((2, steps + 1, CHECKED))
-    computed = function(starts(CHECKED), steps, threads, few).T
+    out = limits.aligned((steps + 1, len(omega0), 2))
+    few = limits.aligned((steps + 1, CHECKED, 2))
+    computed = function(starts(CHECKED), steps, threads, few)
     measure(
         lambda: function(omega0, steps, threads, out),
-        table="all states",
-        row=name,
+        **peer.row(key),
+        table=Table.SAVED,
         unit="states",
-        work=computed.shape[1] * len(omega0),
+        work=len(computed) * len(omega0),
         threads=threads,
         # Those that leave out state 0 begin with state 1.
-        error=relative_error(computed, orbit(CHECKED, steps)[:, -computed.shape[1] :]),
-        limit=("bytes, streaming stores", 16),
+        error=relative_error(computed, orbit(CHECKED, steps)[-len(computed) :]),
+        limit=(Limit.STREAMING, 16),
+        x=1,
     )
 
 
-@pytest.mark.parametrize("name", peers.JUMP)
-def bench_jump(measure, name, threads_of):
-    peer = peers.JUMP[name]
+@pytest.mark.parametrize("key", peers.JUMP)
+def bench_jump(measure, key, threads_of):
+    peer = peers.JUMP[key]
     function, threads = peer.load(), threads_of(peer)
     omega0 = starts(measure.size(peer.batch, 64))
     computed = function(starts(CHECKED), STEPS, threads)
     measure(
         lambda: function(omega0, peer.steps, threads),
-        table="jumps",
-        row=name,
-        unit="jumps",
+        **peer.row(key),
+        table=Table.JUMPS,
+        unit="states",
         work=len(omega0),
         threads=threads,
-        error=relative_error(computed, orbit(CHECKED, STEPS)[:, -1]),
+        error=relative_error(computed, orbit(CHECKED, STEPS)[-1]),
     )

@@ -1,15 +1,29 @@
-"""The two charts, from the rows of a report."""
+"""The charts, from results."""
 
 import matplotlib
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from report import DIVIDER, caption, error, rate
+from results import Limit, Table, Whose
+from tables import caption, error
 
-OURS, C, OTHER, LIMIT = "#c8442b", "#35507a", "#9aa7b8", "#2c2c2c"
+COLOURS = {
+    Whose.OURS: "#c8442b",
+    Whose.C: "#35507a",
+    Whose.NUMPY: "#6f8f6a",
+    Whose.OTHER: "#9aa7b8",
+    Whose.MACHINE: "#2c2c2c",
+}
+NAMES = {
+    Whose.OURS: "suslov_fast",
+    Whose.C: "C by gcc",
+    Whose.NUMPY: "NumPy",
+    Whose.OTHER: "others",
+}
+OURS, C, NUMPY, OTHER, LIMIT = COLOURS.values()
+SECOND = "#e0a03a"  # another line of this package
 NOTE = "#555555"
-KINDS = {"suslov_fast": "suslov_fast", "C,": "C by gcc", "": "others"}
-LEGEND = {"frameon": False, "fontsize": 8.5, "ncols": 2}
-BELOW = LEGEND | {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16)}
+LEGEND = {"frameon": False, "fontsize": 8.5}
 STYLE = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -20,26 +34,55 @@ STYLE = {
 }
 
 
-def plain(name):
-    """A name without Markdown."""
-    return name.replace("**", "").replace("`", "")
+def plain(label):
+    """A label without Markdown."""
+    return label.replace("`", "")
 
 
-def colour(name):
-    """One for this package, one for C, one for all others."""
-    if "suslov_fast" in name:
-        return OURS
-    return C if name.startswith("C,") else OTHER
+def speed(results, path):
+    """Last states and saved states, ours and peers, beside the limits."""
+    threads = results.threads
+    panels = [
+        (
+            results.best(Table.LAST),
+            {"one division per step": results.limit(Limit.DIVISIONS, threads)},
+            "Last states only: steps per second",
+        ),
+        (
+            results.best(Table.SAVED),
+            {
+                f"{name} stores": bytes_per_second and bytes_per_second / 16
+                for name, bytes_per_second in (
+                    ("streaming", results.limit(Limit.STREAMING, threads)),
+                    ("plain", results.limit(Limit.PLAIN, threads)),
+                )
+            },
+            "Saved states: states per second",
+        ),
+    ]
+    panels = [panel for panel in panels if panel[0]]
+    if not panels:
+        return
+    heights = [len(rows) for rows, _, _ in panels]
+    figure = Figure(figsize=(11, 2.6 + 0.31 * sum(heights)), layout="constrained")
+    axes = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
+    for axis, (rows, limits, title) in zip(axes[:, 0], panels, strict=True):
+        bars(axis, rows, {name: value for name, value in limits.items() if value})
+        axis.set_title(title)
+    save(figure, results, path)
 
 
-def bars(axis, found, limits, title, unit):
+def bars(axis, rows, limits):
     """Horizontal bars, the fastest on top, with limits as lines."""
-    names = [plain(row["row"]) for row in found]
-    values = [rate(row) for row in found]
-    axis.barh(names, values, color=[colour(row["row"]) for row in found], height=0.72)
+    places = range(len(rows))
+    values = [row.rate for row in rows]
+    axis.barh(places, values, color=[COLOURS[row.whose] for row in rows], height=0.72)
+    axis.set_yticks(places, [plain(row.label) for row in rows])
     # Figures stand beside the axes, where no line crosses them.
-    columns = [(1.12, f"1e9 {unit}/s", [f"{value / 1e9:.3g}" for value in values])]
-    columns.append((1.22, "error", [error(row) for row in found]))
+    columns = [
+        (1.10, "per second", [scientific(value) for value in values]),
+        (1.20, "error", [error(row.error) for row in rows]),
+    ]
     for x, header, texts in columns:
         place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
         axis.text(x, -0.9, header, color=NOTE, fontsize=8.5, **place)
@@ -49,206 +92,192 @@ def bars(axis, found, limits, title, unit):
     axis.margins(y=0.02)
     axis.set_xscale("log")
     axis.set_xlim(min(values) / 2, max([*values, *limits.values()]) * 1.3)
-    handles = [Patch(color=colour(name), label=text) for name, text in KINDS.items()]
+    shown = [whose for whose in NAMES if any(row.whose is whose for row in rows)]
+    handles = [Patch(color=COLOURS[whose], label=NAMES[whose]) for whose in shown]
     for style, (name, value) in zip(("--", ":"), limits.items(), strict=False):
-        line = axis.axvline(value, color=LIMIT, linestyle=style, linewidth=1.2, label=name)
+        line = axis.axvline(
+            value, color=LIMIT, linestyle=style, linewidth=1.2, label=f"limit: {name}"
+        )
         handles.append(line)
-    axis.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.4, -0.11), **LEGEND | {"ncols": 5}
-    )
-    axis.set_title(title)
-    axis.set_xlabel(f"1e9 {unit} per second", labelpad=2)
-    axis.xaxis.set_major_formatter(lambda value, _: f"{value / 1e9:g}")
+    below = {"loc": "upper center", "bbox_to_anchor": (0.4, -0.09), "ncols": 6}
+    axis.legend(handles=handles, **LEGEND, **below)
     axis.tick_params(axis="y", length=0)
 
 
-def speed(rows, path):
-    """Last states and all states, ours and peers, beside the limits."""
-    threads = rows.machine["threads"]
-    last, stored = rows.of("last states"), rows.of("all states")
-    panels = [
-        (
-            last,
-            {"limit: one division per step": rows.limit(DIVIDER, threads)},
-            "Last states only",
-            "steps",
-        ),
-        (
-            stored,
-            {
-                f"limit: {kind} stores": rows.limit(f"bytes, {kind} stores", threads)
-                for kind in ("streaming", "plain")
-            },
-            "All states stored",
-            "states",
-        ),
-    ]
-    panels = [panel for panel in panels if panel[0]]
-    if not panels:
+def scientific(value):
+    """Three digits and an exponent."""
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def observables(results, path):
+    """Nanoseconds per state: on all threads, on one, by NumPy, and what copies take."""
+    ours = results.best(Table.OBSERVABLES, whose=Whose.OURS)
+    if not ours:
         return
-    figure = Figure(figsize=(11, 2.6 + 0.31 * (len(last) + len(stored))), layout="constrained")
-    heights = [len(panel[0]) for panel in panels]
-    axes = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
-    for axis, (found, limits, title, unit) in zip(axes[:, 0], panels, strict=True):
-        limits = {
-            name: value / (16 if "stores" in name else 1) for name, value in limits.items() if value
-        }
-        bars(axis, found, limits, title, unit)
-    footer(figure, rows)
-    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.15)
-
-
-def lines(axis, found, value, styles):
-    """A line for each row, over its x."""
-    names = dict.fromkeys(row["row"] for row in found)
-    for name in names:
-        points = sorted((row["x"], value(row)) for row in found if row["row"] == name)
-        axis.plot(*zip(*points, strict=True), label=plain(name), **styles.get(name, {}))
-
-
-def scaling(rows, path):
-    """Against the size of the batch, the states saved, n, and the threads."""
-    threads = rows.machine["threads"]
-    figure = Figure(figsize=(11, 9.6), layout="constrained")
-    axes = figure.subplots(2, 2)
-    batch(axes[0, 0], rows, threads)
-    saved(axes[0, 1], rows)
-    dimension(axes[1, 0], rows)
-    by_threads(axes[1, 1], rows)
-    for axis in axes.flat:
-        axis.grid(alpha=0.25, which="major")
-    footer(figure, rows)
-    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.15)
-
-
-def batch(axis, rows, threads):
-    """One line serial, one parallel, and where they cross."""
-    found = rows.every("batch")
-    if not found:
-        return
-    styles = {
-        "iterate": {"color": OURS, "linewidth": 5, "alpha": 0.35},
-        "serial": {"color": C, "marker": "o", "markersize": 4},
-        "parallel": {"color": OURS, "marker": "s", "markersize": 4},
+    figure = Figure(figsize=(9, 1.8 + 0.36 * len(ours)), layout="constrained")
+    axis = figure.subplots()
+    copy = results.limit(Limit.COPY, results.threads)
+    new = results.limit(Limit.NEW_COPY, 1)
+    kinds = {
+        f"suslov_fast, {results.threads} threads": ({"color": OURS}, "o"),
+        "suslov_fast, one thread": ({"markeredgecolor": OURS, "color": "white"}, "o"),
+        "NumPy's formula, one thread": ({"color": NUMPY}, "s"),
+        "a copy of as many bytes in C, reused memory": ({"color": LIMIT, "markersize": 13}, "|"),
+        "the same by ndarray.copy, new memory": ({"color": SECOND, "markersize": 13}, "|"),
     }
-    texts = {
-        "serial": "on one thread",
-        "parallel": f"on {threads}, whatever the size",
-        "iterate": "as iterate decides",
-    }
-    found.sort(key=lambda row: list(texts).index(row["row"]))
-    lines(axis, found, lambda row: rate(row) / 1e9, styles)
-    for handle in axis.get_legend_handles_labels()[0]:
-        handle.set_label(texts[handle.get_label()])
-    chosen = next((row["crossover"] for row in found if row.get("crossover")), None)
-    if chosen:
-        axis.axvline(
-            chosen, color=LIMIT, linestyle="--", linewidth=1, label="from here iterate is parallel"
-        )
-    measured = crossing(found)
-    if measured:
-        axis.axvline(
-            measured,
-            color=LIMIT,
-            linestyle=":",
-            linewidth=1.3,
-            label="from here parallel gains",
-        )
+    for y, row in enumerate(ours):
+        one = results.one(Table.OBSERVABLES, row.key, whose=Whose.OURS, threads=1)
+        numpy = results.one(Table.OBSERVABLES, row.key, whose=Whose.NUMPY)
+        count = row.limit[1]
+        rates = [row.rate, one and one.rate, numpy and numpy.rate]
+        rates += [copy and copy / count, new and new / count]
+        times = [1e9 / rate if rate else None for rate in rates]
+        found = [time for time in times if time]
+        axis.plot([min(found), max(found)], [y, y], color="#dddddd", linewidth=1, zorder=0)
+        for time, (style, marker) in zip(times, kinds.values(), strict=True):
+            if time:
+                axis.plot(time, y, marker, **{"markersize": 6.5} | style)
+    axis.set_yticks(range(len(ours)), [plain(row.label) for row in ours])
+    axis.invert_yaxis()
     axis.set_xscale("log")
-    axis.set_yscale("log")
-    axis.set_title("Size of the batch (3D, last states)")
-    axis.set_xlabel("trajectories, of 1000 steps each")
-    axis.set_ylabel("1e9 steps per second")
-    axis.legend(**BELOW)
+    axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_xlabel("ns per state")
+    axis.set_title("Quantities of 10,000,000 states")
+    axis.grid(alpha=0.25, axis="x")
+    handles = [
+        Line2D([], [], linestyle="", marker=marker, label=name, **{"markersize": 6.5} | style)
+        for name, (style, marker) in kinds.items()
+    ]
+    below = {"loc": "upper center", "bbox_to_anchor": (0.4, -0.11), "ncols": 2}
+    axis.legend(handles=handles, **LEGEND, **below)
+    save(figure, results, path)
 
 
-def crossing(found):
-    """The smallest batch from which on the parallel build is faster, up to where it gains most."""
-    serial, parallel = (
-        {row["x"]: rate(row) for row in found if row["row"] == name}
-        for name in ("serial", "parallel")
-    )
-    gain = {x: parallel[x] / serial[x] for x in sorted(serial.keys() & parallel.keys())}
-    faster = None
-    for x in reversed(gain):
-        if x <= max(gain, key=gain.get):
-            if gain[x] < 1.05:
-                break
-            faster = x
-    return faster
+def scaling(results, path):
+    """Against everything that may grow."""
+    figure = Figure(figsize=(15, 9.6), layout="constrained")
+    panels = (batch, few, save_every, steps, dimension, by_threads)
+    for axis, panel in zip(figure.subplots(2, 3).flat, panels, strict=True):
+        panel(axis, results)
+        axis.grid(alpha=0.25, which="major")
+    save(figure, results, path)
 
 
-def saved(axis, rows):
-    """All states saved, or few, or only the last."""
-    found = rows.every("saved")
-    if not found:
-        return
-    styles = {
-        'order "C"': {"color": C, "marker": "o", "markersize": 4},
-        'order "F"': {"color": OURS, "marker": "s", "markersize": 4},
-    }
-    lines(axis, found, lambda row: rate(row) / 1e9, styles)
+METHODS = {
+    "auto": {"color": OURS, "marker": "o", "markersize": 4},
+    "canonical": {"color": SECOND, "marker": "s", "markersize": 4},
+    "exact": {"color": C, "marker": "^", "markersize": 4, "linestyle": "--"},
+}
+NAMED = {
+    "auto": 'iterate, method="auto"',
+    "canonical": 'iterate, method="canonical"',
+    "exact": "exact",
+}
+
+
+def lines(axis, rows, value, styles, names=None):
+    """A line for each key, over x."""
+    for key in styles:
+        points = sorted((row.x, value(row)) for row in rows if row.key == key)
+        if points:
+            label = names and names.get(key)
+            label = label or next(plain(row.label) for row in rows if row.key == key)
+            axis.plot(*zip(*points, strict=True), label=label, **styles[key])
+
+
+def dress(axis, title, x, y, logarithmic=True):
+    """Titles, scales and the legend."""
+    axis.set_title(title)
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    if logarithmic:
+        axis.set_xscale("log")
+        axis.set_yscale("log")
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, **LEGEND)
+
+
+def batch(axis, results):
+    """Steps per second for one orbit and for a hundred million."""
+    rows = results.best(Table.BATCH)
+    lines(axis, rows, lambda row: row.rate / 1e9, METHODS, NAMED)
+    dress(axis, "Batch (last states, 50 steps)", "orbits", "1e9 steps per second")
+
+
+def few(axis, results):
+    """Shares of streaming stores for few orbits."""
+    rows = [row for row in results.best(Table.FEW) if row.key in ("auto", "canonical")]
+    share = {row.name: results.share(row) for row in rows}
+    rows = [row for row in rows if share[row.name]]
+    lines(axis, rows, lambda row: 100 * share[row.name], METHODS, NAMED)
+    if rows:
+        axis.axhline(100, color=LIMIT, linestyle="--", linewidth=1.2, label="streaming stores")
+    dress(axis, "All states of few orbits, 5e6 in all", "orbits", "% of streaming stores", False)
     axis.set_xscale("log")
     axis.set_ylim(bottom=0)
-    axis.set_title("Saved states (3D, 16,384 trajectories, 1000 steps)")
-    axis.set_xlabel("saved states of each trajectory")
-    axis.set_ylabel("1e9 steps per second")
-    axis.legend(**BELOW)
 
 
-def dimension(axis, rows):
-    """One step in n dimensions, this package and others."""
-    found = [row | {"x": row["components"] + 1} for row in rows.of("nd", 1)]
-    if not found:
-        return
-    markers = iter("os^vDPX")
-    names = sorted({row["row"] for row in found}, key=lambda name: ("suslov" not in name, name))
-    styles = {}
-    for name in names:
-        cubic = "gauss" in name or "elimination" in name or "solve" in name
-        styles[name] = {"color": colour(name), "linestyle": ":" if cubic else "-"}
-        styles[name] |= {"marker": next(markers), "markersize": 4}
-    found.sort(key=lambda row: names.index(row["row"]))
-    lines(axis, found, lambda row: 1e9 / rate(row), styles)
-    axis.set_xscale("log")
-    axis.set_xticks(sorted({row["x"] for row in found}), minor=False)
+def save_every(axis, results):
+    """Time per saved state, by what lies between."""
+    rows = results.best(Table.EVERY)
+    lines(axis, rows, lambda row: 1e9 / row.rate, METHODS, NAMED)
+    dress(axis, "Saved states that lie apart", "save_every", "ns per saved state")
+
+
+def steps(axis, results):
+    """Time for the last state of a batch, by its number."""
+    rows = results.best(Table.STEPS)
+    lines(axis, rows, lambda row: 1e6 * row.seconds, METHODS, NAMED)
+    dress(axis, "Number of steps (last states of 4096 orbits)", "n", "µs")
+
+
+def dimension(axis, results):
+    """One step in n dimensions, this package and others, on one thread."""
+    rows = results.of(Table.ND, threads=1)
+    styles = {
+        "rank2": {"color": OURS, "marker": "o"},
+        "c-rank2": {"color": C, "marker": "s"},
+        "numpy-rank2": {"color": NUMPY, "marker": "^"},
+        "gauss": {"color": OURS, "marker": "o", "linestyle": ":"},
+        "c-elimination": {"color": C, "marker": "s", "linestyle": ":"},
+        "numpy-solve": {"color": NUMPY, "marker": "^", "linestyle": ":"},
+    }
+    styles = {key: {"markersize": 4} | style for key, style in styles.items()}
+    lines(axis, rows, lambda row: 1e9 / row.rate, styles)
+    dress(axis, "Dimension (one thread)", "n - 1", "ns per step of one orbit")
+    axis.set_xticks(sorted({row.x for row in rows}), minor=False)
     axis.set_xticks([], minor=True)
     axis.xaxis.set_major_formatter(lambda n, _: f"{n:g}")
-    axis.set_yscale("log")
-    axis.set_title("Dimension n (last states, one thread)")
-    axis.set_xlabel("n")
-    axis.set_ylabel("ns per step of one trajectory")
-    axis.legend(**BELOW)
 
 
-def by_threads(axis, rows):
+def by_threads(axis, results):
     """From one thread to all."""
-    found = rows.every("threads")
-    if not found:
-        return
-    one = {row["row"]: rate(row) for row in found if row["threads"] == 1}
-    markers = dict(zip(one, "os^", strict=False))
-    styles = {name: {"marker": marker, "markersize": 5} for name, marker in markers.items()}
-    for name, tint in zip(one, (OURS, C, OTHER), strict=False):
-        styles[name]["color"] = tint
-    lines(axis, found, lambda row: rate(row) / one[row["row"]], styles)
-    most = max(row["threads"] for row in found)
+    rows = results.of(Table.THREADS)
+    one = {row.key: row.rate for row in rows if row.threads == 1}
+    styles = {
+        key: {"color": colour, "marker": marker, "markersize": 5}
+        for key, colour, marker in (("last", OURS, "o"), ("saved", SECOND, "s"), ("nd", C, "^"))
+    }
+    lines(
+        axis, [row for row in rows if row.key in one], lambda row: row.rate / one[row.key], styles
+    )
+    most = max((row.threads for row in rows), default=1)
     axis.plot([1, most], [1, most], color=LIMIT, linestyle="--", linewidth=1, label="ideal")
-    axis.set_xticks(sorted({row["threads"] for row in found}))
+    dress(axis, "Threads", "threads", "times as fast as on one", False)
+    axis.set_xticks(sorted({row.threads for row in rows}))
     axis.set_ylim(bottom=0)
-    axis.set_title("Threads")
-    axis.set_xlabel("threads")
-    axis.set_ylabel("times as fast as on one")
-    axis.legend(**BELOW)
 
 
-def footer(figure, rows):
-    """Where the figures come from."""
-    figure.supxlabel(caption(rows).replace("; ", "\n"), fontsize=8, color=NOTE)
+def save(figure, results, path):
+    """Say where the figures come from, and write the file."""
+    figure.supxlabel(caption(results).replace("; ", "\n"), fontsize=8, color=NOTE)
+    figure.savefig(path, dpi=130, bbox_inches="tight", pad_inches=0.15)
 
 
-def draw(rows, folder):
-    """Both charts."""
+def draw(results, folder):
+    """All charts."""
     with matplotlib.rc_context(STYLE):
-        speed(rows, folder / "speed.png")
-        scaling(rows, folder / "scaling.png")
+        speed(results, folder / "speed.png")
+        observables(results, folder / "observables.png")
+        scaling(results, folder / "scaling.png")

@@ -3,9 +3,9 @@
 `python bench/compare.py REV_A REV_B` checks both out beside the repository (`.` is the working
 tree) and runs the benchmarks of the working tree against each in turn, several rounds, the order
 changing from round to round. The best time of each benchmark counts. What looks slower than the
-threshold is measured again, in up to twice as many rounds, before it is called so. A benchmark that
-runs with A and fails with B counts as slower; one that fails with A has nothing to be compared
-with.
+threshold is measured again, in up to twice as many rounds, before it is called so. What takes long
+is measured in the first round alone. A benchmark that runs with A and fails with B counts as
+slower; one that A cannot run has nothing to be compared with. `revision.py` adapts to version 0.1.
 """
 
 import argparse
@@ -16,10 +16,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from report import BENCH, load, rate, run_pytest
+from measuring import BENCH, run_pytest
+from results import Whose, load
 
 ROOT = BENCH.parent
-SUITES = ["bench_map3d.py", "bench_nd.py", "bench_closed_form.py", "bench_calls.py"]
 
 
 def resolve(revision):
@@ -47,16 +47,15 @@ def checked_out(commit, folder):
         subprocess.run([*git, "remove", "--force", str(folder)], check=False)
 
 
-def measure(label, tree, folder, select=None, names=None):
-    """One round with the package of `tree`: seconds by benchmark."""
+def measure(label, tree, folder, *options, names=None):
+    """One round with the package of `tree`: seconds by benchmark, of all or of those names."""
     target = Path(folder) / "round.json"
     target.unlink(missing_ok=True)
-    tests = [str(BENCH / name) for name in (names or SUITES)]
+    tests = [str(BENCH / name) for name in (names or [""])]
     done = run_pytest(
         target,
         tests,
-        *(["-k", select] if select else []),
-        "--benchmark-quiet",
+        *options,
         env={"PYTHONPATH": str(tree)},
         cwd=folder,  # pytest would import the package from a checkout that it is run in
         capture_output=True,
@@ -67,9 +66,10 @@ def measure(label, tree, folder, select=None, names=None):
         raise SystemExit(f"compare.py: {label} did not import its package:\n{done.stdout[-3000:]}")
     if not target.exists():
         raise SystemExit(f"compare.py: no benchmark ran with {label}:\n{done.stdout[-3000:]}")
-    print(f"  {label}: {found[0]}", flush=True)
-    rows = load(target)["benchmarks"]
-    return {row["name"]: 1 / rate(row) for row in rows if not row.get("baseline")}
+    failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    print(f"  {label}: {found[0]}", *(f"\n    fails: {name}" for name in failed), flush=True)
+    rows = load(target).rows
+    return {row.name: 1 / row.rate for row in rows if row.whose is Whose.OURS}
 
 
 def keep_best(best, times):
@@ -104,15 +104,17 @@ def table(best_a, best_b, threshold):
 def compare(trees, rounds, threshold, select, folder):
     """Best times with A and with B, after so many rounds, and more for what looks slower."""
     best = {"A": {}, "B": {}}
-    names = None
+    names, chosen = None, ["-k", select] if select else []
     for k in range(3 * rounds):
+        marked = ["-m", "not other and not once" if k else "not other"]
         if k >= rounds:
             names = [name for name in slower(best["A"], best["B"], threshold) if name in best["B"]]
             if not names:
                 break
+            marked, chosen = [], []
             print(f"again: {len(names)}", flush=True)
         for label in "AB" if k % 2 == 0 else "BA":
-            found = measure(label, trees[label], folder, select if names is None else None, names)
+            found = measure(label, trees[label], folder, *marked, *chosen, names=names)
             keep_best(best[label], found)
     return best["A"], best["B"]
 
@@ -135,7 +137,8 @@ def main():
         a, b = compare(trees, options.rounds, options.threshold, options.select, folder)
     print(table(a, b, options.threshold))
     late = slower(a, b, options.threshold)
-    print(f"{len(late)} of {len(a)} slower than {options.threshold:g} times A")
+    both = len(a.keys() & b.keys())
+    print(f"{len(late)} of {both} slower than {options.threshold:g} times A")
     return 1 if late else 0
 
 

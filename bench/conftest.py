@@ -3,8 +3,16 @@
 import numba
 import pytest
 from machine import describe
+from results import Whose
 
 import suslov_fast
+
+WRONG = 1e-9  # far above what rounding and the tolerances of integrators leave
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "once: takes long; measured in the first pass alone")
+    config.addinivalue_line("markers", "other: does not depend on this package")
 
 
 def pytest_report_header():
@@ -26,30 +34,19 @@ class Measure:
         """The size of a problem: the second where it is only a test."""
         return full if self.full else min(full, small)
 
-    def __call__(
-        self,
-        call,
-        *,
-        table,
-        row,
-        unit,
-        work,
-        threads=1,
-        error=None,
-        limit=None,
-        rounds=None,
-        **more,
-    ):
-        """Time `call`, which does `work` units; `limit` is (what, how many of it per unit).
+    def __call__(self, call, *, rounds=None, prepare=None, whose=Whose.OURS, **row):
+        """Time `call`; `row` are fields of `results.Row`.
 
-        More facts: `x` is where a chart of scaling puts it, `components` is n - 1, and a `baseline`
-        is independent of this package. `rounds` are as many as said, not as pytest-benchmark wants.
+        `rounds` are as many as said, not as pytest-benchmark wants. `prepare` is called before each
+        of them, and nothing is called to warm up then.
         """
+        # Who computes something else, and faster, is no peer.
+        assert (row.get("error") or 0.0) < WRONG
+        self._benchmark.extra_info.update(whose=whose, **row)
+        if prepare:
+            self._benchmark.pedantic(call, setup=prepare, rounds=rounds)
+            return
         call()  # compiles, wakes threads, touches memory
-        self._benchmark.extra_info.update(
-            table=table, row=row, unit=unit, work=work, threads=threads, error=error, limit=limit
-        )
-        self._benchmark.extra_info.update(more)
         if rounds:
             self._benchmark.pedantic(call, rounds=rounds)
         else:
@@ -64,6 +61,14 @@ def measure(benchmark):
 @pytest.fixture
 def all_threads():
     return int(numba.config.NUMBA_NUM_THREADS)
+
+
+@pytest.fixture
+def set_threads():
+    """Sets the threads of functions that take no `threads`, until the end of the benchmark."""
+    before = numba.get_num_threads()
+    yield numba.set_num_threads
+    numba.set_num_threads(before)
 
 
 def pytest_generate_tests(metafunc):

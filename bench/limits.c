@@ -1,5 +1,6 @@
 /* What the machine can do at most: divisions, and stores. */
 #include <stddef.h>
+#include <string.h>
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -41,3 +42,13 @@ void store_streaming(double *to, long size, double value, int threads)
     for (long i = 0; i < size; i += 2) _mm_stream_pd(to + i, _mm_set1_pd(value));
 }
 #endif
+
+/* Memory to memory, a part on each thread. */
+void copy(const double *from, double *to, long size, int threads)
+{
+    #pragma omp parallel for schedule(static) num_threads(threads)
+    for (int part = 0; part < threads; part++) {
+        long begin = size * part / threads, end = size * (part + 1) / threads;
+        memcpy(to + begin, from + begin, sizeof(double) * (end - begin));
+    }
+}

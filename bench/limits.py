@@ -1,4 +1,4 @@
-"""The limits of the machine, measured: divisions, and bytes stored, per second."""
+"""The limits of the machine, measured: divisions, bytes stored and bytes copied, per second."""
 
 import ctypes
 
@@ -7,9 +7,10 @@ from gcc import library, pointer
 
 
 def aligned(shape):
-    """A C-contiguous array of doubles at a multiple of 64 bytes, as streaming stores need."""
+    """A C-contiguous array of zeros, touched, at a multiple of 64 bytes for streaming stores."""
     size = int(np.prod(shape))
-    room = np.zeros(size + 8)  # large ones are on huge pages, where the system has them
+    room = np.empty(size + 8)  # large ones are on huge pages, where the system has them
+    room.fill(0.0)
     start = -room.ctypes.data % 64 // 8
     return room[start : start + size].reshape(shape)
 
@@ -28,3 +29,9 @@ def store(to, threads, streaming=False):
     if function is None:
         raise ImportError("no streaming stores for this processor")
     function(pointer(to), ctypes.c_long(to.size), ctypes.c_double(1.0), ctypes.c_int(threads))
+
+
+def copy(source, to, threads):
+    """Copy memory, a part on each thread."""
+    size, count = ctypes.c_long(to.size), ctypes.c_int(threads)
+    library("limits.c").copy(pointer(source), pointer(to), size, count)

@@ -30,6 +30,12 @@ def problem_nd(components, batch):
     return body, rng.normal(size=(batch, components)) * scale
 
 
+def isotropic(components, batch):
+    """A body in components + 1 dimensions that has a closed form, and states of the order of 1."""
+    body, omega0 = problem_nd(components, batch)
+    return SuslovND(np.full(components, 2.0), body.I), omega0
+
+
 def relative_error(computed, reference):
     """The largest |computed - reference| / |reference|, of vectors on the last axis."""
     difference = np.sqrt(((computed - reference) ** 2).sum(-1))
@@ -55,14 +61,14 @@ def _xy(omega0):
 
 @functools.cache
 def orbit(batch, steps):
-    """All states 0 ... steps of the first trajectories, (batch, steps + 1, 2), by iteration."""
+    """All states 0 ... steps of the first trajectories, (steps + 1, batch, 2), by iteration."""
     _, _, _, _, eps, a, _ = _precise()
     x, y = _xy(starts(batch))
     X, Y = [eps * x / np.sqrt(2 * a)], [eps * y / (2 * a)]
     for _ in range(steps):
         X.append(X[-1] * (1 + Y[-1]) / (1 - Y[-1] + X[-1] ** 2))
         Y.append(Y[-1] - X[-2] * X[-1])
-    return _from_xy(np.stack(X, -1) * np.sqrt(2 * a) / eps, np.stack(Y, -1) * 2 * a / eps)
+    return _from_xy(np.stack(X) * np.sqrt(2 * a) / eps, np.stack(Y) * 2 * a / eps)
 
 
 @functools.cache

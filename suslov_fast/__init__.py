@@ -20,16 +20,26 @@ from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
 from ._ensemble.api import ensemble, open_ensemble
 from ._ensemble.starts import RandomStarts
-from ._full import step_full
+from ._full import iterate_full, step_full
 from ._linearised import jacobian, matrix, multipliers
+from ._lyapunov import lyapunov_exponents
 from ._map import iterate, step
+from ._plots import (
+    animate_body,
+    plot_convergence,
+    plot_four_dimensions,
+    plot_phase,
+    plot_regimes,
+    plot_scattering,
+)
 from ._scattering import scattering_angle
 from ._section4 import ClosedForm, closed_form
 from ._solution import exact, flow, limits
+from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ClosedForm",
@@ -41,6 +51,7 @@ __all__ = [
     "Suslov3D",
     "SuslovND",
     "Trajectories",
+    "animate_body",
     "attitude",
     "closed_form",
     "criticality",
@@ -49,19 +60,31 @@ __all__ = [
     "exact",
     "first_integral",
     "flow",
+    "from_matrix",
+    "from_vector",
     "from_xy",
     "invariant_density",
     "iterate",
+    "iterate_full",
     "jacobian",
     "limits",
+    "lyapunov_exponents",
     "matrix",
     "modified_energy",
+    "momentum",
     "multipliers",
     "open_ensemble",
+    "plot_convergence",
+    "plot_four_dimensions",
+    "plot_phase",
+    "plot_regimes",
+    "plot_scattering",
     "reaction",
     "scattering_angle",
     "step",
     "step_full",
+    "to_matrix",
+    "to_vector",
     "to_xy",
     "vector_field",
 ]

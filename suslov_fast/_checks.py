@@ -14,8 +14,17 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 
-def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
-    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+# Arrays beyond this size take longer to look through than to compute with.
+LARGE = 2**14
+
+
+def real_array(
+    name: str, value: ArrayLike, allow_nan: bool = False, later: bool = False
+) -> FloatArray:
+    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN.
+
+    With `later`, whoever reads a LARGE array must find infinite numbers, and then call this again.
+    """
     if type(value) is float and math.isfinite(value):
         return np.array(value)
     try:
@@ -35,6 +44,8 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
     if array.dtype != np.float64:
         with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
             array = array.astype(np.float64)
+    if later and array.size > LARGE:
+        return array
     finite = ~np.isinf(array) if allow_nan else np.isfinite(array)
     if not finite.all():
         index = tuple(int(i) for i in np.argwhere(~finite)[0])
@@ -57,9 +68,11 @@ def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArra
         ) from error
 
 
-def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
+def vectors(
+    name: str, value: ArrayLike, dimension: int, allow_nan: bool = False, later: bool = False
+) -> FloatArray:
     """An array of finite real vectors, components on the last axis."""
-    array = real_array(name, value, allow_nan)
+    array = real_array(name, value, allow_nan, later)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise ValueError(f"{name}: expected shape (..., {dimension}), got {array.shape}")
     return array

@@ -5,6 +5,7 @@ Every function takes states of any shape (..., D): one, a batch, or a whole run,
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ._bodies.nd import SuslovND
@@ -52,7 +53,7 @@ def energy(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArr
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         return of_state_nd(observables_nd.energy, body, state, None, batch, count)
@@ -105,7 +106,7 @@ def first_integral(
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.265344729629
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         reduce(body, "first_integral")
@@ -157,7 +158,7 @@ def modified_energy(
     >>> float(modified_energy(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     2.122757837035
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         return of_state_nd(observables_nd.modified_energy, body, state, step_size, batch, count)
@@ -206,7 +207,7 @@ def criticality(
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         reduce(body, "criticality")
@@ -255,21 +256,49 @@ def invariant_density(
     >>> from suslov_fast import Suslov3D, invariant_density, jacobian, step
     >>> body, omega = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]
     >>> float(invariant_density(body, omega, eps=0.2).round(9))
-    -0.09605068
+    -0.096052391
     >>> after = invariant_density(body, step(body, omega, eps=0.2), eps=0.2)
     >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
-    -0.09605068
+    -0.096052391
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, dimension=2, later=True)
     count = thread_count(threads)
     return of_state(observables.invariant_density, body, state, step_size, batch, count)
 
 
-def _first_integral_nd(body: SuslovND, state: FloatArray, step_size: FloatArray) -> FloatArray:
+def _first_integral_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    if body.dimension == 2:
+        reduction = reduce(body, "first_integral")
+        return first_integral(reduction.three, reduction.state(omega), eps, threads=1)
+    body, omega, eps, unit = _normal(body, omega, eps)
     reduction = reduce(body, "first_integral")
-    return first_integral_nd(reduction, state, step_size, energy(body, state, threads=1))
+    value = first_integral_nd(reduction, omega, eps, energy(body, omega, threads=1))
+    return _ldexp(value, unit)
 
 
-def _criticality_nd(body: SuslovND, state: FloatArray, step_size: FloatArray) -> FloatArray:
+def _criticality_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    if body.dimension > 2:
+        body, omega, eps, _ = _normal(body, omega, eps)
     reduction = reduce(body, "criticality")
-    return criticality(reduction.three, reduction.state(state), step_size, threads=1)
+    return criticality(reduction.three, reduction.state(omega), eps, threads=1)
+
+
+def _normal(
+    body: SuslovND, omega: FloatArray, eps: FloatArray
+) -> tuple[SuslovND, FloatArray, FloatArray, FloatArray]:
+    """All in units of powers of two in which it is of the order of 1; the power that F has."""
+    _, moments = np.frexp(body.J.max(axis=-1, keepdims=True))
+    _, products = np.frexp(abs(body.I).max(axis=-1, keepdims=True))
+    _, speeds = np.frexp(abs(omega).max(axis=-1, keepdims=True))
+    # Positive, as a body's must be, however far apart they are.
+    normal = SuslovND(np.maximum(_ldexp(body.J, -moments), 2.0**-900), _ldexp(body.I, -products))
+    power = (speeds + products - moments)[..., 0]
+    # Steps that long are all alike, and finite.
+    step_size = np.clip(_ldexp(eps, power), -1e300, 1e300)
+    return normal, _ldexp(omega, -speeds), step_size, (2 * speeds - moments)[..., 0]
+
+
+def _ldexp(values: FloatArray, power: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        result: FloatArray = np.ldexp(values, power)
+    return result

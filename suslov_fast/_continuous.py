@@ -46,7 +46,7 @@ def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> Fl
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension,)
@@ -97,32 +97,24 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    (state, *step_size), batch = check(body, {"omega": omega}, {} if eps is None else {"eps": eps})
+    (state, *step_size), batch = check(
+        body, {"omega": omega}, {} if eps is None else {"eps": eps}, later=True
+    )
     count = thread_count(threads)
     if isinstance(body, SuslovND):
-        return _reaction_nd(body, state, step_size[0] if step_size else None, batch, count)
-    if not step_size:
-        return of_state(observables.reaction, body, state, None, batch, count)
-    loop = observables.discrete_reaction
-    return of_state(loop, body, state, step_size[0], batch, count, warn=True)
+        result = (body.dimension, body.dimension)
+        if step_size:
+            return by_slabs(
+                _discrete_reaction_nd, body, state, step_size[0], batch, result, warn=True
+            )
+        return of_state_nd(observables_nd.reaction, body, state, None, batch, count, result)
+    if step_size:
+        loop = observables.discrete_reaction
+        return of_state(loop, body, state, step_size[0], batch, count)
+    return of_state(observables.reaction, body, state, None, batch, count)
 
 
-def _reaction_nd(
-    body: SuslovND,
-    state: FloatArray,
-    step_size: FloatArray | None,
-    batch: tuple[int, ...],
-    threads: int | None,
-) -> FloatArray:
-    result = (body.dimension, body.dimension)
-    if step_size is None:
-        return of_state_nd(observables_nd.reaction, body, state, None, batch, threads, result)
-
-    def between(body: SuslovND, state: FloatArray, step_size: FloatArray) -> FloatArray:
-        following = iterate(
-            body, state, step_size, 1, save_every=None, on_singular="ignore", threads=threads
-        ).final
-        loop, shape = observables_nd.reaction, state.shape[:-1]
-        return of_state_nd(loop, body, state, None, shape, threads, result, following)
-
-    return by_slabs(between, body, state, step_size, batch, result, warn=True)
+def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
+    loop, result = observables_nd.reaction, (body.dimension, body.dimension)
+    return of_state_nd(loop, body, omega, None, omega.shape[:-1], None, result, following)

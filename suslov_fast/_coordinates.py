@@ -47,7 +47,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    (state,), batch = check(body, {"omega": omega}, dimension=2)
+    (state,), batch = check(body, {"omega": omega}, dimension=2, later=True)
     return of_state(observables.to_xy, body, state, None, batch, thread_count(threads), 2)
 
 
@@ -83,9 +83,9 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    (state,), batch = check(body, {"xy": xy}, dimension=2)
+    (state,), batch = check(body, {"xy": xy}, dimension=2, later=True)
     if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return of_state(observables.from_xy, body, state, None, batch, thread_count(threads), 2)
+    return of_state(observables.from_xy, body, state, None, batch, thread_count(threads), 2, "xy")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import zipfile
 from collections.abc import Callable, Iterator
@@ -40,7 +41,7 @@ def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
     What would keep it from being written there is found out before any work is done.
     """
     suffix = suffix_of(path)
-    _engine_of(suffix)
+    engine_of(suffix)
     with replacing(path, folder=suffix == ".zarr") as new:
         yield lambda entries: _WRITERS[suffix](new, entries)
 
@@ -48,7 +49,7 @@ def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
 def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
     """What `interpret` makes of the entries in a file; its ValueErrors get the name of the file."""
     suffix = suffix_of(path)
-    _engine_of(suffix)
+    engine_of(suffix)
     os.stat(path)  # that there is no such file is for the system to say
     try:
         return interpret(_READERS[suffix](path))
@@ -56,8 +57,8 @@ def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
-def _engine_of(suffix: str) -> str | None:
-    """The part of xarray that reads and writes a kind of file."""
+def engine_of(suffix: str) -> str | None:
+    """The part of xarray that reads and writes a kind of file; ImportError if it is missing."""
     if suffix == ".npz":
         return None
     _labelled.import_xarray()
@@ -83,7 +84,10 @@ def _write_npz(new: Path, entries: Entries) -> None:
 
 
 def _write_nc(new: Path, entries: Entries) -> None:
-    _checked_dataset(entries).to_netcdf(new, engine=_engine_of(".nc"))
+    try:
+        _checked_dataset(entries).to_netcdf(new, engine=engine_of(".nc"))
+    except RuntimeError as error:  # netCDF4's word for a full disk
+        raise OSError(errno.EIO, f"could not be written: {error}", os.fspath(new)) from error
 
 
 def _write_zarr(new: Path, entries: Entries) -> None:
@@ -120,7 +124,7 @@ def _read_dataset(path: PathLike) -> Entries:
     try:
         with xarray.open_dataset(
             os.path.abspath(path),
-            engine=_engine_of(suffix),
+            engine=engine_of(suffix),
             mask_and_scale=False,
             decode_times=False,
         ) as opened:

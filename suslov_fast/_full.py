@@ -5,10 +5,13 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from ._bodies.three import Suslov3D
-from ._checks import FloatArray
-from ._core.formulas.full_map import full_step
-from ._engine.arguments import check, components
-from ._engine.elementwise import evaluate, without_poles
+from ._checks import FloatArray, integer, one_of
+from ._engine.arguments import check
+from ._engine.layout import checked_out, flat_parameter, own_states
+from ._engine.progress import Progress, check_progress
+from ._engine.run import Run, execute
+from ._engine.threads import thread_count
+from ._trajectories import OnSingular, Trajectories, report
 
 
 def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> FloatArray:
@@ -21,7 +24,7 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     body : Suslov3D
         The body, or a batch of them.
     omega : array_like(float, shape=(..., 3))
-        Angular velocities (Omega1, Omega2, Omega3).
+        Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
     I3 : array_like(float, shape=(...))
@@ -30,7 +33,8 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        The next states; NaN, with one :class:`SingularStepWarning`, where there is none.
+        The next states; NaN where omega is, and, with one :class:`SingularStepWarning`, where there
+        is none.
 
     Raises
     ------
@@ -44,11 +48,123 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.988568,  0.315951, -0.1     ])
     """
+    run = _checked(body, "omega", omega, eps, I3)
+    trajectories = Trajectories.of(run, execute(run))
+    # A state that does not exist has no next one, and that is no news.
+    report(trajectories, "warn", trajectories.failed_at > 0, stacklevel=2)
+    return trajectories.final
+
+
+def iterate_full(
+    body: Suslov3D,
+    omega0: ArrayLike,
+    eps: ArrayLike,
+    steps: int,
+    I3: ArrayLike,
+    *,
+    save_every: int | None = 1,
+    out: FloatArray | None = None,
+    threads: int | None = None,
+    on_singular: OnSingular = "warn",
+    progress: Progress = None,
+) -> Trajectories:
+    """Iterate the three-component scheme, equation (ds), in which Omega3 need not vanish.
+
+    The shapes of the body, of `eps`, of `I3` and of `omega0` without its last axis broadcast to the
+    batch shape ``...``.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega0 : array_like(float, shape=(..., 3))
+        Initial angular velocities (Omega1, Omega2, Omega3).
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega0; a negative one gives the inverse map.
+    steps : int
+        Number of steps, 0 or more.
+    I3 : array_like(float, shape=(...))
+        The third moment of inertia, positive.
+    save_every : int or None
+        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
+    out : ndarray(float64, shape=(n_saved, ..., 3)), optional
+        C-contiguous array that receives the saved states, instead of a new one.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
+    on_singular : {"warn", "raise", "ignore"}
+        What to do if trajectories came to an end, as in :func:`iterate`.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+
+    Returns
+    -------
+    Trajectories
+        With states of three components. What holds for the problem itself, such as
+        :func:`first_integral`, does not for them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above; nothing is computed or written then.
+    ImportError
+        If `progress` is True and tqdm is not installed.
+    SingularStepError
+        If `on_singular` is "raise" and a trajectory came to an end.
+
+    Notes
+    -----
+    Omega3 changes sign at each step. As eps -> 0 the scheme then has no limit: for the body below,
+    omega0 = (1, 0.5, 0.1) and I3 = 3 the quotient (Omega1_next - Omega1) / eps is
+
+    ======  ==========  ============
+    eps     Omega3 = 0  Omega3 = 0.1
+    ======  ==========  ============
+    0.1     0.0750      -0.178
+    0.01    0.0806      -2.42
+    0.001   0.0812      -24.9
+    ======  ==========  ============
+
+    This is why the paper sets Omega3 = 0.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, iterate_full
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> orbit = iterate_full(body, [1.0, 0.5, 0.1], eps=0.2, steps=100, I3=3)
+    >>> orbit.omega.shape
+    (101, 3)
+    >>> orbit.omega[:4, 2]
+    array([ 0.1, -0.1,  0.1, -0.1])
+    """
+    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+    run = _checked(body, "omega0", omega0, eps, I3)
+    run.steps = integer("steps", steps, 0, "an integer of at least 0")
+    if save_every is not None:
+        run.save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    run.threads = thread_count(threads)
+    check_progress(progress)
+    run.progress = progress
+    if out is not None:
+        out = checked_out("out", out, run.shape)
+    trajectories = Trajectories.of(run, execute(run, out))
+    report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
+    return trajectories
+
+
+def _checked(body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> Run:
+    """A run of one step."""
     (state, step_size, third), batch = check(
-        body, {"omega": omega}, {"eps": eps, "I3": I3}, dimension=3
+        body, {name: omega}, {"eps": eps, "I3": I3}, dimension=3
     )
     if not (third > 0).all():
         raise ValueError(f"I3: expected a positive moment of inertia, got {third.min()}")
-    return without_poles(
-        evaluate(full_step, batch, *body.parameters, step_size, third, *components(state))
+    return Run(
+        body=body,
+        batch=batch,
+        omega0=own_states(state, batch),
+        eps=step_size.copy(),
+        steps=1,
+        save_every=None,
+        method="full",
+        resume={"I3": flat_parameter(third, batch).copy()},
     )

@@ -56,12 +56,12 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
         return by_slabs(_jacobian_nd, body, state, step_size, batch, result, warn=True)
-    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4, warn=True)
+    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4)
     return entries.reshape((*batch, 2, 2))
 
 
@@ -106,7 +106,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
     count = thread_count(threads)
     if isinstance(body, SuslovND):
         result = (body.dimension, body.dimension)
@@ -117,7 +117,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
 
 def _jacobian_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
-    exists = np.isfinite(following).all(axis=-1)[..., np.newaxis, np.newaxis]
+    exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
     identity = np.eye(body.dimension)
     left = np.where(exists, matrix(body, omega, eps), identity)
     right = np.where(exists, matrix(body, following, -eps), np.nan)
@@ -184,16 +184,21 @@ def _exponent(values: FloatArray) -> FloatArray:
 
 def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
     """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
-    moments, products = body.exponents
-    I1, I2, I13, I23 = body.normalised
-    return np.asarray(I13 * I13 / I1 + I23 * I23 / I2)[..., np.newaxis], 2 * products - moments
+    I1, I2, I13, I23 = body.parameters
+    first, k = _mantissa(I13) ** 2 / _mantissa(I1), 2 * _exponent(I13) - _exponent(I1)
+    second, l = _mantissa(I23) ** 2 / _mantissa(I2), 2 * _exponent(I23) - _exponent(I2)
+    # The larger of the two powers; that of a 0 does not count.
+    power = np.maximum(np.where(first > 0, k, l), np.where(second > 0, l, k))
+    total = np.ldexp(first, k - power) + np.ldexp(second, l - power)
+    return np.asarray(total)[..., np.newaxis], power
 
 
 def _spectrum_nd(body: SuslovND) -> tuple[FloatArray, FloatArray]:
     """The spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, likewise, ascending."""
     moments = _exponent(body.J.max(axis=-1))
     products = _exponent(abs(body.I).max(axis=-1))
-    J = np.ldexp(body.J, -moments[..., np.newaxis])
+    # A moment this much smaller than others leaves the range of float64 in what follows.
+    J = np.maximum(np.ldexp(body.J, -moments[..., np.newaxis]), 2.0**-900)
     I = np.ldexp(body.I, -products[..., np.newaxis])
     square = (I * I).sum(axis=-1, keepdims=True)
     # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and takes sqrt(J) I to 0. A reflection of an

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body, check
-from ._engine.layout import checked_out, flat_matrices, flat_vectors
+from ._engine.layout import checked_out, flat_matrices, own_states
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
@@ -62,7 +62,7 @@ def next_states(
     run = Run(
         body=body,
         batch=batch,
-        omega0=_own(state, batch),
+        omega0=own_states(state, batch),
         eps=step_size,
         steps=1,
         save_every=None,
@@ -177,7 +177,7 @@ def iterate(
     run = Run(
         body=body,
         batch=batch,
-        omega0=_own(state, batch),
+        omega0=own_states(state, batch),
         eps=step_size if step_size.ndim == 0 else step_size.copy(),
         steps=steps,
         save_every=save_every,
@@ -191,13 +191,3 @@ def iterate(
     trajectories = Trajectories.of(run, execute(run, out))
     report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
     return trajectories
-
-
-def _own(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """States (B, D) that nobody else writes to; NaN in all components where one is."""
-    flat = flat_vectors(state, batch)
-    if np.may_share_memory(flat, state):
-        flat = flat.copy()
-    if np.isnan(flat.min(initial=0.0)):  # no array of its own
-        flat[np.isnan(flat).any(axis=-1)] = np.nan
-    return flat

@@ -5,22 +5,20 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ._bodies.nd import SuslovND
-from ._bodies.reduction import Reduction, reduce
+from ._bodies.reduction import reduce
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, real_array
-from ._core.cpu import closed_form as loops
-from ._core.formulas import coordinates, integrals
-from ._engine import threads
-from ._engine.arguments import Body, check, components
-from ._engine.elementwise import evaluate
-from ._engine.layout import flat_parameter, flat_vectors, for_kernel
+from ._engine.arguments import Body, check
+from ._engine.closed_form import states_at
+from ._engine.threads import thread_count
 from ._status import SingularStepWarning
 
 
-def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatArray:
+def exact(
+    body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
     """State n of the map, by the closed form: no iteration, the same time for every n.
 
     Parameters
@@ -34,17 +32,22 @@ def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatA
     n : array_like(float, shape=() or (N,))
         Numbers of the states wanted, of either sign and up to 2**53 in size. While t < 1
         (:func:`criticality`) n may be any real number: the curve through the orbit.
+    threads : int, optional
+        Number of threads; by default what Numba is set to. Results do not depend on it.
 
     Returns
     -------
-    ndarray(float, shape=(..., D) or (..., N, D))
+    ndarray(float, shape=(..., D) or (N, ..., D))
         The states; NaN where there is none: at a pole, with a :class:`SingularStepWarning`, and
-        for n that is not an integer where t >= 1, with a `RuntimeWarning`.
+        for n that is not an integer where t >= 1, with a `RuntimeWarning`. Where omega0 is NaN they
+        are too, without a warning.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is not what is said above.
+    MemoryError
+        If the states do not fit in memory.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -66,21 +69,14 @@ def exact(body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike) -> FloatA
            [ 0.791446, -1.319077]])
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    numbers = _times("n", n)
-    if isinstance(body, SuslovND):
-        reduction = reduce(body, "exact")
-        states = _fill_nd(reduction, state, step_size, batch, numbers, flow=False)
-    else:
-        states = _fill(body, state, step_size, batch, numbers, flow=False)
-    missing = np.isnan(states[..., 0])
-    if missing.any():
-        between = numbers != np.floor(numbers)
-        _warn(missing & between, "no state between two steps where t >= 1", RuntimeWarning)
-        _warn(missing & ~between, "no state there, a pole of the map", SingularStepWarning)
+    numbers, count = _times("n", n), thread_count(threads)
+    states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
+    _warn(missing[1], states, "no state between two steps where t >= 1", RuntimeWarning)
+    _warn(missing[0], states, "no state there, a pole of the map", SingularStepWarning)
     return states
 
 
-def flow(body: Body, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
+def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """The continuous motion at time t, by its closed form.
 
     Parameters
@@ -91,11 +87,13 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
         The angular velocity at time 0.
     t : array_like(float, shape=() or (N,))
         Times, of either sign and any size, in the unit of time of omega0.
+    threads : int, optional
+        Number of threads; by default what Numba is set to. Results do not depend on it.
 
     Returns
     -------
-    ndarray(float, shape=(..., D) or (..., N, D))
-        The angular velocities.
+    ndarray(float, shape=(..., D) or (N, ..., D))
+        The angular velocities; NaN where omega0 is.
 
     Raises
     ------
@@ -121,10 +119,8 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike) -> FloatArray:
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
-    times = _times("t", t)
-    if isinstance(body, SuslovND):
-        return _fill_nd(reduce(body, "flow"), state, np.array(1.0), batch, times, flow=True)
-    return _fill(body, state, np.array(1.0), batch, times, flow=True)
+    times, count = _times("t", t), thread_count(threads)
+    return _solve("flow", body, state, np.array(1.0), batch, times, count)[0]
 
 
 def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +139,8 @@ def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, F
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
         The limits for n to minus and to plus infinity: opposite points of the line
-        I13 Omega1 + I23 Omega2 = 0. A state that does not move is its own limit.
+        I13 Omega1 + I23 Omega2 = 0. A state that does not move is its own limit. NaN where omega0
+        is, and for the one state of a body from which the map, or its inverse, leads nowhere.
 
     Raises
     ------
@@ -166,20 +163,9 @@ def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, F
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    if isinstance(body, SuslovND):
-        reduction = reduce(body, "limits")
-        ends = limits(reduction.three, reduction.state(state), step_size)
-        return reduction.back(ends[0], state), reduction.back(ends[1], state)
-    parameters = (*body.normalised, body.normalised_eps(step_size))
-    XY = evaluate(coordinates.to_canonical, batch, *parameters, *components(state))[..., :2]
-    frame = evaluate(coordinates.from_canonical, batch, *parameters)
-    level = np.asarray(evaluate(integrals.level, batch, *components(XY)))
-    moves = (XY[..., 0] != 0) & (abs(XY).sum(axis=-1) >= coordinates.MOTIONLESS)
-    # (X, Y) tends to (0, T) and (0, -T): only the second column of the frame counts.
-    with np.errstate(all="ignore"):  # where nothing moves there is no frame
-        far = level[..., np.newaxis] * frame[..., 1::2]
-    moves = moves[..., np.newaxis]
-    return np.where(moves, far, state), np.where(moves, -far, state)
+    ends = np.array([-np.inf, np.inf])
+    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, None)
+    return minus, plus
 
 
 def _times(name: str, value: ArrayLike) -> FloatArray:
@@ -189,49 +175,30 @@ def _times(name: str, value: ArrayLike) -> FloatArray:
     return times
 
 
-def _fill(
-    body: Suslov3D,
+def _solve(
+    name: str,
+    body: Body,
     state: FloatArray,
-    step_size: FloatArray,
+    eps: FloatArray,
     batch: tuple[int, ...],
     times: FloatArray,
-    flow: bool,
-) -> FloatArray:
-    eps = flat_parameter(body.normalised_eps(step_size), batch)
-    states = flat_vectors(state, batch)
-    flat_times = for_kernel(times.reshape(-1))
-    out = np.empty((len(states), flat_times.size, 2))
-    threads.run(
-        loops.fill,
-        out.size // 2 * loops.WORK,
-        None,
-        flow,
-        *body.flat_normalised(batch),
-        eps,
-        states,
-        flat_times,
-        out,
-    )
-    return out.reshape((*batch, *times.shape, 2))
+    threads: int | None,
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """States at some times of the map or of the flow, and how many of them are missing."""
+    flow = name == "flow"
+    if isinstance(body, Suslov3D):
+        states, missing = states_at(body, state, eps, batch, times.reshape(-1), flow, threads)
+        return states.reshape(*times.shape, *batch, 2), missing
+    reduction = reduce(body, name)
+    reduced, moments = reduction.state(state), times.reshape(-1)
+    of_three, missing = states_at(reduction.three, reduced, eps, batch, moments, flow, threads)
+    states = reduction.back(of_three, state).reshape(*times.shape, *batch, body.dimension)
+    # At time 0 the given state itself.
+    states[times == 0.0] = state
+    return states, missing
 
 
-def _fill_nd(
-    reduction: Reduction,
-    state: FloatArray,
-    step_size: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    flow: bool,
-) -> FloatArray:
-    """The same for an n-dimensional body; at time 0 the given state itself."""
-    of_three = _fill(reduction.three, reduction.state(state), step_size, batch, times, flow)
-    if times.ndim:
-        reduction, state = reduce(reduction.body.along_time(), ""), state[..., np.newaxis, :]
-    states = reduction.back(of_three, state)
-    return np.where((times == 0)[..., np.newaxis], state, states)
-
-
-def _warn(missing: FloatArray, what: str, category: type[Warning]) -> None:
-    if missing.any():
-        count = np.count_nonzero(missing)
-        warnings.warn(f"{count} of {missing.size} states: {what}", category, stacklevel=3)
+def _warn(missing: np.int64, states: FloatArray, what: str, category: type[Warning]) -> None:
+    if missing:
+        total = states.size // states.shape[-1]
+        warnings.warn(f"{missing} of {total} states: {what}", category, stacklevel=3)

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import settings
 
 from suslov_fast import Suslov3D
+from suslov_fast._engine import problem
 
 # The first call of a kernel compiles it, which no deadline allows for.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
@@ -21,6 +22,15 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture
 def rng():
     return np.random.default_rng(20261120)
+
+
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Let runs be cut into many parts, along the batch and along time."""
+    monkeypatch.setattr(problem, "_PART", 2**12)
+    monkeypatch.setattr(problem, "_ABREAST", 1)
+    monkeypatch.setattr(problem, "_LENGTH", 1)
+    monkeypatch.setattr(problem, "_SHORT", -1.0)  # parts do not grow
 
 
 @pytest.fixture

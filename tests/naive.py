@@ -106,6 +106,33 @@ def criticality(I1, I2, I13, I23, eps, omega):
     return eps * mpmath.sqrt((a * x**2 + y**2) / (4 * a + eps**2 * x**2) / a)
 
 
+def closed_form(I1, I2, I13, I23, eps, omega):
+    """h of (i2), k1 of (k1) with its sign, and k2 of y = 2 sqrt(h I1 I2) tanh(k2), for t < 1."""
+    x, y = xy(I1, I2, I13, I23, omega)
+    I1, I2, eps = exactly(I1, I2, eps)
+    a = I1 * I2
+    h = (a * x**2 + y**2) / (4 * a + eps**2 * x**2)
+    k1 = -mpmath.asinh(2 * eps * mpmath.sqrt(a * h) / (a - h * eps**2)) / eps
+    return h, k1, mpmath.atanh(y / (2 * mpmath.sqrt(a * h)))
+
+
+def invariant_density(I1, I2, I13, I23, eps, omega):
+    """That of dx dy / (x (4 I1 I2 + eps**2 x**2))."""
+    x, _ = xy(I1, I2, I13, I23, omega)
+    I1, I2, eps = exactly(I1, I2, eps)
+    return 1 / (x * (4 * I1 * I2 + eps**2 * x**2))
+
+
+def matrix(I1, I2, I13, I23, eps, omega):
+    """The matrix above (ds2), as printed."""
+    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
+    w1, w2 = (mpf(component) for component in omega)
+    return [
+        [1 + eps * I13 / (2 * I1) * w2, eps * I13 / (2 * I1) * w1 + eps * I23 / I1 * w2],
+        [-eps * I13 / I2 * w1 - eps * I23 / (2 * I2) * w2, 1 - eps * I23 / (2 * I2) * w1],
+    ]
+
+
 def relative_error(computed, exact):
     """|computed - exact| / |exact| of vectors."""
     difference = mpmath.norm([mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)])
@@ -139,19 +166,23 @@ def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
     return state
 
 
-def jacobian(I1, I2, I13, I23, eps, omega):
-    """The derivative of the map by central differences in 60 digits."""
-    h = mpf(10) ** -20
-    state = exactly(*omega)
+def derivative(function, state, digits=20):
+    """The derivative of a function of vectors by central differences."""
+    h, m = mpf(10) ** -digits, range(len(state))
     columns = []
-    for j in range(2):
+    for j in m:
         ends = []
         for sign in (1, -1):
             moved = list(state)
             moved[j] += sign * h
-            ends.append(step(I1, I2, I13, I23, eps, moved))
+            ends.append(function(moved))
         columns.append([(p - m) / (2 * h) for p, m in zip(*ends, strict=True)])
-    return [[columns[j][i] for j in range(2)] for i in range(2)]
+    return [[columns[j][i] for j in m] for i in m]
+
+
+def jacobian(I1, I2, I13, I23, eps, omega):
+    """The derivative of the map by central differences in 60 digits."""
+    return derivative(lambda state: step(I1, I2, I13, I23, eps, state), exactly(*omega))
 
 
 def reaction(I1, I2, I13, I23, omega, derivative):
@@ -201,6 +232,50 @@ def dsn(J, I, eps, omega, following):
 def step_nd(J, I, eps, omega):
     J, I, (eps,) = exactly(*J), exactly(*I), exactly(eps)
     return solve_affine(lambda v: dsn(J, I, eps, omega, v), len(J))
+
+
+def jacobian_nd(J, I, eps, omega):
+    return derivative(lambda state: step_nd(J, I, eps, state), exactly(*omega))
+
+
+def energy_nd(J, omega):
+    """Half the sum of J_i Omega_i**2."""
+    J, omega = exactly(*J), [mpf(component) for component in omega]
+    return sum(J_i * w**2 for J_i, w in zip(J, omega, strict=True)) / 2
+
+
+def vector_field_nd(J, I, omega):
+    """The right side of (nsus1) over J."""
+    J, I, w = exactly(*J), exactly(*I), [mpf(component) for component in omega]
+    p, square = sum(i * v for i, v in zip(I, w, strict=True)), sum(v * v for v in w)
+    return [(p * w[k] - I[k] * square) / J[k] for k in range(len(J))]
+
+
+def reaction_nd(J, I, omega, following, derivative):
+    """lambda = M' - [M, Omega] of (nsus), M = I Omega + Omega I, products polarised.
+
+    The trace of the second moments of mass is free: what J leaves open cancels.
+    """
+    J, I, n = exactly(*J), exactly(*I), len(J) + 1
+    inertia = mpmath.diag([J_i - J[0] for J_i in J] + [J[0]])
+    for k in range(n - 1):
+        inertia[k, n - 1] = inertia[n - 1, k] = I[k]
+
+    def hat(v):
+        S = mpmath.zeros(n)
+        for k in range(n - 1):
+            S[k, n - 1], S[n - 1, k] = v[k], -v[k]
+        return S
+
+    def momentum(v):
+        return inertia * hat(v) + hat(v) * inertia
+
+    def bracket(v, w):
+        return momentum(v) * hat(w) - hat(w) * momentum(v)
+
+    polarised = (bracket(omega, following) + bracket(following, omega)) / 2
+    reaction = momentum(derivative) - polarised
+    return [[reaction[i, j] for j in range(n - 1)] for i in range(n - 1)]
 
 
 def orbit_nd(J, I, eps, omega, steps):

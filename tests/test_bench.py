@@ -1,33 +1,45 @@
 """The tools that report and compare benchmarks, on made-up results: nothing is timed here."""
 
+import ast
+import graphlib
 import json
+import shutil
+from pathlib import Path
 
 import charts
 import compare
+import numpy as np
 import pytest
 import report
+import results
+import revision
+import tables
+from results import Limit, Row, Table, Whose
 
 
-def row(name, seconds, table="last states", **more):
-    defaults = {"row": name, "table": table, "unit": "steps", "work": 1_000_000, "threads": 2}
-    return {"name": f"bench.py::{name}", "seconds": seconds, "error": 1e-15} | defaults | more
+def row(key, seconds, table=Table.LAST, whose=Whose.OURS, **more):
+    defaults = {"label": key, "unit": "steps", "work": 1_000_000, "threads": 2, "error": 1e-15}
+    values = defaults | more
+    name = f"bench.py::{table.value}[{key}-{whose.value}-{values['threads']}-{values.get('x')}]"
+    return Row(name=name, key=key, seconds=seconds, table=table, whose=whose, **values)
 
 
-def results(*rows, date="2026-11-20", passes=1, **machine):
+def made(*rows, date="2026-11-20", passes=1, **machine):
     machine = {
         "processor": "Abacus",
         "cores": 2,
         "threads": 2,
         "versions": {"numba": "1"},
     } | machine
-    return {"date": date, "machine": machine, "passes": passes, "benchmarks": list(rows)}
+    return results.Results(date=date, machine=machine, passes=passes, rows=rows)
 
 
 @pytest.fixture
 def raw():
     """What pytest-benchmark writes, as far as it matters."""
     stats = {"min": 0.25, "max": 0.5, "data": [0.25, 0.5]}
-    extra = {"table": "last states", "row": "ours", "work": 100, "threads": 1}
+    extra = {"table": "last states", "key": "auto", "label": "ours", "whose": "this package"}
+    extra |= {"unit": "steps", "work": 100, "threads": 1, "limit": ["divisions", 2]}
     return {
         "datetime": "2026-11-20T07:00:00.000000+00:00",
         "machine_info": {"node": "secret", "user": "secret", "processor": "Abacus", "cores": 2},
@@ -38,69 +50,83 @@ def raw():
     }
 
 
-def test_what_is_kept_names_no_machine_and_no_person(raw):
-    kept = report.trim(raw)
-    assert "secret" not in json.dumps(kept)
-    assert kept["machine"] == {"processor": "Abacus", "cores": 2}
-    assert kept["date"] == "2026-11-20"
-    assert kept["benchmarks"] == [
-        {"name": "bench_a.py::b[1/2]", "seconds": 0.25} | raw["benchmarks"][0]["extra_info"]
-    ]
-
-
-def test_files_of_both_kinds_are_read(raw, tmp_path):
-    path = tmp_path / "results.json"
+@pytest.fixture
+def loaded(raw, tmp_path):
+    path = tmp_path / "raw.json"
     path.write_text(json.dumps(raw), encoding="utf-8")
-    trimmed = report.load(path)
-    assert trimmed == report.trim(raw)
-    path.write_text(json.dumps(trimmed), encoding="utf-8")
-    assert report.load(path) == trimmed
+    return results.load(path)
+
+
+def test_what_is_kept_names_no_machine_and_no_person(loaded, tmp_path):
+    results.dump(loaded, tmp_path / "kept.json")
+    assert "secret" not in (tmp_path / "kept.json").read_text(encoding="utf-8")
+    assert loaded.machine == {"processor": "Abacus", "cores": 2}
+    assert loaded.date == "2026-11-20"
+    (kept,) = loaded.rows
+    assert kept.name == "bench_a.py::b[1/2]"
+    assert kept.rate == 400
+    assert kept.table is Table.LAST
+    assert kept.whose is Whose.OURS
+    assert kept.limit == (Limit.DIVISIONS, 2)
+
+
+def test_what_is_kept_is_read_again(loaded, tmp_path):
+    results.dump(loaded, tmp_path / "kept.json")
+    assert results.load(tmp_path / "kept.json") == loaded
 
 
 def test_merging_takes_the_best_time_of_each():
-    merged = report.merge(
+    merged = results.merge(
         [
-            results(row("a", 2.0), row("b", 5.0), passes=2),
-            results(row("a", 3.0), row("b", 4.0, error=1e-9), row("c", 1.0), date="2026-11-21"),
+            made(row("a", 2.0), row("b", 5.0), passes=2),
+            made(row("a", 3.0), row("b", 4.0, error=1e-9), row("c", 1.0), date="2026-11-21"),
         ]
     )
-    assert [(each["row"], each["seconds"]) for each in merged["benchmarks"]] == [
+    assert [(each.key, each.seconds) for each in merged.rows] == [
         ("a", 2.0),
         ("b", 4.0),
         ("c", 1.0),
     ]
-    assert merged["benchmarks"][1]["error"] == 1e-9
-    assert merged["passes"] == 3
-    assert merged["date"] == "2026-11-21"
+    assert merged.rows[1].error == 1e-9
+    assert merged.passes == 3
+    assert merged.date == "2026-11-21"
 
 
 def test_machines_are_not_mixed():
     with pytest.raises(ValueError, match="one machine"):
-        report.merge([results(row("a", 1.0)), results(row("a", 1.0), processor="Slide rule")])
+        results.merge([made(row("a", 1.0)), made(row("a", 1.0), processor="Slide rule")])
 
 
-FULL = results(
-    row("**suslov_fast**", 1e-4, limit=["divisions", 1]),
-    row("**suslov_fast**", 1.9e-4, limit=["divisions", 1], threads=1),
-    row("C, (ds2) as printed", 2e-4, limit=["divisions", 2]),
-    row("Python", 1.0, threads=1),
-    row("ours, stored", 1e-3, "all states", limit=["bytes, streaming stores", 16]),
-    row("divisions", 1e-4, "limits", work=2_000_000),
-    row("divisions", 1e-4, "limits", work=1_000_000, threads=1),
-    row("bytes, streaming stores", 1e-3, "limits", work=64_000_000),
-    row("bytes, plain stores", 1e-3, "limits", work=32_000_000),
-    row("ours, nd", 1e-3, "nd", components=2, threads=1),
-    row("ours, nd", 1e-2, "nd", components=4, threads=1),
-    row("one step", 1e-5, "calls", work=1, threads=1),
-    row("`import numba`", 0.2, "starts", work=1, threads=1, baseline=True),
-    row("first result", 0.5, "starts", work=1, threads=1),
-    row("dense", 1e-3, "one orbit"),
-    row("jump", 1e-3, "jumps"),
-    row("flow", 1e-3, "motion"),
-    *(row("serial", 1e-4, "batch", x=x, threads=1, work=x) for x in (1, 10, 100)),
-    *(row("parallel", 5e-5 + 1e-3 / x, "batch", x=x, work=x) for x in (1, 10, 100)),
-    *(row('order "F"', 1e-4, "saved", x=x) for x in (1, 10)),
-    *(row("3D", 1e-4 / threads, "threads", x=threads, threads=threads) for threads in (1, 2)),
+MACHINE = {"whose": Whose.MACHINE, "table": Table.LIMITS}
+SPLIT = {"table": Table.OBSERVABLES, "limit": (Limit.COPY, 24)}
+FULL = made(
+    row("auto", 1e-4, limit=(Limit.DIVISIONS, 1)),
+    row("auto", 1.9e-4, limit=(Limit.DIVISIONS, 1), threads=1),
+    row("c-printed", 2e-4, whose=Whose.C, limit=(Limit.DIVISIONS, 2)),
+    row("Python", 1.0, whose=Whose.OTHER, threads=1),
+    row("stored", 1e-3, Table.SAVED, limit=(Limit.STREAMING, 16), x=1),
+    row(Limit.DIVISIONS, 1e-4, work=2_000_000, **MACHINE),
+    row(Limit.DIVISIONS, 1e-4, threads=1, **MACHINE),
+    row(Limit.STREAMING, 1e-3, work=64_000_000, **MACHINE),
+    row(Limit.PLAIN, 1e-3, work=32_000_000, **MACHINE),
+    row(Limit.COPY, 1e-3, work=48_000_000, **MACHINE),
+    row(Limit.NEW_COPY, 1e-3, work=12_000_000, threads=1, **MACHINE),
+    row("energy", 1e-3, **SPLIT),
+    row("energy", 2e-3, threads=1, **SPLIT),
+    row("energy", 4e-3, threads=1, whose=Whose.NUMPY, **SPLIT),
+    row("rank2", 1e-3, Table.ND, x=2, threads=1),
+    row("rank2", 1e-2, Table.ND, x=4, threads=1),
+    row("c-rank2", 1e-2, Table.ND, Whose.C, x=4, threads=1),
+    row("one step", 1e-5, Table.CALLS, work=1, threads=1),
+    row("import-numba", 0.2, Table.STARTS, Whose.OTHER, work=1, threads=1),
+    row("first", 0.5, Table.STARTS, work=1, threads=1),
+    row("jump", 1e-3, Table.JUMPS),
+    row("flow", 1e-3, Table.MOTION, unit="trajectories"),
+    *(row(key, 1e-4, Table.BATCH, x=x, work=x) for x in (1, 10, 100) for key in ("auto", "other")),
+    *(row("auto", 1e-3, Table.FEW, limit=(Limit.STREAMING, 16), x=x) for x in (1, 2)),
+    *(row("auto", 1e-4 * x, Table.EVERY, x=x) for x in (1, 10)),
+    *(row("exact", 1e-4, Table.STEPS, x=x) for x in (1, 10)),
+    *(row("last", 1e-4 / threads, Table.THREADS, x=threads, threads=threads) for threads in (1, 2)),
 )
 
 
@@ -110,66 +136,129 @@ def cells(text, name):
     return [cell.strip() for cell in line.split("|")[2:-1]]
 
 
-def test_tables():
-    text = report.tables(FULL)
+def test_last_states():
+    text = tables.last_states(FULL)
     # 1e10 steps per second, of 2e10 divisions.
-    assert cells(text, "**suslov_fast**") == ["10", "2", "1", "50 %", "1e-15"]
-    assert cells(text, "C, (ds2) as printed") == ["5", "1", "2", "50 %", "1e-15"]
+    assert cells(text, "**suslov_fast**, auto") == ["10", "2", "1", "50 %", "1e-15"]
+    assert cells(text, "c-printed") == ["5", "1", "2", "50 %", "1e-15"]
     assert cells(text, r"*limit: one division per step*") == ["20", "4", "1", "100 %", ""]
     # Who loses stays, and says so if it has one thread.
     assert cells(text, "Python, one thread")[:2] == ["0.001", "0.0002"]
+
+
+def test_saved_states():
+    text = tables.saved_states(FULL)
     # 1e9 states of 16 bytes, of 64e9 bytes.
-    assert cells(text, "ours, stored") == ["1", "16", "25 %", "1e-15"]
-    assert cells(text, "ours, nd") == ["1", "10", "1e-15"]
-    assert cells(text, "one step") == ["10"]
-    assert cells(text, "first result") == ["0.5", "2.5"]
-    for fact in ("Abacus", "numba 1", "2026-11-20", "2 threads"):
-        assert fact in text
+    assert cells(text, "**suslov_fast**, stored") == ["1", "16", "25 %", "1e-15"]
+    assert cells(text, "*limit: plain stores*") == ["2", "32", "50 %", ""]
+    assert cells(tables.few_orbits(FULL), "**suslov_fast**, auto") == ["25 %", "25 %"]
+
+
+def test_observables():
+    # 1, 2 and 4 ns; 24e9 of 48e9 bytes per second, and of 12e9.
+    found = cells(tables.observables(FULL), "energy")
+    assert found == ["1", "2", "4", "4", "2", "50 %", "2", "1e-15"]
+
+
+def test_tables_with_columns():
+    text = tables.dimensions(FULL)
+    assert cells(text, "**suslov_fast**, rank2, one thread") == ["1", "10", "1e-15"]
+    assert cells(text, "c-rank2, one thread") == ["", "10", "1e-15"]
+    assert cells(tables.save_every(FULL), "**suslov_fast**, auto") == ["0.1", "1"]
+
+
+def test_calls_and_processes():
+    assert cells(tables.calls(FULL), "one step") == ["10"]
+    assert cells(tables.starts(FULL), "first") == ["0.5", "2.5"]
+
+
+def test_all_tables_tell_their_conditions():
+    for text in (tables.summary(FULL), tables.everything(FULL)):
+        for fact in ("Abacus", "numba 1", "2026-11-20", "2 threads"):
+            assert fact in text
 
 
 def test_what_passes_a_limit_raises_it():
     rows = [
-        row("divisions", 1e-4, "limits"),
-        row("C", 5e-5, limit=["divisions", 2]),
-        row("ours", 1e-4, limit=["divisions", 1]),
+        row(Limit.DIVISIONS, 1e-4, **MACHINE),
+        row("C", 5e-5, limit=(Limit.DIVISIONS, 2)),
+        row("ours", 1e-4, limit=(Limit.DIVISIONS, 1)),
         row("jump", 1e-6),
     ]
-    text = report.tables(results(*rows))
-    assert [cells(text, name)[3] for name in ("C", "ours", "jump")] == ["100 %", "25 %", ""]
+    found = made(*rows)
+    assert [found.share(each) for each in rows[1:]] == [1, 0.25, None]
 
 
 def test_tables_of_a_part_of_the_benchmarks():
     """Without peers and limits there is nothing to compare with, and nothing fails."""
-    assert cells(report.tables(results(row("ours", 1e-4))), "ours") == ["10", "", "", "", "1e-15"]
+    part = made(row("ours", 1e-4))
+    assert cells(tables.everything(part), "**suslov_fast**, ours") == ["10", "", "", "", "1e-15"]
+    assert "a call" not in tables.everything(part)
 
 
 def test_tables_replace_those_between_the_markers():
-    old = f"before\n{report.BEGIN}\nold\n{report.END}\nafter\n"
-    new = report.replace(old, report.tables(FULL))
-    assert new.startswith("before\n" + report.BEGIN)
-    assert new.endswith(report.END + "\nafter\n")
+    old = f"before\n{tables.BEGIN}\nold\n{tables.END}\nafter\n"
+    new = tables.replace(old, tables.summary(FULL))
+    assert new.startswith("before\n" + tables.BEGIN)
+    assert new.endswith(tables.END + "\nafter\n")
     assert "old" not in new.splitlines()
-    assert report.replace(new, report.tables(FULL)) == new
+    assert tables.replace(new, tables.summary(FULL)) == new
     with pytest.raises(ValueError, match="expected one"):
-        report.replace("no markers", report.tables(FULL))
+        tables.replace("no markers", tables.summary(FULL))
 
 
-def test_the_readme_shows_the_results_that_are_kept():
-    kept = report.load(report.RESULTS / "benchmarks.json")
-    assert set(kept["machine"]) == set(report.MACHINE)
+def test_the_pages_show_the_results_that_are_kept():
+    kept = results.load(report.RESULTS / "benchmarks.json")
+    assert set(kept.machine) == set(results.MACHINE)
     text = report.README.read_text(encoding="utf-8")
-    assert report.replace(text, report.tables(kept)) == text
+    assert tables.replace(text, tables.summary(kept)) == text
+    page = (report.RESULTS / "tables.md").read_text(encoding="utf-8")
+    assert page == tables.everything(kept)
 
 
-@pytest.mark.parametrize("given", [FULL, results(row("ours", 1e-4))], ids=["full", "part"])
+@pytest.mark.parametrize("given", [FULL, made(row("ours", 1e-4))], ids=["full", "part"])
 def test_charts(given, tmp_path):
-    charts.draw(report.Rows(given), tmp_path)
-    for name in ("speed.png", "scaling.png"):
-        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    charts.draw(given, tmp_path)
+    drawn = {path.name for path in tmp_path.iterdir()}
+    assert drawn >= {"speed.png", "scaling.png"}
+    assert ("observables.png" in drawn) == (given is FULL)
+    for path in tmp_path.iterdir():
+        assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_crossing_is_where_parallel_stays_faster():
-    assert charts.crossing(report.Rows(FULL).every("batch")) == 100
+def test_no_tool_imports_one_that_imports_it():
+    """Measuring, results, tables, charts, report: in one direction."""
+    folder = Path(report.__file__).parent
+    below = {}
+    for path in folder.glob("*.py"):
+        tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        names = [n.module for n in tree if isinstance(n, ast.ImportFrom) and n.module]
+        tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        names += [a.name for n in tree if isinstance(n, ast.Import) for a in n.names]
+        below[path.stem] = {name for name in names if (folder / f"{name}.py").exists()}
+    list(graphlib.TopologicalSorter(below).static_order())  # raises on a circle
+
+
+def old_iterate(body, omega0, eps, steps, *, save_every=1, order="C", out=None):
+    """`iterate` of version 0.1, as far as shapes go: (..., n_saved, D)."""
+    states = np.arange(steps + 1.0)[:, None] + np.asarray(omega0)[..., None, :]
+    if out is None:
+        out = np.empty(states.shape, order=order)
+    assert out.shape == states.shape
+    assert out.flags.f_contiguous
+    out[...] = states
+    return out
+
+
+def test_version_0_1_is_called_in_its_own_shapes(monkeypatch):
+    monkeypatch.setattr(revision.suslov_fast, "iterate", old_iterate)
+    monkeypatch.setattr(revision, "TIME_FIRST", False)
+    omega0 = np.array([[0.0, 0.5], [10.0, 10.5], [20.0, 20.5]])
+    found = revision.iterate(None, omega0, 0.1, 4, out=revision.saved_memory(5, 3))
+    expected = np.arange(5.0)[:, None, None] + omega0
+    assert (revision.time_first(found) == expected).all()
+    one = revision.time_first(revision.iterate(None, omega0, 0.1, 4)[0])
+    assert (one == expected[:, 0]).all()
 
 
 @pytest.mark.parametrize(
@@ -197,7 +286,7 @@ def run(monkeypatch):
     def run(a, b, *options):
         times, calls = {"A": iter(a), "B": iter(b)}, []
 
-        def measure(label, tree, folder, select=None, names=None):
+        def measure(label, tree, folder, *options, names=None):
             calls.append((label, names))
             return next(times[label])
 
@@ -236,6 +325,7 @@ def test_a_lost_benchmark_fails(run):
     assert run([{"x": 1.0, "y": 1.0}] * 2, [{"x": 1.0}] * 2)[0] == 1
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
 def test_unknown_revisions_are_named():
     with pytest.raises(SystemExit, match="no such revision: nowhere-at-all"):
         compare.resolve("nowhere-at-all")

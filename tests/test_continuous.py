@@ -1,4 +1,4 @@
-"""Vector field, reaction, derivative of the map, multipliers."""
+"""Vector field and reaction, against 60 digits."""
 
 import naive
 import numpy as np
@@ -24,6 +24,16 @@ def test_vector_field_vanishes_on_the_line():
     assert (sf.vector_field(body, [[0.375, -0.75], [0, 0]]) == 0).all()
 
 
+@pytest.mark.parametrize("m", [1, 2, 3, 7, 40])
+def test_vector_field_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        exact = naive.vector_field_nd(J, I, omega)
+        size = np.linalg.norm(I) * np.linalg.norm(omega) ** 2 / J.min()
+        error = sf.vector_field(sf.SuslovND(J, I), omega) - np.array(exact, float)
+        assert abs(error).max() < 5e-16 * size
+
+
 def test_reaction(rng):
     for _ in range(30):
         parameters, eps, omega = random_problem(rng)
@@ -35,9 +45,43 @@ def test_reaction(rng):
 
         following = naive.step(*parameters, eps, state)
         exact = float(naive.discrete_reaction(*parameters, eps, state, following))
-        assert abs(sf.reaction(body, omega, eps) - exact) < 2e-14 * size
-        known = sf.reaction(body, omega, eps, omega_next=[float(v) for v in following])
-        assert abs(known - exact) < 2e-14 * size
+        size = max(size, max(parameters[:2]) * float(naive.mpmath.norm(following)) ** 2)
+        assert abs(sf.reaction(body, omega, eps) - exact) < 1e-14 * size
+
+
+def test_the_discrete_reaction_depends_on_eps(body):
+    first, second = sf.reaction(body, [1.0, 0.5], [0.1, 0.2])
+    assert abs(first - second) > 1e-3
+
+
+@pytest.mark.parametrize("m", [2, 3, 5])
+def test_reaction_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        eps, body, state = rng.uniform(-0.5, 0.5), sf.SuslovND(J, I), naive.exactly(*omega)
+        slope = naive.vector_field_nd(J, I, omega)
+        exact = np.array(naive.reaction_nd(J, I, state, state, slope), float)
+        computed = sf.reaction(body, omega)
+        np.testing.assert_allclose(computed, exact, atol=1e-14 * np.linalg.norm(exact) + 1e-14)
+        assert (computed == -computed.T).all()
+
+        following = naive.step_nd(J, I, eps, state)
+        quotient = [(v - w) / naive.mpf(eps) for v, w in zip(following, state, strict=True)]
+        exact = np.array(naive.reaction_nd(J, I, state, following, quotient), float)
+        computed = sf.reaction(body, omega, eps)
+        np.testing.assert_allclose(computed, exact, atol=1e-13 * np.linalg.norm(exact) + 1e-14)
+        assert (computed == -computed.T).all()
+
+
+def test_reactions_in_three_dimensions_and_n_agree(rng):
+    for _ in range(10):
+        (I1, I2, I13, I23), eps, (w1, w2) = random_problem(rng)
+        three, nd = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I2, I1], [-I13, -I23])
+        for step_size in (None, eps):
+            expected = sf.reaction(three, [w1, w2], step_size)
+            # lambda_12 of the matrix is minus the third component of the vector.
+            computed = sf.reaction(nd, [w2, -w1], step_size)
+            np.testing.assert_allclose(computed, [[0, -expected], [expected, 0]], atol=1e-14)
 
 
 def test_the_discrete_reaction_tends_to_the_continuous_one(body):
@@ -47,80 +91,24 @@ def test_the_discrete_reaction_tends_to_the_continuous_one(body):
         assert abs(sf.reaction(body, [1.0, 0.5], eps) - continuous) < 2 * eps + 1e-15
 
 
-def test_reaction_along_a_trajectory(rng):
-    body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
-    omega = sf.iterate(body, [[1, 0.5]], 0.2, 20).omega
-    assert omega.shape == (3, 1, 21, 2)
-    one = sf.Suslov3D(body.I1[2, 0], 1, 0.3, 0.2)
-    values = sf.reaction(one, omega[2, 0, :-1], 0.2, omega[2, 0, 1:])
-    np.testing.assert_allclose(values, sf.reaction(one, omega[2, 0, :-1], 0.2), rtol=1e-12)
-    assert sf.reaction(body, [[1, 0.5]] * 4).shape == (3, 4)
-    assert sf.reaction(body, [[1, 0.5]] * 4, [0.1, 0.2, 0.3, 0.4]).shape == (3, 4)
-
-
-def test_reaction_needs_eps(body):
-    with pytest.raises(ValueError, match="eps: expected a step size together with omega_next"):
-        sf.reaction(body, [1, 2], omega_next=[1, 2])
-
-
-def test_jacobian(rng):
-    for _ in range(30):
-        parameters, eps, omega = random_problem(rng)
-        exact = naive.jacobian(*parameters, eps, omega)
-        computed = sf.jacobian(sf.Suslov3D(*parameters), omega, eps)
-        np.testing.assert_allclose(computed, np.array(exact, float), atol=1e-13, rtol=1e-13)
-
-
-def test_jacobian_preserves_the_invariant_density(body, rng):
-    """The density 1 / (x (4a + eps**2 x**2)) in (x, y) coordinates."""
-    omega = rng.normal(size=(50, 2))
-    following = sf.step(body, omega, 0.2)
-
-    def density(state):
-        x = sf.to_xy(body, state)[:, 0]
-        return 1 / (x * (4 * body.I1 * body.I2 + 0.04 * x * x))
-
-    det = np.linalg.det(sf.jacobian(body, omega, 0.2))
-    np.testing.assert_allclose(det * density(following), density(omega), rtol=1e-12)
-
-
-def test_jacobian_shapes_and_poles(unit):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 6 states: singular or") as seen:
-        computed = sf.jacobian(unit, [[[1, -3]], [[0.3, 0.1]], [[1, 1]]], [1, 0.5])
+def test_reaction_where_there_is_no_next_state(unit):
+    """The pole of the body is the line Omega2 = -2 - Omega1**2 for eps = 1."""
+    with pytest.warns(sf.SingularStepWarning, match=r"1 of 3 states: .*, first: 1") as seen:
+        values = sf.reaction(unit, [[1, 1], [1, -3], [np.nan, 1]], 1.0)
     assert seen[0].filename == __file__
-    assert computed.shape == (3, 2, 2, 2)
-    assert np.isnan(computed[0, 0]).all()
-    assert np.isfinite(computed[1:]).all()
-    assert (sf.jacobian(unit, [1, 2], 0) == np.eye(2)).all()
+    assert np.isnan(values).tolist() == [False, True, True]
 
 
-def test_multipliers_are_eigenvalues_of_the_jacobian(rng):
-    for _ in range(20):
-        (I1, I2, I13, I23), eps, _ = random_problem(rng)
-        body, c = sf.Suslov3D(I1, I2, I13, I23), rng.normal()
-        computed = sf.multipliers(body, c, eps)
-        eigenvalues = np.linalg.eigvals(sf.jacobian(body, c * np.array([I23, -I13]), eps))
-        assert computed[0] == 1
-        np.testing.assert_allclose(np.sort(computed), np.sort(eigenvalues.real), rtol=1e-12)
+def test_reaction_in_n_dimensions_where_there_is_no_next_state():
+    """The same body, whose state is (Omega2, -Omega1) here."""
+    nd = sf.SuslovND([1, 1], [-1, 0])
+    with pytest.warns(sf.SingularStepWarning, match=r"1 of 2 states: .*, first: 1") as seen:
+        values = sf.reaction(nd, [[1, -1], [-3, -1]], 1.0)
+    assert seen[0].filename == __file__
+    assert np.isnan(values).all(axis=(1, 2)).tolist() == [False, True]
 
 
-def test_multipliers_tell_which_half_attracts(body):
-    towards, away = sf.multipliers(body, [-3.0, 3.0], 0.2)[:, 1]
-    assert 0 < towards < 1 < away
-    assert towards * away == pytest.approx(1, abs=1e-15)
-    assert sf.multipliers(body, np.zeros((2, 1)), [0.1, 0.2, 0.3]).shape == (2, 3, 2)
-
-
-def test_multipliers_at_the_pole(unit):
-    assert sf.multipliers(unit, 2.0, 1.0).tolist() == [1.0, np.inf]
-
-
-def test_modified_energy(body, rng):
-    omega = rng.normal(size=(20, 2))
-    E, f = sf.energy(body, omega), sf.vector_field(body, omega)
-    expected = E**2 / (E + 0.3**2 / 8 * (f**2 @ [body.I1, body.I2]))
-    np.testing.assert_allclose(sf.modified_energy(body, omega, 0.3), expected, rtol=1e-14)
-    np.testing.assert_allclose(
-        sf.modified_energy(body, omega, 0.3), 8 * sf.first_integral(body, omega, 0.3), rtol=1e-15
-    )
-    assert sf.modified_energy(body, [0, 0], 0.3) == 0
+def test_reaction_of_bodies_without_couplings():
+    """Nothing moves, and the torque is that of a steady rotation."""
+    body = sf.Suslov3D(3, 1, 0, 0)
+    assert sf.reaction(body, [2.0, 5.0]) == sf.reaction(body, [2.0, 5.0], 0.7) == -20

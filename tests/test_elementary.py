@@ -1,45 +1,83 @@
-"""exp and log of the kernels against 60 digits."""
+"""exp, log and powers of two of the kernels against 60 digits."""
 
 import mpmath
 import numpy as np
 import pytest
 
-from suslov_fast._core.formulas.elementary import is_integer, logarithm, times_exponential
+from suslov_fast._core.formulas.closed_form import logarithm_of_ratio
+from suslov_fast._core.formulas.elementary import (
+    exponent,
+    exponential,
+    halvings,
+    is_integer,
+    logarithm_beyond,
+    scaled,
+    two_to_the,
+)
+
+mpmath.mp.dps = 60
 
 
 def relative_error(computed, exact):
     return float(abs((mpmath.mpf(float(computed)) - exact) / exact))
 
 
-@pytest.mark.parametrize("low", [-1e-12, -0.3, -2.0, -30.0, -700.0, -1300.0])
+@pytest.mark.parametrize("low", [-1e-12, -0.3, -2.0, -30.0, -700.0, -1e5])
 def test_exponential(rng, low):
-    """v keeps the product in range where exp(x) alone is not."""
-    v = 2.0**900
     for x in np.append(rng.uniform(low, 0, 200), [low, 0.0]):
-        exact = mpmath.mpf(v) * mpmath.exp(mpmath.mpf(float(x)))
-        product, less_one = times_exponential(v, x)
-        assert relative_error(product, exact) < 5e-16
-        if x < 0:
-            assert relative_error(less_one, mpmath.expm1(mpmath.mpf(float(x)))) < 5e-16
+        lost = 2.0**-54 * x
+        p, k = exponential(x, lost)
+        exact = mpmath.exp(mpmath.mpf(float(x)) + mpmath.mpf(float(lost)))
+        assert relative_error(1.0 + p, exact / mpmath.mpf(2) ** int(k)) < 3e-16
+        if k == 0 and x < 0:
+            assert relative_error(p, exact - 1) < 3e-16
 
 
-def test_exponential_out_of_range():
-    assert times_exponential(1.0, -1401.0) == (0, -1)
-    assert times_exponential(-3.0, -1e300) == (0, -1)
-    assert np.isnan(times_exponential(1.0, np.nan)).all()
+def test_powers_of_two():
+    assert [two_to_the(float(k)) for k in (-1022, -1, 0, 7, 1023)] == [
+        2.0**-1022,
+        0.5,
+        1.0,
+        128.0,
+        2.0**1023,
+    ]
+    assert scaled(2.0**-1000, 2000.0) == 2.0**1000
+    assert scaled(1.0, -1074.0) == 2.0**-1074
+    assert np.isnan(scaled(np.nan, 3.0))
 
 
-@pytest.mark.parametrize("exponent", [-18, -9, -3, -1])
-def test_logarithm_next_to_1(rng, exponent):
-    for distance in rng.uniform(0.01, 1, 200) * 10.0**exponent:
-        exact = mpmath.log1p(-mpmath.mpf(float(distance)))
-        assert relative_error(logarithm(1.0 - distance, distance), exact) < 6e-16
+def test_exponents(rng):
+    for v in np.append(10.0 ** rng.uniform(-300, 300, 100), [1.0, 0.75, 5e-324, 2.0**-1022]):
+        for sign in (1, -1):
+            k = exponent(sign * v)
+            assert 1.0 <= scaled(v, -k) < 2.0
+    assert exponent(0.0) < -1022
 
 
-def test_logarithm_far_from_1(rng):
-    for value in np.append(10.0 ** rng.uniform(-300, -0.2, 300), [0.5, 2.0**-1022]):
-        exact = mpmath.log(mpmath.mpf(float(value)))
-        assert relative_error(logarithm(value, 1.0 - value), exact) < 6e-16
+def test_halvings(rng):
+    for v in 10.0 ** rng.uniform(-300, 2, 200):
+        assert 0.5 <= scaled(v, -halvings(v)) ** 2 <= 2.0
+
+
+def test_logarithm(rng):
+    for s in rng.uniform(-0.171, 0.171, 200):
+        exact = 2 * mpmath.atanh(mpmath.mpf(float(s)))
+        assert relative_error(2 * s + logarithm_beyond(s), exact) < 3e-16
+
+
+@pytest.mark.parametrize("center", [0.0, 1.0])
+def test_the_logarithm_of_a_ratio_has_more_digits(rng, center):
+    """T being the sum of two numbers, (1 - T)/(1 + T) has a logarithm of some 65 bits."""
+    for _ in range(300):
+        T = abs(center + 10.0 ** rng.uniform(-15, 1) * rng.choice([-1, 1]))
+        lost = 2.0**-54 * T * rng.uniform(0.1, 1)
+        exact_T = mpmath.mpf(float(T)) + mpmath.mpf(float(lost))
+        ratio = (1 - exact_T) / (1 + exact_T)
+        high, low = logarithm_of_ratio(T, lost, float(ratio))
+        exact = mpmath.log(abs(ratio))
+        assert float(abs(mpmath.mpf(float(high)) + mpmath.mpf(float(low)) - exact)) < 1e-17 * float(
+            abs(exact)
+        )
 
 
 def test_is_integer():

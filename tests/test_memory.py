@@ -1,5 +1,7 @@
 """How much memory is available, as far as the system tells."""
 
+import sys
+
 import children
 import pytest
 
@@ -108,3 +110,45 @@ def test_the_limits_of_this_system():
             assert memory.available() <= {GB}
         """
     )
+
+
+# What needs more than a gigabyte: the states that it begins with do not.
+LARGE = {
+    "3D": """
+body, omega, steps = sf.Suslov3D(4, 1, -0.5, -0.3), np.ones((1_000_000, 2)), 70
+""",
+    "n = 20001": """
+body = sf.SuslovND(np.ones(20_000), np.ones(20_000) / 20_000)  # which needs elimination
+omega, steps = np.full((9, 20_000), 19.98), 2
+""",
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space")
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("problem", LARGE)
+def test_memory_that_ends_is_an_error(problem, threads):
+    """Numba loses errors inside `prange`: what is left are states that nobody computed."""
+    code = f"""
+import resource, sys
+import numpy as np, suslov_fast as sf
+from suslov_fast._engine import memory
+
+{LARGE[problem]}
+threads = int(sys.argv[1])
+few = sf.SuslovND([1, 2], [0.1, 0.2]) if "ND" in type(body).__name__ else body
+sf.iterate(few, np.ones((2000, 2)), 0.1, 2000, threads=threads)  # compiled before the limit
+used = memory._kilobytes(memory._read("/proc/self/status"), "VmSize")
+resource.setrlimit(resource.RLIMIT_AS, (used + {GB}, resource.RLIM_INFINITY))
+for known in (True, False):
+    if not known:
+        memory.available = lambda: None  # an allocation itself must tell
+    try:
+        sf.iterate(body, omega, 0.1, steps, threads=threads)
+    except MemoryError as error:
+        assert not isinstance(error.__context__, SystemError)
+    else:
+        raise AssertionError("ended")
+"""
+    children.run(code, threads, **children.layer("workqueue"))

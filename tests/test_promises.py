@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import suslov_fast as sf
 from suslov_fast._core.cpu import blocks
 from suslov_fast._core.cpu import map_3d as loops
-from suslov_fast._engine import problem, threads
+from suslov_fast._engine import threads
 
 METHODS = ("auto", "canonical", "ds2")
 LANES = blocks.LANES
@@ -100,17 +100,13 @@ def test_compiled_equals_interpreted(rng, method):
 
 @pytest.mark.parametrize("attitude", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_parts(rng, monkeypatch, method, attitude):
+def test_parts(rng, request, method, attitude):
     """A run that is cut into parts, to look for Ctrl-C, goes on as if it were not."""
     body, omega, eps = mixed_batch(rng, 70)
     options = {"method": method, "attitude": attitude}
     whole = run(body, omega, eps, 701, save_every=7, **options)
     last = run(body, omega, eps, 701, save_every=None, **options)
-    monkeypatch.setattr(problem, "_PART", 70 * 90)
-    monkeypatch.setattr(problem, "_ABREAST", 1)
-    monkeypatch.setattr(problem, "_LENGTH", 1)
-    monkeypatch.setattr(problem, "_SHORT", -1.0)  # parts do not grow
-    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 0)
+    request.getfixturevalue("small_parts")
     parts = []
     cut = run(
         body,

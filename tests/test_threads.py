@@ -173,11 +173,11 @@ def test_signals_at_random_moments(alarm):
     try:
         for _ in range(20_000):
             try:
-                send(chance.uniform(1e-6, 3e-5))
+                send(chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
                     threads.run(Idle(), threads.CROSSOVER, 2)
             except Alarm:
-                pass
+                send(0)
             assert not threads._owned()
             assert numba_threads._get_num_threads() == 1
     finally:

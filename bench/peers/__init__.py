@@ -10,18 +10,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
+from results import Whose
+
+C, NUMPY, OTHER = Whose.C, Whose.NUMPY, Whose.OTHER
 
 
 @dataclass(frozen=True)
 class Peer:
     """A function of a module here, and how much work it gets, so that it takes some 10 ms."""
 
+    label: str
     module: str
     function: str
     batch: int
     steps: int
+    whose: Whose = OTHER
     threads: bool = True  # whether it uses all of them
     divisions: float = 0  # that a step needs, where the divider limits it
+    cubic: bool = False  # whether a step in n dimensions takes n**3 operations
 
     def load(self) -> Callable:
         """The function, called as f(omega0, steps, threads); skips the test without its library."""
@@ -33,56 +39,83 @@ class Peer:
             pytest.skip(f"{self.module.rstrip('_')}: {error}")
         return getattr(module, self.function)
 
+    def row(self, key):
+        """What of a row of results is known before."""
+        return {"key": key, "label": self.label, "whose": self.whose}
+
+
+def _c(label, function, batch, steps, **more):
+    return Peer(f"C, {label}", "c", function, batch, steps, whose=C, **more)
+
+
+def _numpy(label, function, batch, steps, **more):
+    more = {"whose": NUMPY, "threads": False} | more
+    return Peer(f"NumPy, {label}", "numpy_batch", function, batch, steps, **more)
+
 
 # Final states of the map.
 FINAL = {
-    "C, parameter-free, one division per four steps": Peer(
-        "c", "projective", 65_536, 1000, divisions=0.25
+    "c-projective": _c(
+        "parameter-free, one division per four steps", "projective", 65_536, 1000, divisions=0.25
     ),
-    "C, parameter-free": Peer("c", "parameter_free", 65_536, 1000, divisions=1),
-    "C, (ds2) as printed": Peer("c", "as_printed", 65_536, 1000, divisions=2),
-    "heyoka, compiled function, parameter-free, 4 steps a call": Peer(
-        "heyoka_", "parameter_free", 65_536, 100
+    "c-parameter-free": _c("parameter-free", "parameter_free", 65_536, 1000, divisions=1),
+    "c-printed": _c("(ds2) as printed", "as_printed", 65_536, 1000, divisions=2),
+    "heyoka-parameter-free": Peer(
+        "heyoka, compiled function, parameter-free, 4 steps a call",
+        *("heyoka_", "parameter_free", 65_536, 100),
     ),
-    "heyoka, compiled function, (ds2)": Peer("heyoka_", "as_printed", 65_536, 40),
-    "JAX, `jit`, `fori_loop` over the batch, parameter-free": Peer(
-        "jax_", "parameter_free", 65_536, 200
+    "heyoka-printed": Peer("heyoka, compiled function, (ds2)", "heyoka_", "as_printed", 65_536, 40),
+    "jax-parameter-free": Peer(
+        "JAX, `jit`, `fori_loop` over the batch, parameter-free",
+        *("jax_", "parameter_free", 65_536, 200),
     ),
-    "JAX, `jit`, `fori_loop` over the batch, (ds2)": Peer("jax_", "as_printed", 65_536, 100),
-    "Numba, `prange` over trajectories, (ds2)": Peer("naive_numba", "final", 16_384, 250),
-    "pynamicalsys, `trajectory` of an ensemble, (ds2)": Peer("pynamicalsys_", "final", 2048, 250),
-    "NumPy over the batch, (ds2)": Peer("numpy_batch", "final", 4096, 250, threads=False),
-    "Python, (ds2)": Peer("python_loop", "final", 64, 1000, threads=False),
+    "jax-printed": Peer(
+        "JAX, `jit`, `fori_loop` over the batch, (ds2)", "jax_", "as_printed", 65_536, 100
+    ),
+    "numba": Peer("Numba, `prange` over trajectories, (ds2)", "naive_numba", "final", 16_384, 250),
+    "pynamicalsys": Peer(
+        "pynamicalsys, `trajectory` of an ensemble, (ds2)", "pynamicalsys_", "final", 2048, 250
+    ),
+    "numpy": _numpy("over the batch, (ds2)", "final", 4096, 250),
+    "python": Peer("Python, (ds2)", "python_loop", "final", 64, 1000, threads=False),
 }
 
 # One far state by the closed form.
 JUMP = {
-    "C, `-ffast-math`": Peer("c", "jump", 65_536, 10**6),
-    "NumPy over the batch": Peer("numpy_batch", "jump", 65_536, 10**6, threads=False),
+    "c": _c("`-ffast-math`", "jump", 65_536, 10**6),
+    "numpy": _numpy("over the batch", "jump", 65_536, 10**6),
 }
 
 # The continuous motion after the time of the same steps.
 MOTION = {
-    "heyoka, Taylor integrator, 16 trajectories at once": Peer("heyoka_", "motion", 4096, 1000),
-    "numbalsoda, LSODA, `prange` over trajectories": Peer("numbalsoda_", "motion", 1024, 1000),
-    "SciPy, DOP853, all in one system": Peer("scipy_ivp", "stacked", 4096, 1000, threads=False),
-    "SciPy, DOP853, one by one": Peer("scipy_ivp", "one_by_one", 8, 1000, threads=False),
+    "heyoka": Peer(
+        "heyoka, Taylor integrator, 16 trajectories at once", "heyoka_", "motion", 4096, 1000
+    ),
+    "numbalsoda": Peer(
+        "numbalsoda, LSODA, `prange` over trajectories", "numbalsoda_", "motion", 1024, 1000
+    ),
+    "scipy-stacked": Peer(
+        "SciPy, DOP853, all in one system", "scipy_ivp", "stacked", 4096, 1000, threads=False
+    ),
+    "scipy": Peer("SciPy, DOP853, one by one", "scipy_ivp", "one_by_one", 8, 1000, threads=False),
 }
 
 # All states of the map, into memory that is used again where the library allows it.
 STORED = {
-    "C, parameter-free, streaming stores": Peer("c", "stored_streaming", 65_536, 256),
-    "C, parameter-free, plain stores": Peer("c", "stored", 65_536, 256),
-    "Numba, `prange` over trajectories, (ds2)": Peer("naive_numba", "stored", 16_384, 256),
-    "JAX, `jit`, `scan` over the batch, parameter-free": Peer("jax_", "stored", 16_384, 256),
-    "pynamicalsys, `trajectory` of an ensemble, (ds2)": Peer("pynamicalsys_", "stored", 2048, 256),
-    "NumPy over the batch, (ds2)": Peer("numpy_batch", "stored", 16_384, 64, threads=False),
+    "c-streaming": _c("parameter-free, streaming stores", "stored_streaming", 65_536, 256),
+    "c-plain": _c("parameter-free, plain stores", "stored", 65_536, 256),
+    "numba": Peer("Numba, `prange` over trajectories, (ds2)", "naive_numba", "stored", 16_384, 256),
+    "jax": Peer("JAX, `jit`, `scan` over the batch, parameter-free", "jax_", "stored", 16_384, 256),
+    "pynamicalsys": Peer(
+        "pynamicalsys, `trajectory` of an ensemble, (ds2)", "pynamicalsys_", "stored", 2048, 256
+    ),
+    "numpy": _numpy("over the batch, (ds2)", "stored", 16_384, 64),
 }
 
 # One step in n dimensions: functions of (body, omega0, eps, steps), on one thread.
 ND = {
-    "C, rank two, 32 trajectories at once": Peer("c", "rank2", 512, 0, threads=False),
-    "NumPy, rank two": Peer("numpy_batch", "rank2", 512, 0, threads=False),
-    "C, elimination": Peer("c", "eliminate", 512, 0, threads=False),
-    "NumPy, `linalg.solve`": Peer("numpy_batch", "solve", 512, 0, threads=False),
+    "c-rank2": _c("rank two, 32 trajectories at once", "rank2", 512, 0, threads=False),
+    "numpy-rank2": _numpy("rank two", "rank2", 512, 0),
+    "c-elimination": _c("elimination", "eliminate", 512, 0, threads=False, cubic=True),
+    "numpy-solve": _numpy("`linalg.solve`", "solve", 512, 0, cubic=True),
 }

@@ -37,12 +37,12 @@ def projective(omega0, steps, threads):
 
 
 def stored(omega0, steps, threads, out):
-    """All states, (2, steps + 1, batch), with plain stores."""
+    """All states, (steps + 1, batch, 2), with plain stores."""
     return _call("stored", omega0, out, steps, threads)
 
 
 def stored_streaming(omega0, steps, threads, out):
-    """All states, (2, steps + 1, batch), with stores past the caches."""
+    """All states, (steps + 1, batch, 2), with stores past the caches."""
     return _call("stored_streaming", omega0, out, steps, threads)
 
 

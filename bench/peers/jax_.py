@@ -59,9 +59,9 @@ def _parameter_free(omega0, steps):
 def _stored(omega0, steps):
     def body(state, _):
         following = _advance(*state)
-        return following, jnp.stack(_leave(*following))
+        return following, jnp.stack(_leave(*following), axis=-1)
 
-    return jax.lax.scan(body, _enter(*omega0.T), length=steps)[1]  # (steps, 2, batch)
+    return jax.lax.scan(body, _enter(*omega0.T), length=steps)[1]
 
 
 @_in_doubles
@@ -79,4 +79,4 @@ def parameter_free(omega0, steps, threads):
 @_in_doubles
 def stored(omega0, steps, threads, out):
     """The parameter-free form, states 1 ... steps, in a new array."""
-    return np.asarray(_stored(omega0, steps)).transpose(1, 0, 2)
+    return np.asarray(_stored(omega0, steps))

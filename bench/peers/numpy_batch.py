@@ -15,10 +15,12 @@ def final(omega0, steps, threads):
 
 
 def stored(omega0, steps, threads, out):
-    """(ds2), all states into (2, steps + 1, batch)."""
-    out[:, 0] = omega0.T
+    """(ds2), all states into (steps + 1, batch, 2)."""
+    out[0] = omega0
+    p, q = omega0.T.copy()
     for n in range(steps):
-        out[:, n + 1] = step(*out[:, n])
+        p, q = step(p, q)
+        out[n + 1, :, 0], out[n + 1, :, 1] = p, q
     return out
 
 

@@ -139,34 +139,36 @@ void projective(ARGUMENTS)
     }
 }
 
-/* All states, to[component][n][trajectory]; the batch is a multiple of 64. */
+/* All states, to[n][trajectory][component]; the batch is a multiple of 64. */
 #define STORED(COPY) \
     const Frame f = frame(I1, I2, I13, I23, eps); \
-    const long plane = (steps + 1) * batch; \
     FOR_BLOCKS { \
-        double X[LANES], Y[LANES], u[LANES], v[LANES]; \
+        double X[LANES], Y[LANES], u[LANES], v[LANES], pairs[2 * LANES]; \
         load(from, batch, first, X, Y); \
         enter(f, X, Y); \
         for (long n = 0;; n++) { \
-            double *row = to + n * batch + first; \
+            double *row = to + 2 * (n * batch + first); \
             leave(f, X, Y, u, v); \
-            COPY(row, u); \
-            COPY(row + plane, v); \
+            FOR_LANES { \
+                pairs[2 * l] = u[l]; \
+                pairs[2 * l + 1] = v[l]; \
+            } \
+            COPY(row, pairs); \
             if (n == steps) break; \
             advance(X, Y); \
         } \
     }
 
-#define PLAIN(to, from) memcpy(to, from, sizeof(double) * LANES)
+#define PLAIN(to, from) memcpy(to, from, 2 * sizeof(double) * LANES)
 
 void stored(ARGUMENTS) { STORED(PLAIN) }
 
 /* `to` is at a multiple of 64 bytes. */
 #if defined(__AVX512F__)
-#define STREAM(to, from) for (int l = 0; l < LANES; l += 8) \
+#define STREAM(to, from) for (int l = 0; l < 2 * LANES; l += 8) \
     _mm512_stream_pd(to + l, _mm512_loadu_pd(from + l))
 #elif defined(__x86_64__)
-#define STREAM(to, from) for (int l = 0; l < LANES; l += 2) \
+#define STREAM(to, from) for (int l = 0; l < 2 * LANES; l += 2) \
     _mm_stream_pd(to + l, _mm_loadu_pd(from + l))
 #endif
 #if defined(STREAM)

@@ -29,4 +29,4 @@ def final(omega0, steps, threads):
 def stored(omega0, steps, threads, out):
     """(ds2), states 1 ... steps of each trajectory, in a new array."""
     states = _system().trajectory(omega0, steps).reshape(len(omega0), steps, 2)
-    return states.T
+    return states.swapaxes(0, 1)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_rows
-from .three import frozen
+from .values import equal, frozen, hash_of, line_of, named, plain
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class SuslovND:
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
@@ -47,11 +48,11 @@ class SuslovND:
     (3, ())
     """
 
-    J: Any
-    I: Any
+    J: FloatArray
+    I: FloatArray
 
-    def __post_init__(self) -> None:
-        J, I = real_array("J", self.J), real_array("I", self.I)
+    def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
+        J, I = real_array("J", J), real_array("I", I)
         if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
             raise ValueError(
                 "J, I: expected shapes (..., n - 1) with the same n > 1, "
@@ -74,44 +75,104 @@ class SuslovND:
         return np.broadcast_shapes(self.J.shape[:-1], self.I.shape[:-1])
 
     @property
-    def parameters(self) -> tuple[Any, Any]:
+    def parameters(self) -> tuple[FloatArray, FloatArray]:
         """J, I."""
         return self.J, self.I
 
+    @cached_property
+    def normalised(self) -> tuple[FloatArray, FloatArray]:
+        """J and I over powers of two, which define the same map with `normalised_eps`."""
+        moments, couplings = self.exponents
+        return (
+            np.ldexp(self.J, -moments[..., np.newaxis]),
+            np.ldexp(self.I, -couplings[..., np.newaxis]),
+        )
+
     def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
-        """J and I as loops take them."""
-        return [flat_rows(each, batch) for each in self.parameters]
+        """Them as loops take them."""
+        return [flat_rows(each, batch) for each in self.normalised]
 
     def normalised_eps(self, eps: FloatArray) -> FloatArray:
-        """The step size that goes with `flat_normalised`: itself."""
-        return eps
+        """The step size, or the unit of time, that goes with `normalised`."""
+        moments, couplings = self.exponents
+        with np.errstate(all="ignore"):
+            scaled: FloatArray = np.ldexp(eps, couplings - moments)
+        return scaled
 
-    def along_time(self) -> SuslovND:
-        """The same batch with an axis of length 1 more, for states with a time axis."""
-        return SuslovND(self.J[..., np.newaxis, :], self.I[..., np.newaxis, :])
+    @cached_property
+    def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:
+        """The powers of two that `normalised` takes out of J and of I."""
+        _, smallest = np.frexp(self.J.min(axis=-1))
+        _, largest = np.frexp(self.J.max(axis=-1))
+        _, couplings = np.frexp(abs(self.I).max(axis=-1))
+        return np.asarray((smallest + largest) // 2), np.asarray(couplings)
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, SuslovND):
-            return NotImplemented
-        return all(map(np.array_equal, self.parameters, other.parameters))
+        same: bool = equal(self, other)
+        return same
 
     def __hash__(self) -> int:
-        return hash(tuple((parameter + 0.0).tobytes() for parameter in self.parameters))
+        return hash_of(self)
 
-    def __reduce__(self) -> tuple[type, tuple[Any, Any]]:
+    def __repr__(self) -> str:
+        return line_of(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
         return SuslovND, self.parameters
 
+    def to_dict(self) -> dict[str, Any]:
+        """J and I as nested lists of numbers, which JSON can hold, without loss.
+
+        Returns
+        -------
+        dict
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovND
+        >>> SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]).to_dict()
+        {'J': [1.3, 2.1, 3.7], 'I': [0.4, -0.7, 0.5]}
+        """
+        return plain(self)
+
     @classmethod
-    def from_inertia(cls, I: ArrayLike, a: ArrayLike | None = None) -> tuple[SuslovND, FloatArray]:
-        """The body with a given inertia matrix and constraint axis.
+    def from_dict(cls, parameters: Mapping[str, Any]) -> SuslovND:
+        """The body that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Nested lists of numbers by name: J and I.
+
+        Returns
+        -------
+        SuslovND
+
+        Raises
+        ------
+        TypeError, ValueError
+            If other names are given than those, or numbers that no body has.
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovND
+        >>> SuslovND.from_dict({"J": [1.3, 2.1], "I": [0.4, -0.7]})
+        SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+        """
+        return cls(**named(cls, parameters))
+
+    @classmethod
+    def from_mass_tensor(
+        cls, I: ArrayLike, a: ArrayLike | None = None
+    ) -> tuple[SuslovND, FloatArray]:
+        """The body with given second moments of mass and a given constraint axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(n, n))
-            Symmetric inertia matrix in any basis fixed in the body; positive definite, unless it
-            is in the form of the paper already. It is the I of M = I Omega + Omega I, the second
-            moments of mass; for n = 3 that is not the inertia tensor T of
-            :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
+            Symmetric and positive definite, in any basis fixed in the body: the I of
+            M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that is not
+            the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
         a : array_like(float, shape=(n,)), optional
             The axis that becomes e_n, of any length but 0; by default e_n itself.
 
@@ -132,15 +193,15 @@ class SuslovND:
         Examples
         --------
         >>> from suslov_fast import SuslovND
-        >>> body, rotation = SuslovND.from_inertia(
+        >>> body, rotation = SuslovND.from_mass_tensor(
         ...     [[1, 0, 0, 0.4], [0, 2, 0, -0.7], [0, 0, 3, 0.5], [0.4, -0.7, 0.5, 4]]
         ... )
         >>> body
-        SuslovND(J=array([5., 6., 7.]), I=array([ 0.4, -0.7,  0.5]))
+        SuslovND(J=[5.0, 6.0, 7.0], I=[0.4, -0.7, 0.5])
         >>> float(rotation.trace())
         4.0
         """
-        matrix = inertia_matrix("I", I, positive=False)
+        matrix = inertia_matrix("I", I)
         n = len(matrix)
         if n < 2:
             raise ValueError(f"I: expected shape (n, n) with n > 1, got {matrix.shape}")
@@ -153,7 +214,6 @@ class SuslovND:
             rotation = _shortest_rotation_to_last(axis)
         block = (matrix if a is None else rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
-            inertia_matrix("I", matrix, positive=True)
             turn = np.eye(n)
             turn[:-1, :-1] = _principal_axes(block)
             rotation = turn @ rotation

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._checks import FloatArray
 from .._core.formulas.coordinates import sum_of_products
@@ -12,7 +13,7 @@ from .._engine.layout import first_index, spell
 from .nd import SuslovND
 from .three import Suslov3D
 
-# What rounding of J and I may come to: from_inertia turns matrices.
+# What rounding of J and I may come to: from_mass_tensor turns matrices.
 _ROUNDING = 1e-14
 
 
@@ -27,42 +28,59 @@ class Reduction:
     For n = 3 it is a change of names. Else J I = b I, and J = a on the vectors orthogonal to I:
     then the direction of the part of omega orthogonal to I is constant, and with x = |I| times its
     length and y = b I.omega the closed form of Section 4 holds, a b in place of I1 I2.
+
+    a, b, and I here are those of the body over powers of two, as `SuslovND.normalised` says, and
+    `three` is a body over 2**unit of I1 I2 = a b.
     """
 
     body: SuslovND
     three: Suslov3D
+    I: FloatArray
     a: FloatArray
     b: FloatArray
+    unit: NDArray[np.intc]
 
     def state(self, omega: FloatArray) -> FloatArray:
         """The state (..., 2) of the three-dimensional body."""
         if self.body.dimension == 2:
             return np.stack([-omega[..., 1], omega[..., 0]], axis=-1)
+        omega, exponent = in_own_unit(omega)
         along, across = self._parts(omega)
-        # The body `three` has I13 = 0, I23 = 1 and I1 = I2 = sqrt(a b): x = Omega2, y = I1 Omega1.
+        # `three` has I13 = 0, I23 = 1 and I1 = I2 = sqrt(a b), over powers of two: there
+        # x = Omega2, y = I1 Omega1.
         y, x = self.b * self._norm * along, self._norm * _length(across)
-        return np.stack(np.broadcast_arrays(y / self.three.I1, x), axis=-1)
+        reduced = np.stack(np.broadcast_arrays(y / self._root, x), axis=-1)
+        with np.errstate(all="ignore"):
+            scaled: FloatArray = np.ldexp(reduced, exponent)
+        return scaled
 
     def back(self, state: FloatArray, omega: FloatArray) -> FloatArray:
         """States (..., n - 1), from those of `three` and a state of the same orbit."""
         if self.body.dimension == 2:
             return np.stack([state[..., 1], -state[..., 0]], axis=-1)
-        _, across = self._parts(omega)
+        own, exponent = in_own_unit(omega)
+        _, across = self._parts(own)
         length = _length(across)
         with np.errstate(all="ignore"):
-            along = self.three.I1 * state[..., 0] / (self.b * self._norm)
+            state = np.ldexp(state, -exponent)
+            along = self._root * state[..., 0] / (self.b * self._norm)
             stretch = np.where(length > 0, state[..., 1] / (self._norm * length), 0.0)
             moved = along[..., np.newaxis] * self._unit + stretch[..., np.newaxis] * across
+            moved = np.ldexp(moved, exponent)
         return np.where((self._norm > 0)[..., np.newaxis], moved, omega)
 
     @property
+    def _root(self) -> FloatArray:
+        return np.sqrt(self.a) * np.sqrt(self.b)
+
+    @property
     def _norm(self) -> FloatArray:
-        return _length(self.body.I)
+        return _length(self.I)
 
     @property
     def _unit(self) -> FloatArray:
         with np.errstate(all="ignore"):
-            unit: FloatArray = np.nan_to_num(self.body.I / self._norm[..., np.newaxis])
+            unit: FloatArray = np.nan_to_num(self.I / self._norm[..., np.newaxis])
         return unit
 
     def _parts(self, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -71,7 +89,7 @@ class Reduction:
         The second one is made of the differences I_j omega_i - I_i omega_j, which are accurate next
         to the steady states, where all of them vanish.
         """
-        I, unit = self.body.I, self._unit
+        I, unit = self.I, self._unit
         across: FloatArray = np.zeros(np.broadcast_shapes(I.shape, omega.shape))
         coupled = np.flatnonzero((unit != 0).any(axis=tuple(range(unit.ndim - 1))))
         with np.errstate(all="ignore"):
@@ -90,12 +108,19 @@ def _length(v: FloatArray) -> FloatArray:
     return np.asarray(length)
 
 
+def in_own_unit(omega: FloatArray) -> tuple[FloatArray, NDArray[np.intc]]:
+    """States (..., k) over powers of two, which make them of the order of 1; their exponents."""
+    _, exponent = np.frexp(abs(omega).max(axis=-1, keepdims=True, initial=0.0))
+    return np.ldexp(omega, -exponent), exponent
+
+
 def reduce(body: SuslovND, function: str) -> Reduction:
     """The reduction of a body, or an error that names the function that needs it."""
-    J, I = body.J, body.I
     if body.dimension == 2:
+        J, I = body.J, body.I
         three = Suslov3D(J[..., 1], J[..., 0], -I[..., 0], -I[..., 1])
-        return Reduction(body, three, J[..., 1], J[..., 0])
+        return Reduction(body, three, I, J[..., 1], J[..., 0], np.zeros((), np.intc))
+    J, I = body.normalised
     norm = _length(I)[..., np.newaxis]
     coupled = np.broadcast_to(abs(I) > _ROUNDING * norm, np.broadcast_shapes(I.shape, J.shape))
     count = coupled.sum(axis=-1)
@@ -112,8 +137,15 @@ def reduce(body: SuslovND, function: str) -> Reduction:
             f"{function}: expected a body with all J equal, or with I along one axis and all other "
             f"J equal; body {which} is not, and no closed form is known for it: use iterate"
         )
-    s = np.sqrt(a) * np.sqrt(b)
-    return Reduction(body, Suslov3D(s, s, 0.0, np.sign(norm[..., 0])), a, b)
+    moments, couplings = body.exponents
+    root, half = np.sqrt(a) * np.sqrt(b), (couplings - moments) // 2
+    three = Suslov3D(
+        np.ldexp(root, -half),
+        np.ldexp(root, -half),
+        0.0,
+        np.ldexp(np.sign(norm[..., 0]), couplings - moments - half),
+    )
+    return Reduction(body, three, I, a, b, moments + half)
 
 
 def first_integral(
@@ -123,5 +155,7 @@ def first_integral(
     three, state = reduction.three, reduction.state(omega)
     with np.errstate(all="ignore"):
         x = three.I13 * state[..., 0] + three.I23 * state[..., 1]
-        value: FloatArray = 2.0 * energy / (4.0 * three.I1 * three.I2 + (eps * x) ** 2)
+        value: FloatArray = np.ldexp(2.0 * energy, -2 * reduction.unit) / (
+            4.0 * three.I1 * three.I2 + (eps * x) ** 2
+        )
     return value[()]

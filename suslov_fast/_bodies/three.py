@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_parameter
+from .matter import admissible_I3, check_triangles
+from .values import equal, frozen, hash_of, line_of, named, plain
+
+# Powers of two between I1 and I2: their products with each other and with states are in range.
+_APART = 1800
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +36,8 @@ class Suslov3D:
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not a finite real number, I1 or I2 is not positive, or the shapes do not
-        broadcast.
+        If a parameter is not a finite real number, I1 or I2 is not positive, they are more than
+        2**1800 apart, or the shapes do not broadcast.
 
     Notes
     -----
@@ -46,10 +52,10 @@ class Suslov3D:
     (3,)
     """
 
-    I1: Any
-    I2: Any
-    I13: Any
-    I23: Any
+    I1: float | FloatArray
+    I2: float | FloatArray
+    I13: float | FloatArray
+    I23: float | FloatArray
 
     def __post_init__(self) -> None:
         arrays = {
@@ -60,6 +66,14 @@ class Suslov3D:
                 smallest = arrays[name].min()
                 raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
         common_shape(**{name: array.shape for name, array in arrays.items()})
+        _, first = np.frexp(arrays["I1"])
+        _, second = np.frexp(arrays["I2"])
+        if (abs(np.subtract(first, second)) > _APART).any():
+            raise ValueError(
+                f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
+                f"{arrays['I1'].min()} to {arrays['I1'].max()} and "
+                f"{arrays['I2'].min()} to {arrays['I2'].max()}"
+            )
         for name, array in arrays.items():
             object.__setattr__(self, name, frozen(array))
 
@@ -73,12 +87,10 @@ class Suslov3D:
         """The batch shape of the body, () for a single one."""
         return np.broadcast_shapes(*(np.shape(parameter) for parameter in self.parameters))
 
-    def along_time(self) -> Suslov3D:
-        """The same batch with an axis of length 1 more, for states with a time axis."""
-        return Suslov3D(*(np.asarray(parameter)[..., np.newaxis] for parameter in self.parameters))
-
     @property
-    def parameters(self) -> tuple[Any, Any, Any, Any]:
+    def parameters(
+        self,
+    ) -> tuple[float | FloatArray, float | FloatArray, float | FloatArray, float | FloatArray]:
         """I1, I2, I13, I23."""
         return self.I1, self.I2, self.I13, self.I23
 
@@ -114,7 +126,7 @@ class Suslov3D:
         return scaled
 
     @cached_property
-    def exponents(self) -> tuple[Any, Any]:
+    def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:
         """The powers of two that `normalised` takes out of the moments and of the products."""
         _, first = np.frexp(self.I1)
         _, second = np.frexp(self.I2)
@@ -122,16 +134,88 @@ class Suslov3D:
         return (first + second) // 2, products
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Suslov3D):
-            return NotImplemented
-        return all(map(np.array_equal, self.parameters, other.parameters))
+        return equal(self, other)
 
     def __hash__(self) -> int:
-        # Adding 0 makes one of the two zeros, which are equal.
-        return hash(tuple((np.asarray(parameter) + 0.0).tobytes() for parameter in self.parameters))
+        return hash_of(self)
 
-    def __reduce__(self) -> tuple[type, tuple[Any, Any, Any, Any]]:
+    def __repr__(self) -> str:
+        return line_of(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
         return Suslov3D, self.parameters
+
+    def to_dict(self) -> dict[str, Any]:
+        """The parameters as numbers and nested lists, which JSON can hold, without loss.
+
+        Returns
+        -------
+        dict
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
+        {'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
+        """
+        return plain(self)
+
+    @classmethod
+    def from_dict(cls, parameters: Mapping[str, Any]) -> Suslov3D:
+        """The body that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Numbers and nested lists by name: I1, I2, I13 and I23.
+
+        Returns
+        -------
+        Suslov3D
+
+        Raises
+        ------
+        TypeError, ValueError
+            If other names are given than those, or numbers that no body has.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D.from_dict({"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
+        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+        """
+        return cls(**named(cls, parameters))
+
+    def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
+        """The moments I3 that a body with these parameters can have.
+
+        The inertia tensor is that of matter whose second moments are positive definite: then it is
+        positive definite itself, and its principal moments obey the triangle inequalities.
+
+        Returns
+        -------
+        low, high : ndarray(float, shape=(...))
+            The ends of the open interval of I3; NaN where no body has such parameters.
+
+        Notes
+        -----
+        With I3 = I1 + I2 - 2 m, m = the second moment of matter along e3, the conditions are
+        ``m > 0``, and that ``I1 + I2 - 2 m > |I1 - I2|`` by more than the products I13 and I23
+        take away.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> low, high = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2).admissible_I3()
+        >>> round(float(low), 6), round(float(high), 6)
+        (0.053816, 5.946184)
+
+        The body of the paper's first picture is not made of matter:
+
+        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3).admissible_I3()
+        (np.float64(nan), np.float64(nan))
+        """
+        return admissible_I3(*self.parameters)
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
@@ -140,7 +224,8 @@ class Suslov3D:
         Parameters
         ----------
         I : array_like(float, shape=(..., 3, 3))
-            Inertia tensor in any basis fixed in the body, symmetric and positive definite.
+            Inertia tensor in any basis fixed in the body: symmetric, positive definite, and each
+            principal moment smaller than the sum of the others.
         a : array_like(float, shape=(..., 3))
             The axis, fixed in the body, about which it may not turn; of any length but 0.
 
@@ -156,20 +241,21 @@ class Suslov3D:
         Raises
         ------
         TypeError, ValueError
-            If I is not symmetric to 1e-12 of its size or not positive definite, or a is 0.
+            If I is not symmetric to 1e-12 of its size, or no body has it, or a is 0.
 
         Examples
         --------
         >>> import numpy as np
         >>> from suslov_fast import Suslov3D
-        >>> I = [[4, 0, -0.5], [0, 1, -0.3], [-0.5, -0.3, 3]]
+        >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
         >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
         >>> body
-        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+        Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3)
         >>> bool((rotation == np.eye(3)).all())
         True
         """
         tensor = inertia_matrix("I", I, 3)
+        check_triangles("I", tensor)
         axis = unit_axis("a", a, 3)
         common_shape(I=tensor.shape[:-2], a=axis.shape[:-1])
         to_e3 = _shortest_rotation_to_e3(axis)
@@ -182,15 +268,6 @@ class Suslov3D:
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
         body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2])
         return body, rotation
-
-
-def frozen(array: FloatArray) -> float | FloatArray:
-    """A number as a float, an array as a copy that cannot be written to."""
-    if array.ndim == 0:
-        return float(array)
-    array = array.copy()
-    array.flags.writeable = False
-    return array
 
 
 def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:

@@ -5,60 +5,82 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import stat
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from .._bodies.nd import SuslovND
 from .._checks import FloatArray, vectors
+from .._files import engine_of, place_for, suffix_of
+from .._record import entries_of
+from .._replacing import kind_of, replacing
+from .._trajectories import Trajectories
 from .errors import UserError
 
 # What the head of a column may be; "nan" and "inf" are numbers, and rejected as such.
 _NAME = r"(?!(nan|inf|infinity)$)[A-Za-zΩ_][\wΩ ]*"
 
 
-def output_file(text: str) -> Path:
-    """Read the name of a .npz file."""
-    if not text.endswith(".npz"):
-        raise argparse.ArgumentTypeError(f"expected the name of a .npz file, got {text!r}")
+def result_file(text: str) -> Path:
+    """Read the name of a file that holds a run."""
+    try:
+        engine_of(suffix_of(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"expected the name of a .npz, .nc or .zarr file, got {text!r}"
+        ) from error
+    except ImportError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
     return Path(text)
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[BinaryIO]:
-    """A file that appears under its name once it is complete, and not at all otherwise.
+def place(path: Path | None) -> Iterator[Callable[[Trajectories], None]]:
+    """A function that saves a run, whole or not at all; without a path it does nothing."""
+    if path is None:
+        yield lambda trajectories: None
+        return
+    with _writing(path), place_for(path) as put:
+        yield lambda trajectories: put(entries_of(vars(trajectories)))
 
-    It is opened, beside its place, before any work is done: a path that cannot be written to is
-    found out at once.
-    """
-    if path.exists() and not path.is_file():
-        raise UserError(f"{path}: expected the name of a file to write, got something else")
-    path = path.resolve()  # a link stays, and what it points to is replaced
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[BinaryIO]:
+    """A file that appears under its name once it is complete, and not at all otherwise."""
+    with _writing(path), replacing(path) as new, open(new, "wb") as file:
+        yield file
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
     try:
-        file = open(beside, "xb")  # noqa: SIM115
+        yield
     except OSError as error:
-        raise UserError(
-            f"{path}: expected a name in a folder that can be written to, got: {error.strerror}"
-        ) from error
+        reason = error.strerror or str(error)
+        if not reason.startswith(("expected", "could not")):
+            reason = f"could not be written: {reason}"
+        raise UserError(f"{path}: {reason}") from error
+
+
+def load(path: Path) -> Trajectories:
+    """The run in a file."""
     try:
-        with file:
-            yield file
-        os.replace(beside, path)
+        return Trajectories.load(path)
+    except ValueError as error:
+        raise UserError(str(error)) from error
     except OSError as error:
-        raise UserError(f"{path}: could not be written: {error.strerror or error}") from error
-    finally:
-        beside.unlink(missing_ok=True)
+        reason = error.strerror or str(error)
+        raise UserError(f"{path}: expected a readable file, got: {reason}") from error
 
 
 def read_states(path: Path, dimension: int) -> FloatArray:
     """Angular velocities from a .npy or .csv file, a column for each component."""
     table = _read_table(path)
-    with _named(path):
+    with named(path):
         if not table.size:
             raise ValueError("expected at least one state, got none")
         if table.ndim != 2:
@@ -66,30 +88,36 @@ def read_states(path: Path, dimension: int) -> FloatArray:
         return vectors("states", table, dimension)
 
 
-def read_body(path: Path) -> SuslovND:
-    """The body with an inertia matrix from a .npy or .csv file."""
+def read_matrix(path: Path) -> FloatArray:
+    """A square matrix from a .npy or .csv file."""
     table = _read_table(path)
-    with _named(path):
-        return SuslovND.from_inertia(table)[0]
+    with named(path):
+        if table.ndim != 2 or table.shape[0] != table.shape[1]:
+            raise ValueError(f"expected an n x n matrix, got an array of shape {table.shape}")
+    return table
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Errors of what a file holds, with its name."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UserError(f"{path}: expected a readable file, got: {reason}") from error
+    except (ValueError, TypeError, EOFError) as error:
+        raise UserError(f"{path}: {error}") from error
 
 
 def _read_table(path: Path) -> FloatArray:
     readers = {".npy": _read_npy, ".csv": _read_csv}
     if path.suffix.lower() not in readers:
         raise UserError(f"{path}: expected a .npy or .csv file, got {path.suffix or 'no suffix'!r}")
-    with _named(path):
+    with named(path):
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode):
+            raise ValueError(f"expected a readable file, got {kind_of(mode)}")
         return readers[path.suffix.lower()](path)
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Errors of a file, with its name."""
-    try:
-        yield
-    except OSError as error:
-        raise UserError(f"{path}: expected a readable file, got: {error.strerror}") from error
-    except (ValueError, TypeError, EOFError) as error:
-        raise UserError(f"{path}: {error}") from error
 
 
 def _read_npy(path: Path) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from decimal import Decimal, InvalidOperation
 
 
 def number(text: str) -> float:
@@ -35,19 +36,21 @@ def numbers(text: str) -> list[float]:
 
 
 def integer(minimum: int) -> Callable[[str], int]:
-    """Make a reader of integers of at least `minimum`."""
+    """Make a reader of integers of at least `minimum`, which may be written as 1e6."""
 
     def read(text: str) -> int:
         try:
-            value = int(text)
-        except ValueError:
-            value = minimum - 1
-        if value < minimum:
+            value = Decimal(text)
+        except InvalidOperation:
+            value = Decimal("NaN")
+        # Huge exponents are sorted out before they become digits.
+        large = value.is_finite() and value.adjusted() > 19 and value > 0
+        if not large and not (value.is_finite() and value >= minimum and value == int(value)):
             raise argparse.ArgumentTypeError(
                 f"expected an integer of at least {minimum}, got {text!r}"
             )
-        if value >= 2**62:
+        if large or value >= 2**62:
             raise argparse.ArgumentTypeError(f"expected an integer below 2**62, got {text!r}")
-        return value
+        return int(value)
 
     return read

@@ -17,15 +17,17 @@ def check(
     numbers: dict[str, ArrayLike] | None = None,
     dimension: int | None = None,
     orientations: dict[str, ArrayLike] | None = None,
+    later: bool = False,
 ) -> tuple[list[FloatArray], tuple[int, ...]]:
     """All arguments as arrays, in the order given, and the batch shape they broadcast to.
 
     States have the dimension of the body, unless another is asked for, which only
-    three-dimensional bodies have. They may be NaN: no such state.
+    three-dimensional bodies have. They may be NaN: no such state. With `later`, infinite ones among
+    many are left to who reads them.
     """
     instance("body", body, Suslov3D if dimension else (Suslov3D, SuslovND))
     size = dimension or body.dimension
-    checked = {name: vectors(name, value, size, allow_nan=True) for name, value in states.items()}
+    checked = {name: vectors(name, value, size, True, later) for name, value in states.items()}
     shapes = {name: array.shape[:-1] for name, array in checked.items()}
     for name, value in (numbers or {}).items():
         checked[name] = real_array(name, value)

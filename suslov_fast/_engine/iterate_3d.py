@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
+from . import closed_form as closed
 from . import threads
 from .problem import Outcome, Problem, check_computed, never
 from .progress import reporter
@@ -16,8 +17,8 @@ from .progress import reporter
 JUMP = 32
 # Orbits that may meet a pole are iterated for so many steps, those not past it for 16 times more.
 _AHEAD = 256
-# So many of them at a time, in arrays of their own.
-_TOGETHER = 2**13
+# So many of their states at a time, in arrays of their own.
+_TOGETHER = 2**20
 # Steps of all failed trajectories between two looks for Ctrl-C.
 _SEARCH = 2**24
 
@@ -29,8 +30,10 @@ def run(problem: Problem) -> Outcome:
 
 def jumps(problem: Problem) -> bool:
     """Whether states are taken from the closed form, where they can be."""
-    wanted = problem.method == "auto" and problem.orientation is None
-    return wanted and not problem.keeps and JUMP <= problem.stop <= 2**53
+    if problem.method != "auto" or problem.orientation is not None or problem.stop > 2**53:
+        return False
+    # The last state alone of a short run is found faster step by step.
+    return problem.stop >= (1 if problem.keeps else JUMP)
 
 
 def _iterate(problem: Problem) -> Outcome:
@@ -101,17 +104,19 @@ def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> N
 
 
 def _jump(problem: Problem) -> Outcome:
-    """The last states by the closed form.
+    """All states by the closed form.
 
     Orbits that may meet a pole are iterated from their start until they are past it.
     """
     final, status = _closed_form(problem, problem.omega, problem.stop)
+    _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row)
     failed_at = never(problem.size)
     if status.min(initial=0) < 0:
         failed_at = failed_at.copy()
         unsafe = np.flatnonzero(status < 0)
-        for first in range(0, unsafe.size, _TOGETHER):
-            _past_poles(problem, unsafe[first : first + _TOGETHER], final, status, failed_at)
+        together = max(_TOGETHER // (problem.last_row + 1), 1)
+        for first in range(0, unsafe.size, together):
+            _past_poles(problem, unsafe[first : first + together], final, status, failed_at)
     with reporter(problem.progress, problem.stop - problem.start) as report:
         report(problem.stop - problem.start)
     return Outcome(final, status, failed_at, {})
@@ -128,16 +133,39 @@ def _past_poles(
     ahead = _AHEAD
     while left.size:
         ahead = min(ahead, problem.stop)
-        few = problem.some(left, ahead)
+        # All rows of this run and of what went before it: where it is cut does not matter.
+        rows = np.empty((problem.last_row + 1 if len(problem.saved) else 0, left.size, 2))
+        few = problem.some(left, ahead, rows[: ahead // problem.every + 1])
         final[left], status[left], failed_at[left], _ = _iterate(few)
-        if ahead == problem.stop:
-            break
-        left = left[status[left] >= 0]
-        ends, codes_of = _closed_form(problem.some(left, ahead), final[left], problem.stop - ahead)
-        past = codes_of >= 0
-        final[left[past]] = ends[past]
-        left = left[~past]
+        past = status[left] >= 0
+        if ahead < problem.stop:
+            ends, ended = _closed_form(few, final[left], problem.stop - ahead)
+            past &= ended >= 0
+            _fill(few, final[left], np.full(left.size, float(ahead)), rows, 0)
+            final[left[past]] = ends[past]
+        # Those that came to an end are done with too.
+        done = past | (status[left] < 0) | (ahead == problem.stop)
+        rows[ahead // problem.every + 1 :, status[left] < 0] = np.nan
+        if len(problem.saved):
+            problem.saved[:, left[done]] = rows[problem.first_row :, done]
+        left = left[~done]
         ahead *= 16
+
+
+def _fill(
+    problem: Problem, omega: FloatArray, start: FloatArray, rows: FloatArray, first_row: int
+) -> None:
+    """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
+    if not len(rows):
+        return
+    room = closed.scratch()
+    run = closed.Run(
+        1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
+    )
+    missing = np.zeros((len(room), 2), np.int64)
+    closed.fill_run(
+        run, False, _parameters(problem), omega, start, rows, missing, room, problem.threads
+    )
 
 
 def _closed_form(
@@ -155,6 +183,7 @@ def _closed_form(
         float(n),
         final,
         status,
+        closed.scratch(),
     )
     return final, status
 

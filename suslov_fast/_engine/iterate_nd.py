@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -46,10 +49,10 @@ class _Run:
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps)
+        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps, problem.time_step)
         self.saved = map_nd.Saved(problem.saved, problem.turns)
         self.kept = _kept(problem)
-        matrix = VECTOR * int(np.prod(matrix_shape(m))) <= _MATRIX
+        matrix = 8 * math.prod(matrix_shape(m)) <= _MATRIX
         oriented = problem.orientation is not None  # which takes as much
         self.scratch = self._scratch(size, gauss or matrix or oriented)
 
@@ -60,14 +63,14 @@ class _Run:
         tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
         groups = -(-min(block, max(size, 1)) // VECTOR)
         oriented = self.problem.orientation is not None
-        rows, columns, _ = matrix_shape(m) if matrix else (0, 0, 0)
         return map_nd.Scratch(
-            cells=_room(tasks, groups, m, map_nd.CELLS, VECTOR),
-            sums=_room(tasks, groups, map_nd.SUMS, VECTOR),
-            matrix=_room(tasks, rows, columns, VECTOR),
-            before=_room(tasks, groups if oriented else 0, m, VECTOR),
-            angle=_room(tasks, m),
-            gram=_room(tasks, *((m + 2, m + 1) if oriented else (0, 0))),
+            *_rooms(
+                (tasks, groups, m, map_nd.CELLS, VECTOR),
+                (tasks, groups, map_nd.SUMS, VECTOR),
+                (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
+                (tasks, groups if oriented else 0, m, VECTOR),
+                (tasks, *((2 * m + 4, m + 1) if oriented else (0, 0))),
+            )
         )
 
     def compute(self, part: Part) -> None:
@@ -100,11 +103,11 @@ class _Run:
         kept = self.kept
         resume = {name: getattr(kept, name) for name in _RESUME}
         if len(self.problem.turns) and not len(self.problem.saved):
-            self.problem.turns[-1] = kept.orientation
+            self.problem.turns[-1] = kept.columns.swapaxes(1, 2)
         return Outcome(kept.final, kept.status, kept.failed_at, resume)
 
 
-_RESUME = ("state", "exponent", "status", "failed_at", "orientation")
+_RESUME = ("state", "exponent", "status", "failed_at", "columns")
 
 
 def _kept(problem: Problem) -> map_nd.Kept:
@@ -116,10 +119,10 @@ def _kept(problem: Problem) -> map_nd.Kept:
         failed_at=np.full(size, -1),
         state=np.empty((size, m)),
         exponent=np.empty(size),
-        orientation=(
+        columns=(
             np.empty((0, m + 1, m + 1))
             if problem.orientation is None
-            else problem.orientation.copy()
+            else np.ascontiguousarray(problem.orientation.swapaxes(1, 2))
         ),
     )
     if not problem.start:
@@ -127,9 +130,17 @@ def _kept(problem: Problem) -> map_nd.Kept:
     return kept._replace(**{name: problem.resume[name].copy() for name in _RESUME})
 
 
-def _room(*shape: int) -> FloatArray:
-    """Zeros on a cache line: a vector across two lines costs a quarter and more."""
-    size = int(np.prod(shape))
-    buffer = np.zeros(size + VECTOR)
-    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
-    return buffer[offset : offset + size].reshape(shape)
+def _rooms(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
+    """Arrays of zeros on cache lines: a vector across two lines costs a quarter and more."""
+    sizes = [-(-math.prod(shape) // VECTOR) * VECTOR for shape in shapes]
+    try:
+        buffer = np.zeros(sum(sizes) + VECTOR)
+    except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
+        raise MemoryError(
+            f"expected {8 * sum(sizes):.3g} bytes to work in, which there are not; most of it is "
+            "room for elimination: use method='rank2', fewer threads, or shorter steps"
+        ) from error
+    begin = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
+    for shape, size in zip(shapes, sizes, strict=True):
+        yield buffer[begin : begin + math.prod(shape)].reshape(shape)
+        begin += size

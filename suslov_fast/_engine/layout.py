@@ -31,6 +31,16 @@ def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     return _flat(array, batch, 1)
 
 
+def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+    """States (B, D) that nobody else writes to; NaN in all components where one is."""
+    flat = flat_vectors(state, batch)
+    if np.may_share_memory(flat, state):
+        flat = flat.copy()
+    if np.isnan(flat.min(initial=0.0)):  # no array of its own
+        flat[np.isnan(flat).any(axis=-1)] = np.nan
+    return flat
+
+
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Matrices as a (B, n, n) array."""
     return _flat(array, batch, 2)

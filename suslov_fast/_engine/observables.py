@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray
+from .._checks import LARGE, FloatArray, real_array
 from .._core.cpu import observables, observables_nd
 from .._core.jit import Loop
 from .._status import SingularStepWarning
@@ -27,7 +27,8 @@ SLAB, LARGE_SLAB = 2**15, 2**18
 REPEATED = 8 * observables.LANES
 
 _ONE = np.ones(1)
-_NOTHING = np.zeros((0, 2), np.int64)
+# How many axes of components the parameters have.
+_SCALARS, _VECTORS = (0, 0, 0, 0, 0), (1, 1, 0)
 
 Quantity = Callable[..., FloatArray]
 
@@ -40,20 +41,21 @@ def of_state(
     batch: tuple[int, ...],
     threads: int | None,
     size: int = 0,
-    warn: bool = False,
+    name: str = "omega",
 ) -> FloatArray:
     """A quantity of states of a 3D body: (...), or (..., size) if it has several numbers.
 
-    With `warn`, states that have no result are counted in one warning.
+    States without a result, where the loop counts them, are told in one warning; `name` is that of
+    the argument that holds the states.
     """
     out = np.empty((*batch, size) if size else batch)
     flat, size = out.reshape(-1), size or 1
     missing: list[Any] = []
-    parameters = [*body.parameters, _ONE if eps is None else eps]
-    for begin, arrays, states, period in _parts(parameters, [0] * 5, [omega], batch):
-        count = len(states[0]) // 2
+    parameters = (*body.parameters, _ONE if eps is None else eps)
+    for begin, arrays, states, period in _parts(parameters, _SCALARS, (omega,), batch):
+        count = states[0].size // 2
         tasks = _tasks(count, period, observables.LANES, observables.TASKS)
-        lost = np.zeros((tasks, 2), np.int64) if warn else _NOTHING
+        report = np.zeros((tasks, 3), np.int64)
         _threads.run(
             loop,
             WORK * count,
@@ -62,11 +64,13 @@ def of_state(
             *states,
             flat[begin * size : (begin + count) * size],
             period,
-            lost,
+            report,
             np.empty((tasks, observables.SCRATCH)),
             np.empty((tasks, observables.LOGARITHMS, observables.LANES), np.int64),
         )
-        missing += [(begin + first, n) for n, first in lost if n]
+        if omega.size > LARGE and report[:, observables.INFINITE].any():
+            real_array(name, omega, allow_nan=True)
+        missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
     if missing:
         _warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
     return out[()]
@@ -85,11 +89,12 @@ def of_state_nd(
     """A quantity of states of an n-dimensional body, of shape (..., *result)."""
     out = np.empty((*batch, *result))
     flat, size, m = out.reshape(-1), math.prod(result), body.dimension
-    parameters = [body.J, body.I, _ONE if eps is None else eps]
-    vectors = [omega] if following is None else [omega, following]
-    for begin, arrays, states, period in _parts(parameters, [1, 1, 0], vectors, batch):
-        count = len(states[0]) // m
+    parameters = (body.J, body.I, _ONE if eps is None else eps)
+    vectors = (omega,) if following is None else (omega, following)
+    for begin, arrays, states, period in _parts(parameters, _VECTORS, vectors, batch):
+        count = states[0].size // m
         tasks = _tasks(count, period, observables_nd.LANES, observables_nd.TASKS)
+        infinite = np.empty(tasks, np.bool_)
         _threads.run(
             loop,
             WORK * count * max(m, size),
@@ -100,9 +105,12 @@ def of_state_nd(
             flat[begin * size : (begin + count) * size],
             m,
             period,
+            infinite,
             np.empty((tasks, observables_nd.scratch_size(m))),
             np.empty((tasks, observables_nd.LOGARITHMS, observables_nd.LANES), np.int64),
         )
+        if omega.size > LARGE and infinite.any():
+            real_array("omega", omega, allow_nan=True)
     return out[()]
 
 
@@ -119,6 +127,7 @@ def by_slabs(
 
     What NumPy needs on its way never has the size of all states.
     """
+    real_array("omega", omega, allow_nan=True)
     out = np.empty((*batch, *result))
     full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
     count, first, begin = 0, 0, 0
@@ -130,7 +139,7 @@ def by_slabs(
             lost = np.isnan(values.reshape((*some.shape[:-1], -1))[..., 0])
             lost = (lost & ~np.isnan(some).any(axis=-1)).reshape(-1)
             first = first if count or not lost.any() else begin + int(np.argmax(lost))
-            count += np.count_nonzero(lost)
+            count += int(np.count_nonzero(lost))
             begin += lost.size
     if count:
         _warn_of_missing(count, first, batch)
@@ -152,21 +161,25 @@ def _tasks(count: int, period: int, lanes: int, most: int) -> int:
     return min(blocks, most)
 
 
-_Part = tuple[int, list[FloatArray], list[FloatArray], int]
+_Part = tuple[int, Sequence[FloatArray], Sequence[FloatArray], int]
 
 
 def _parts(
-    parameters: list[Any], trailing: list[int], vectors: list[FloatArray], batch: tuple[int, ...]
+    parameters: Sequence[Any],
+    trailing: Sequence[int],
+    vectors: Sequence[FloatArray],
+    batch: tuple[int, ...],
 ) -> Iterator[_Part]:
     """Flat arrays as loops take them: the first state, parameters, states, and the period.
 
     All at once where the arrays serve as they are or copies are small; else slab after slab.
     """
+    if not batch:  # one state: most of the time of a call would go into what follows
+        one = [np.array([p]) if type(p) is float else for_kernel(p).reshape(-1) for p in parameters]
+        yield 0, one, [for_kernel(v).reshape(-1) for v in vectors], 1
+        return
     size = math.prod(batch)
     if not size:
-        return
-    if not batch:
-        yield 0, [np.reshape(p, -1) for p in parameters], [for_kernel(v) for v in vectors], 1
         return
     given = [np.asarray(each) for each in parameters]
     own = [each.shape[each.ndim - k :] for each, k in zip(given, trailing, strict=True)]
@@ -186,7 +199,7 @@ def _parts(
     whole = states_serve and parameters_serve
     over = axes if whole else batch
     spread = [
-        np.broadcast_to(each, (*over, *components)) if shape else each
+        np.broadcast_to(each.reshape(shape + components), over + components) if shape else each
         for each, shape, components in zip(given, varying, own, strict=True)
     ]
     states = [

@@ -78,8 +78,8 @@ class Problem:
         """The number of trajectories."""
         return len(self.omega)
 
-    def some(self, chosen: NDArray[np.intp], stop: int) -> Problem:
-        """A run of some of the trajectories, from the start to a state `stop`, without saving."""
+    def some(self, chosen: NDArray[np.intp], stop: int, saved: FloatArray) -> Problem:
+        """A run of some of the trajectories, from the start to a state `stop`."""
 
         def of(parameter: FloatArray) -> FloatArray:
             return parameter if len(parameter) == 1 else parameter[chosen]
@@ -92,9 +92,14 @@ class Problem:
             time_step=of(self.time_step),
             start=0,
             stop=stop,
-            saved=self.saved[:0],
+            saved=saved,
             progress=None,
         )
+
+    @property
+    def last_row(self) -> int:
+        """The number of the last saved state, in multiples of `every`."""
+        return self.stop // self.every
 
     @property
     def first_row(self) -> int:

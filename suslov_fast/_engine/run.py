@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from . import iterate_3d, iterate_nd
+from .._core.formulas.full_map import full_coefficients
+from . import iterate_3d, iterate_full, iterate_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
@@ -58,10 +59,15 @@ class Run:
         return np.arange(0, self.steps + 1, self.save_every)
 
     @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return self.omega0.shape[-1]
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """The shape of the states that are kept."""
         rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        return (rows, *self.batch, self.body.dimension)
+        return (rows, *self.batch, self.dimension)
 
     @property
     def rows_before(self) -> int:
@@ -117,7 +123,7 @@ def _room(
     if saved is None and run.save_every is not None:
         saved = np.empty((rows, *run.shape[1:]))
     if run.orientation is not None:
-        n = run.body.dimension + 1
+        n = run.dimension + 1
         turns = np.empty((rows, *run.batch, n, n))
     return saved, turns
 
@@ -125,9 +131,13 @@ def _room(
 def _results(
     run: Run, problem: Problem, saved: FloatArray | None, turns: FloatArray | None
 ) -> Results:
-    iterate = iterate_3d.run if isinstance(run.body, Suslov3D) else iterate_nd.run
-    final, status, failed_at, resume = iterate(problem)
-    final = final.reshape((*run.batch, run.body.dimension))
+    if run.method == "full":
+        final, status, failed_at, resume = iterate_full.run(problem)
+    elif isinstance(run.body, Suslov3D):
+        final, status, failed_at, resume = iterate_3d.run(problem)
+    else:
+        final, status, failed_at, resume = iterate_nd.run(problem)
+    final = final.reshape((*run.batch, run.dimension))
     if saved is None:
         saved = final[np.newaxis]
     elif run.save_every is None:
@@ -149,12 +159,14 @@ def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
     begin = {"omega0": run.omega0}
     if run.orientation is not None:
         begin["R0"] = run.orientation
+    if run.method == "full":
+        begin["I3"] = run.resume["I3"]
     return resume | begin
 
 
 def _require_memory(run: Run, rows: int, saves: bool) -> None:
     """Refuse a run that does not fit, with what it takes beside the states that are kept."""
-    D = run.body.dimension
+    D = run.dimension
     kept = rows * math.prod(run.batch)
     numbers = 4 * D * math.prod(run.batch)
     if saves and run.save_every is not None:
@@ -164,15 +176,27 @@ def _require_memory(run: Run, rows: int, saves: bool) -> None:
     require(8 * numbers, f"the states kept are {run.shape}: raise save_every or cut the batch")
 
 
+def _parameters(run: Run) -> list[FloatArray]:
+    if run.method != "full":
+        return run.body.flat_normalised(run.batch)
+    given = [
+        flat_parameter(np.asarray(each), run.batch) for each in (*run.body.parameters, run.eps)
+    ]
+    with np.errstate(all="ignore"):
+        coefficients = full_coefficients(*given, run.resume["I3"])
+    size = len(run.omega0)
+    return [np.stack([np.broadcast_to(each, (size,)) for each in coefficients])]
+
+
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:
     """The flat problem; `saved` and `turns` receive what is kept from its start on."""
-    body, size, D = run.body, math.prod(run.batch), run.body.dimension
+    body, size, D = run.body, math.prod(run.batch), run.dimension
     keeps = saved is not None and run.save_every is not None
     rows = run.shape[0] - run.rows_before
     return Problem(
         method=run.method,
         omega=run.omega0,
-        parameters=body.flat_normalised(run.batch),
+        parameters=_parameters(run),
         eps=flat_parameter(body.normalised_eps(run.eps), run.batch),
         time_step=flat_parameter(run.eps, run.batch),
         start=run.start,

@@ -7,26 +7,20 @@ eps     (B,), the step size.
 out     (N, B, n, n), the orientations at the others; NaN from the first state on that is NaN.
 """
 
-import numpy as np
 from numba import prange
 
 from ..formulas.implicit import mismatch, strays, unit_of
 from ..formulas.rotation import (
-    is_large,
     mean,
     row_times_matrix,
     turn_between,
     turned,
-    turned_component,
-    turned_last,
-    unit_of_large,
 )
 from ..jit import Loop, part
+from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 # Trajectories that a task takes side by side; what they need fits in the first cache.
 LANES = 128
-# In n dimensions rounding is undone at each state whose number is a multiple of this.
-CLEAN_EVERY = 16
 # Tasks of a batch, more than the threads of any machine that this is likely to meet.
 TASKS = 64
 
@@ -55,66 +49,6 @@ def _reconstruct(omega, eps, R0, carried, out):
                     out[k, l, r, 0], out[k, l, r, 1], out[k, l, r, 2] = row_times_matrix(
                         R0[r, 0, l], R0[r, 1, l], R0[r, 2, l], w, x, y, z
                     )
-
-
-@part
-def turn(columns, b, eps, image):
-    """Turn an orientation in place, as it goes from one state to the next.
-
-    columns   (n, n), the transpose of R.
-    b         (m,), the mean of the two states; overwritten.
-    image     (n,), scratch.
-    """
-    m = b.size
-    half, total, largest = 0.5 * eps, 0.0, 0.0
-    for j in range(m):
-        total += abs(half * b[j])
-        largest = max(largest, abs(b[j]))
-    large = is_large(total)
-    unit = 0.0 if large else 1.0
-    factor = np.copysign(unit_of_large(largest), eps) if large else half
-    square = 0.0
-    for j in range(m):
-        b[j] *= factor
-        square += b[j] * b[j]
-    scale = 2.0 / (unit + square)
-    # Rows side by side: the inner loops are vectors of them.
-    last = columns[m]
-    for r in range(m + 1):
-        image[r] = 0.0
-    for j in range(m):
-        for r in range(m + 1):
-            image[r] += columns[j, r] * b[j]
-    for j in range(m):
-        scaled = scale * b[j]
-        for r in range(m + 1):
-            columns[j, r] = turned_component(columns[j, r], last[r], image[r], unit, scaled)
-    for r in range(m + 1):
-        last[r] = turned_last(last[r], image[r], scale, unit, square)
-
-
-@part
-def clean_up(columns, gram, cleaned):
-    """One step of Newton's method to the nearest orthogonal matrix, in place; two scratches."""
-    n = columns.shape[0]
-    for r in range(n):
-        for c in range(n):
-            gram[r, c] = 1.5 if r == c else 0.0
-    for k in range(n):
-        for r in range(n):
-            factor = 0.5 * columns[k, r]
-            for c in range(n):
-                gram[r, c] -= factor * columns[k, c]
-    for r in range(n):
-        for c in range(n):
-            cleaned[r, c] = 0.0
-        for k in range(n):
-            factor = columns[r, k]
-            for c in range(n):
-                cleaned[r, c] += factor * gram[k, c]
-    for r in range(n):
-        for c in range(n):
-            columns[r, c] = cleaned[r, c]
 
 
 def _reconstruct_nd(omega, eps, number, before, out, scratch):

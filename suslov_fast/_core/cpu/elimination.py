@@ -16,7 +16,7 @@ ZERO_TO_ROUNDING = 2.0**-50
 ABREAST = 4
 
 
-def matrix_shape(m):
+def matrix_shape(m: int) -> tuple[int, int, int]:
     """Room for m equations, and for ABREAST rows or columns from any on; zeros to begin with.
 
     The number of columns is odd, so that the rows of a column are spread over the cache.

@@ -16,14 +16,18 @@ from .vector import (
     VECTOR,
     choose,
     copy_transposed,
+    expect_store,
     in_all,
     load,
     on_stack,
     publish,
     same,
     store,
+    store_at,
     store_pairs,
+    store_past_caches,
     stream_pairs,
+    vector_at,
 )
 
 
@@ -165,33 +169,48 @@ def _element(context, builder, array, index, kind):
     return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
 
 
-def _define_pairs(function, emit):
-    """Two vectors become two others, which hold their pairs, and go where `emit` writes."""
-
-    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
-    def _pairs(context, builder, signature, arguments):
-        array, index, first, second = arguments
-        for half in range(2):
-            lanes = [half * VECTOR // 2 + k // 2 + k % 2 * VECTOR for k in range(VECTOR)]
-            places = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
-            pairs = builder.shuffle_vector(first, second, places)
-            emit(builder, pairs, _element(context, builder, array, index, _LLVM[DOUBLES]))
-            index = builder.add(index, index.type(VECTOR))
-        return context.get_dummy_value()
+@_define(vector_at, DOUBLES, _FLAT, _INDEX)
+def _vector_at(context, builder, signature, arguments):
+    return builder.load(_element(context, builder, *arguments, _LLVM[DOUBLES]), align=8)
 
 
-def _plain(builder, vector, place):
-    builder.store(vector, place, align=8)
+@_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_at(context, builder, signature, arguments):
+    array, index, vector = arguments
+    builder.store(vector, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
+    return context.get_dummy_value()
 
 
-def _past_caches(builder, vector, place):
+def _stream(builder, vector, place):
     store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
-_define_pairs(store_pairs, _plain)
-_define_pairs(stream_pairs, _past_caches)
+@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
+def _store_past_caches(context, builder, signature, arguments):
+    array, index, vector = arguments
+    _stream(builder, vector, _element(context, builder, array, index, _LLVM[DOUBLES]))
+    return context.get_dummy_value()
+
+
+def _define_pairs(function, write):
+    """Two shuffles of two vectors give two whole cache lines of pairs."""
+
+    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
+    def _pairs(context, builder, signature, arguments):
+        array, index, first, second = arguments
+        place = _element(context, builder, array, index, _LLVM[DOUBLES])
+        for half in range(2):
+            lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
+            line = builder.gep(place, [ir.IntType(32)(half)])
+            write(builder, builder.shuffle_vector(first, second, mask), line)
+        return context.get_dummy_value()
+
+
+_define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
+_define_pairs(stream_pairs, _stream)
 
 
 @_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
@@ -220,6 +239,17 @@ def _copy_transposed(context, builder, signature, arguments):
     for row in rows:
         builder.store(row, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
         index = builder.add(index, stride)
+    return context.get_dummy_value()
+
+
+@_define(expect_store, types.void, _FLAT, _INDEX)
+def _expect_store(context, builder, signature, arguments):
+    integer = ir.IntType(32)
+    place = _element(context, builder, *arguments, ir.IntType(8))
+    kind = ir.FunctionType(ir.VoidType(), [place.type, integer, integer, integer])
+    prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
+    for_writing, near, data = integer(1), integer(3), integer(1)
+    builder.call(prefetch, [place, for_writing, near, data])
     return context.get_dummy_value()
 
 

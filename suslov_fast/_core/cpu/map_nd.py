@@ -37,10 +37,11 @@ from ..formulas.nd_map import (
     summands,
     weights,
 )
+from ..formulas.rotation import mean
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
-from .turning_nd import CLEAN_EVERY, clean, turn
+from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     choose,
@@ -98,11 +99,15 @@ LARGEST = 2.0**1023
 
 
 class Bodies(NamedTuple):
-    """J and I: (B, m), or (1, m) where one body serves all; eps: (B,) or (1,)."""
+    """J and I: (B, m), or (1, m) where one body serves all; eps: (B,) or (1,).
+
+    time_step   (B,) or (1,), the step size in the unit of time of omega, for orientations.
+    """
 
     J: np.ndarray
     I: np.ndarray
     eps: np.ndarray
+    time_step: np.ndarray
 
 
 class Span(NamedTuple):
@@ -136,7 +141,7 @@ class Kept(NamedTuple):
     failed_at     (B,), the first state that does not exist, or -1.
     state         (B, m), the states in units of 2**exponent; (0, m) if nobody will go on.
     exponent      (B,)
-    orientation   (B, n, n), or (0, n, n) if it is not wanted.
+    columns       (B, n, n), the transposed orientations, or (0, n, n) if they are not wanted.
     """
 
     final: np.ndarray
@@ -144,7 +149,7 @@ class Kept(NamedTuple):
     failed_at: np.ndarray
     state: np.ndarray
     exponent: np.ndarray
-    orientation: np.ndarray
+    columns: np.ndarray
 
 
 class Scratch(NamedTuple):
@@ -154,16 +159,14 @@ class Scratch(NamedTuple):
     sums     (tasks, groups, SUMS, VECTOR)
     matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
     before   (tasks, groups, m, VECTOR), the states before the step, if turns are wanted.
-    angle    (tasks, m)
-    gram     (tasks, n + 1, n), see `turning_nd`.
+    turning  (tasks, 2 n + 2, n), two matrices and two vectors, if turns are wanted.
     """
 
     cells: np.ndarray
     sums: np.ndarray
     matrix: np.ndarray
     before: np.ndarray
-    angle: np.ndarray
-    gram: np.ndarray
+    turning: np.ndarray
 
 
 @part
@@ -192,35 +195,36 @@ def unit_of(largest, before):
 
 
 @part
-def gather(values, chosen, first, width, cells, g, which):
-    """Rows of values, or one row for all; lanes beyond the width repeat the last."""
-    m = values.shape[1]
-    if values.shape[0] == 1:
-        for i in range(m):
-            store(cells, g, i, which, same(values[0, i]))
-    else:
-        for l in range(VECTOR):
-            b = trajectory(chosen, first + min(l, width - 1))
+def gather(values, chosen, begin, end, cells, which):
+    """Rows of values, or one row for all; lanes beyond the end repeat the last."""
+    m, alike = values.shape[1], values.shape[0] == 1
+    for g in range(cells.shape[0]):
+        if alike:
             for i in range(m):
-                cells[g, i, which, l] = values[b, i]
+                store(cells, g, i, which, same(values[0, i]))
+        else:
+            for l in range(VECTOR):
+                b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
+                for i in range(m):
+                    cells[g, i, which, l] = values[b, i]
 
 
 @part
-def normalise(cells, sums, g, which, alike):
+def normalise(cells, sums, which, alike):
     """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
-    m = cells.shape[1]
-    largest = same(0.0)
-    for i in range(m):
-        largest = larger(abs(load(cells, g, i, which)), largest)
-    store(sums, g, UNIT, largest)
     exponent = 0
-    for l in range(VECTOR):
-        if l == 0 or not alike:
-            exponent = unit_of(sums[g, UNIT, l], 0)
-        sums[g, which, l], sums[g, UNIT, l] = exponent, math.ldexp(1.0, -exponent)
-    inverse = load(sums, g, UNIT)
-    for i in range(m):
-        store(cells, g, i, which, load(cells, g, i, which) * inverse)
+    for g in range(cells.shape[0]):
+        largest = same(0.0)
+        for i in range(cells.shape[1]):
+            largest = larger(abs(load(cells, g, i, which)), largest)
+        store(sums, g, UNIT, largest)
+        for l in range(VECTOR):
+            if g + l == 0 or not alike:
+                exponent = unit_of(sums[g, UNIT, l], 0)
+            sums[g, which, l], sums[g, UNIT, l] = exponent, math.ldexp(1.0, -exponent)
+        inverse = load(sums, g, UNIT)
+        for i in range(cells.shape[1]):
+            store(cells, g, i, which, load(cells, g, i, which) * inverse)
 
 
 @part
@@ -236,69 +240,78 @@ def add_up(cells, sums, g):
 
 
 @part
-def settle(bodies, span, first, width, cells, sums, g):
-    """What depends on the units of omega, and on which lanes have ended."""
+def settle_lanes(eps, chosen, first, cells, sums, g):
+    """eps in the units of a lane, that of omega, and rest where the trajectory has ended."""
     for l in range(VECTOR):
         if sums[g, ENDED, l] > 0.0:
             sums[g, EPS, l], sums[g, UNIT, l] = 0.0, np.nan
             for i in range(cells.shape[1]):
                 cells[g, i, OMEGA, l] = 0.0
         else:
-            b = trajectory(span.chosen, first + l) if bodies.eps.size > 1 else 0
+            b = trajectory(chosen, first + l) if eps.size > 1 else 0
             # (dsn) keeps its form: only eps I omega / J counts.
             exponent = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
             moves = sums[g, RESTS, l] == 0.0
-            sums[g, EPS, l] = scaled(bodies.eps[b], exponent) if moves else 0.0
+            sums[g, EPS, l] = scaled(eps[b], exponent) if moves else 0.0
             sums[g, UNIT, l] = math.ldexp(1.0, int(sums[g, OMEGA, l]))
-    smallest, square = same(np.inf), same(0.0)
-    for i in range(cells.shape[1]):
-        smallest = smaller(load(cells, g, i, J_), smallest)
-        square = square + load(cells, g, i, I_) * load(cells, g, i, I_)
-    longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
-    store(sums, g, SMALL_STEPS, longest * longest / square)
-    add_up(cells, sums, g)
-    moves = load(sums, g, SQUARE) > 0.0
-    store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
-    store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
 
 
 @part
-def enter_states(omega, span, kept, first, width, cells, sums, g):
-    """The given states, in units of their own; NaN ends a trajectory."""
-    gather(omega, span.chosen, first, width, cells, g, OMEGA)
-    undefined = same(0.0)
-    for i in range(cells.shape[1]):
-        undefined = undefined + 0.0 * load(cells, g, i, OMEGA)
-    store(sums, g, P, undefined)
-    normalise(cells, sums, g, OMEGA, omega.shape[0] == 1)
-    for l in range(width):
-        if np.isnan(sums[g, P, l]):
-            b = trajectory(span.chosen, first + l)
+def settle(eps, chosen, begin, cells, sums, groups):
+    """What depends on the units of omega, and on which lanes have ended."""
+    for g in groups:
+        settle_lanes(eps, chosen, begin + g * VECTOR, cells, sums, g)
+        smallest, coupling = same(np.inf), same(0.0)
+        for i in range(cells.shape[1]):
+            smallest = smaller(load(cells, g, i, J_), smallest)
+            coupling = coupling + load(cells, g, i, I_) * load(cells, g, i, I_)
+        longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
+        store(sums, g, SMALL_STEPS, longest * longest / coupling)
+        add_up(cells, sums, g)
+        moves = load(sums, g, SQUARE) > 0.0
+        store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
+        store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
+
+
+@part
+def end_undefined(omega, span, kept, begin, end):
+    """NaN is no state: such a trajectory ends before it begins."""
+    for position in range(begin, end):
+        b = trajectory(span.chosen, position)
+        undefined = 0.0
+        for i in range(omega.shape[1]):
+            undefined += 0.0 * omega[b, i]
+        if np.isnan(undefined):
             kept.status[b], kept.failed_at[b] = NONFINITE, 0
 
 
 @part
-def start_group(bodies, omega, span, kept, first, width, cells, sums, g):
-    gather(bodies.J, span.chosen, first, width, cells, g, J_)
-    gather(bodies.I, span.chosen, first, width, cells, g, I_)
-    normalise(cells, sums, g, J_, bodies.J.shape[0] == 1)
-    normalise(cells, sums, g, I_, bodies.I.shape[0] == 1)
-    coupled = same(0.0)
-    for i in range(cells.shape[1]):
-        coupled = larger(abs(load(cells, g, i, I_)), coupled)
-    store(sums, g, RESTS, coupled)
+def start_block(bodies, omega, span, kept, begin, end, cells, sums):
+    chosen = span.chosen
+    gather(bodies.J, chosen, begin, end, cells, J_)
+    gather(bodies.I, chosen, begin, end, cells, I_)
+    normalise(cells, sums, J_, bodies.J.shape[0] == 1)
+    normalise(cells, sums, I_, bodies.I.shape[0] == 1)
     if span.start == 0:
-        enter_states(omega, span, kept, first, width, cells, sums, g)
+        end_undefined(omega, span, kept, begin, end)
+        gather(omega, chosen, begin, end, cells, OMEGA)
+        normalise(cells, sums, OMEGA, omega.shape[0] == 1)
     else:
-        gather(kept.state, span.chosen, first, width, cells, g, OMEGA)
-    for l in range(VECTOR):
-        b = trajectory(span.chosen, first + min(l, width - 1))
-        eps = bodies.eps[b if bodies.eps.size > 1 else 0]
-        sums[g, RESTS, l] = 1.0 if eps == 0.0 or sums[g, RESTS, l] == 0.0 else 0.0
-        sums[g, ENDED, l] = 1.0 if l >= width or kept.failed_at[b] >= 0 else 0.0
-        if span.start > 0:
-            sums[g, OMEGA, l] = kept.exponent[b]
-    settle(bodies, span, first, width, cells, sums, g)
+        gather(kept.state, chosen, begin, end, cells, OMEGA)
+    for g in range(cells.shape[0]):
+        coupled = same(0.0)
+        for i in range(cells.shape[1]):
+            coupled = larger(abs(load(cells, g, i, I_)), coupled)
+        store(sums, g, RESTS, coupled)
+        for l in range(VECTOR):
+            position = begin + g * VECTOR + l
+            b = trajectory(chosen, min(position, end - 1))
+            eps = bodies.eps[b if bodies.eps.size > 1 else 0]
+            sums[g, RESTS, l] = 1.0 if eps == 0.0 or sums[g, RESTS, l] == 0.0 else 0.0
+            sums[g, ENDED, l] = 1.0 if position >= end or kept.failed_at[b] >= 0 else 0.0
+            if span.start > 0:
+                sums[g, OMEGA, l] = kept.exponent[b]
+    settle(bodies.eps, chosen, begin, cells, sums, range(cells.shape[0]))
 
 
 @part
@@ -316,6 +329,15 @@ def assemble(cells, sums, g, matrix):
             store(matrix, i, j, entry(0.0, of_omega, of_I, I_j, omega_j))
         store(matrix, i, i, entry(1.0 - half / J_i, of_omega, of_I, I_i, omega_i))
         store(matrix, i, m, omega_i)
+
+
+@part
+def step_by_elimination(cells, sums, g, matrix):
+    assemble(cells, sums, g, matrix)
+    eliminate(matrix, cells.shape[1])
+    for i in range(cells.shape[1]):
+        store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
+    take_next_states(cells, sums, g)
 
 
 @inlined_part
@@ -421,8 +443,11 @@ def step_with_care(cells, sums, g, l):
 
 
 @part
-def step_each(bodies, span, kept, first, width, cells, sums, g, matrix):
-    """The step of a group where some lane needs care, by elimination where that is not enough."""
+def step_each(cells, sums, g, width, matrix):
+    """The step of a group where some lane needs care, by elimination where that is not enough.
+
+    Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
+    """
     next_states(cells, sums, g)
     some_left = False
     for l in range(width):
@@ -441,16 +466,75 @@ def step_each(bodies, span, kept, first, width, cells, sums, g, matrix):
                 for i in range(cells.shape[1]):
                     cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
     take_next_states(cells, sums, g)
-    if some_left and matrix.shape[0] == 0:
-        for l in range(width):
-            if sums[g, ACCURATE, l] == 0.0:
-                sums[g, ENDED, l] = 1.0
-                kept.status[trajectory(span.chosen, first + l)] = NEEDS_ELIMINATION
-        settle(bodies, span, first, width, cells, sums, g)
+    return some_left and matrix.shape[0] == 0
 
 
 @part
-def end(span, kept, first, width, cells, sums, g, n):
+def set_aside(bodies, span, kept, begin, width, cells, sums, g):
+    """Leave the lanes that are not ACCURATE to a call that has room for their elimination."""
+    for l in range(width):
+        if sums[g, ACCURATE, l] == 0.0:
+            sums[g, ENDED, l] = 1.0
+            kept.status[trajectory(span.chosen, begin + g * VECTOR + l)] = NEEDS_ELIMINATION
+    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
+
+
+@inlined_part
+def all_accurate(sums, g):
+    return in_all(load(sums, g, ACCURATE) > 0.0)
+
+
+@inlined_part
+def units_serve(sums, g):
+    square = load(sums, g, SQUARE)
+    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
+
+
+@part
+def advance(cells, sums, n, stop):
+    """Steps of a block by RANK2 to state stop, or to where something must be seen to.
+
+    Returns the number of the state, and whether the step from there, of which `sum_up` is done,
+    needs care.
+    """
+    serve, accurate = True, True
+    while n < stop and serve:
+        # Of all groups first: one need not wait for the unknowns of the one before.
+        for g in range(cells.shape[0]):
+            sum_up(cells, sums, g)
+            accurate &= all_accurate(sums, g)
+        if not accurate:
+            return n, True
+        for g in range(cells.shape[0]):
+            step_all(cells, sums, g)
+            serve &= units_serve(sums, g)
+        n += 1
+    return n, False
+
+
+@part
+def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
+    """The step of a block where some lane needs care, after `sum_up`."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if all_accurate(sums, g):
+            step_all(cells, sums, g)
+        elif step_each(cells, sums, g, width, matrix):
+            set_aside(bodies, span, kept, begin, width, cells, sums, g)
+
+
+@part
+def see_to_units(bodies, span, kept, begin, end, cells, sums, n):
+    """After the step to state n: end what is not finite, and find new units."""
+    for g in range(cells.shape[0]):
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if not units_serve(sums, g):
+            end_lanes(span, kept, begin, width, cells, sums, g, n)
+            renew(bodies, span, begin, width, cells, sums, g)
+
+
+@part
+def end_lanes(span, kept, begin, width, cells, sums, g, n):
     """End the trajectories whose state n is not finite in the unit of the user."""
     for l in range(width):
         finite, undefined = True, False
@@ -459,14 +543,14 @@ def end(span, kept, first, width, cells, sums, g, n):
             undefined |= np.isnan(cells[g, i, OMEGA, l])
         if not finite and sums[g, ENDED, l] == 0.0:
             sums[g, ENDED, l] = 1.0
-            b = trajectory(span.chosen, first + l)
+            b = trajectory(span.chosen, begin + g * VECTOR + l)
             in_range = np.isfinite(sums[g, HALF, l])
             kept.status[b] = SINGULAR if undefined and in_range else NONFINITE
             kept.failed_at[b] = n
 
 
 @part
-def renew(bodies, span, first, width, cells, sums, g):
+def renew(bodies, span, begin, width, cells, sums, g):
     """Find new units where they do not serve any more."""
     for l in range(width):
         serves = sums[g, LOW, l] < sums[g, SQUARE, l] < sums[g, HIGH, l]
@@ -478,154 +562,154 @@ def renew(bodies, span, first, width, cells, sums, g):
             sums[g, OMEGA, l] = exponent
             for i in range(cells.shape[1]):
                 cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
-    settle(bodies, span, first, width, cells, sums, g)
+    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
 
 
-@part
-def advance_group(method, bodies, span, kept, first, width, cells, sums, g, matrix, n):
-    """The step to state n; where the method is RANK2, after `sum_up`."""
-    if method == GAUSS:
-        assemble(cells, sums, g, matrix)
-        eliminate(matrix, cells.shape[1])
-        for i in range(cells.shape[1]):
-            store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
-        take_next_states(cells, sums, g)
-    elif in_all(load(sums, g, ACCURATE) > 0.0):
-        step_all(cells, sums, g)
-    else:
-        step_each(bodies, span, kept, first, width, cells, sums, g, matrix)
-    square = load(sums, g, SQUARE)
-    if not in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH))):
-        end(span, kept, first, width, cells, sums, g, n)
-        renew(bodies, span, first, width, cells, sums, g)
-
-
-@part
-def show(omega, span, first, width, cells, sums, g, n):
-    """What users see of state n, as work: what was given where nothing has moved."""
+@inlined_part
+def show(cells, sums, g):
+    """What users see of the states of a group, as work; but see `show_given`."""
     unit = load(sums, g, UNIT)
     for i in range(cells.shape[1]):
         store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
-    if n == 0 or not in_all(load(sums, g, RESTS) < 1.0):
-        for l in range(width):
-            if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
-                b = trajectory(span.chosen, first + l)
-                for i in range(cells.shape[1]):
-                    cells[g, i, WORK, l] = omega[b, i]
+
+
+@inlined_part
+def all_move(sums, g):
+    return in_all(load(sums, g, RESTS) < 1.0)
 
 
 @part
-def write(cells, g, which, span, first, width, flat, begin):
-    """Write states to a flat array, in which those of trajectory 0 lie at `begin`."""
-    m, in_squares = cells.shape[1], 0
-    if width == VECTOR and span.chosen.size == 0:
-        source, distance = cells.reshape(cells.size), CELLS * VECTOR
-        in_squares = m - m % VECTOR
-        for i in range(0, in_squares, VECTOR):
-            row = (g * m + i) * distance + which * VECTOR
-            copy_transposed(flat, begin + first * m + i, m, source, row, distance)
+def show_given(omega, chosen, first, width, cells, sums, g, n):
+    """Where nothing has moved, users see what was given."""
     for l in range(width):
-        target = begin + trajectory(span.chosen, first + l) * m
+        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
+            b = trajectory(chosen, first + l)
+            for i in range(cells.shape[1]):
+                cells[g, i, WORK, l] = omega[b, i]
+
+
+@inlined_part
+def write(flat_cells, m, g, first, flat, begin):
+    """Write what is shown of a whole group to flat saved states; returns for how many components.
+
+    Those of trajectory 0 lie at `begin`.
+    """
+    in_squares = m - m % VECTOR
+    for i in range(0, in_squares, VECTOR):
+        row = ((g * m + i) * CELLS + WORK) * VECTOR
+        copy_transposed(flat, begin + first * m + i, m, flat_cells, row, CELLS * VECTOR)
+    return in_squares
+
+
+@inlined_part
+def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
+    """Write the other components, and those of groups that are not whole, one by one."""
+    m = cells.shape[1]
+    for l in range(width):
+        target = begin + trajectory(chosen, first + l) * m
         for i in range(in_squares, m):
-            flat[target + i] = cells[g, i, which, l]
+            flat[target + i] = cells[g, i, WORK, l]
 
 
 @part
-def turn_group(bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n):
-    """Turn the orientations from state n - 1 on to state n."""
+def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
+    """Turn the orientations to state n, which is shown."""
+    before, room = turning
+    size = cells.shape[1] + 1
+    gram, cleaned = room[:size], room[size : 2 * size]
+    image, middle = room[2 * size], room[2 * size + 1, : size - 1]
     for l in range(width):
         b = trajectory(span.chosen, first + l)
-        half = 0.5 * bodies.eps[b if bodies.eps.size > 1 else 0]
-        for i in range(cells.shape[1]):
-            angle[i] = half * (before[g, i, l] + cells[g, i, WORK, l])
-        turn(kept.orientation[b], angle)
-        if n % CLEAN_EVERY == 0:
-            clean(kept.orientation[b], gram)
-
-
-@part
-def remember(cells, g, before):
-    for i in range(cells.shape[1]):
+        if n > span.start:
+            for i in range(size - 1):
+                middle[i] = mean(before[g, i, l], cells[g, i, WORK, l])
+            step = bodies.time_step[b if bodies.time_step.size > 1 else 0]
+            turn(kept.columns[b], middle, step, image)
+            if n % CLEAN_EVERY == 0:
+                clean_up(kept.columns[b], gram, cleaned)
+        elif sums[g, ENDED, l] > 0.0:
+            kept.columns[b] = np.nan
+    for i in range(size - 1):
         store(before, g, i, load(cells, g, i, WORK))
 
 
 @part
-def save(span, saved, kept, flat, first, width, cells, g, n):
-    """Write what `show` has shown of state n to its row."""
-    row = n // span.every - span.first_row
-    write(cells, g, WORK, span, first, width, flat, row * saved.omega.shape[1] * cells.shape[1])
-    if kept.orientation.shape[0] > 0:
-        for l in range(width):
-            b = trajectory(span.chosen, first + l)
-            saved.turns[row, b] = kept.orientation[b]
+def save_turns(chosen, columns, begin, end, row):
+    for position in range(begin, end):
+        b = trajectory(chosen, position)
+        for r in range(row.shape[1]):
+            for c in range(row.shape[1]):
+                row[b, r, c] = columns[b, c, r]
 
 
 @part
-def leave_group(omega, span, kept, first, width, cells, sums, g):
+def leave_block(omega, span, kept, begin, end, cells, sums):
     """Write what is left at state stop."""
-    show(omega, span, first, width, cells, sums, g, span.stop)
-    write(cells, g, WORK, span, first, width, kept.final.reshape(kept.final.size), 0)
-    going_on = kept.state.shape[0] > 0
-    for l in range(width):
-        b = trajectory(span.chosen, first + l)
-        if kept.status[b] == NEEDS_ELIMINATION:
-            if going_on:
+    for g in range(cells.shape[0]):
+        show(cells, sums, g)
+        width = min(VECTOR, end - begin - g * VECTOR)
+        if span.stop == 0 or not all_move(sums, g):
+            first = begin + g * VECTOR
+            show_given(omega, span.chosen, first, width, cells, sums, g, span.stop)
+        for l in range(width):
+            b = trajectory(span.chosen, begin + g * VECTOR + l)
+            if kept.status[b] != NEEDS_ELIMINATION:
+                kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
                 for i in range(cells.shape[1]):
-                    cells[g, i, OMEGA, l] = kept.state[b, i]
-        else:
-            if kept.failed_at[b] < 0:
-                kept.status[b] = OK
-            if going_on:
-                kept.exponent[b] = sums[g, OMEGA, l]
-    if going_on:
-        write(cells, g, OMEGA, span, first, width, kept.state.reshape(kept.state.size), 0)
-
-
-@part
-def start_block(bodies, omega, span, saved, kept, flat, begin, end, cells, sums, before):
-    for first in range(begin, end, VECTOR):
-        g, width = (first - begin) // VECTOR, min(VECTOR, end - first)
-        start_group(bodies, omega, span, kept, first, width, cells, sums, g)
-        if kept.orientation.shape[0] > 0:
-            show(omega, span, first, width, cells, sums, g, span.start)
-            remember(cells, g, before)
-            if span.start == 0:
-                for l in range(width):
-                    if sums[g, ENDED, l] > 0.0:
-                        kept.orientation[trajectory(span.chosen, first + l)] = np.nan
-        if span.start == 0 and saved.omega.shape[0] > 0:
-            show(omega, span, first, width, cells, sums, g, 0)
-            save(span, saved, kept, flat, first, width, cells, g, 0)
+                    kept.final[b, i] = cells[g, i, WORK, l]
+                if kept.state.shape[0] > 0:
+                    kept.exponent[b] = sums[g, OMEGA, l]
+                    for i in range(cells.shape[1]):
+                        kept.state[b, i] = cells[g, i, OMEGA, l]
 
 
 @part
 def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
     """All steps of the trajectories at some positions."""
-    before, angle, gram = turning
-    turns, saves = kept.orientation.shape[0] > 0, saved.omega.shape[0] > 0
-    flat = saved.omega.reshape(saved.omega.size)
-    groups = (end - begin + VECTOR - 1) // VECTOR
-    start_block(bodies, omega, span, saved, kept, flat, begin, end, cells, sums, before)
-    for n in range(span.start + 1, span.stop + 1):
-        saved_now = saves and n % span.every == 0
-        if method == RANK2:
-            # Of all groups first: one need not wait for the unknowns of the one before.
+    chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
+    flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
+    turns, next_saved = kept.columns.shape[0] > 0, -1
+    if saved.omega.shape[0] > 0:
+        next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
+    row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
+    start_block(bodies, omega, span, kept, begin, end, cells, sums)
+    n = span.start
+    while True:
+        if turns or n == next_saved:
             for g in range(groups):
-                sum_up(cells, sums, g)
-        for g in range(groups):
-            first = begin + g * VECTOR
-            width = min(VECTOR, end - first)
-            advance_group(method, bodies, span, kept, first, width, cells, sums, g, matrix, n)
-            if turns or saved_now:
-                show(omega, span, first, width, cells, sums, g, n)
-            if turns:
-                turn_group(bodies, span, kept, first, width, cells, sums, g, before, angle, gram, n)
-                remember(cells, g, before)
-            if saved_now:
-                save(span, saved, kept, flat, first, width, cells, g, n)
-    for g in range(groups):
-        first = begin + g * VECTOR
-        leave_group(omega, span, kept, first, min(VECTOR, end - first), cells, sums, g)
+                first = begin + g * VECTOR
+                width = min(VECTOR, end - first)
+                show(cells, sums, g)
+                if n == 0 or not all_move(sums, g):
+                    show_given(omega, chosen, first, width, cells, sums, g, n)
+                if turns:
+                    orient(bodies, span, kept, first, width, cells, sums, g, turning, n)
+                if n == next_saved:
+                    begin_of_row, written = row * omega.size, 0
+                    if width == VECTOR and chosen.size == 0:
+                        written = write(flat_cells, m, g, first, flat, begin_of_row)
+                    write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
+            if turns and n == next_saved:
+                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
+        if n == next_saved:
+            next_saved += span.every
+            row += 1
+        if n == span.stop:
+            break
+        if method == GAUSS:
+            for g in range(groups):
+                step_by_elimination(cells, sums, g, matrix)
+            n += 1
+        else:
+            until = n + 1 if turns else span.stop
+            if next_saved > n:
+                until = min(until, next_saved)
+            n, needs_care = advance(cells, sums, n, until)
+            if needs_care:
+                advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
+                n += 1
+        see_to_units(bodies, span, kept, begin, end, cells, sums, n)
+    leave_block(omega, span, kept, begin, end, cells, sums)
 
 
 def _iterate(method, bodies, omega, span, saved, kept, scratch):
@@ -636,6 +720,8 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
     for task in prange(tasks):
         for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
             begin = span.begin + block * size
+            end = min(begin + size, span.end)
+            groups = (end - begin + VECTOR - 1) // VECTOR
             run_block(
                 method,
                 bodies,
@@ -644,11 +730,11 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
                 saved,
                 kept,
                 begin,
-                min(begin + size, span.end),
-                scratch.cells[task],
-                scratch.sums[task],
+                end,
+                scratch.cells[task, :groups],
+                scratch.sums[task, :groups],
                 scratch.matrix[task],
-                (scratch.before[task], scratch.angle[task], scratch.gram[task]),
+                (scratch.before[task], scratch.turning[task]),
             )
 
 

@@ -11,10 +11,12 @@ Common arguments:
 I1 ... eps   five arrays of `period` numbers, or of one that serves all.
 omega        the states, flat: two numbers each.
 out          the results, flat: the same number of them for each state.
-missing      (tasks, 2): how many states had no result, and the first of them; or (0, 2).
+report       (tasks, 3), at first 0: how many states had no result, and the first of them, where a
+             loop counts them; whether there was an infinite state.
 scratch      (tasks, ...), what a task works in; `logarithms` likewise, of integers.
 """
 
+import numpy as np
 from numba import prange
 
 from ..formulas import continuous, coordinates, integrals, linearised, section4, units
@@ -25,12 +27,15 @@ LANES = 128
 # More than the threads of any machine that this is likely to meet.
 TASKS = 64
 
-# Rows of a block: parameters as given, in units of powers of two, the state, and results.
-GIVEN, I1, I2, I13, I23, EPS, OMEGA, RESULT = 0, 5, 6, 7, 8, 9, 10, 12
-ROWS = 16
+# Rows of a block: parameters as given, in units of powers of two, the state, results, and
+# the largest number in a state so far.
+GIVEN, I1, I2, I13, I23, EPS, OMEGA, RESULT, LARGEST = 0, 5, 6, 7, 8, 9, 10, 12, 16
+ROWS = 17
 # Rows of the logarithms of the units.
 M, P, E = range(3)
 LOGARITHMS = 3
+# Columns of the report.
+MISSING, FIRST, INFINITE = range(3)
 # Numbers that a task works in: one cache line more than its rows.
 SCRATCH = ROWS * LANES + VECTOR
 
@@ -69,17 +74,20 @@ def enter_states(omega, first, width, rows):
     pairs = omega[2 * first : 2 * (first + width)]
     for l in range(width):
         rows[OMEGA, l], rows[OMEGA + 1, l] = pairs[2 * l], pairs[2 * l + 1]
+    for l in range(width):
+        size = units.larger(abs(rows[OMEGA, l]), rows[LARGEST, l])
+        rows[LARGEST, l] = units.larger(abs(rows[OMEGA + 1, l]), size)
 
 
 @part
-def count_missing(omega, first, width, rows, missing):
+def count_missing(omega, first, width, rows, report):
     """States that are, and have no result."""
     for l in range(width):
         state_sum = omega[2 * (first + l)] + omega[2 * (first + l) + 1]
         if rows[RESULT, l] != rows[RESULT, l] and state_sum == state_sum:
-            if missing[0] == 0 or first + l < missing[1]:
-                missing[1] = first + l
-            missing[0] += 1
+            if report[MISSING] == 0 or first + l < report[FIRST]:
+                report[FIRST] = first + l
+            report[MISSING] += 1
 
 
 def _of_body(function):
@@ -148,11 +156,14 @@ def _evaluate(value, size):
     return {1: (find1, write1), 2: (find2, write2), 4: (find4, write4)}[size]
 
 
-def _observable(name, value, size):
-    """A loop that evaluates a formula at one lane for all states."""
+def _observable(name, value, size, counts=False):
+    """A loop that evaluates a formula at one lane for all states.
+
+    With `counts` it counts the states that have no result.
+    """
     find, write = _evaluate(value, size)
 
-    def loop(I1, I2, I13, I23, eps, omega, out, period, missing, scratch, logarithms):
+    def loop(I1, I2, I13, I23, eps, omega, out, period, report, scratch, logarithms):
         parameters = (I1, I2, I13, I23, eps)
         shared = I1.size * I2.size * I13.size * I23.size * eps.size == 1
         states = omega.size // 2
@@ -163,6 +174,7 @@ def _observable(name, value, size):
         for task in prange(tasks):
             line = to_cache_line(scratch[task], 0)
             rows = scratch[task, line : line + ROWS * LANES].reshape((ROWS, LANES))
+            rows[LARGEST] = 0.0
             begin = task * parts // tasks
             for k in range(begin, (task + 1) * parts // tasks):
                 body = k // repetitions * LANES
@@ -174,8 +186,9 @@ def _observable(name, value, size):
                 enter_states(omega, first, width, rows)
                 find(rows, logarithms[task], width)
                 write(rows, first, width, out)
-                if missing.size > 0:
-                    count_missing(omega, first, width, rows, missing[task])
+                if counts:
+                    count_missing(omega, first, width, rows, report[task])
+            report[task, INFINITE] = rows[LARGEST].max() == np.inf
 
     loop.__name__ = name
     return Loop(loop)
@@ -196,7 +209,9 @@ to_xy = _observable("to_xy", _of_body(coordinates.xy_of_state), 2)
 from_xy = _observable("from_xy", _of_body(coordinates.state_of_xy), 2)
 vector_field = _observable("vector_field", _of_body(continuous.vector_field), 2)
 reaction = _observable("reaction", _of_body(continuous.reaction), 1)
-discrete_reaction = _observable("discrete_reaction", _of_body(continuous.discrete_reaction), 1)
-jacobian = _observable("jacobian", _of_body(linearised.jacobian), 4)
+discrete_reaction = _observable(
+    "discrete_reaction", _of_body(continuous.discrete_reaction), 1, True
+)
+jacobian = _observable("jacobian", _of_body(linearised.jacobian), 4, True)
 matrix = _observable("matrix", _of_body(linearised.matrix), 4)
 constants = _observable("constants", _of_body(section4.constants), 4)

@@ -6,6 +6,7 @@ following   the next states, flat, or omega itself where a quantity needs none.
 Components of the states of a block stand in rows of lanes, m rows to each of the `cells`.
 """
 
+import numpy as np
 from numba import prange
 
 from ..formulas import continuous, integrals, nd_map, units
@@ -19,15 +20,15 @@ TASKS = 64
 # Cells: parameters and states in units of powers of two.
 J_, I_, OMEGA, NEXT, SLOPE = range(5)
 CELLS = 5
-# Rows of sums; 1 and eps in units in which neither is above 1.
-P_SUM, P_NEXT, PRODUCT, ENERGY, EXCESS, EPS, ONE = range(7)
+# Rows of sums; the step size; room for the sizes of vectors; the largest number in a state so far.
+P_SUM, P_NEXT, PRODUCT, ENERGY, EXCESS, EPS, SIZE, LARGEST = range(8)
 SUMS = 8
 # Rows of the logarithms of units.
 M, P, E, W = range(4)
 LOGARITHMS = 4
 
 
-def scratch_size(m):
+def scratch_size(m: int) -> int:
     """The numbers that a task works in: one cache line more than its rows."""
     return (CELLS * m + SUMS) * LANES + VECTOR
 
@@ -44,13 +45,19 @@ def fill(values, m, first, width, cells, which):
 
 
 @part
-def take_units(cells, which, width, row, logarithms, default):
-    """Divide the vectors of a cell by powers of two, whose logarithms go to a row."""
+def find_sizes(cells, which, width, row):
+    """The largest component of each vector of a cell."""
     for l in range(width):
         row[l] = 0.0
     for i in range(cells.shape[1]):
         for l in range(width):
             row[l] = units.larger(abs(cells[which, i, l]), row[l])
+
+
+@part
+def take_units(cells, which, width, row, logarithms, default):
+    """Divide the vectors of a cell by powers of two, whose logarithms go to a row."""
+    find_sizes(cells, which, width, row)
     for l in range(width):
         logarithms[l] = units.exponent(row[l]) if row[l] > 0.0 else default[l]
         row[l] = units.power(-logarithms[l])
@@ -63,8 +70,8 @@ def take_units(cells, which, width, row, logarithms, default):
 def enter_bodies(J, I, eps, m, first, width, cells, sums, logarithms):
     fill(J, m, first, width, cells, J_)
     fill(I, m, first, width, cells, I_)
-    take_units(cells, J_, width, sums[ONE], logarithms[M], logarithms[M])
-    take_units(cells, I_, width, sums[ONE], logarithms[P], logarithms[M])
+    take_units(cells, J_, width, sums[SIZE], logarithms[M], logarithms[M])
+    take_units(cells, I_, width, sums[SIZE], logarithms[P], logarithms[M])
     for l in range(width):
         step_size = eps[0] if eps.size == 1 else eps[first + l]
         logarithms[E, l] = units.exponent(step_size)
@@ -78,12 +85,14 @@ def enter_states(omega, following, m, first, width, cells, sums, logarithms):
         after = following[(first + l) * m : (first + l + 1) * m]
         for i in range(m):
             cells[OMEGA, i, l], cells[NEXT, i, l] = numbers[i], after[i]
+    find_sizes(cells, OMEGA, width, sums[SIZE])
     for l in range(width):
+        sums[LARGEST, l] = units.larger(sums[SIZE, l], sums[LARGEST, l])
         logarithms[W, l] = 0
-    take_units(cells, OMEGA, width, sums[ONE], logarithms[W], logarithms[W])
+    take_units(cells, OMEGA, width, sums[SIZE], logarithms[W], logarithms[W])
     for i in range(m):
         for l in range(width):
-            cells[NEXT, i, l] *= sums[ONE, l]
+            cells[NEXT, i, l] *= sums[SIZE, l]
 
 
 @part
@@ -201,7 +210,8 @@ def find_matrix(cells, sums, logarithms, first, width, out):
             of_omega = nd_map.column_of_omega(cells[J_, i, l], cells[I_, i, l], eps)
             of_I = nd_map.column_of_coupling(cells[J_, i, l], cells[OMEGA, i, l], eps)
             for j in range(m):
-                diagonal = 1.0 - half / cells[J_, i, l] if i == j else 0.0
+                # A NaN in the state is one in all entries.
+                diagonal = 1.0 - half / cells[J_, i, l] if i == j else 0.0 * half
                 out[((first + l) * m + i) * m + j] = nd_map.entry(
                     diagonal, of_omega, of_I, cells[I_, j, l], cells[OMEGA, j, l]
                 )
@@ -210,7 +220,7 @@ def find_matrix(cells, sums, logarithms, first, width, out):
 def _observable(name, find):
     """A loop over all states of a part that finds a quantity for a block of them."""
 
-    def loop(J, I, eps, omega, following, out, m, period, scratch, logarithms):
+    def loop(J, I, eps, omega, following, out, m, period, infinite, scratch, logarithms):
         shared = J.size == m and I.size == m and eps.size == 1
         states = omega.size // m
         repetitions = (states + period - 1) // period
@@ -221,6 +231,7 @@ def _observable(name, find):
             stop = line + CELLS * m * LANES
             cells = scratch[task, line:stop].reshape((CELLS, m, LANES))
             sums = scratch[task, stop : stop + SUMS * LANES].reshape((SUMS, LANES))
+            sums[LARGEST] = 0.0
             begin = task * parts // tasks
             for k in range(begin, (task + 1) * parts // tasks):
                 body = k // repetitions * LANES
@@ -231,6 +242,7 @@ def _observable(name, find):
                 width = min(LANES, period - body, states - first)
                 enter_states(omega, following, m, first, width, cells, sums, logarithms[task])
                 find(cells, sums, logarithms[task], first, width, out)
+            infinite[task] = sums[LARGEST].max() == np.inf
 
     loop.__name__ = name
     return Loop(loop)

@@ -1,69 +1,72 @@
 """The turning of the body in n dimensions, one trajectory at a time.
 
-R         (n, n), the orientation.
-angle     (n - 1,), that by which the body turns: eps (omega + omega_next) / 2.
-scratch   (n + 1, n).
+columns   (n, n), the transpose of the orientation R: its rows, side by side, are vectors for the
+          inner loops.
 """
 
-import math
+import numpy as np
 
+from ..formulas.rotation import is_large, turned_component, turned_last, unit_of_large
 from ..jit import part
 
-# Rounding is undone after so many turns.
+# Rounding is undone at each state whose number is a multiple of this.
 CLEAN_EVERY = 16
-# Angles below this have a square in range.
-LARGE = 2.0**500
 
 
 @part
-def in_range(angle):
-    """Take out a factor 1 / c, if the square needs it; returns c, which may be 0."""
-    largest = 0.0
-    for j in range(angle.size):
-        largest = max(largest, abs(angle[j]))
-    if not LARGE <= largest < math.inf:
-        return 1.0
-    c = math.ldexp(1.0, -math.frexp(largest)[1])
-    for j in range(angle.size):
-        angle[j] *= c
-    return c
+def turn(columns, b, eps, image):
+    """Turn an orientation in place, as it goes from one state to the next.
 
-
-@part
-def turn(R, angle):
-    """R cay(S), in place, with S = angle e_n^T - e_n angle^T.
-
-    cay(S) = Id + (S + S**2 / 2) / (1 + |angle|**2 / 4).
+    b         (m,), the mean of the two states; overwritten.
+    image     (n,), scratch.
     """
-    m = angle.size
-    c = in_range(angle)
+    m = b.size
+    half, total, largest = 0.5 * eps, 0.0, 0.0
+    for j in range(m):
+        total += abs(half * b[j])
+        largest = max(largest, abs(b[j]))
+    large = is_large(total)
+    unit = 0.0 if large else 1.0
+    factor = np.copysign(unit_of_large(largest), eps) if large else half
     square = 0.0
     for j in range(m):
-        square += angle[j] * angle[j]
-    scale = 1.0 / (c * c + 0.25 * square)
+        b[j] *= factor
+        square += b[j] * b[j]
+    scale = 2.0 / (unit + square)
+    # Rows side by side: the inner loops are vectors of them.
+    last = columns[m]
     for r in range(m + 1):
-        image, last = 0.0, R[r, m]
-        for j in range(m):
-            image += R[r, j] * angle[j]
-        for j in range(m):
-            R[r, j] -= scale * (c * last + 0.5 * image) * angle[j]
-        R[r, m] = last + scale * (c * image - 0.5 * square * last)
+        image[r] = 0.0
+    for j in range(m):
+        for r in range(m + 1):
+            image[r] += columns[j, r] * b[j]
+    for j in range(m):
+        scaled = scale * b[j]
+        for r in range(m + 1):
+            columns[j, r] = turned_component(columns[j, r], last[r], image[r], unit, scaled)
+    for r in range(m + 1):
+        last[r] = turned_last(last[r], image[r], scale, unit, square)
 
 
 @part
-def clean(R, scratch):
-    """One step of Newton's method for the nearest orthogonal matrix, in place."""
-    n = R.shape[0]
+def clean_up(columns, gram, cleaned):
+    """One step of Newton's method to the nearest orthogonal matrix, in place; two scratches."""
+    n = columns.shape[0]
     for r in range(n):
         for c in range(n):
-            gram = 1.5 if r == c else 0.0
-            for j in range(n):
-                gram -= 0.5 * R[r, j] * R[c, j]
-            scratch[r, c] = gram
-    for c in range(n):
+            gram[r, c] = 1.5 if r == c else 0.0
+    for k in range(n):
         for r in range(n):
-            scratch[n, r] = 0.0
-            for j in range(n):
-                scratch[n, r] += scratch[r, j] * R[j, c]
-        for r in range(n):
-            R[r, c] = scratch[n, r]
+            factor = 0.5 * columns[k, r]
+            for c in range(n):
+                gram[r, c] -= factor * columns[k, c]
+    for r in range(n):
+        for c in range(n):
+            cleaned[r, c] = 0.0
+        for k in range(n):
+            factor = columns[r, k]
+            for c in range(n):
+                cleaned[r, c] += factor * gram[k, c]
+    for r in range(n):
+        for c in range(n):
+            columns[r, c] = cleaned[r, c]

@@ -75,18 +75,32 @@ def smaller(a, b):
 # Ways to write memory that is not read again; arrays are flat, indices those of elements.
 
 
+def vector_at(array, index):
+    """The vector that starts at an element."""
+    return array[index : index + VECTOR].copy()
+
+
+def store_at(array, index, vector):
+    """The reverse of `vector_at`."""
+    array[index : index + VECTOR] = vector
+
+
+def store_past_caches(array, index, vector):
+    """Write a vector where a cache line starts.
+
+    The caches need not read the line first, nor lose others to it.
+    """
+    array[index : index + VECTOR] = vector
+
+
 def store_pairs(array, index, first, second):
-    """Two vectors, pair by pair: 2 VECTOR numbers from an element on."""
-    array[index : index + 2 * VECTOR : 2] = first
-    array[index + 1 : index + 2 * VECTOR : 2] = second
+    """Write two vectors lane by lane side by side, as pairs of numbers."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
 def stream_pairs(array, index, first, second):
-    """The same where a cache line starts, past the caches.
-
-    The caches need not read the lines first, nor lose others to them.
-    """
-    store_pairs(array, index, first, second)
+    """The same past the caches, from where a cache line starts."""
+    array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
 def copy_transposed(array, index, stride, source, first, distance):
@@ -96,6 +110,10 @@ def copy_transposed(array, index, stride, source, first, distance):
     """
     i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
     array[index + stride * i + j] = source[first + distance * i + j].T
+
+
+def expect_store(array, index):
+    """Fetch the cache line of an element that will soon be written: a store waits for it."""
 
 
 def publish():

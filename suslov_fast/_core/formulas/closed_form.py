@@ -1,49 +1,172 @@
 """The n-th state of the 3D map, and the state of the flow at time t, without iterating.
 
 Section 4 of the paper, in forms that cancel nowhere: next to the line X = 0, next to t = 1 and on
-it. All is in the dimensionless coordinates (X, Y) of `coordinates`.
+it. All is in the dimensionless coordinates (X, Y) of `coordinates`, and for n >= 0: the inverse map
+is the map with Y reversed.
 
-An orbit of the map has T = t, its `level`, and r = (1 - T)/(1 + T). With R = r**(2 n),
+An orbit of the map has T = t, its `level`, and r = (1 - T)/(1 + T). On it
+w_n = X / (T - Y) (1 + T) / 2 = (T + Y) / X / r / (1 + T) is a geometric sequence of ratio r, and
 
-X_n = 2 T X r**n / D,   Y_n = T ((Y + T) R + Y - T) / D,   D = T (1 + R) - Y (1 - R),
+X_n = 4 T / (1 + T) A,   Y_n = T B,   A = w / (1 + k w**2),   B = (k w**2 - 1) / (k w**2 + 1),
 
-which cancels nowhere while Y < 0, and only at a pole where Y >= 2 and |X| >= 1. Elsewhere the same
-is taken from u = X, v = (T + Y) r**(n-1), k = 2 r / (1 + T)**2 and m = 4 / (1 + T)**2:
+where k = 2 r. Only where r < 0 and |k| w**2 is near 1 may 1 + k w**2 cancel: next to a pole, and
+where |Y| is much larger than T. There, with R = r**(2 n) and h = Y_0 / T,
 
-X_n = m T u v / (u**2 + k v**2),   Y_n = T (k v**2 - u**2) / (u**2 + k v**2).
+A = X_0 (1 + T) / (2 T) r**n / D,   B = (h (1 + R) - (1 - R)) / D,   D = (1 + R) - h (1 - R)
 
-Orbits of the flow obey this too, with K = sqrt(X**2 / 2 + Y**2) for T, exp(-2 K t) for r**n and for
-r**(n-1), and 1 for all that T and r make up.
+cancels at poles only. Orbits of the flow obey the same with K = sqrt(X**2 / 2 + Y**2) for T,
+exp(-2 K) for the ratio, and 1 for r and 1 + T elsewhere.
+
+log r is held as a sum of two numbers: n log r is large where an orbit comes from next to X = 0.
 """
 
 import numpy as np
 
 from ..jit import formula
 from .canonical_map import ZERO_TO_ROUNDING
-from .elementary import is_integer, logarithm, times_exponential
+from .coordinates import two_product, two_sum
+from .elementary import (
+    LN2_HIGH,
+    LN2_LOW,
+    exponent,
+    exponential,
+    halvings,
+    is_integer,
+    logarithm_beyond,
+    scaled,
+    two_to_the,
+)
 from .integrals import level
 
+# exp of less than this, times anything, is 0: so log r is where r = 0, whose power 0 is 1.
+NO_POWER = -1e5
+# Corrections of |Y| so much smaller than it are added to it without rounding the sum.
+SMALL_CORRECTION = 2.0**-8
+# |Y| beyond so many T is far from both limits, which only orbits with t > 1 can be.
+FAR_OUT = 1.5
+# Times in the unit of an orbit that are as good as infinite.
+LONG_TIME = 2.0**300
+
 
 @formula
-def orbit_of_map(X, Y, lost):
-    """The constants of an orbit of the map: T, 1 / (1 + T)**2, r and log |r|."""
+def in_own_units(eps, omega1, omega2):
+    """The exponents of the powers of two which bring eps and omega to the order of 1."""
+    return exponent(eps), exponent(max(abs(omega1), abs(omega2)))
+
+
+@formula
+def quotient(v, v_lost, w, w_lost):
+    """(v + v_lost) / (w + w_lost), and what rounding lost."""
+    q = v / w
+    back, back_lost = two_product(q, w)
+    return q, (((v - back) - back_lost) + (v_lost - q * w_lost)) / w
+
+
+@formula
+def level_in_two(size, correction, Y, lost, least):
+    """T or K, of which size is a rounded value, and size - |Y| is nearly `correction`.
+
+    The sum is used where the correction is small beside `least`.
+    """
+    more = correction + (lost if Y > 0.0 else -lost)
+    small = abs(correction) <= SMALL_CORRECTION * least
+    return two_sum(abs(Y) if small else size, more if small else 0.0)
+
+
+@formula
+def ratio_of_map(X, Y, lost):
+    """T and r of an orbit."""
     T = level(X, Y)
-    complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / (1.0 + 0.5 * X * X)
-    inverse = 1.0 / (1.0 + T)
-    c = inverse * inverse
-    r = c * complement
-    log_r = logarithm(abs(r), 2.0 * min(T, 1.0) * inverse)
-    # On the critical line, where r = 0, r**0 is 1 all the same.
-    return T, c, r, log_r if r != 0.0 else -1e300
+    # Both factors are of the order of 1 or smaller however large X and Y are.
+    below = 1.0 / (abs(X) + 1.0)
+    share = below / (1.0 + T)
+    above = (((1.0 - Y) - lost) * share) * (((1.0 + Y) + lost) * share)
+    return T, above / (below * below + 0.5 * (X * below) * (X * below))
 
 
 @formula
-def orbit_of_flow(X, Y):
-    """What stands for them where the flow X' = 2 X Y, Y' = -X**2 of equation (s1) is followed."""
+def level_of_map(X, Y, lost, T, r):
+    """T as a sum of two numbers, from T, where that makes any difference."""
+    XT = X * (1.0 + T)
+    correction = 0.5 * r * XT * (XT / (T + abs(Y)))
+    return level_in_two(T, correction, Y, lost, min(abs(Y), abs(1.0 - abs(Y))))
+
+
+@formula
+def logarithm_of_ratio(T, T_lost, r):
+    """log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
+    k = halvings(abs(r))
+    d, d_lost = two_sum(1.0, -T)
+    d, d_lost = two_sum(d, d_lost - T_lost)
+    # Next to t = 1 only r knows the digits of 1 - T, unless T does.
+    near = (T_lost == 0.0) & (abs(d) < 0.5)
+    d, d_lost = r * (1.0 + T) if near else d, 0.0 if near else d_lost
+    s, s_lost = two_sum(1.0, T)
+    s_lost = s_lost + T_lost
+    # r = 2**k m, and log m = 2 artanh((m - 1)/(m + 1)); all in a unit in which T is not large.
+    unit = two_to_the(-max(min(exponent(T), 1000.0), 0.0))
+    scale = unit * two_to_the(-k)
+    scale = -scale if r < 0.0 else scale
+    d, d_lost, s, s_lost = scale * d, scale * d_lost, unit * s, unit * s_lost
+    above, lost = two_sum(d, -s)
+    above, above_lost = two_sum(above, lost + (d_lost - s_lost))
+    below, lost = two_sum(d, s)
+    q, q_lost = quotient(above, above_lost, below, lost + (d_lost + s_lost))
+    total, lost = two_sum(k * LN2_HIGH, 2.0 * q)
+    lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
+    high = total + lost
+    return high if r != 0.0 else NO_POWER, lost - (high - total) if r != 0.0 else 0.0
+
+
+@formula
+def level_of_flow(X, Y, lost):
+    """K as a sum of two numbers, X and Y being of the order of 1."""
     size = abs(X) + abs(Y) + 1e-300
-    X, Y = X / size, Y / size
-    K = size * np.sqrt(0.5 * X * X + Y * Y)
-    return K, 1.0, 1.0, -2.0 * K
+    X1, Y1 = X / size, Y / size
+    K = size * np.sqrt(0.5 * X1 * X1 + Y1 * Y1)
+    return level_in_two(K, 0.5 * X * (X / (K + abs(Y) + 1e-300)), Y, lost, abs(Y))
+
+
+@formula
+def first_of_sequence(X, Y, T, one, lag):
+    """v and k, where w_lag = v 2**k, and the lag itself, 0 or the one given.
+
+    one   1 + T for the map, 1 for the flow.
+    lag   1 for the map, whose r may be 0, and 0 for the flow.
+    """
+    k = exponent(X)
+    X = scaled(X, -k)
+    negative = Y < 0.0
+    rest = (T + abs(Y)) / one
+    v = 0.5 * X / rest if negative else rest / X
+    own = exponent(v)
+    return scaled(v, -own), (k if negative else -k) + own, 0.0 if negative else lag
+
+
+@formula
+def power_of_ratio(power, log_r, log_lost):
+    """p and k, an integer, for which |r|**power = (1 + p) 2**k."""
+    x = power * log_r
+    _, lost = two_product(power, log_r)
+    lost = lost + power * log_lost
+    endless = x < NO_POWER
+    return exponential(NO_POWER if endless else x, 0.0 if endless else lost)
+
+
+@formula
+def sign_of_power(power, r):
+    """The sign of r**power; NaN where there is no such number: between two states of t >= 1."""
+    odd = (r < 0.0) & (not is_integer(0.5 * abs(power)))
+    exists = (r > 0.0) | is_integer(abs(power))
+    return (-1.0 if odd else 1.0) if exists else np.nan
+
+
+@formula
+def growth(n, lag, r, log_r, log_lost, v, k):
+    """f and k for which w_n = f 2**k."""
+    p, halved = power_of_ratio(n - lag, log_r, log_lost)
+    v = v * sign_of_power(n - lag, r)
+    return v + v * p, k + halved
 
 
 @formula
@@ -54,37 +177,43 @@ def square(w):
 
 
 @formula
-def orbit_point(X, Y, T, c, r, log_r, lag, n):
-    """The point n steps from (X, Y), or at time n of the flow; NaN where there is none.
+def orbit_point(f, k, kappa):
+    """A and B of w = f 2**k, whatever its size; NaN at a pole."""
+    # Both w and 1 times a power of two, so that the larger one is of the order of 1.
+    large = (k > 0.0) & (kappa != 0.0)
+    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else 0.0
+    u = factor if large else 1.0
+    v = f if large else f * (1.0 / factor if k > 0.0 else factor)
+    first, second = square(u), kappa * square(v)
+    D = first + second
+    inverse = 1.0 / (D if abs(D) > ZERO_TO_ROUNDING * (first + abs(second)) else np.nan)
+    return u * v * inverse, (second - first) * inverse
 
-    lag is 1 for the map, and 0 for the flow, where r**n and r**(n - 1) are the same.
-    """
-    # The inverse map is the map with Y reversed.
-    sign = -1.0 if n < 0.0 else 1.0
-    Y_0 = sign * Y
-    direct = (Y_0 < 0.0) | ((Y_0 >= 2.0) & (abs(X) >= 1.0))
-    power = abs(n) - (0.0 if direct else lag)
-    odd = (not is_integer(0.5 * power)) & (r < 0.0)
-    # An orbit from next to X = 0 lives where r**n is as small as X.
-    u, v = X, T + Y_0
-    lift = 2.0**500 if (abs(u) < 1e-150) & (abs(v) < 1e150) else 1.0
-    v = 1.0 if direct else lift * v
-    v, less_one = times_exponential(-v if odd else v, power * log_r)
 
-    u = lift * u
-    scale = 1.0 / max(abs(u), abs(v))
-    u, w = u * scale, v * scale
-    first, second = square(u), 2.0 * c * r * square(w)
+@formula
+def far_point(n, r, log_r, log_lost, g, h):
+    """A and B by the second form of the two, where g = X_0 (1 + T) / (2 T)."""
+    p, k = power_of_ratio(n, log_r, log_lost)
+    power = scaled(1.0 + p, max(k, -2000.0))
+    # Next to 1 its distance from 1 has digits that it lacks.
+    rest = -p if k == 0.0 else 1.0 - power
+    rest = rest * (2.0 - rest)
+    R = square(power)
+    D = (1.0 + R) - h * rest
+    inverse = 1.0 / (D if abs(D) > ZERO_TO_ROUNDING * ((1.0 + R) + abs(h) * rest) else np.nan)
+    sign = sign_of_power(n, r)
+    return g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
 
-    R = square(v)
-    rest = -less_one * (2.0 + less_one)  # 1 - R
-    D = T * (1.0 + R) - Y_0 * rest if direct else first + second
-    size = T * (1.0 + R) + abs(Y_0) * rest if direct else first + abs(second)
-    inverse = T / D
-    X_n = (2.0 * X * v if direct else 4.0 * c * u * w) * inverse
-    Y_n = (Y_0 * (1.0 + R) - T * rest if direct else second - first) * inverse
-    # Otherwise the orbit is at infinity, or, beyond t = 1, between two states.
-    exists = (abs(D) > ZERO_TO_ROUNDING * size) & ((r > 0.0) | is_integer(abs(n)))
-    X_n, Y_n = X_n if exists else np.nan, Y_n if exists else np.nan
-    still = (X == 0.0) & (Y_0 != 1.0)
-    return X if still else X_n, Y if still else sign * Y_n
+
+@formula
+def near_point(w, kappa):
+    """A and B of a w neither so large that its square overflows, nor next to a pole."""
+    square_of_w = w * (w * kappa)
+    inverse = 1.0 / (1.0 + square_of_w)
+    return w * inverse, (square_of_w - 1.0) * inverse
+
+
+@formula
+def combined(a1, b1, a2, b2, A, B):
+    """The angular velocity, of which A and B are the parts."""
+    return a1 * A + b1 * B, a2 * A + b2 * B

@@ -20,7 +20,8 @@ def canonical_jacobian(X, Z, c):
     """The derivative of `canonical_step` by X and Y, less the number that comes last: 0 or 1.
 
     With d = 1 - Y + X**2 its rows are
-    ((1 + Y)(1 - Y - X**2), X (2 + X**2)) / d**2  and  (-2 X (1 + Y)(1 - Y), (1 - Y)**2 - 2 Y X**2) / d**2.
+    ((1 + Y)(1 - Y - X**2), X (2 + X**2)) / d**2,
+    (-2 X (1 + Y)(1 - Y), (1 - Y)**2 - 2 Y X**2) / d**2.
     """
     # In the unit of |X| if that is above 1: its square is in range.
     one = power(-exponent(larger(abs(X), 1.0)))
@@ -76,9 +77,11 @@ def matrix(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     omega1, omega2, W = normal_state(omega1, omega2)
     k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
     K = E + W + P - M
+    # A NaN in the state is one in all entries.
+    poison = 0.0 * (omega1 + omega2)
     return (
-        1.0 + scaled(k1 * omega2, K),
+        1.0 + scaled(k1 * omega2 + poison, K),
         scaled(k1 * omega1 + k3 * omega2, K),
         scaled(-k4 * omega1 - k2 * omega2, K),
-        1.0 - scaled(k2 * omega1, K),
+        1.0 - scaled(k2 * omega1 + poison, K),
     )

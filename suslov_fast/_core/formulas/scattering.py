@@ -26,11 +26,13 @@ import math
 import numpy as np
 
 from ..jit import formula
-from .elementary import times_exponential
+from .elementary import exponential, scaled
 from .trigonometric import arctangent, of_quarter_turns
 
-# Exponentials of more than this are 0, and sines of so many quarter turns mean nothing.
+# Sines of more than so many quarter turns mean nothing.
 FAR = 1e15
+# exp(-pi v) is 0 for v above this, and in the range of `scaled`.
+VANISHING = 450.0
 # Moments over products of inertia: where they are less, an angle differs from pi by less.
 NEAR = 2.0**-60
 
@@ -47,8 +49,8 @@ def coefficients(I1, I2, I13, I23):
 @formula
 def less(v):
     """1 - exp(-pi v) for v >= 0."""
-    _, difference = times_exponential(1.0, -math.pi * min(v, FAR))
-    return -difference
+    p, k = exponential(-math.pi * min(v, VANISHING), 0.0)
+    return -p if k == 0.0 else 1.0 - scaled(1.0 + p, k)
 
 
 @formula
@@ -84,7 +86,8 @@ def scattering_angle(I1, I2, I13, I23, unit):
     A, P, gap = unit * (alpha / largest), unit * p, unit * gap
     sine, cosine = of_quarter_turns(min(unit * q, FAR))
     # Everything over the exponential of A.
-    decay, _ = times_exponential(1.0, -0.5 * math.pi * min(gap, FAR))
+    p, k = exponential(-0.5 * math.pi * min(gap, 2.0 * VANISHING), 0.0)
+    decay = scaled(1.0 + p, k)
     cosine, sine = cosine / (2.0 - less(A)), sine / less(A)
     real, imaginary = (2.0 - less(P)) * cosine, less(P) * sine
     S = decay * np.sqrt(real * real + imaginary * imaginary)

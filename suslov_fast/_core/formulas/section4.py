@@ -30,7 +30,8 @@ def inverse_hyperbolic_sine(s):
 def constants(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """h, k1, k2 and t; k1 and k2 are NaN where t is not between -1 and 1.
 
-    With T = |t|, k1 = -(2 / eps) artanh(t) = sqrt(h / (I1 I2)) log(r) / T, where r = (1 - T) / (1 + T),
+    With T = |t| and r = (1 - T) / (1 + T),
+    k1 = -(2 / eps) artanh(t) = sqrt(h / (I1 I2)) log(r) / T,
     and sinh(k2) = y / (|x| sqrt(I1 I2 (1 - T**2))).
     """
     t = criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2)

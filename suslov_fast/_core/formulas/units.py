@@ -54,7 +54,7 @@ def normal_body(I1, I2, I13, I23, eps):
     """A body and a step size in units of powers of two, and the logarithms of the units.
 
     The moments have the unit 2**M, the products of inertia 2**P and the step size 2**E. All is of
-    the order of 1, unless moments differ by orders of magnitude or a product is far below the other.
+    the order of 1, unless moments differ by orders of magnitude, or products do.
     """
     M = (exponent(I1) + exponent(I2)) >> 1
     product = larger(abs(I13), abs(I23))

@@ -1,18 +1,18 @@
 """`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
 
 import warnings
+from types import SimpleNamespace
 
 import naive
-import numba
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import blocks
 from suslov_fast._core.cpu import closed_form as loops
-from suslov_fast._map import jumps
+from suslov_fast._engine import closed_form
+from suslov_fast._engine.iterate_3d import jumps
 
 
 def random_problem(rng):
@@ -69,13 +69,13 @@ def test_real_n_is_the_same_curve(body):
     n = np.linspace(-30, 30, 241)
     states = sf.exact(body, omega, 0.4, n)
     F = sf.first_integral(body, states, 0.4)
-    assert abs(F / F[:, :1] - 1).max() < 1e-14
-    assert (states[:, 120] == omega).all()
-    again = sf.exact(body, states[:, 122], 0.4, np.arange(-5, 6) + 0.5)
+    assert abs(F / F[:1] - 1).max() < 1e-14
+    assert (states[120] == omega).all()
+    again = sf.exact(body, states[122], 0.4, np.arange(-5, 6) + 0.5)
     np.testing.assert_allclose(
         again, sf.exact(body, omega, 0.4, np.arange(-5, 6) + 1.0), rtol=1e-13
     )
-    np.testing.assert_allclose(sf.step(body, states[:, 121], 0.4), states[:, 125], rtol=1e-13)
+    np.testing.assert_allclose(sf.step(body, states[121], 0.4), states[125], rtol=1e-13)
 
 
 @given(
@@ -149,9 +149,9 @@ def test_states_that_do_not_move(body):
     body = sf.Suslov3D(4, 1, -0.5, -0.25)
     steady = np.array([[0.375, -0.75], [-0.375, 0.75]])
     states = sf.exact(body, steady, 0.2, [-(10**15), -1, 0.5, 10**15])
-    np.testing.assert_allclose(states, np.repeat(steady[:, None], 4, axis=1), rtol=1e-15)
+    np.testing.assert_allclose(states, np.repeat(steady[None], 4, axis=0), rtol=1e-15)
     flowed = sf.flow(body, steady, [-1e300, 0.5, 1e300])
-    np.testing.assert_allclose(flowed, np.repeat(steady[:, None], 3, axis=1), rtol=1e-15)
+    np.testing.assert_allclose(flowed, np.repeat(steady[None], 3, axis=0), rtol=1e-15)
     for limit in sf.limits(body, steady, 0.2):
         np.testing.assert_allclose(limit, steady, rtol=1e-15)
 
@@ -161,12 +161,13 @@ def test_shapes(body, rng):
     eps = np.array([0.1, -0.2])
     assert sf.exact(body, omega, eps, 3).shape == (3, 2, 2)
     many = sf.exact(body, omega, eps, np.arange(1200))
-    assert many.shape == (3, 2, 1200, 2)
-    assert (many[2, 1, 700] == sf.exact(body, omega[2, 0], -0.2, 700)).all()
-    assert sf.exact(body, omega, eps, []).shape == (3, 2, 0, 2)
-    assert sf.exact(body, np.empty((0, 2)), 0.1, [1, 2]).shape == (0, 2, 2)
+    assert many.shape == (1200, 3, 2, 2)
+    assert many.flags.c_contiguous
+    np.testing.assert_allclose(many[700, 2, 1], sf.exact(body, omega[2, 0], -0.2, 700), rtol=1e-14)
+    assert sf.exact(body, omega, eps, []).shape == (0, 3, 2, 2)
+    assert sf.exact(body, np.empty((0, 2)), 0.1, [1, 2]).shape == (2, 0, 2)
     assert [limit.shape for limit in sf.limits(body, omega, eps)] == [(3, 2, 2)] * 2
-    assert sf.flow(body, omega, [1.0, 2.0]).shape == (3, 1, 2, 2)
+    assert sf.flow(body, omega, [1.0, 2.0]).shape == (2, 3, 1, 2)
     assert sf.flow(body, omega, 1).shape == (3, 1, 2)
 
 
@@ -175,7 +176,7 @@ def test_no_state_between_steps_beyond_t_1(unit):
         states = sf.exact(unit, [[0.3, 0.1], [0.5, -9.0]], 1, [2.5, 3])
     assert caught[0].filename == __file__
     assert caught[0].category is RuntimeWarning
-    assert np.isnan(states).all(axis=-1).tolist() == [[False, False], [True, False]]
+    assert np.isnan(states).all(axis=-1).tolist() == [[False, True], [False, False]]
 
 
 @pytest.mark.parametrize("omega", [[1.0, -3.0], [0.5, -2.25], [0.0, -2.0], [3.0, -11.0]])
@@ -218,11 +219,11 @@ def test_flow_next_to_the_repelling_line(distance):
 def test_flow_to_the_end_of_time(body):
     omega = np.array([[1.0, 0.5], [-1.0, -2.0], [0.0, 0.0], [0.375, -0.625]])
     states = sf.flow(body, omega, [-1e300, -1e3, 0, 1e3, 1e300])
-    np.testing.assert_allclose(states[:, 0], states[:, 1], rtol=1e-13)
-    np.testing.assert_allclose(states[:, 3], states[:, 4], rtol=1e-13)
-    assert (states[:, 2] == omega).all()
+    np.testing.assert_allclose(states[0], states[1], rtol=1e-13)
+    np.testing.assert_allclose(states[3], states[4], rtol=1e-13)
+    assert (states[2] == omega).all()
     E = sf.energy(body, states)
-    np.testing.assert_allclose(E, E[:, 2:3] + np.zeros(5), rtol=1e-14)
+    np.testing.assert_allclose(E, E[2:3] + np.zeros((5, 1)), rtol=1e-14)
     assert (sf.flow(sf.Suslov3D(1, 2, 0, 0), [1, 2], [1e300, -5]) == [1, 2]).all()
 
 
@@ -282,16 +283,15 @@ def test_bad_input_of_flow_and_limits(body):
 @pytest.mark.parametrize("bodies", [1, 2])
 def test_many_blocks(body, rng, monkeypatch, bodies):
     """A task that goes through several blocks, of one body or of many, keeps each orbit's bits."""
-    monkeypatch.setattr(loops, "TASKS", 1)  # for kernels that are not compiled
-    tasks = 1 if numba.config.DISABLE_JIT else blocks.TASKS
-    batch = 2 * tasks * blocks.LANES + 5
+    monkeypatch.setattr(closed_form, "TASKS", 2)
+    batch = 4 * loops.WIDTH + 5
     omega = rng.uniform(-2, 2, (batch, 2))
     if bodies > 1:
         body = sf.Suslov3D(rng.uniform(1, 4, batch), 1, -0.5, -0.3)
     states = sf.exact(body, omega, 0.2, 100)
     final = sf.iterate(body, omega, 0.2, 100, save_every=None).final
     assert (final == states).all()
-    for i in (0, blocks.LANES, batch - 1):
+    for i in (0, loops.WIDTH, batch - 1):
         one = body if bodies == 1 else sf.Suslov3D(body.I1[i], 1, -0.5, -0.3)
         assert (sf.exact(one, omega[i], 0.2, 100) == states[i]).all()
 
@@ -327,7 +327,7 @@ def test_orbits_past_their_pole_jump(unit, rng):
 
 def test_a_pole_far_ahead(unit):
     """It is found where iteration finds it, and in few steps of many."""
-    before_pole = [np.sqrt(130.0), -132.0]  # 1 - Y + X**2 = 0
+    before_pole = [np.sqrt(132.0), -134.0]  # 1 - Y + X**2 = 0
     start = sf.exact(unit, before_pole, -1, 270)
     orbit = sf.iterate(unit, start, 1, 275, method="canonical", on_singular="ignore")
     assert (orbit.status, orbit.failed_at) == (sf.Status.SINGULAR, 271)
@@ -351,6 +351,234 @@ def test_the_status_of_last_states(rng):
     assert len(np.unique(jumped.status)) == 2
 
 
-def test_steps_that_float64_does_not_hold(unit):
-    assert jumps(unit, "auto", None, 2**53)
-    assert not jumps(unit, "auto", None, 2**53 + 1)
+def test_steps_that_float64_does_not_hold():
+    run = SimpleNamespace(method="auto", orientation=None, keeps=False, stop=2**53)
+    assert jumps(run)
+    run.stop += 1
+    assert not jumps(run)
+
+
+def energy_error(parameters, computed, exact):
+    """In the norm that the flow conserves, which no unit of the components matters to."""
+    weights = [naive.mpf(float(each)) for each in parameters[:2]]
+    difference = [naive.mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)]
+    square = sum(w * d * d for w, d in zip(weights, difference, strict=True))
+    size = sum(w * e * e for w, e in zip(weights, exact, strict=True))
+    return float(naive.mpmath.sqrt(square / size))
+
+
+def orbit_state(parameters, eps, omega, n):
+    """State n of an orbit with t < 1 in 60 digits, by the sequence of the level's eigenvectors."""
+    I1, I2, I13, I23, e, w1, w2 = naive.exactly(*parameters, eps, *omega)
+    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
+    x, y = I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
+    X, Y = e * x / naive.mpmath.sqrt(2 * a), e * y / (2 * a)
+    H = (X * X + 2 * Y * Y) / (2 + X * X)
+    # (X, 1 + Y) -> linear fractional with matrix ((1 + H, -2 H), (-2, 1 + H)) in Y = U / W.
+    T = naive.mpmath.sqrt(H)
+    big, small = (1 + T) ** (2 * n), (1 - T) ** (2 * n)
+    U = (big * (Y - T) * T + small * (Y + T) * T) / (2 * T)
+    W = (-big * (Y - T) + small * (Y + T)) / (2 * T)
+    Y_n, X_n = U / W, X * (1 - H) ** n / W
+    x, y = X_n * naive.mpmath.sqrt(2 * a) / e, Y_n * 2 * a / e
+    return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
+
+
+@pytest.mark.parametrize("n", [10**6, 10**9])
+@pytest.mark.parametrize("X", [1e-12, 1e-60, 1e-145])
+def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
+    """After a million steps, or a billion, on their way from one half to the other."""
+    for _ in range(20):
+        I1, I2, I23 = 10 ** rng.uniform(-0.7, 0.7, 3)
+        a = I1 * I2
+        Y = -np.log(X) / (2 * n) * rng.uniform(0.5, 1.5)
+        parameters = (I1, I2, 0.0, I23)
+        omega = [2 * a * Y / (I23 * I1), np.sqrt(2 * a) * X / I23]
+        # A body with I13 = 0 has x = I23 Omega2: it cancels nowhere.
+        with naive.mp.workdps(400):
+            exact = orbit_state(parameters, 1.0, omega, n)
+            computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, n)
+            assert energy_error(parameters, computed, exact) < 3e-15
+
+
+@pytest.mark.parametrize("spread", [1, 5])
+def test_any_parameters(rng, spread):
+    for _ in range(40):
+        parameters = 10 ** rng.uniform(-spread, spread, 4) * [1, 1, *rng.choice([-1, 1], 2)]
+        body, omega = sf.Suslov3D(*parameters), rng.normal(size=2)
+        eps = rng.uniform(0.01, 0.99) / float(sf.criticality(body, omega, 1.0))
+        n = int(rng.integers(-300, 300))
+        with naive.mp.workdps(300):
+            exact = orbit_state(parameters, eps, omega, n)
+            computed = sf.exact(body, omega, eps, n)
+            assert energy_error(parameters, computed, exact) < 1e-14
+
+
+UNITS = [-600, -200, -37, 1, 200, 600]
+
+
+@pytest.mark.parametrize("k", UNITS)
+def test_the_unit_of_time(k):
+    """Bit for bit, next to the repelling half too."""
+    unit = sf.Suslov3D(1, 1, 1, 0)
+    for omega, t in (([2, -1e6], 2e-5), ([2, -1e8], 2e-7), ([1.0, 0.5], 3.0), ([1e-9, -3.0], 9.0)):
+        scaled = np.ldexp(omega, k)
+        expected = np.ldexp(sf.flow(unit, omega, t), k)
+        assert (sf.flow(unit, scaled, np.ldexp(t, -k)) == expected).all()
+        times = 0.125 * t * np.arange(40)
+        expected = np.ldexp(sf.flow(unit, omega, times), k)
+        assert (sf.flow(unit, scaled, np.ldexp(times, -k)) == expected).all()
+        for n in (-7, 3, np.arange(60)):
+            expected = np.ldexp(sf.exact(unit, omega, 0.75 * t, n), k)
+            computed = sf.exact(unit, scaled, np.ldexp(0.75 * t, -k), n)
+            assert np.array_equal(computed, expected, equal_nan=True)
+        for computed, end in zip(
+            sf.limits(unit, scaled, np.ldexp(t, -k)), sf.limits(unit, omega, t), strict=True
+        ):
+            assert (computed == np.ldexp(end, k)).all()
+
+
+@pytest.mark.parametrize("k", UNITS)
+def test_the_unit_of_mass(body, k):
+    omega = np.array([[1.0, 0.5], [0.3, -2.0]])
+    bodies = [
+        (body, sf.Suslov3D(*np.ldexp(body.parameters, k)), omega),
+        (
+            sf.SuslovND([1.5, 1.5, 1.5], [0.4, -0.7, 0.5]),
+            sf.SuslovND(np.ldexp([1.5, 1.5, 1.5], k), np.ldexp([0.4, -0.7, 0.5], k)),
+            np.array([[1.0, 0.5, 0.1], [0.3, -2.0, 0.4]]),
+        ),
+    ]
+    for one, heavy, states in bodies:
+        assert (sf.exact(heavy, states, 0.2, [3, -9]) == sf.exact(one, states, 0.2, [3, -9])).all()
+        assert (sf.flow(heavy, states, [3, -9]) == sf.flow(one, states, [3, -9])).all()
+        assert np.array_equal(sf.limits(heavy, states, 0.2), sf.limits(one, states, 0.2))
+        far = np.ldexp(states, k)
+        expected = np.ldexp(sf.exact(one, states, 0.25, 5), k)
+        assert (sf.exact(one, far, np.ldexp(0.25, -k), 5) == expected).all()
+
+
+def test_far_units(unit):
+    assert sf.exact(unit, [1e301, 0.5e301], 1e-301, 1) == pytest.approx(
+        np.array(sf.step(unit, [10.0, 5.0], 0.1)) * 1e300, rel=1e-14
+    )
+    near = sf.exact(unit, [1e200, 1e200], 1e-310, 1)
+    assert near == pytest.approx([1e200, 1e200], rel=1e-15)
+    assert np.isfinite(sf.limits(unit, [1e200, 1e200], 1e-310)).all()
+    state = [1e200, 1e-200, 1.0]
+    assert (sf.exact(sf.SuslovND([1, 1, 1], [1, 0, 0]), state, 1e-200, 0) == state).all()
+
+
+def test_states_that_are_not_numbers(body):
+    omega = np.array([[1.0, 0.5], [np.nan, 1.0], [np.nan, np.nan]])
+    for states in (
+        sf.exact(body, omega, 0.2, 7),
+        sf.exact(body, omega, 0.2, np.arange(1, 50))[5],
+        sf.flow(body, omega, 7.0),
+        *sf.limits(body, omega, 0.2),
+    ):
+        assert np.isnan(states).all(axis=-1).tolist() == [False, True, True]
+    for bad in (np.inf, -np.inf):
+        with pytest.raises(ValueError, match="omega0: expected finite real numbers"):
+            sf.exact(body, [bad, 1.0], 0.2, 7)
+
+
+def test_limits_of_the_state_that_has_no_next(unit):
+    """At (X, Y) = (0, 1) the map is 0 / 0; its inverse leaves that state where it is."""
+    minus, plus = sf.limits(unit, [0.0, -2.0], 1)
+    assert np.isnan(plus).all()
+    assert minus.tolist() == [0.0, -2.0]
+    minus, plus = sf.limits(unit, [0.0, 2.0], 1)
+    assert np.isnan(minus).all()
+    assert plus.tolist() == [0.0, 2.0]
+
+
+NUMBERS = [
+    np.arange(200),
+    np.arange(-130, 170),
+    np.arange(150, -100, -3),
+    np.arange(-500, -100, 7),
+    np.arange(5000, 9000, 1000 // 64),
+    np.arange(0, 40, 0.25),
+]
+
+
+@pytest.mark.parametrize("n", NUMBERS, ids=str)
+@pytest.mark.parametrize("scale", [0.1, 2.0, 60.0])
+@pytest.mark.parametrize("batch", [1, 5, 13, 70])
+def test_equal_steps_agree_with_single_ones(body, rng, monkeypatch, n, scale, batch):
+    omega = rng.normal(size=(batch, 2)) * scale
+    omega[0] = 0.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        states = sf.exact(body, omega, 0.2, n)
+        alone = np.stack([sf.exact(body, each, 0.2, n) for each in omega], axis=1)
+        monkeypatch.setattr(closed_form, "SHORTEST", 10**9)
+        single = sf.exact(body, omega, 0.2, n)
+    assert np.array_equal(states, alone, equal_nan=True)
+    size = np.hypot(*np.moveaxis(single, -1, 0))[..., None] + 1e-300
+    t = sf.criticality(body, omega, 0.2)
+    below = abs(t) < 1
+    np.testing.assert_array_less((abs(states - single) / size)[:, below], 1e-14)
+    assert (np.isnan(states) == np.isnan(single)).all()
+    np.testing.assert_allclose(states, single, rtol=1e-7, atol=1e-12 * scale)
+
+
+def test_equal_steps_do_not_depend_on_where_they_begin(body, rng):
+    omega = rng.normal(size=(9, 2))
+    states = sf.exact(body, omega, 0.2, np.arange(0, 3000, 3))
+    for begin, end in ((1, 40), (63, 700), (500, 1000)):
+        assert (
+            sf.exact(body, omega, 0.2, np.arange(3 * begin, 3 * end, 3)) == states[begin:end]
+        ).all()
+    assert (states[0] == omega).all()
+
+
+def test_slices(body, rng, monkeypatch):
+    """Long calls return in between, and their cuts cannot be seen."""
+    omega = rng.normal(size=(200, 2))
+    whole = sf.exact(body, omega, 0.2, np.arange(300)), sf.exact(body, omega, 0.2, [7, 2.5, -3])
+    done = []
+    run = closed_form._threads.run
+
+    def counted(loop, work, *arguments):
+        done.append(work)
+        run(loop, work, *arguments)
+
+    monkeypatch.setattr(closed_form, "SLICE", 5000)
+    monkeypatch.setattr(closed_form._threads, "run", counted)
+    cut = sf.exact(body, omega, 0.2, np.arange(300)), sf.exact(body, omega, 0.2, [7, 2.5, -3])
+    assert all(map(np.array_equal, whole, cut))
+    assert len(done) > 10
+    assert max(done) <= 5000 * loops.WORK
+
+
+def test_rows_before_the_start_stay(body, rng):
+    """Orbits of a run may begin at different numbers."""
+    omega, start = rng.normal(size=(70, 2)), rng.integers(0, 150, 70).astype(float)
+    out = np.full((200, 70, 2), 7.0)
+    room = closed_form.scratch()
+    missing = np.zeros((len(room), 2), np.int64)
+    parameters = [*body.flat_normalised(()), np.array([0.2])]
+    parameters[-1] = body.normalised_eps(parameters[-1])
+    run = closed_form.Run(1.0, 0.0, 1.0, 0, 200, 0, 1)
+    closed_form.fill_run(run, False, parameters, omega, start, out, missing, room, None)
+    for k, begin in enumerate(start.astype(int)):
+        assert (out[:begin, k] == 7.0).all()
+        assert (out[begin, k] == omega[k]).all()
+        expected = sf.exact(body, omega[k], 0.2, np.arange(200 - begin))
+        np.testing.assert_allclose(out[begin:, k], expected, rtol=1e-13, atol=1e-14)
+
+
+def test_states_that_do_not_fit_in_memory(body):
+    with pytest.raises(MemoryError, match=r"fit in memory, got shape \(10000000, 1000000, 2\)"):
+        sf.exact(body, np.broadcast_to([1.0, 2.0], (10**6, 2)), 0.2, np.arange(10**7))
+
+
+def test_threads(body, rng):
+    omega = rng.normal(size=(3000, 2))
+    n = np.arange(400)
+    assert (sf.exact(body, omega, 0.2, n, threads=1) == sf.exact(body, omega, 0.2, n)).all()
+    assert (sf.flow(body, omega, n, threads=1) == sf.flow(body, omega, n)).all()
+    with pytest.raises(ValueError, match="threads: expected None or an integer"):
+        sf.exact(body, omega, 0.2, n, threads=0)

@@ -1,0 +1,94 @@
+"""Which inertia tensors a body can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .._checks import FloatArray
+
+# Newton's method at least doubles the digits of a root each time, once it is near; far from it, it
+# gains a bit at a time.
+_ITERATIONS = 80
+# What rounding may take from a triangle inequality of a flat body, which holds with equality.
+_ROUNDING = 1e-14
+
+
+def check_triangles(name: str, tensor: FloatArray) -> None:
+    """Positive definite tensors (..., 3, 3) whose principal moments obey the triangle inequalities.
+
+    They are the sums of the two second moments of matter along the other principal axes.
+    """
+    moments = np.linalg.eigvalsh(tensor)
+    largest = moments[..., 2]
+    fits = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
+    if not fits.all():
+        wrong = np.broadcast_to(moments, (*fits.shape, 3))[~fits][0]
+        raise ValueError(
+            f"{name}: expected an inertia tensor that a body can have, no principal moment larger "
+            f"than the sum of the others, got the principal moments {wrong.tolist()}"
+        )
+
+
+def admissible_I3(
+    I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The open interval of I3 for which tr(T)/2 - T is positive definite; NaN where none is.
+
+    With d = |I1 - I2|, m = min(I1, I2) and s = I3 - d the condition is s > 0 and
+
+    f(s) = m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) > 0,
+
+    A being the product of inertia beside the larger of I1 and I2. f is concave: it has no root or
+    two, which Newton's method approaches from outside.
+    """
+    I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
+    _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
+    I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
+    d, m = abs(I1 - I2), np.minimum(I1, I2)
+    A, B = np.where(I1 > I2, I13, I23), np.where(I1 > I2, I23, I13)
+    # Where d = 0 the two are alike: B alone would have its pole where A has none.
+    A, B = np.where(d == 0, np.hypot(A, B), abs(A)), np.where(d == 0, 0.0, abs(B))
+
+    def f(s: FloatArray) -> FloatArray:
+        return m - 0.5 * s - _over(2.0 * A * A, s) - _over(2.0 * B * B, s + 2.0 * d)
+
+    def slope(s: FloatArray) -> FloatArray:
+        first, second = _over(A, s), _over(B, s + 2.0 * d)
+        return 2.0 * (first * first + second * second) - 0.5
+
+    def bend(s: FloatArray) -> FloatArray:
+        first, second = _over(A, s), _over(B, s + 2.0 * d)
+        return -4.0 * (_over(first * first, s) + _over(second * second, s + 2.0 * d))
+
+    with np.errstate(all="ignore"):
+        start = np.maximum(2.0 * A, np.maximum(2.0 * (B - d), 0.0))
+        # Where A = 0, f may fall from s = 0 on.
+        top = np.where(slope(start) <= 0, start, _newton(slope, bend, start))
+        exists = (f(top) > 0) & (top < 2.0 * m)
+        left = 4.0 * A * A / (m + np.sqrt(np.maximum(m * m - 4.0 * A * A, 0.0)))
+        low = np.where(f(left) >= 0, left, _newton(f, slope, left))
+        high = _newton(f, slope, 2.0 * m)
+        ends = [np.where(exists, np.ldexp(d + s, exponent), np.nan)[()] for s in (low, high)]
+    return ends[0], ends[1]
+
+
+def _over(v: FloatArray, w: FloatArray) -> FloatArray:
+    """v / w, or 0 where v is."""
+    return np.where(v == 0, 0.0, v / w)
+
+
+def _newton(
+    function: Callable[[FloatArray], FloatArray],
+    derivative: Callable[[FloatArray], FloatArray],
+    s: FloatArray,
+) -> FloatArray:
+    """A root that is approached from one side, or the start where the function has its sign."""
+    for _ in range(_ITERATIONS):
+        value = function(s)
+        following = s - np.where(value == 0, 0.0, value / derivative(s))
+        if (following == s).all():
+            break
+        s = np.where(np.isfinite(following), following, s)
+    return s

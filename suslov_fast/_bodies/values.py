@@ -1,0 +1,74 @@
+"""What bodies are as values: parameters that nobody can change, equality, text and plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from .._checks import FloatArray
+
+# Characters of a line that a body is shown in.
+_LINE = 100
+
+
+def frozen(array: FloatArray) -> float | FloatArray:
+    """A number as a float, an array as a copy that can never be made writeable."""
+    if array.ndim == 0:
+        return float(array)
+    return np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
+
+
+def equal(body: Any, other: Any) -> Any:
+    """Whether both are bodies of one kind with the same parameters."""
+    if type(other) is not type(body):
+        return NotImplemented
+    return all(map(np.array_equal, body.parameters, other.parameters))
+
+
+def hash_of(body: Any) -> int:
+    # Adding 0 makes one of the two zeros, which are equal.
+    arrays = [np.asarray(parameter) + 0.0 for parameter in body.parameters]
+    return hash(tuple((array.shape, array.tobytes()) for array in arrays))
+
+
+def line_of(body: Any) -> str:
+    """The call that makes the body, or where that is too long the shapes of its parameters."""
+    names = [field.name for field in fields(body)]
+    pairs = list(zip(names, body.parameters, strict=True))
+    small = sum(np.size(parameter) for parameter in body.parameters) <= _LINE // 4
+    if small:
+        shown = ", ".join(f"{name}={_whole(parameter)}" for name, parameter in pairs)
+        if len(shown) < _LINE:
+            return f"{type(body).__name__}({shown})"
+    shown = ", ".join(f"{name}={_short(parameter)}" for name, parameter in pairs)
+    return f"<{type(body).__name__} of shape {body.shape}: {shown}>"
+
+
+def _whole(parameter: float | FloatArray) -> str:
+    return repr(np.asarray(parameter).tolist())
+
+
+def _short(parameter: float | FloatArray) -> str:
+    return repr(parameter) if np.ndim(parameter) == 0 else f"{np.shape(parameter)}"
+
+
+def plain(body: Any) -> dict[str, Any]:
+    """The parameters as numbers and nested lists by name."""
+    names = [field.name for field in fields(body)]
+    return {
+        name: np.asarray(parameter).tolist()
+        for name, parameter in zip(names, body.parameters, strict=True)
+    }
+
+
+def named(cls: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The reverse of `plain`, or an error that says what names were expected."""
+    names = [field.name for field in fields(cls)]
+    if not isinstance(parameters, Mapping):
+        raise TypeError(f"expected a mapping of {names}, got {type(parameters).__name__}")
+    if set(parameters) != set(names):
+        raise ValueError(f"expected the names {names}, got {sorted(map(str, parameters))}")
+    return dict(parameters)

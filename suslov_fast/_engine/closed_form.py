@@ -1,0 +1,211 @@
+"""The closed form over a batch and many times, in parts between which Python looks for Ctrl-C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._core.cpu import closed_form as loops
+from .._core.cpu.blocks import TASKS
+from .._core.cpu.vector import VECTOR
+from . import threads as _threads
+from .layout import flat_parameter, flat_vectors, for_kernel
+
+# States of one call of a loop: some 10 ms.
+SLICE = 2**22
+# Fewer times than these are not worth a run: it has tables.
+SHORTEST = 32
+# Numbers that are compared at a time.
+_IN_CACHE = 2**15
+# Most given states have the number 0.
+NO_START = np.zeros(1)
+
+
+def scratch() -> FloatArray:
+    """Room for the tasks of a loop, on a cache line."""
+    size = TASKS * loops.SCRATCH
+    buffer = np.empty(size + VECTOR)
+    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
+    return buffer[offset : offset + size].reshape(TASKS, loops.SCRATCH)
+
+
+Range = tuple[int, int]
+
+
+def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
+    """Trajectories and rows of each of the calls that a long one is cut into.
+
+    Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows.
+    """
+    width = max(SLICE // max(min(rows, loops.GROUP), 1) // loops.WIDTH * loops.WIDTH, loops.WIDTH)
+    width = min(batch, width)
+    height = max(SLICE // max(width, 1) // loops.GROUP * loops.GROUP, loops.GROUP)
+    for lane in range(0, batch, max(width, 1)):
+        for row in range(0, rows, height):
+            yield (lane, min(lane + width, batch)), (row, min(row + height, rows))
+
+
+def states_at(
+    body: Suslov3D,
+    state: FloatArray,
+    eps: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    flow: bool,
+    threads: int | None,
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """States (N, ..., 2) at times (N,), and how many are missing at steps and between them."""
+    out = _new((times.size, *batch, 2))
+    return out, _fill(body, state, eps, batch, times, flow, threads, out)
+
+
+def _new(shape: tuple[int, ...]) -> FloatArray:
+    """An array, or an error that says what was asked for."""
+    try:
+        if math.prod(shape) > 2**60:  # more than NumPy could even ask for
+            raise MemoryError
+        return np.empty(shape)
+    except MemoryError as error:
+        raise MemoryError(f"expected states that fit in memory, got shape {shape}") from error
+
+
+def _fill(
+    body: Suslov3D,
+    state: FloatArray,
+    eps: FloatArray,
+    batch: tuple[int, ...],
+    times: FloatArray,
+    flow: bool,
+    threads: int | None,
+    out: FloatArray,
+) -> NDArray[np.int64]:
+    states = flat_vectors(state, batch)
+    step_size = flat_parameter(body.normalised_eps(eps), batch)
+    parameters = [*body.flat_normalised(batch), step_size]
+    flat = out.reshape(times.size, len(states), 2)
+    room = scratch()
+    missing = np.zeros((len(room), 2), np.int64)
+    runs = runs_of(times, flow)
+    for run in runs:
+        fill_run(run, flow, parameters, states, NO_START, flat, missing, room, threads)
+    for lanes, rows in slices(len(states), times.size) if not runs else ():
+        _threads.run(
+            loops.fill,
+            (lanes[1] - lanes[0]) * (rows[1] - rows[0]) * loops.WORK,
+            threads,
+            flow,
+            *parameters,
+            states,
+            for_kernel(times[slice(*rows)]),
+            lanes,
+            flat[slice(*rows)],
+            missing,
+            room,
+        )
+    total: NDArray[np.int64] = missing.sum(axis=0)
+    return total
+
+
+@dataclass(frozen=True)
+class Run:
+    """States at equal steps: n = sign (first + every i) for begin <= i < end, first and every >= 0.
+
+    Row i of them goes to row origin + direction i of the result.
+    """
+
+    sign: float
+    first: float
+    every: float
+    begin: int
+    end: int
+    origin: int
+    direction: int
+
+
+def fill_run(
+    run: Run,
+    flow: bool,
+    parameters: list[FloatArray],
+    states: FloatArray,
+    start: FloatArray,
+    out: FloatArray,
+    missing: NDArray[np.int64],
+    room: FloatArray,
+    threads: int | None,
+) -> None:
+    """Fill the rows of `out`, (N, B, 2), that belong to a run.
+
+    start   (1,) or (B,): the number n of each of the given states; rows of smaller n stay.
+    """
+    begin, end = run.begin, run.end
+    for lanes, rows in slices(len(states), end - begin // loops.GROUP * loops.GROUP):
+        low = begin // loops.GROUP * loops.GROUP
+        top, bottom = max(low + rows[0], begin), low + rows[1]
+        _threads.run(
+            loops.fill_run,
+            (lanes[1] - lanes[0]) * (bottom - top),
+            threads,
+            flow,
+            run.sign,
+            *parameters,
+            states,
+            start,
+            (run.first, run.every),
+            lanes,
+            (top, bottom, run.origin, run.direction),
+            out,
+            missing,
+            room,
+        )
+
+
+def runs_of(times: FloatArray, flow: bool) -> list[Run]:
+    """The runs of equal steps that the times make up, one for each sign; none if they do not.
+
+    Runs of steps of the map begin where n is smaller than the step, so that a state does not depend
+    on which others are asked for.
+    """
+    if times.size < SHORTEST:
+        return []
+    every = float((times[-1] - times[0]) / (times.size - 1))
+    if every == 0.0 or not math.isfinite(every):
+        return []
+    if every < 0.0:
+        return [_turned(run, times.size) for run in runs_of(times[::-1], flow)]
+    negative = int(np.searchsorted(times, 0.0))
+    runs = []
+    for sign, outward, origin in (
+        (-1.0, -times[:negative][::-1], negative - 1),
+        (1.0, times[negative:], negative),
+    ):
+        if outward.size and not _equal_steps(outward, every):
+            return []
+        if outward.size:
+            nearest, direction = float(outward[0]), int(sign)
+            skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
+            begin, end = skipped, skipped + outward.size
+            first = nearest - skipped * every
+            runs.append(
+                Run(sign, first, every, begin, end, origin - direction * skipped, direction)
+            )
+    return runs
+
+
+def _turned(run: Run, size: int) -> Run:
+    return replace(run, origin=size - 1 - run.origin, direction=-run.direction)
+
+
+def _equal_steps(times: FloatArray, every: float) -> bool:
+    """Whether each time is the first and so many steps, to one unit of its own last place."""
+    for begin in range(0, times.size, _IN_CACHE):
+        some = times[begin : begin + _IN_CACHE]
+        expected = times[0] + every * np.arange(begin, begin + some.size)
+        if not (abs(some - expected) <= some * 2.0**-52).all():
+            return False
+    return True

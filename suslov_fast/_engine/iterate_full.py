@@ -1,0 +1,54 @@
+"""Runs of the three-component scheme, in which Omega3 need not vanish."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from .._core import codes
+from .._core.cpu import full_map
+from . import threads
+from .problem import Outcome, Problem
+
+# Work of a step, in steps of the 3D map.
+_STEP = 2
+
+
+def run(problem: Problem) -> Outcome:
+    """The last states, and how each trajectory ended; saved states are filled on the way.
+
+    The parameters of the problem are the coefficients of the scheme, (8, B).
+    """
+    start, size = problem.omega, problem.size
+    known = ~np.isnan(start[:, 0])
+    if problem.start:
+        state = problem.resume["state"].copy()
+        status, failed_at = (problem.resume[name].copy() for name in ("status", "failed_at"))
+    else:
+        state = np.ascontiguousarray(start.T)
+        status = np.where(known, codes.OK, codes.NONFINITE).astype(np.int8)
+        failed_at = np.where(known, -1, 0)
+        if len(problem.saved):
+            problem.saved[0] = start
+    blocks = -(-size // full_map.LANES)
+    tasks = min(blocks, full_map.TASKS, numba.config.NUMBA_NUM_THREADS)
+    scratch = np.empty((tasks, full_map.ROWS * full_map.LANES))
+    for part in problem.parts(_STEP, full_map.LANES):
+        threads.run(
+            full_map.iterate,
+            part.work(full_map.LANES, _STEP),
+            problem.threads,
+            *problem.parameters,
+            *part,
+            problem.every,
+            problem.first_row,
+            state,
+            problem.saved,
+            status,
+            failed_at,
+            scratch,
+        )
+    final = np.ascontiguousarray(state.T)
+    return Outcome(
+        final, status, failed_at, {"state": state, "status": status, "failed_at": failed_at}
+    )

@@ -1,0 +1,322 @@
+"""States as elements of so(n), in the body, in the basis its inertia was given in, and in space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._bodies.nd import SuslovND
+from ._bodies.three import Suslov3D
+from ._checks import FloatArray, common_shape, instance, vectors
+from ._engine.arguments import Body, check
+
+# A matrix is antisymmetric, and a state obeys the constraint, to this part of its size.
+_ROUNDING = 1e-12
+
+
+def to_matrix(
+    body: Body,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """The antisymmetric matrix Omega of an angular velocity: R' = R Omega.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovND
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        What `from_inertia` or `from_mass_tensor` returned with the body: the result is then in the
+        basis in which the inertia was given, not in the adapted one.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        Orientations, as :func:`suslov_fast.attitude` returns them: the result is then in space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., n, n))
+        In three dimensions the matrix that takes v to the vector product of (Omega1, Omega2, 0)
+        and v. NaN where omega is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, SuslovND, to_matrix
+    >>> to_matrix(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]), [2.0, 5.0])
+    array([[ 0.,  0.,  2.],
+           [ 0.,  0.,  5.],
+           [-2., -5.,  0.]])
+    >>> to_matrix(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([[ 0.,  0.,  5.],
+           [ 0.,  0., -2.],
+           [-5.,  2.,  0.]])
+    """
+    (state,), batch = check(body, {"omega": omega})
+    matrix = _antisymmetric(body, np.broadcast_to(state, (*batch, body.dimension)))
+    turn = _turn(body.dimension + 1, rotation, attitude)
+    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+
+
+def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = None) -> FloatArray:
+    """The state of an antisymmetric matrix: the inverse of :func:`to_matrix`.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovND
+        The body, or a batch of them.
+    matrix : array_like(float, shape=(..., n, n))
+        Antisymmetric matrices that obey the constraint: in the adapted basis Omega_ij = 0 for
+        i, j < n.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        What `from_inertia` or `from_mass_tensor` returned with the body, if the matrices are in
+        the basis in which the inertia was given.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D))
+        Angular velocities as all functions take them; NaN where the matrix is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above; the constraint and the antisymmetry must hold to
+        1e-12 of the largest component.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, from_matrix, to_matrix
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> from_matrix(body, to_matrix(body, [2.0, 5.0]))
+    array([2., 5.])
+    """
+    instance("body", body, (Suslov3D, SuslovND))
+    n = body.dimension + 1
+    given = _square("matrix", matrix, n, allow_nan=True)
+    turn = _turn(n, rotation, None)
+    common_shape(
+        body=body.shape,
+        matrix=given.shape[:-2],
+        rotation=() if turn is None else turn.shape[:-2],
+    )
+    size = abs(given).max(axis=(-2, -1), initial=0.0, keepdims=True)
+    excess = abs(0.5 * given + 0.5 * given.swapaxes(-2, -1))
+    if (excess > _ROUNDING * size).any():
+        raise ValueError(
+            f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
+        )
+    adapted = given if turn is None else _product(_product(turn.swapaxes(-2, -1), given), turn)
+    forbidden = abs(adapted[..., :-1, :-1])
+    if (forbidden > _ROUNDING * n * size).any():
+        raise ValueError(
+            "matrix: expected matrices that obey the constraint Omega_ij = 0 for i, j < n, got "
+            f"{np.nanmax(forbidden):.2g}"
+        )
+    column = adapted[..., :-1, -1]
+    if isinstance(body, Suslov3D):
+        column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
+    shape = np.broadcast_shapes(body.shape, column.shape[:-1])
+    return np.broadcast_to(column + 0.0, (*shape, n - 1)).copy()
+
+
+def to_vector(
+    body: Suslov3D,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """The vector of an angular velocity, in three dimensions.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., 2))
+        Angular velocities (Omega1, Omega2).
+    rotation : array_like(float, shape=(..., 3, 3)), optional
+        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
+    attitude : array_like(float, shape=(..., 3, 3)), optional
+        As for :func:`to_matrix`: takes the result to space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3))
+        (Omega1, Omega2, 0), in the basis asked for; NaN where omega is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_vector
+    >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([2., 5., 0.])
+    """
+    instance("body", body, Suslov3D)
+    (state,), batch = check(body, {"omega": omega})
+    vector = np.empty((*batch, 3))
+    vector[..., :2], vector[..., 2] = state, 0.0 * state.sum(axis=-1)
+    return _turned(vector, _turn(3, rotation, attitude))
+
+
+def from_vector(
+    body: Suslov3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
+) -> FloatArray:
+    """The state of an angular velocity given as a vector: the inverse of :func:`to_vector`.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        The body, or a batch of them.
+    vector : array_like(float, shape=(..., 3))
+        Angular velocities that obey the constraint: normal to the axis of the body.
+    rotation : array_like(float, shape=(..., 3, 3)), optional
+        What `from_inertia` returned with the body, if the vectors are in the basis in which the
+        inertia was given.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        (Omega1, Omega2) in the adapted basis, as all functions take them; NaN where a vector is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above; the constraint must hold to 1e-12 of the largest
+        component.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, from_vector
+    >>> I = [[4, 0, -0.5], [0, 3, -0.3], [-0.5, -0.3, 3]]
+    >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 1, 0])
+    >>> from_vector(body, [1.0, 0.0, 0.5], rotation=rotation).shape
+    (2,)
+    """
+    instance("body", body, Suslov3D)
+    given = vectors("vector", vector, 3, allow_nan=True)
+    turn = _turn(3, rotation, None)
+    common_shape(
+        body=body.shape,
+        vector=given.shape[:-1],
+        rotation=() if turn is None else turn.shape[:-2],
+    )
+    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
+    size = abs(given).max(axis=-1, initial=0.0)
+    if (abs(adapted[..., 2]) > _ROUNDING * size).any():
+        raise ValueError(
+            "vector: expected angular velocities normal to the axis of the body, got the component "
+            f"{np.nanmax(abs(adapted[..., 2])):.2g} along it"
+        )
+    shape = np.broadcast_shapes(body.shape, adapted.shape[:-1])
+    return np.broadcast_to(adapted[..., :2], (*shape, 2)).copy()
+
+
+def momentum(
+    body: Body,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """The angular momentum M = I Omega, or M = I Omega + Omega I in n dimensions.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovND
+        The body, or a batch of them.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        As for :func:`to_matrix`: takes the result to space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3) or (..., n, n))
+        A vector in three dimensions, else an antisymmetric matrix; in the unit of inertia times
+        that of omega. NaN where omega is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+
+    Notes
+    -----
+    I3 does not enter, nor do I_ii and I_nn but for their sums: Omega3 = 0 and Omega_ij = 0. In any
+    basis half the scalar product of M and Omega, which is -trace(M Omega) / 4 for matrices, is the
+    :func:`energy`. In space M is not conserved: M' is the :func:`reaction` times the axis.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, momentum
+    >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([ 8. ,  5. , -2.5])
+    """
+    (state,), batch = check(body, {"omega": omega})
+    turn = _turn(body.dimension + 1, rotation, attitude)
+    with np.errstate(all="ignore"):
+        if isinstance(body, Suslov3D):
+            vector = np.empty((*batch, 3))
+            vector[..., 0], vector[..., 1] = body.I1 * state[..., 0], body.I2 * state[..., 1]
+            vector[..., 2] = body.I13 * state[..., 0] + body.I23 * state[..., 1]
+            vector += 0.0 * vector.sum(axis=-1, keepdims=True)
+            return _turned(vector, turn)
+        matrix = np.empty((*batch, body.dimension + 1, body.dimension + 1))
+        product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
+        matrix[..., :-1, :-1] = product - product.swapaxes(-2, -1)
+        matrix[..., :-1, -1], matrix[..., -1, :-1] = body.J * state, -(body.J * state)
+        matrix[..., -1, -1] = 0.0
+        matrix += 0.0 * matrix[..., -1].sum(axis=-1)[..., np.newaxis, np.newaxis]
+    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+
+
+def _antisymmetric(body: Body, state: FloatArray) -> FloatArray:
+    n = state.shape[-1] + 1
+    matrix = np.zeros((*state.shape[:-1], n, n))
+    column = state
+    if isinstance(body, Suslov3D):
+        column = np.stack([state[..., 1], -state[..., 0]], axis=-1)
+    matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
+    matrix += 0.0 * state.sum(axis=-1)[..., np.newaxis, np.newaxis]
+    return matrix
+
+
+def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
+    """The matrices that take components in the adapted basis to the one asked for."""
+    if rotation is not None and attitude is not None:
+        raise ValueError("rotation, attitude: expected at most one of them, got both")
+    if rotation is not None:
+        return _square("rotation", rotation, n).swapaxes(-2, -1)
+    return None if attitude is None else _square("attitude", attitude, n, allow_nan=True)
+
+
+def _square(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    matrices = vectors(name, value, n, allow_nan)
+    if matrices.ndim < 2 or matrices.shape[-2] != n:
+        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
+    return matrices
+
+
+def _product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """The matrix product, whose digits do not depend on the machine as those of a library do."""
+    common_shape(matrices=left.shape[:-2], omega=right.shape[:-2])
+    total: FloatArray = left[..., :, :1] * right[..., :1, :]
+    for k in range(1, left.shape[-1]):
+        total = total + left[..., :, k : k + 1] * right[..., k : k + 1, :]
+    return total
+
+
+def _turned(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
+    return vector if turn is None else _product(turn, vector[..., np.newaxis])[..., 0]

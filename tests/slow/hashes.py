@@ -1,0 +1,122 @@
+"""Hashes of results, which are to be the same on every type of CPU, and interpreted.
+
+    python hashes.py            print them
+    python hashes.py --write    keep them, in hashes.json
+
+What goes through LAPACK is left out: its last bits depend on how it was built. Where NaN stands
+counts, but not its sign and payload, which differ between processors.
+"""
+
+import hashlib
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import suslov_fast as sf
+
+KEPT = Path(__file__).with_name("hashes.json")
+
+
+def digest(value):
+    array = np.array(value)
+    if array.dtype.kind == "f":
+        array[np.isnan(array)] = np.nan
+    return hashlib.sha256(f"{array.shape} {array.dtype.str}".encode() + array.tobytes()).hexdigest()
+
+
+def numbers(seed, low, high, *shape):
+    """Numbers that are the same on all machines: integers over a power of two."""
+    # No library's stream of floats is promised; that of a multiplicative generator is one line.
+    count = int(np.prod(shape))
+    values, state = np.empty(count), 2 * seed + 1
+    for k in range(count):
+        state = state * 6364136223846793005 % 2**64
+        values[k] = low + (high - low) * ((state >> 40) / 2.0**24)
+    return values.reshape(shape)
+
+
+def bodies_3d():
+    yield "picture", sf.Suslov3D(4, 1, -0.5, -0.3), 0.2
+    yield "at rest", sf.Suslov3D(2, 3, 0, 0), 0.1
+    yield "backwards", sf.Suslov3D(1, 2, 0.3, -0.1), -0.4
+    scale = numbers(1, 0.5, 2, 41)
+    yield "several", sf.Suslov3D(scale, 1 / scale, scale - 1, 0.25), numbers(2, -1, 1, 41)
+
+
+def bodies_nd():
+    for m in (2, 3, 5, 8):
+        body = sf.SuslovND(numbers(m, 1, 2, m), numbers(m + 9, -0.5, 0.5, m))
+        yield f"n = {m + 1}", body, 0.1
+    yield "n = 4, integrable", sf.SuslovND([2, 2, 2], [0.1, 0.2, 0.3]), 0.1
+    yield "n = 4, several", sf.SuslovND(numbers(3, 1, 2, 41, 3), numbers(4, -1, 1, 41, 3)), 0.2
+
+
+def results_3d(body, eps):
+    for scale in (1.0, 40.0, 2.0**-400):
+        omega, step = scale * numbers(5, -2, 2, 41, 2), np.asarray(eps) / min(scale, 1.0)
+        tag = f"{scale:g}"
+        for method in ("canonical", "ds2"):
+            yield f"{method} {tag}", *run(body, omega, step, 300, method=method)
+        yield f"last {tag}", *run(body, omega, step, 1000, save_every=None)
+        times = np.array([-1e9, -50, -1, 0, 1, 2, 3.5, 700, 1e9])
+        yield f"exact {tag}", sf.exact(body, omega, step, times)
+        yield f"flow {tag}", sf.flow(body, omega, times / min(scale, 1.0))
+        yield f"limits {tag}", *sf.limits(body, omega, step)
+        yield f"criticality {tag}", sf.criticality(body, omega, step)
+        yield f"first_integral {tag}", sf.first_integral(body, omega, step)
+        yield f"jacobian {tag}", sf.jacobian(body, omega, step)
+        yield f"to_xy {tag}", sf.to_xy(body, omega)
+        if np.any(body.I13) or np.any(body.I23):  # else (x, y) is 0
+            yield f"from_xy {tag}", sf.from_xy(body, omega)
+        yield from of_states(body, omega, step, tag)
+        yield f"step_full {tag}", sf.step_full(body, np.insert(omega, 2, 0.5, -1), step, 5.0)
+
+
+def results_nd(body, eps):
+    m = body.dimension
+    for scale in (1.0, 40.0):
+        omega = scale * numbers(6, -2, 2, 41, m)
+        for method in ("gauss", "rank2"):
+            yield f"{method} {scale:g}", *run(body, omega, eps, 100, method=method)
+        yield from of_states(body, omega, eps, f"{scale:g}")
+
+
+def of_states(body, omega, eps, tag):
+    yield f"energy {tag}", sf.energy(body, omega)
+    yield f"modified_energy {tag}", sf.modified_energy(body, omega, eps)
+    yield f"vector_field {tag}", sf.vector_field(body, omega)
+    yield f"reaction {tag}", sf.reaction(body, omega)
+    yield f"attitude {tag}", attitude(body, omega, eps)
+
+
+def attitude(body, omega, eps):
+    states = sf.iterate(body, omega, eps, 40, on_singular="ignore").omega
+    return sf.attitude(body, states, eps)
+
+
+def run(body, omega, eps, steps, **options):
+    result = sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
+    return result.omega, result.final, result.status, result.failed_at
+
+
+def all_hashes():
+    found = {}
+    for bodies, results in ((bodies_3d, results_3d), (bodies_nd, results_nd)):
+        for name, body, eps in bodies():
+            for what, *values in results(body, eps):
+                found[f"{name}: {what}"] = hashlib.sha256(
+                    "".join(map(digest, values)).encode()
+                ).hexdigest()[:16]
+    return found
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    text = json.dumps(all_hashes(), indent=1) + "\n"
+    if "--write" in sys.argv:
+        KEPT.write_text(text, encoding="utf-8")
+    else:
+        print(text, end="")

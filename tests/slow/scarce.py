@@ -1,0 +1,76 @@
+"""A script: runs under ever tighter limits of the address space end well or in a MemoryError.
+
+python scarce.py NAME THREADS
+"""
+
+import resource
+import sys
+
+import numpy as np
+
+import suslov_fast as sf
+from suslov_fast._engine import memory
+
+chance = np.random.default_rng(1)
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
+MIB = 2**20
+RESULTS = ("omega", "final", "status", "failed_at")
+
+
+def three(size, steps, **options):
+    omega = chance.uniform(-2, 2, (size, 2))
+    return lambda threads: sf.iterate(BODY, omega, 0.2, steps, threads=threads, **options)
+
+
+def many(m, size, steps, **options):
+    body = sf.SuslovND(np.ones(m), np.ones(m) / m)
+    omega = np.full((size, m), 19.98)
+    return lambda threads: sf.iterate(body, omega, 0.1, steps, threads=threads, **options)
+
+
+PROBLEMS = {
+    "3D, all states": three(100_000, 60),
+    "3D, last states": three(1_000_000, 40, save_every=None, method="canonical"),
+    "3D, closed form": three(1_000_000, 40, save_every=None),
+    "3D, as printed": three(100_000, 60, method="ds2"),
+    "n = 9, all states": many(8, 20_000, 60),
+    "n = 201, elimination": many(200, 17, 2, method="gauss"),
+    "n = 201": many(200, 17, 2),
+}
+
+
+def main(name, threads):
+    run = PROBLEMS[name]
+    expected = run(int(threads))
+    needed = sum(getattr(expected, what).nbytes for what in RESULTS)
+
+    def ends_well(room):
+        """Whether it ends with the right states; without states, in a MemoryError."""
+        used = memory._kilobytes(memory._read("/proc/self/status"), "VmSize")
+        limit(used + room)
+        try:
+            result = run(int(threads))
+        except MemoryError:
+            return False
+        finally:
+            limit(resource.RLIM_INFINITY)
+        for what in RESULTS:
+            np.testing.assert_array_equal(getattr(result, what), getattr(expected, what))
+        return True
+
+    outcomes = [ends_well(int(room)) for room in np.linspace(MIB, 8 * needed + 64 * MIB, 12)]
+    low, high = 0, 8 * needed + 64 * MIB
+    while high - low > 4096:  # what is allocated last fails first
+        middle = (low + high) // 2
+        outcomes.append(ends_well(middle))
+        low, high = (low, middle) if outcomes[-1] else (middle, high)
+    outcomes += [ends_well(max(high - k * 16384, 4096)) for k in range(20)]
+    print(outcomes.count(True), outcomes.count(False))
+
+
+def limit(nbytes):
+    resource.setrlimit(resource.RLIMIT_AS, (nbytes, resource.RLIM_INFINITY))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

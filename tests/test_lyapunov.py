@@ -1,0 +1,186 @@
+"""Lyapunov exponents, against derivatives multiplied one by one and the limiting steady states."""
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import _lyapunov
+
+THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+BODIES = {"3D": (THREE, [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
+
+
+@pytest.fixture(params=BODIES)
+def case(request):
+    return BODIES[request.param]
+
+
+def one_by_one(body, omega, eps, steps):
+    """By NumPy's QR of each derivative; and the mean of log |det|."""
+    Q, total, of_det = np.eye(len(omega)), np.zeros(len(omega)), 0.0
+    for _ in range(steps):
+        derivative = sf.jacobian(body, omega, eps)
+        Q, R = np.linalg.qr(derivative @ Q)
+        total += np.log(abs(np.diag(R)))
+        of_det += np.log(abs(np.linalg.det(derivative)))
+        omega = sf.step(body, omega, eps)
+    return np.sort(total / steps)[::-1], of_det / steps
+
+
+@pytest.mark.parametrize("steps", [1, 2, 40])
+@pytest.mark.parametrize("eps", [0.2, -0.2])
+def test_against_derivatives_one_by_one(case, eps, steps):
+    body, omega0 = case
+    exponents = sf.lyapunov_exponents(body, omega0, eps, steps)
+    expected, of_det = one_by_one(body, omega0, eps, steps)
+    np.testing.assert_allclose(exponents, expected, atol=1e-13)
+    np.testing.assert_allclose(exponents.sum(), of_det, atol=1e-13)
+
+
+def test_orbits_beyond_the_regime_of_the_flow(rng):
+    """t > 1, through infinity and past it."""
+    body = sf.Suslov3D(3, 3, -0.2, -0.2)
+    for omega0 in ([-40.0, -250.0], [35.0, -20.0], [-300.0, 500.0]):
+        assert sf.criticality(body, omega0, 1.0) > 1
+        exponents = sf.lyapunov_exponents(body, omega0, 1.0, 12)
+        expected, of_det = one_by_one(body, omega0, 1.0, 12)
+        np.testing.assert_allclose(exponents, expected, atol=1e-11)
+        np.testing.assert_allclose(exponents.sum(), of_det, atol=1e-11)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+def test_any_dimension(rng, n):
+    body = sf.SuslovND(rng.uniform(1, 3, n - 1), rng.normal(size=n - 1))
+    omega0 = rng.normal(size=n - 1)
+    expected, of_det = one_by_one(body, omega0, 0.3, 25)
+    exponents = sf.lyapunov_exponents(body, omega0, 0.3, 25)
+    np.testing.assert_allclose(exponents, expected, atol=1e-12)
+    np.testing.assert_allclose(exponents.sum(), of_det, atol=1e-12)
+
+
+def test_three_dimensions_in_both_forms(rng):
+    nd = sf.SuslovND([1, 4], [0.5, 0.3])
+    omega = rng.normal(size=2)
+    pairs = np.array([omega[1], -omega[0]])
+    total = sf.lyapunov_exponents(THREE, omega, 0.2, 50).sum()
+    np.testing.assert_allclose(sf.lyapunov_exponents(nd, pairs, 0.2, 50).sum(), total, rtol=1e-11)
+
+
+@pytest.mark.compiled
+def test_they_tend_to_the_multipliers_of_the_steady_state(case):
+    """Like 1 / steps, so that twice the second half less the whole is there to rounding."""
+    body, omega0 = case
+    last = sf.iterate(body, omega0, 0.2, 20_000, save_every=None).final
+    line = [body.I23, -body.I13] if body is THREE else body.I
+    c = last @ line / np.dot(line, line)
+    expected = np.sort(np.log(abs(sf.multipliers(body, c, 0.2))))[::-1]
+    first, whole = (sf.lyapunov_exponents(body, omega0, 0.2, n) for n in (10_000, 20_000))
+    assert abs(whole - expected).max() < 1e-3
+    np.testing.assert_allclose(2 * whole - first, expected, atol=1e-11)
+
+
+def test_steady_states(case):
+    body, _ = case
+    line = np.array([body.I23, -body.I13]) if body is THREE else body.I
+    for c in (-1.0, 1.0):
+        total = sf.lyapunov_exponents(body, c * line, 0.2, 7).sum()
+        np.testing.assert_allclose(total, np.log(sf.multipliers(body, c, 0.2)).sum(), atol=1e-13)
+
+
+def test_where_nothing_moves(rng):
+    states = rng.normal(size=(3, 2))
+    for body, eps in ((THREE, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):
+        assert (sf.lyapunov_exponents(body, states, eps, 5) == 0).all()
+    still = sf.SuslovND([1, 2, 3], [0, 0, 0])
+    assert abs(sf.lyapunov_exponents(still, rng.normal(size=(4, 3)), 0.2, 5)).max() < 1e-15
+    assert abs(sf.lyapunov_exponents(ND, rng.normal(size=(4, 3)), 0.0, 5)).max() < 1e-15
+
+
+def mixed_batch(case, rng, size):
+    body, omega0 = case
+    bodies = type(body)(
+        *(np.multiply.outer(rng.uniform(0.5, 2, size), each) for each in body.parameters)
+    )
+    return bodies, rng.normal(size=(size, len(omega0))), rng.choice([-0.5, 0.0, 0.1], size)
+
+
+def test_alone_or_in_a_batch(case, rng):
+    bodies, omega0, eps = mixed_batch(case, rng, 300)
+    exponents = sf.lyapunov_exponents(bodies, omega0, eps, 20)
+    for i in (0, 1, 127, 128, 299):
+        one = type(bodies)(*(each[i] for each in bodies.parameters))
+        assert (sf.lyapunov_exponents(one, omega0[i], eps[i], 20) == exponents[i]).all()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_slices_and_threads(case, rng, threads, monkeypatch):
+    bodies, omega0, eps = mixed_batch(case, rng, 150)
+    omega0[7] = np.nan
+    expected = sf.lyapunov_exponents(bodies, omega0, eps, 50, threads=1)
+    monkeypatch.setattr(_lyapunov, "_SLICE", 150 * 20 * 60)
+    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
+    cut = sf.lyapunov_exponents(bodies, omega0, eps, 50, threads=threads)
+    assert np.array_equal(cut, expected, equal_nan=True)
+
+
+@pytest.mark.parametrize("k", [-600, -50, 50, 600])
+def test_units(case, k):
+    body, omega0 = case
+    expected = sf.lyapunov_exponents(body, omega0, 0.2, 30)
+    faster = sf.lyapunov_exponents(body, np.ldexp(omega0, k), np.ldexp(0.2, -k), 30)
+    assert (faster == expected).all()
+    heavier = type(body)(*(np.ldexp(each, k) for each in body.parameters))
+    assert (sf.lyapunov_exponents(heavier, omega0, 0.2, 30) == expected).all()
+
+
+def test_long_growth_does_not_leave_the_range(case):
+    """|det DPhi| over the whole run is far below the least float."""
+    body, omega0 = case
+    state = np.multiply(omega0, 30.0)
+    exponents = sf.lyapunov_exponents(body, state, 0.2, 5000)
+    assert np.isfinite(exponents).all()
+    assert exponents.sum() * 5000 < -1000
+    assert exponents[0] > -5e-3 if body is THREE else exponents[0] < 1e-2
+
+
+def test_failures(unit):
+    states = np.array([[[1.0, -3.0], [0.3, 0.1]], [[np.nan, 0.0], [0.2, 0.1]]])
+    with pytest.warns(
+        sf.SingularStepWarning, match=r"1 of 4 trajectories: .*first: \(0, 0\)"
+    ) as caught:
+        exponents = sf.lyapunov_exponents(unit, states, 1.0, 5)
+    assert caught[0].filename == __file__
+    assert np.isnan(exponents).all(axis=-1).tolist() == [[True, False], [True, False]]
+    nd = sf.SuslovND([2, 2, 2, 3], [1, 0, 0.5, 0.25])
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2"):
+        exponents = sf.lyapunov_exponents(nd, [[2, 1, 3, 2], [0.1, 0.2, 0.3, 0.4]], 1.0, 5)
+    assert np.isnan(exponents[0]).all()
+    assert np.isfinite(exponents[1]).all()
+
+
+def test_steps_that_are_not_invertible(unit):
+    """y = -2a / eps collapses to a point."""
+    exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
+    assert exponents[1] == -np.inf
+    assert np.isfinite(exponents[0])
+
+
+def test_empty_batch():
+    assert sf.lyapunov_exponents(THREE, np.empty((0, 3, 2)), 0.1, 5).shape == (0, 3, 2)
+    assert sf.lyapunov_exponents(ND, np.empty((0, 3)), 0.1, 5).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([1, 2, 3], 0.1, 5), r"omega0: expected shape \(..., 2\), got \(3,\)"),
+        (([1, np.inf], 0.1, 5), "omega0: expected finite"),
+        (([1, 2], np.nan, 5), "eps: expected finite"),
+        (([1, 2], 0.1, 0), "steps: expected an integer of at least 1, got 0"),
+        (([1, 2], 0.1, 5, 0), "threads: expected"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        sf.lyapunov_exponents(THREE, *arguments)

@@ -1,0 +1,197 @@
+"""Angular velocities and momenta as vectors and matrices, in the body and in space."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import suslov_fast as sf
+
+THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+BODIES = {"3D": (THREE, [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
+
+
+@pytest.fixture(params=BODIES)
+def case(request):
+    return BODIES[request.param]
+
+
+def inertia(rng, n=3):
+    """A tensor that a body can have: that of a few masses."""
+    points = rng.normal(size=(6, n))
+    return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
+
+
+def from_mass_tensor(tensor, axis):
+    make = getattr(sf.SuslovND, "from_mass_tensor", None) or sf.SuslovND.from_inertia
+    return make(tensor, axis)
+
+
+def random_rotation(rng, n):
+    q, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    q[:, 0] *= np.linalg.det(q)
+    return q
+
+
+def test_matrices_are_what_carries_the_orientation(case):
+    """R_next is R times the exponential of eps Omega, to second order."""
+    body, omega0 = case
+    eps = 1e-4
+    R = sf.attitude(body, sf.iterate(body, [omega0], eps, 1).omega, eps)[1, 0]
+    mean = 0.5 * (sf.step(body, omega0, eps) + omega0)
+    np.testing.assert_allclose((R - R.T) / 2, eps * sf.to_matrix(body, mean), atol=1e-11)
+    S = sf.to_matrix(body, omega0)
+    assert (S == -S.T).all()
+    assert (S[:-1, :-1] == 0).all()
+
+
+def test_vector_product(rng):
+    omega, v = rng.normal(size=2), rng.normal(size=3)
+    expected = np.cross([*omega, 0.0], v)
+    np.testing.assert_allclose(sf.to_matrix(THREE, omega) @ v, expected, rtol=1e-14)
+    assert sf.to_vector(THREE, omega).tolist() == [*omega, 0.0]
+
+
+def test_back(case, rng):
+    body, omega0 = case
+    states = rng.normal(size=(5, 4, len(omega0)))
+    assert (sf.from_matrix(body, sf.to_matrix(body, states)) == states).all()
+    rotation = random_rotation(rng, len(omega0) + 1)
+    given = sf.to_matrix(body, states, rotation=rotation)
+    np.testing.assert_allclose(sf.from_matrix(body, given, rotation=rotation), states, atol=1e-14)
+    if body is THREE:
+        vectors = sf.to_vector(body, states, rotation=rotation)
+        np.testing.assert_allclose(
+            sf.from_vector(body, vectors, rotation=rotation), states, atol=1e-14
+        )
+        assert (sf.from_vector(body, sf.to_vector(body, states)) == states).all()
+
+
+def test_momentum_by_definition(rng):
+    """In the basis in which the inertia was given, whatever that is."""
+    tensor, _ = inertia(rng)
+    axis = rng.normal(size=3)
+    body, rotation = sf.Suslov3D.from_inertia(tensor, axis)
+    omega = np.cross(axis, rng.normal(size=3))
+    state = sf.from_vector(body, omega, rotation=rotation)
+    np.testing.assert_allclose(sf.to_vector(body, state, rotation=rotation), omega, atol=1e-14)
+    # The component along the axis needs no I3: the constraint leaves none of it.
+    np.testing.assert_allclose(
+        sf.momentum(body, state, rotation=rotation), tensor @ omega, atol=1e-12
+    )
+    np.testing.assert_allclose(sf.energy(body, state), 0.5 * omega @ tensor @ omega, rtol=1e-13)
+    for n in (2, 3, 5):
+        _, mass = inertia(rng, n)
+        axis = rng.normal(size=n)
+        axis /= np.linalg.norm(axis)
+        body, rotation = from_mass_tensor(mass, axis)
+        v = rng.normal(size=n)
+        Omega = np.outer(v, axis) - np.outer(axis, v)
+        state = sf.from_matrix(body, Omega, rotation=rotation)
+        M = mass @ Omega + Omega @ mass
+        np.testing.assert_allclose(sf.momentum(body, state, rotation=rotation), M, atol=1e-12)
+        np.testing.assert_allclose(sf.energy(body, state), -np.trace(M @ Omega) / 4, rtol=1e-12)
+        np.testing.assert_allclose(sf.to_matrix(body, state, rotation=rotation), Omega, atol=1e-13)
+
+
+def test_momentum_in_the_body_obeys_its_equation(case):
+    """M' = M x Omega + lambda a, and M' = [M, Omega] + Lambda."""
+    body, omega0 = case
+    h = 1e-5
+    slope = sf.vector_field(body, omega0)
+    forward, backward = (
+        sf.momentum(body, np.add(omega0, sign * h * slope)) for sign in (1.0, -1.0)
+    )
+    derivative = (forward - backward) / (2 * h)
+    M = sf.momentum(body, omega0)
+    if body is THREE:
+        expected = np.cross(M, sf.to_vector(body, omega0))
+        expected[2] += sf.reaction(body, omega0)
+    else:
+        Omega = sf.to_matrix(body, omega0)
+        expected = M @ Omega - Omega @ M
+        expected[:-1, :-1] += sf.reaction(body, omega0)
+    np.testing.assert_allclose(derivative, expected, atol=1e-10)
+
+
+def test_in_space(case):
+    body, omega0 = case
+    run = sf.iterate(body, [omega0, np.negative(omega0)], 0.1, 20)
+    R = sf.attitude(body, run.omega, 0.1)
+    Rt = R.swapaxes(-2, -1)
+    in_space = sf.to_matrix(body, run.omega, attitude=R)
+    np.testing.assert_allclose(in_space, R @ sf.to_matrix(body, run.omega) @ Rt, atol=1e-14)
+    M = sf.momentum(body, run.omega)
+    if body is THREE:
+        expected = (R @ sf.to_vector(body, run.omega)[..., None])[..., 0]
+        np.testing.assert_allclose(sf.to_vector(body, run.omega, attitude=R), expected, atol=1e-14)
+        expected = (R @ M[..., None])[..., 0]
+    else:
+        expected = R @ M @ Rt
+    np.testing.assert_allclose(sf.momentum(body, run.omega, attitude=R), expected, atol=1e-13)
+
+
+def test_in_space_the_momentum_changes_along_the_axis_alone():
+    h = 1e-5
+    states = sf.flow(THREE, [1.0, 0.5], [-h, 0.0, h])
+    spin = Rotation.from_rotvec(np.array([-h, h])[:, None] * [*states[1], 0.0]).as_matrix()
+    M = [R @ sf.momentum(THREE, state) for R, state in zip(spin, states[::2], strict=True)]
+    slope = (M[1] - M[0]) / (2 * h)
+    np.testing.assert_allclose(slope, [0, 0, sf.reaction(THREE, [1.0, 0.5])], atol=1e-9)
+
+
+def test_batches_and_nan(case, rng):
+    body, omega0 = case
+    m = len(omega0)
+    bodies = type(body)(*(np.multiply.outer([1.0, 2.0, 3.0], each) for each in body.parameters))
+    states = rng.normal(size=(7, 1, m))
+    for function in (sf.to_matrix, sf.momentum):
+        result = function(bodies, states)
+        assert result.shape[:2] == (7, 3)
+        one = type(body)(*(each[2] for each in bodies.parameters))
+        assert (result[4, 2] == function(one, states[4, 0])).all()
+    states[2, 0, 0] = np.nan
+    for result in (
+        sf.to_matrix(body, states),
+        sf.momentum(body, states),
+        sf.momentum(body, states, rotation=random_rotation(rng, m + 1)),
+        sf.from_matrix(body, sf.to_matrix(body, states)),
+    ):
+        assert np.isnan(result[2]).all()
+        assert np.isfinite(np.delete(result, 2, axis=0)).all()
+    assert sf.to_matrix(body, np.empty((0, 4, m))).shape == (0, 4, m + 1, m + 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sf.to_matrix(THREE, [1, 2, 3]), r"omega: expected shape \(..., 2\)"),
+        (lambda: sf.to_matrix(THREE, [1, np.inf]), "omega: expected finite"),
+        (lambda: sf.to_matrix(THREE, [1, 2], rotation=np.eye(2)), r"rotation: expected shape"),
+        (lambda: sf.to_matrix(THREE, [1, 2], attitude=np.ones(3)), r"attitude: expected shape"),
+        (
+            lambda: sf.momentum(THREE, [1, 2], rotation=np.eye(3), attitude=np.eye(3)),
+            "at most one of them, got both",
+        ),
+        (lambda: sf.from_matrix(THREE, np.ones((3, 3))), "matrix: expected antisymmetric"),
+        (lambda: sf.from_matrix(THREE, np.ones((2, 2))), r"matrix: expected shape \(..., 3\)"),
+        (
+            lambda: sf.from_matrix(THREE, [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]),
+            "obey the constraint .* got 1",
+        ),
+        (lambda: sf.from_vector(THREE, [1, 2, 3]), "normal to the axis .* 3 along it"),
+        (
+            lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))),
+            "broadcast",
+        ),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_only_in_three_dimensions():
+    for function in (sf.to_vector, sf.from_vector):
+        with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
+            function(ND, [1, 2, 3])

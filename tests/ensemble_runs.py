@@ -91,13 +91,13 @@ def workers(store, kind, seed, kills):
             memory_limit=0,
             silence_logs=50,
         ) as cluster,
-        Client(cluster) as client,
+        Client(cluster, set_as_default=False) as client,
     ):
         killer = threading.Thread(target=kill, args=(client,), daemon=True)
         killer.start()
         steps = 300
         while True:
-            ensemble(**arguments(kind), steps=steps, store=store, scheduler=client)
+            ensemble(**arguments(kind), steps=steps, store=store, scheduler=cluster.scheduler_address)
             if len(killed) >= kills:
                 break
             steps += 300  # go on until enough are killed

@@ -490,3 +490,26 @@ def test_a_full_disk_leaves_what_is_whole(store, rng, monkeypatch):
         monkeypatch.setattr(pieces, "put", put)
         dataset = ensemble(BODY, omega0, 0.2, 20, store=path, **settings)
         assert_same(dataset, iterate(BODY, omega0, 0.2, 20, save_every=2))
+
+
+@pytest.mark.parametrize("scheduler", ["threads", "synchronous"])
+def test_functions_of_lazy_arrays(store, rng, scheduler):
+    """What is stored can be worked on without being loaded."""
+    import dask
+
+    omega0 = starts(rng, 40)
+    dataset = ensemble(BODY, omega0, 0.2, 20, store=store, save_every=5, chunk=7)
+    with dask.config.set(scheduler=scheduler):
+        F = xarray.apply_ufunc(
+            lambda omega: first_integral(BODY, omega, 0.2),
+            dataset.omega,
+            input_core_dims=[["component"]],
+            dask="parallelized",
+            output_dtypes=[float],
+        )
+        ends = dataset.final.data.map_blocks(
+            lambda omega: iterate(BODY, omega, 0.2, 30, save_every=None).final, dtype=float
+        )
+        assert np.array_equal(F, first_integral(BODY, dataset.omega.values, 0.2))
+        further = iterate(BODY, dataset.final.values, 0.2, 30, save_every=None).final
+        assert np.array_equal(ends.compute(), further)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _labelled
+from .. import __version__, _labelled
 from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._engine.arguments import Body
@@ -27,6 +28,8 @@ from .values import integer, number
 _TRAJECTORIES = 65_536
 _EXTENT = 2.0
 _NUMBER = r"[^:=]+"
+# A store may have been begun before: the rate of the rest is not that of the whole.
+_SPEED = ("seconds", "steps_per_second")
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +75,7 @@ def require_none(options: argparse.Namespace) -> None:
 def run(options: argparse.Namespace, body: Body, eps: float, bar: bool) -> str:
     """Make or finish a store, and return what it holds."""
     body, sizes, dims, coords = _swept(body, eps, options.sweep or [])
+    begin = time.perf_counter()
     try:
         ensemble(
             body,
@@ -93,17 +97,29 @@ def run(options: argparse.Namespace, body: Body, eps: float, bar: bool) -> str:
         )
     except (ValueError, TypeError, ImportError) as error:
         raise UserError(str(error)) from error
-    return info(options.output, options.json)
+    seconds = time.perf_counter() - begin
+    facts = _facts(options.output)
+    made = {
+        "seconds": seconds,
+        "steps_per_second": facts["trajectories"] * facts["steps"] / seconds,
+        "written": str(options.output),
+        "version": __version__,
+    }
+    return _spelled({**facts, **made}, options.json)
 
 
 def info(path: Path, json: bool) -> str:
     """What a store holds, how much of it is there, and what came of it."""
+    return _spelled(_facts(path), json)
+
+
+def _facts(path: Path) -> Facts:
     try:
         dataset = open_ensemble(path)
-    except (ValueError, FileNotFoundError) as error:
+    except (ValueError, OSError) as error:
         raise UserError(str(error)) from error
     body, eps = _parameters(dataset)
-    facts: Facts = {
+    return {
         "body": described(body),
         "eps": brief(eps),
         "trajectories": int(dataset["status"].size),
@@ -115,9 +131,14 @@ def info(path: Path, json: bool) -> str:
         "tiles_done": dataset.attrs["tiles_done"],
         "drift": _drift(dataset),
         "status": _statuses(dataset),
-        "written": str(path),
     }
-    return as_json(facts) if json else f"{as_text(facts)}\n{'tiles done':<16}{facts['tiles_done']}"
+
+
+def _spelled(facts: Facts, json: bool) -> str:
+    if json:
+        return as_json(facts)
+    shown = {name: value for name, value in facts.items() if name not in _SPEED}
+    return f"{as_text(shown)}\n{'tiles done':<16}{facts['tiles_done']}"
 
 
 def is_ensemble(path: Path) -> bool:

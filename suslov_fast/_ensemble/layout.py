@@ -42,7 +42,8 @@ def resolved(store: Any) -> Any:
         try:
             return os.path.abspath(os.fspath(store))
         except OSError as error:  # a working directory that was deleted has no path
-            raise OSError(error.errno, error.strerror, os.fspath(store)) from error
+            message = f"expected a name in a folder that can be written to, got: {error.strerror}"
+            raise OSError(error.errno, message, os.fspath(store)) from error
     return store
 
 

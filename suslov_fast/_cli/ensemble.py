@@ -18,7 +18,7 @@ from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._ensemble.api import ensemble, open_ensemble
 from .._ensemble.starts import RandomStarts
-from .._record import parameters_of
+from .._record import BODIES, parameters_of
 from .._status import Status
 from .errors import UserError
 from .files import read_states
@@ -210,7 +210,7 @@ def _parameters(dataset: Any) -> tuple[Body, FloatArray]:
         for name in ("eps", *parameters_of(dataset.attrs["body"]))
     }
     eps = values.pop("eps")
-    return _labelled.BODIES[dataset.attrs["body"]](**values), eps
+    return BODIES[dataset.attrs["body"]](**values), eps
 
 
 def _parts(dataset: Any) -> Iterator[Any]:

@@ -97,7 +97,8 @@ def workers(store, kind, seed, kills):
         killer.start()
         steps = 300
         while True:
-            ensemble(**arguments(kind), steps=steps, store=store, scheduler=cluster.scheduler_address)
+            address = cluster.scheduler_address
+            ensemble(**arguments(kind), steps=steps, store=store, scheduler=address)
             if len(killed) >= kills:
                 break
             steps += 300  # go on until enough are killed

@@ -129,6 +129,17 @@ def test_overflow(body, method, omega):
     assert (result.omega[:, 1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
 
 
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("omega", [[1e200, 0], [1e155, 1e100]])
+def test_overflow_of_the_denominator(unit, method, omega):
+    """What is divided by it would be 0, which is finite and wrong."""
+    result = sf.iterate(unit, omega, 1, 5, method=method, on_singular="ignore")
+    assert result.status == sf.Status.NONFINITE
+    assert result.failed_at == 1
+    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
+        assert np.isnan(sf.step_full(unit, [*omega, 0.0], 1, 3)).all()
+
+
 @pytest.mark.parametrize("omega", [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155]])
 def test_the_closed_form_knows_states_that_iteration_does_not(body, omega):
     """Where a square leaves the range of float64, but the states do not."""

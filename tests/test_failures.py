@@ -59,6 +59,44 @@ def test_poles_of_exact_data(method, I1, x):
     assert result.failed_at == 1
 
 
+@pytest.mark.parametrize("x", [1.0, 1e3, 1e5])
+@pytest.mark.parametrize("method", METHODS)
+def test_poles_of_large_states(method, x):
+    """What is left of a difference by rounding is zero beside the terms of the difference."""
+    for I1 in (1.0, 3.0, 5.0):
+        body, omega = sf.Suslov3D(I1, 1, 1, 0), np.array([x, -(2 * I1 + x * x)])
+        result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
+        assert result.status == sf.Status.SINGULAR
+        with pytest.warns(sf.SingularStepWarning):
+            assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
+        with pytest.warns(sf.SingularStepWarning):
+            assert np.isnan(sf.jacobian(body, omega, 1)).all()
+
+
+@pytest.mark.parametrize("x", [1.0, 16.0])
+def test_no_state_next_to_a_pole_is_lost(unit, x):
+    """A few roundings away from the pole there is a next state, and it is right."""
+    for gap in 2.0 ** np.arange(-47, -40):
+        omega = np.array([x, -(2 + x * x) * (1 - gap)])
+        exact = naive.step(1, 1, 1, 0, 1, omega)
+        bound = 4e-15 / gap
+        for method in METHODS:
+            final = sf.iterate(unit, omega, 1, 1, method=method).final
+            assert naive.relative_error(final, exact) < bound
+        assert naive.relative_error(sf.step_full(unit, [*omega, 0.0], 1, 3)[:2], exact) < bound
+        assert np.isfinite(sf.jacobian(unit, omega, 1)).all()
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def test_steady_states_next_to_the_critical_one(unit, method):
+    """1 - Y is as small there as rounding makes it, but nothing is divided by it."""
+    for k in (40, 50, 51, 52):
+        omega = [0.0, -2.0 * (1 - 2.0**-k)]
+        result = sf.iterate(unit, omega, 1, 5, method=method)
+        assert result.status == sf.Status.OK
+        assert (result.omega == omega).all()
+
+
 @pytest.mark.parametrize("save_every", [1, None])
 def test_a_later_singular_step(unit, save_every):
     omega = before_the_pole(3)
@@ -89,6 +127,17 @@ def test_overflow(body, method, omega):
     assert result.failed_at.tolist() == [1, -1]
     assert np.isnan(result.omega[1:, 0]).all()
     assert (result.omega[:, 1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
+
+
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("omega", [[1e200, 0], [1e155, 1e100]])
+def test_overflow_of_the_denominator(unit, method, omega):
+    """What is divided by it would be 0, which is finite and wrong."""
+    result = sf.iterate(unit, omega, 1, 5, method=method, on_singular="ignore")
+    assert result.status == sf.Status.NONFINITE
+    assert result.failed_at == 1
+    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
+        assert np.isnan(sf.step_full(unit, [*omega, 0.0], 1, 3)).all()
 
 
 @pytest.mark.parametrize("omega", [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155]])
@@ -130,7 +179,12 @@ def test_index_in_a_batch_of_two_axes(unit):
 
 def test_overflow_on_the_way(unit):
     """A state beyond float64 between others that are not: the orbit ends there all the same."""
-    omega = np.array([1.0, -3.0 + 1e-11]) / 1e-298
+    # From these, Omega1 alone, both, or Omega2 alone leave the range of float64.
+    for omega in ([0.1, -2.01 + 3e-12], [1.0, -3.0 + 1e-11], [16.0, -258.0 + 2e-8]):
+        overflows_on_the_way(unit, np.array(omega) / 1e-298)
+
+
+def overflows_on_the_way(unit, omega):
     for method in METHODS:
         for save_every in (1, 2, None):
             result = sf.iterate(
@@ -139,6 +193,37 @@ def test_overflow_on_the_way(unit):
             assert result.status == sf.Status.NONFINITE
             assert result.failed_at == 1
             assert np.isnan(result.final).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_as_large_as_float64_allows(unit, method):
+    """A state of 1e306 is one like others."""
+    eps = 2.0**-990
+    omega = np.array([1.0, -3.0 + 2.0**-26])
+    small = sf.iterate(unit, omega, 1, 5, method=method).omega
+    orbit = sf.iterate(unit, omega / eps, eps, 5, method=method)
+    assert 1e305 < abs(orbit.omega).max() < 1e307
+    assert orbit.status == sf.Status.SUPERCRITICAL
+    assert (orbit.omega * eps == small).all()
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+def test_overflow_of_one_component_on_the_way(method, swapped):
+    """Below t = 1, where a body is much longer than wide; the other component stays in range."""
+    body, omega = sf.Suslov3D(1, 2.0**-66, 0, 1), np.array([2.0**997, 2.0**997])
+    if swapped:
+        body, omega = sf.Suslov3D(2.0**-66, 1, 1, 0), omega[::-1] * [1, -1]
+    eps = 2.0**-1063
+    assert abs(sf.criticality(body, omega, eps)) < 0.6
+    alone = sf.iterate(body, omega, eps, 60, method=method, on_singular="ignore")
+    assert alone.status == sf.Status.NONFINITE
+    assert np.isnan(alone.final).all()
+    assert np.isnan(alone.omega[alone.failed_at :]).all()
+    assert np.isfinite(alone.omega[: alone.failed_at]).all()
+    wild = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
+    batch = sf.iterate(body, [omega, wild], eps, 60, method=method, on_singular="ignore")
+    assert np.array_equal(batch.omega[:, 0], alone.omega, equal_nan=True)
 
 
 def test_the_error_survives_pickling(unit):

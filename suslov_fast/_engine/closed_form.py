@@ -21,6 +21,8 @@ from .layout import flat_parameter, flat_vectors, for_kernel
 SLICE = 2**22
 # Fewer times than these are not worth a run: it has tables.
 SHORTEST = 32
+# Rows of one call, if there are as many: to enter a trajectory costs some 100 states.
+_WORTH_ENTERING = 2**12
 # Numbers that are compared at a time.
 _IN_CACHE = 2**15
 # Most given states have the number 0.
@@ -41,11 +43,12 @@ Range = tuple[int, int]
 def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
     """Trajectories and rows of each of the calls that a long one is cut into.
 
-    Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows.
+    Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
+    batch is cut first, as long as rows are worth that trajectories are entered.
     """
-    width = max(SLICE // max(min(rows, loops.GROUP), 1) // loops.WIDTH * loops.WIDTH, loops.WIDTH)
-    width = min(batch, width)
-    height = max(SLICE // max(width, 1) // loops.GROUP * loops.GROUP, loops.GROUP)
+    abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
+    width = min(batch, max(abreast // loops.WIDTH * loops.WIDTH, loops.WIDTH))
+    height = (SLICE // max(width, 1) // loops.GROUP + 1) * loops.GROUP
     for lane in range(0, batch, max(width, 1)):
         for row in range(0, rows, height):
             yield (lane, min(lane + width, batch)), (row, min(row + height, rows))

@@ -79,7 +79,7 @@ X, Y, LOST, T, T_LOST, RATIO, SCALE = range(7)
 GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
-TILE_AT = TABLES_AT + 20
+TILE_AT = TABLES_AT + 22
 SCRATCH = TILE_AT * WIDTH + TILE + 16 + WIDTH
 
 
@@ -445,7 +445,8 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
 
-TABLE_A, TABLE_B, SEED, SLOW, START, APART = 0, 8, 16, 17, 18, 19
+TABLE_A, TABLE_B, SEED, SLOW, START, APART, U, K_OF_U = 0, 8, 16, 17, 18, 19, 20, 21
+TABLES = 22
 # Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
 LARGE_SEED, NEAR_POLE = 400.0, 0.25
 # A w this small becomes 0: subnormals are slow. Its square does not count long before.
@@ -523,25 +524,32 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 
     orbit, tables   flat: a view of a row would count references each time.
     """
-    for k in range(0, width, VECTOR):
-        l = min(k, width - VECTOR)
-        constant = vector_at(orbit, KAPPA * WIDTH + l)
-        a1, b1 = vector_at(orbit, A1 * WIDTH + l), vector_at(orbit, B1 * WIDTH + l)
-        a2, b2 = vector_at(orbit, A2 * WIDTH + l), vector_at(orbit, B2 * WIDTH + l)
-        seed = vector_at(tables, SEED * WIDTH + l)
-        target = place + 2 * l
-        for c in range(a, stop):
-            u = seed * vector_at(tables, (TABLE_A + c) * WIDTH + l)
+    for c in range(a, stop):
+        for k in range(0, width, VECTOR):
+            l = min(k, width - VECTOR)
+            u = vector_at(tables, SEED * WIDTH + l) * vector_at(tables, (TABLE_A + c) * WIDTH + l)
             u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
-            kappa = choose(abs(u) > NO_SQUARE, constant, 0.0 * constant)
-            for b in range(8):
-                A, B = near_point(u * vector_at(tables, (TABLE_B + b) * WIDTH + l), kappa)
-                omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+            kappa = vector_at(orbit, KAPPA * WIDTH + l)
+            store_at(tables, U * WIDTH + l, u)
+            store_at(tables, K_OF_U * WIDTH + l, choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa))
+        for b in range(8):
+            for k in range(0, width, VECTOR):
+                l = min(k, width - VECTOR)
+                w = vector_at(tables, U * WIDTH + l) * vector_at(tables, (TABLE_B + b) * WIDTH + l)
+                A, B = near_point(w, vector_at(tables, K_OF_U * WIDTH + l))
+                omega1, omega2 = combined(
+                    vector_at(orbit, A1 * WIDTH + l),
+                    vector_at(orbit, B1 * WIDTH + l),
+                    vector_at(orbit, A2 * WIDTH + l),
+                    vector_at(orbit, B2 * WIDTH + l),
+                    A,
+                    B,
+                )
                 if straight:
-                    stream_pairs(tile, target, omega1, omega2)
+                    stream_pairs(tile, place + 2 * l, omega1, omega2)
                 else:
-                    store_pairs(tile, target, omega1, omega2)
-                target += stride
+                    store_pairs(tile, place + 2 * l, omega1, omega2)
+            place += stride
 
 
 @part
@@ -633,7 +641,7 @@ def _fill_run(
         room = scratch[task]
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
-        work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, 20)
+        work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, TABLES)
         flat_orbit, flat_tables = orbit.reshape(orbit.size), tables.reshape(tables.size)
         tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
         pairs = room[TILE_AT * WIDTH + TILE : TILE_AT * WIDTH + TILE + 2 * VECTOR]

@@ -44,8 +44,10 @@ from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
+    borrowed,
     choose,
     publish,
+    scatter_pairs,
     store_at,
     store_pairs,
     store_past_caches,
@@ -80,7 +82,7 @@ GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
 TILE_AT = TABLES_AT + 22
-SCRATCH = TILE_AT * WIDTH + TILE + 16 + WIDTH
+SCRATCH = TILE_AT * WIDTH + TILE + WIDTH
 
 
 @part
@@ -373,8 +375,8 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
 
     lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
     """
-    batch, flat = omega.shape[0], out.reshape(out.size)
-    line = to_cache_line(flat, 0)
+    batch, whole = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(whole, 0)
     shift = shift_of_blocks(line)
     first_block, last_block = blocks_of(lanes_asked, shift, batch)
     chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
@@ -382,7 +384,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
     n_parts = (last_block - first_block) * chunks
     n_tasks = min(n_parts, scratch.shape[0])
     for task in prange(n_tasks):
-        room = scratch[task]
+        room, flat = borrowed(scratch)[task], borrowed(whole)
         given = rows_of(room, GIVEN_AT, 7)
         orbits = rows_of(room, ORBIT_AT, 2 * ORBIT).reshape((2, ORBIT, WIDTH))
         work, spread = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, ORBIT)
@@ -420,7 +422,7 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
     n_blocks = (omega.shape[0] + WIDTH - 1) // WIDTH
     n_tasks = min(n_blocks, scratch.shape[0])
     for task in prange(n_tasks):
-        room = scratch[task]
+        room = borrowed(scratch)[task]
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         work = rows_of(room, WORK_AT, WORK_ROWS)
         begin = rows_of(room, TABLES_AT, 1)[0]
@@ -483,12 +485,12 @@ def enter_run(orbit, work, tables, first, every, lanes):
 
 
 @part
-def enter_seed(orbit, work, tables, n, lanes):
-    """The w of row 64 s, which has the number n; and which orbits must be taken row by row."""
-    for l in range(lanes):
-        since = max(n - tables[START, l], 0.0)
+def enter_seeds(orbit, work, tables, begin, end):
+    """The w at the numbers in row N, of some lanes; and which must be taken row by row."""
+    for l in range(begin, end):
+        since = max(work[N, l] - tables[START, l], 0.0)
         work[STEPS, l] = min(since * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
-    for l in range(lanes):
+    for l in range(begin, end):
         work[F, l], work[E, l] = growth(
             work[STEPS, l],
             orbit[LAG, l],
@@ -498,14 +500,49 @@ def enter_seed(orbit, work, tables, n, lanes):
             orbit[V, l],
             orbit[K, l],
         )
-    for l in range(lanes):
+    for l in range(begin, end):
         k = work[E, l]
         w = scaled(work[F, l], max(min(k, LARGE_SEED), -1000.0))
         w = w if abs(w) > NEGLIGIBLE else 0.0 * w
         poles = (orbit[R, l] < 0.0) & (abs(orbit[KAPPA, l] * w * w) > NEAR_POLE)
         slow = (k >= LARGE_SEED) | poles | (tables[APART, l] != 0.0)
         tables[SEED, l] = w
-        tables[SLOW, l] = 1.0 if slow | (n < tables[START, l]) else 0.0
+        tables[SLOW, l] = 1.0 if slow | (work[N, l] < tables[START, l]) else 0.0
+
+
+@part
+def make_lanes_of_seeds(orbit, tables, along, width):
+    """Of few trajectories, each has VECTOR more lanes, for the seeds of as many groups of rows.
+
+    along   receives the powers r**(b every) of each trajectory side by side.
+    """
+    for l in range(width):
+        for j in range(VECTOR):
+            lane = VECTOR * (l + 1) + j
+            for k in range(ORBIT):
+                orbit[k, lane] = orbit[k, l]
+            for k in (START, APART):
+                tables[k, lane] = tables[k, l]
+            along[VECTOR * l + j] = tables[TABLE_B + j, l]
+
+
+@part
+def enter_group(orbit, work, tables, first, every, group, anew, width, lanes):
+    """The seeds of a group of rows; of few trajectories, those of VECTOR groups if `anew`."""
+    if width >= VECTOR:
+        for l in range(lanes):
+            work[N, l] = first + every * (group * GROUP)
+        enter_seeds(orbit, work, tables, 0, lanes)
+        return
+    if anew or group % VECTOR == 0:
+        for l in range(width):
+            for j in range(VECTOR):
+                number = first + every * ((group - group % VECTOR + j) * GROUP)
+                work[N, VECTOR * (l + 1) + j] = number
+        enter_seeds(orbit, work, tables, VECTOR, VECTOR * (width + 1))
+    for l in range(width):
+        for k in (SEED, SLOW):
+            tables[k, l] = tables[k, VECTOR * (l + 1) + group % VECTOR]
 
 
 @part
@@ -553,7 +590,7 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 
 
 @part
-def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, pairs):
+def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
     """The same of vectors of rows; `along` holds the powers r**(b every) of each trajectory."""
     for l in range(width):
         constant = orbit[KAPPA * WIDTH + l]
@@ -569,13 +606,9 @@ def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, pairs)
             omega1, omega2 = combined(a1, b1, a2, b2, A, B)
             if stride == 2:
                 store_pairs(tile, target, omega1, omega2)
-                target += 2 * VECTOR
             else:
-                store_pairs(pairs, 0, omega1, omega2)
-                for b in range(8):
-                    tile[target] = pairs[2 * b]
-                    tile[target + 1] = pairs[2 * b + 1]
-                    target += stride
+                scatter_pairs(tile, target, stride, omega1, omega2)
+            target += VECTOR * stride
 
 
 @part
@@ -629,8 +662,8 @@ def _fill_run(
     """
     first, every = run
     begin, end, origin, direction = rows
-    batch, flat = omega.shape[0], out.reshape(out.size)
-    line = to_cache_line(flat, 0)
+    batch, whole = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(whole, 0)
     shift = shift_of_blocks(line)
     first_block, last_block = blocks_of(lanes_asked, shift, batch)
     chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
@@ -638,14 +671,13 @@ def _fill_run(
     n_parts = (last_block - first_block) * chunks
     n_tasks = min(n_parts, scratch.shape[0])
     for task in prange(n_tasks):
-        room = scratch[task]
+        room, flat = borrowed(scratch)[task], borrowed(whole)
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
         work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, TABLES)
         flat_orbit, flat_tables = orbit.reshape(orbit.size), tables.reshape(tables.size)
         tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
-        pairs = room[TILE_AT * WIDTH + TILE : TILE_AT * WIDTH + TILE + 2 * VECTOR]
-        along = room[TILE_AT * WIDTH + TILE + 2 * VECTOR :]
+        along = room[TILE_AT * WIDTH + TILE :]
         entered = -1
         for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
             block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks
@@ -658,10 +690,8 @@ def _fill_run(
                 spread_starts(start, lane, width, lanes, tables[START])
                 enter_run(orbit, work, tables, first, every, lanes)
                 if width < VECTOR:
-                    for l in range(width):
-                        for b in range(VECTOR):
-                            along[VECTOR * l + b] = tables[TABLE_B + b, l]
-            height = max(TILE // (2 * width) // 8 * 8, 8)
+                    make_lanes_of_seeds(orbit, tables, along, width)
+            height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
             in_line = flat.size >= BEYOND_CACHES and batch % (VECTOR // 2) == 0
             in_line = in_line and width % VECTOR == 0 and (line - 2 * lane) % VECTOR == 0
             seeded, filled, any_slow, begins = -1, 0, False, False
@@ -669,8 +699,10 @@ def _fill_run(
             while row < bottom:
                 n = first + every * row
                 if row // GROUP != seeded:
-                    seeded = row // GROUP
-                    enter_seed(orbit, work, tables, first + every * (seeded * GROUP), lanes)
+                    anew, seeded = seeded < 0, row // GROUP
+                    enter_group(
+                        orbit, work, tables, first, every, seeded, anew, width, lanes
+                    )
                     any_slow = any_of(tables[SLOW], width)
                     begins = number_among(tables[START], n, width)
                 a = row % GROUP // 8
@@ -689,7 +721,7 @@ def _fill_run(
                     stop = a + 1
                 if width < VECTOR:
                     rows_along(
-                        flat_orbit, flat_tables, along, a, stop, tile, place, stride, width, pairs
+                        flat_orbit, flat_tables, along, a, stop, tile, place, stride, width
                     )
                 else:
                     rows_across(False, flat_orbit, flat_tables, a, stop, tile, place, stride, width)

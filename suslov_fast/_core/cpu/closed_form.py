@@ -33,20 +33,22 @@ from ..formulas.closed_form import (
     level_of_flow,
     level_of_map,
     logarithm_of_ratio,
-    near_point,
+    near_state,
     orbit_point,
     ratio_of_map,
 )
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
 from ..formulas.elementary import exponent, scaled
-from ..jit import Loop, part
+from ..jit import Loop, formula, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
     borrowed,
     choose,
+    expect_store,
     publish,
+    same,
     scatter_pairs,
     store_at,
     store_pairs,
@@ -60,7 +62,7 @@ from .vector import (
 WORK = 8
 # Trajectories of a block, and numbers of its tile: both tables and tile stay in the first cache.
 WIDTH = 64
-TILE = 2048
+TILE = 1024
 # Rows from one exact power of r on, in a run of equal steps.
 GROUP = 64
 # States that one part of a task takes, of few trajectories.
@@ -82,7 +84,7 @@ GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
 TILE_AT = TABLES_AT + 22
-SCRATCH = TILE_AT * WIDTH + TILE + WIDTH
+SCRATCH = TILE_AT * WIDTH + TILE + 2 * VECTOR * VECTOR
 
 
 @part
@@ -295,6 +297,15 @@ def write_rows(tile, row, rows, width, flat, place, batch, first, line):
 
 
 @part
+def expect_rows(flat, place, direction, rows, batch, first, width):
+    """Fetch the lines at the ends of rows: a store to part of a line waits for it."""
+    for k in range(rows):
+        begin = 2 * ((place + direction * k) * batch + first)
+        expect_store(flat, begin)
+        expect_store(flat, begin + 2 * width - 1)
+
+
+@part
 def put_pairs(row1, row2, tile, place, width):
     """Write lanes of two rows to a tile as pairs."""
     if width < VECTOR:
@@ -447,10 +458,21 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
 
-TABLE_A, TABLE_B, SEED, SLOW, START, APART, U, K_OF_U = 0, 8, 16, 17, 18, 19, 20, 21
+TABLE_A, TABLE_B, SEED, SLOW, START, APART, HALF_U, KAPPA_U = (
+    0,
+    8,
+    16,
+    17,
+    18,
+    19,
+    20,
+    21,
+)
 TABLES = 22
 # Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
 LARGE_SEED, NEAR_POLE = 400.0, 0.25
+# omega is the difference of two numbers up to twice as large; float64 ends at 1.8e308.
+LARGEST = 1e307
 # A w this small becomes 0: subnormals are slow. Its square does not count long before.
 NO_SQUARE, NEGLIGIBLE = 2.0**-300, 2.0**-960
 
@@ -479,7 +501,7 @@ def enter_run(orbit, work, tables, first, every, lanes):
                     tables[table + a + k, l] = power if abs(power) > NEGLIGIBLE else 0.0 * power
     for l in range(lanes):
         usual = (whole | (orbit[R, l] > 0.0)) & (
-            abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < np.inf
+            abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < LARGEST
         )
         tables[APART, l] = 0.0 if usual | (orbit[KNOWN, l] == 0.0) else 1.0
 
@@ -514,7 +536,7 @@ def enter_seeds(orbit, work, tables, begin, end):
 def make_lanes_of_seeds(orbit, tables, along, width):
     """Of few trajectories, each has VECTOR more lanes, for the seeds of as many groups of rows.
 
-    along   receives the powers r**(b every) of each trajectory side by side.
+    along   receives the tables of each trajectory, numbers side by side: B, then A.
     """
     for l in range(width):
         for j in range(VECTOR):
@@ -524,6 +546,7 @@ def make_lanes_of_seeds(orbit, tables, along, width):
             for k in (START, APART):
                 tables[k, lane] = tables[k, l]
             along[VECTOR * l + j] = tables[TABLE_B + j, l]
+            along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j, l]
 
 
 @part
@@ -553,6 +576,13 @@ def number_among(row, number, lanes):
     return found != 0.0
 
 
+@formula
+def not_subnormal(u, kappa):
+    """A vector of w, and k, or 0 in its place: whatever is so small that it does not count."""
+    u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
+    return u, choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
+
+
 @part
 def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
     """Rows 8 a ... 8 stop - 1 after a seed, of vectors of trajectories.
@@ -565,22 +595,20 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
         for k in range(0, width, VECTOR):
             l = min(k, width - VECTOR)
             u = vector_at(tables, SEED * WIDTH + l) * vector_at(tables, (TABLE_A + c) * WIDTH + l)
-            u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
-            kappa = vector_at(orbit, KAPPA * WIDTH + l)
-            store_at(tables, U * WIDTH + l, u)
-            store_at(tables, K_OF_U * WIDTH + l, choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa))
+            u, kappa = not_subnormal(u, vector_at(orbit, KAPPA * WIDTH + l))
+            store_at(tables, HALF_U * WIDTH + l, 0.5 * u)
+            store_at(tables, KAPPA_U * WIDTH + l, 4.0 * kappa)
         for b in range(8):
             for k in range(0, width, VECTOR):
                 l = min(k, width - VECTOR)
-                w = vector_at(tables, U * WIDTH + l) * vector_at(tables, (TABLE_B + b) * WIDTH + l)
-                A, B = near_point(w, vector_at(tables, K_OF_U * WIDTH + l))
-                omega1, omega2 = combined(
+                half = vector_at(tables, HALF_U * WIDTH + l)
+                omega1, omega2 = near_state(
+                    half * vector_at(tables, (TABLE_B + b) * WIDTH + l),
+                    vector_at(tables, KAPPA_U * WIDTH + l),
                     vector_at(orbit, A1 * WIDTH + l),
                     vector_at(orbit, B1 * WIDTH + l),
                     vector_at(orbit, A2 * WIDTH + l),
                     vector_at(orbit, B2 * WIDTH + l),
-                    A,
-                    B,
                 )
                 if straight:
                     stream_pairs(tile, place + 2 * l, omega1, omega2)
@@ -591,19 +619,19 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 
 @part
 def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
-    """The same of vectors of rows; `along` holds the powers r**(b every) of each trajectory."""
+    """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
-        constant = orbit[KAPPA * WIDTH + l]
-        a1, b1 = orbit[A1 * WIDTH + l], orbit[B1 * WIDTH + l]
-        a2, b2 = orbit[A2 * WIDTH + l], orbit[B2 * WIDTH + l]
-        seed, powers = tables[SEED * WIDTH + l], vector_at(along, VECTOR * l)
+        a1, b1 = same(orbit[A1 * WIDTH + l]), same(orbit[B1 * WIDTH + l])
+        a2, b2 = same(orbit[A2 * WIDTH + l]), same(orbit[B2 * WIDTH + l])
+        powers = vector_at(along, VECTOR * l)
+        u = tables[SEED * WIDTH + l] * vector_at(along, VECTOR * (VECTOR + l))
+        u, kappa = not_subnormal(u, same(orbit[KAPPA * WIDTH + l]))
+        store_at(tables, HALF_U * WIDTH, 0.5 * u)
+        store_at(tables, KAPPA_U * WIDTH, 4.0 * kappa)
         target = place + 2 * l
         for c in range(a, stop):
-            u = seed * tables[(TABLE_A + c) * WIDTH + l]
-            u = u if abs(u) > NEGLIGIBLE else 0.0 * u
-            kappa = constant if abs(u) > NO_SQUARE else 0.0 * constant
-            A, B = near_point(u * powers, kappa)
-            omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+            half, kappa_of_u = tables[HALF_U * WIDTH + c], tables[KAPPA_U * WIDTH + c]
+            omega1, omega2 = near_state(half * powers, kappa_of_u, a1, b1, a2, b2)
             if stride == 2:
                 store_pairs(tile, target, omega1, omega2)
             else:
@@ -700,13 +728,16 @@ def _fill_run(
                 n = first + every * row
                 if row // GROUP != seeded:
                     anew, seeded = seeded < 0, row // GROUP
-                    enter_group(
-                        orbit, work, tables, first, every, seeded, anew, width, lanes
-                    )
+                    enter_group(orbit, work, tables, first, every, seeded, anew, width, lanes)
                     any_slow = any_of(tables[SLOW], width)
                     begins = number_among(tables[START], n, width)
                 a = row % GROUP // 8
                 stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
+                if filled == 0 and width != batch and not in_line:
+                    upper = max(row, top)
+                    ahead = min(height, bottom - upper)
+                    place = origin + direction * upper
+                    expect_rows(flat, place, direction, ahead, batch, lane, width)
                 place = 2 * width * (filled if direction > 0 else height - 1 - filled)
                 stride = 2 * width * direction
                 straight = in_line and row >= top and bottom - row >= 8
@@ -720,9 +751,7 @@ def _fill_run(
                 if in_line:
                     stop = a + 1
                 if width < VECTOR:
-                    rows_along(
-                        flat_orbit, flat_tables, along, a, stop, tile, place, stride, width
-                    )
+                    rows_along(flat_orbit, flat_tables, along, a, stop, tile, place, stride, width)
                 else:
                     rows_across(False, flat_orbit, flat_tables, a, stop, tile, place, stride, width)
                 if a == 0:

@@ -13,7 +13,6 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core.cpu import closed_form as loops
 from .._core.cpu.blocks import TASKS
-from .._core.cpu.vector import VECTOR
 from . import threads as _threads
 from .layout import flat_parameter, flat_vectors, for_kernel
 
@@ -29,12 +28,9 @@ _IN_CACHE = 2**15
 NO_START = np.zeros(1)
 
 
-def scratch() -> FloatArray:
-    """Room for the tasks of a loop, on a cache line."""
-    size = TASKS * loops.SCRATCH
-    buffer = np.empty(size + VECTOR)
-    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
-    return buffer[offset : offset + size].reshape(TASKS, loops.SCRATCH)
+def none_missing() -> NDArray[np.int64]:
+    """What the tasks of a loop count missing states in."""
+    return np.zeros((TASKS, 2), np.int64)
 
 
 Range = tuple[int, int]
@@ -92,11 +88,10 @@ def _fill(
     step_size = flat_parameter(body.normalised_eps(eps), batch)
     parameters = [*body.flat_normalised(batch), step_size]
     flat = out.reshape(times.size, len(states), 2)
-    room = scratch()
-    missing = np.zeros((len(room), 2), np.int64)
+    missing = none_missing()
     runs = runs_of(times, flow)
     for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, missing, room, threads)
+        fill_run(run, flow, parameters, states, NO_START, flat, missing, threads)
     for lanes, rows in slices(len(states), times.size) if not runs else ():
         _threads.run(
             loops.fill,
@@ -109,7 +104,6 @@ def _fill(
             lanes,
             flat[slice(*rows)],
             missing,
-            room,
         )
     total: NDArray[np.int64] = missing.sum(axis=0)
     return total
@@ -139,7 +133,6 @@ def fill_run(
     start: FloatArray,
     out: FloatArray,
     missing: NDArray[np.int64],
-    room: FloatArray,
     threads: int | None,
 ) -> None:
     """Fill the rows of `out`, (N, B, 2), that belong to a run.
@@ -164,7 +157,6 @@ def fill_run(
             (top, bottom, run.origin, run.direction),
             out,
             missing,
-            room,
         )
 
 

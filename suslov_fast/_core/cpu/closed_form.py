@@ -8,7 +8,6 @@ omega        (B, 2), the initial states.
 out          (N, B, 2), the states; NaN where there is none.
 missing      (tasks, 2): how many of them are NaN though their trajectory is not, at a step of the
              map, and between two.
-scratch      (tasks, SCRATCH), which is on a cache line; tasks write to their rows of it.
 
 Arrays of a block of up to WIDTH trajectories, lanes last:
 
@@ -41,12 +40,13 @@ from ..formulas.coordinates import at_rest, from_canonical, to_canonical
 from ..formulas.elementary import exponent, scaled
 from ..jit import Loop, formula, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .blocks import gather_bodies, gather_states, in_whole_vectors
+from .blocks import TASKS, gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
     borrowed,
     choose,
     expect_store,
+    on_stack,
     publish,
     same,
     scatter_pairs,
@@ -84,12 +84,13 @@ GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
 TILE_AT = TABLES_AT + 22
-SCRATCH = TILE_AT * WIDTH + TILE + 2 * VECTOR * VECTOR
+ALONG_AT = TILE_AT + TILE // WIDTH
+ROOM = ALONG_AT + 2
 
 
 @part
-def rows_of(scratch, first, rows):
-    return scratch[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
+def rows_of(room, first, rows):
+    return room[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
 
 
 # Short passes with few results each: one loop over all of this would not be vectorised.
@@ -381,7 +382,7 @@ def fill_along(given, orbits, spread, work, times, tile, width, missing):
             count_missing(spread, work, size, missing)
 
 
-def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, scratch):
+def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
     """States of the map at step numbers `times`, or of the flow at times `times`, (N,).
 
     lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
@@ -393,9 +394,9 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
     chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
     chunks = (times.size + chunk - 1) // chunk
     n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, scratch.shape[0])
+    n_tasks = min(n_parts, missing.shape[0])
     for task in prange(n_tasks):
-        room, flat = borrowed(scratch)[task], borrowed(whole)
+        room, flat = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH), borrowed(whole)
         given = rows_of(room, GIVEN_AT, 7)
         orbits = rows_of(room, ORBIT_AT, 2 * ORBIT).reshape((2, ORBIT, WIDTH))
         work, spread = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, ORBIT)
@@ -422,7 +423,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
         publish()
 
 
-def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
+def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
     """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
@@ -431,9 +432,9 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
     status   (B,): OK or SUPERCRITICAL; NONFINITE for the other orbits.
     """
     n_blocks = (omega.shape[0] + WIDTH - 1) // WIDTH
-    n_tasks = min(n_blocks, scratch.shape[0])
+    n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
-        room = borrowed(scratch)[task]
+        room = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH)
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         work = rows_of(room, WORK_AT, WORK_ROWS)
         begin = rows_of(room, TABLES_AT, 1)[0]
@@ -674,7 +675,7 @@ def spread_starts(start, first, width, lanes, row):
 
 
 def _fill_run(
-    flow, back, I1, I2, I13, I23, eps, omega, start, run, lanes_asked, rows, out, missing, scratch
+    flow, back, I1, I2, I13, I23, eps, omega, start, run, lanes_asked, rows, out, missing
 ):
     """States at n = first + every i >= 0, i in a range of rows.
 
@@ -697,15 +698,15 @@ def _fill_run(
     chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
     chunks = (end + chunk - 1) // chunk - begin // chunk
     n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, scratch.shape[0])
+    n_tasks = min(n_parts, missing.shape[0])
     for task in prange(n_tasks):
-        room, flat = borrowed(scratch)[task], borrowed(whole)
+        room, flat = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH), borrowed(whole)
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
         work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, TABLES)
         flat_orbit, flat_tables = orbit.reshape(orbit.size), tables.reshape(tables.size)
         tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
-        along = room[TILE_AT * WIDTH + TILE :]
+        along = room[ALONG_AT * WIDTH :]
         entered = -1
         for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
             block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks

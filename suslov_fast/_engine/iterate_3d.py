@@ -158,13 +158,12 @@ def _fill(
     """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
     if not len(rows):
         return
-    room = closed.scratch()
     run = closed.Run(
         1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
     )
-    missing = np.zeros((len(room), 2), np.int64)
+    missing = closed.none_missing()
     closed.fill_run(
-        run, False, _parameters(problem), omega, start, rows, missing, room, problem.threads
+        run, False, _parameters(problem), omega, start, rows, missing, problem.threads
     )
 
 
@@ -183,7 +182,6 @@ def _closed_form(
         float(n),
         final,
         status,
-        closed.scratch(),
     )
     return final, status
 

@@ -146,8 +146,7 @@ def modified_energy(
 
     Notes
     -----
-    In three dimensions Lemma 1 in another unit. For n > 3 and general J no rational first integral
-    was found, of degree up to 10 for n = 4.
+    In three dimensions Lemma 1 in another unit. For n > 3 and general J no first integral is known.
 
     Examples
     --------

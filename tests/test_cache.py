@@ -203,3 +203,33 @@ def test_a_chosen_folder_is_the_users_own_affair(tmp_path, monkeypatch):
     folder.chmod(0o777)
     monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
     assert cache.trusted.__wrapped__(folder)
+
+
+QUANTITY = """
+import sys; sys.path.insert(0, {folder!r})
+import suslov_fast as sf
+body = sf.Suslov3D(1, 1, 1, 0)
+for name in sys.argv[1:]:
+    arguments = () if name in ("energy", "vector_field") else (1.0,)
+    print(name, getattr(sf, name)(body, [0.3, 0.1], *arguments).tolist())
+"""
+
+
+def test_what_was_compiled_apart_is_not_mixed_up(copy):
+    """Kernels of one source, each compiled in a process of its own, are loaded into one process."""
+    names = ["first_integral", "criticality", "modified_energy", "invariant_density"]
+
+    def printed(*which):
+        done = subprocess.run(
+            [sys.executable, "-c", QUANTITY.format(folder=str(copy)), *which],
+            env={k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    alone = [line for name in names for line in printed(name)]
+    assert printed(*names) == alone
+    assert printed(*reversed(names)) == alone[::-1]

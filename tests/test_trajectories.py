@@ -339,3 +339,17 @@ def test_without_xarray(monkeypatch):
 def test_a_run_is_immutable():
     with pytest.raises(AttributeError):
         RUNS["one"].method = "ds2"
+
+
+@pytest.mark.parametrize("components", [(0, 1), (2, 0)])
+def test_plot(components):
+    pytest.importorskip("matplotlib")
+    body = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+    orbits = sf.iterate(body, [[[0.3, 0.9, -0.6]], [[0.1, 0.2, 0.3]]], 0.4, 30)
+    axes = orbits.plot(components=components)
+    assert orbits.plot(axes=axes) is axes
+    for k, line in enumerate(axes.lines[:2]):
+        drawn = np.transpose(line.get_data())
+        assert np.array_equal(drawn, orbits.omega[:, k, 0][:, list(components)])
+    with pytest.raises(ValueError, match="components: expected an integer from 0 to 2, got 3"):
+        orbits.plot(components=(0, 3))

@@ -28,7 +28,8 @@ def run(problem: Problem) -> Outcome:
         state = np.ascontiguousarray(start.T)
         status = np.where(known, codes.OK, codes.NONFINITE).astype(np.int8)
         failed_at = np.where(known, -1, 0)
-        problem.saved[:1] = start
+        if len(problem.saved):
+            problem.saved[0] = start
     blocks = -(-size // full_map.LANES)
     tasks = min(blocks, full_map.TASKS, numba.config.NUMBA_NUM_THREADS)
     scratch = np.empty((tasks, full_map.ROWS * full_map.LANES))

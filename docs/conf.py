@@ -1,15 +1,11 @@
 """How Sphinx builds the pages: `tox -e docs`."""
 
-import sys
 import warnings
-from pathlib import Path
 
 import matplotlib
 import numpy as np
 from sphinx_gallery.scrapers import figure_rst
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
 matplotlib.use("Agg")
 
 import suslov_fast  # noqa: E402  (after the choice of a backend)
@@ -58,7 +54,6 @@ html_show_sourcelink = False
 html_sidebars = {page: [] for page in ("index", "start", "bibliography", "changelog", "citing")}
 
 copybutton_exclude = ".linenos, .gp, .go"
-
 
 
 def drawn(block, block_vars, gallery_conf):

@@ -3,8 +3,8 @@ Beside an ODE solver
 ====================
 
 The continuous motion by SciPy's DOP853 at several tolerances, and by the map at several step sizes:
-the error at time 40 against how often the vector field is evaluated, or the map. The exact motion is
-:func:`~suslov_fast.flow`. The solver's order is higher; a step of the map costs less.
+the error at time 40 against how often the vector field is evaluated, or the map. The exact motion
+is :func:`~suslov_fast.flow`. The solver's order is higher; a step of the map costs less.
 """
 
 import matplotlib.pyplot as plt

@@ -3,9 +3,9 @@ Time of passage
 ===============
 
 How many steps does an orbit take until it is half way between its two steady states, where y = 0?
-In the closed form that is where theta = k1 n eps + k2 vanishes. The time grows without bound next to
-the dashed half of the line, which repels; beyond the black curves t >= 1, and orbits do not pass but
-jump. Negative: the middle was passed before.
+In the closed form that is where theta = k1 n eps + k2 vanishes. The time grows without bound next
+to the dashed half of the line, which repels; beyond the black lines t >= 1, and orbits do not pass
+but jump. Negative: the middle was passed before.
 """
 
 import matplotlib.pyplot as plt

@@ -25,5 +25,7 @@ t = xr.DataArray(
 fraction = (t >= 1).mean("state")
 
 figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
-fraction.plot(ax=axes, y="eps", yscale="log", cmap="magma", cbar_kwargs={"label": "fraction with t >= 1"})
+fraction.plot(
+    ax=axes, y="eps", yscale="log", cmap="magma", cbar_kwargs={"label": "fraction with t >= 1"}
+)
 axes.set(xlabel=r"$I_{13}$", ylabel=r"step size $\epsilon$")

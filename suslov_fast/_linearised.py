@@ -150,7 +150,7 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     Notes
     -----
     (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D. In n
-    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of J**-1 (|I|**2 Id - I I^T).
+    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------

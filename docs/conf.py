@@ -8,7 +8,7 @@ from sphinx_gallery.scrapers import figure_rst
 
 matplotlib.use("Agg")
 
-import suslov_fast  # noqa: E402  (after the choice of a backend)
+import suslov_fast
 
 project = "suslov_fast"
 author = "The suslov_fast developers"

@@ -159,7 +159,9 @@ class Trajectories:
         one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
         check_progress(progress)
         if "omega0" not in self._resume:
-            raise ValueError("extend: expected a whole run, got a part of a batch read from a dataset")
+            raise ValueError(
+                "extend: expected a whole run, got a part of a batch read from a dataset"
+            )
         resume = dict(self._resume)
         run = Run(
             body=self.body,

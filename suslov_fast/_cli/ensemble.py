@@ -22,11 +22,10 @@ from .._record import BODIES, parameters_of
 from .._status import Status
 from .errors import UserError
 from .files import read_states
+from .problem import EXTENT, TRAJECTORIES
 from .summary import Facts, as_json, as_text, brief, conserved, described
 from .values import integer, number
 
-_TRAJECTORIES = 65_536
-_EXTENT = 2.0
 _NUMBER = r"[^:=]+"
 # A store may have been begun before: the rate of the rest is not that of the whole.
 _SPEED = ("seconds", "steps_per_second")
@@ -193,7 +192,7 @@ def _with_parameter(body: Body, name: str, values: FloatArray) -> Body:
 def _starts(options: argparse.Namespace, dimension: int) -> Any:
     """Random starts, or a file of them that is read in parts."""
     if options.initial is None:
-        return RandomStarts(options.trajectories or _TRAJECTORIES, _EXTENT, options.seed or 0)
+        return RandomStarts(options.trajectories or TRAJECTORIES, EXTENT, options.seed or 0)
     for name in ("trajectories", "seed"):
         if getattr(options, name) is not None:
             raise UserError(f"expected either --initial or --{name}, got both")

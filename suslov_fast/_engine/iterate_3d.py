@@ -162,9 +162,7 @@ def _fill(
         1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
     )
     missing = closed.none_missing()
-    closed.fill_run(
-        run, False, _parameters(problem), omega, start, rows, missing, problem.threads
-    )
+    closed.fill_run(run, False, _parameters(problem), omega, start, rows, missing, problem.threads)
 
 
 def _closed_form(

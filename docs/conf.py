@@ -60,7 +60,10 @@ def drawn(block, block_vars, gallery_conf):
     """Save what functions of the package have drawn: figures that pyplot does not know."""
     names = block_vars["example_globals"]
     if "animation" in names:
-        figure = names["animation"]._fig
+        animation = names["animation"]
+        frames = list(animation.new_frame_seq())
+        animation._func(frames[len(frames) // 2])
+        figure = animation._fig
     elif "axes" in names:
         figure = np.ravel(np.asarray(names["axes"], dtype=object))[0].figure
     else:

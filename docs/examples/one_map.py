@@ -10,15 +10,15 @@ lines are levels t = 0.2, 0.4, 0.6, 0.8.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import Suslov3D, iterate, to_xy
+from suslov_fast import Suslov3D, from_xy, iterate, to_xy
 
 rng = np.random.default_rng(4)
 body = Suslov3D(*rng.uniform(1, 4, (2, 12)), *rng.uniform(-0.6, 0.6, (2, 12)))
-omega0 = rng.uniform(-4, 4, (12, 2))
 a = body.I1 * body.I2
-# So long that an orbit has a t of up to 0.95.
-x, y = to_xy(body, omega0).T
-eps = np.linspace(0.1, 0.95, 12) * 2 * a / np.hypot(np.sqrt(a) * x, y)
+# Close to the repelling half of the line, on either side of it.
+side = rng.choice([-1, 1], 12)
+omega0 = from_xy(body, np.stack([0.1 * side * np.sqrt(a), a], axis=-1))
+eps = 2 * np.linspace(0.1, 0.95, 12)
 
 orbits = iterate(body, omega0, eps, steps=60)
 x, y = np.moveaxis(to_xy(body, orbits.omega), -1, 0)

@@ -212,7 +212,8 @@ def caption(results):
 def conditions(results):
     """What all tables have in common."""
     return (
-        f"Measured on {caption(results)}. Best of {results.passes} interleaved passes. Errors are "
+        f"Measured on {caption(results)}. The best of each in {results.passes} "
+        f"interleaved pass{'es' * (results.passes > 1)}. Errors are "
         "the largest relative ones of 64 trajectories (8 in n dimensions) against long doubles. A "
         "limit is the most that its own benchmark, or any other, got of it. "
         f"All rows on {spelled(results.threads)} unless they say otherwise."

@@ -18,6 +18,8 @@ from ._bodies.three import Suslov3D
 from ._conserved import criticality, energy, first_integral, invariant_density, modified_energy
 from ._continuous import reaction, vector_field
 from ._coordinates import from_xy, to_xy
+from ._ensemble.api import ensemble, open_ensemble
+from ._ensemble.starts import RandomStarts
 from ._full import iterate_full, step_full
 from ._linearised import jacobian, matrix, multipliers
 from ._lyapunov import lyapunov_exponents
@@ -37,11 +39,12 @@ from ._spatial import from_matrix, from_vector, momentum, to_matrix, to_vector
 from ._status import SingularStepWarning, Status
 from ._trajectories import SingularStepError, Trajectories
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "ClosedForm",
     "NotIntegrableError",
+    "RandomStarts",
     "SingularStepError",
     "SingularStepWarning",
     "Status",
@@ -53,6 +56,7 @@ __all__ = [
     "closed_form",
     "criticality",
     "energy",
+    "ensemble",
     "exact",
     "first_integral",
     "flow",
@@ -69,6 +73,7 @@ __all__ = [
     "modified_energy",
     "momentum",
     "multipliers",
+    "open_ensemble",
     "plot_convergence",
     "plot_four_dimensions",
     "plot_phase",

@@ -67,7 +67,7 @@ def first_integral(
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 (I13 Omega1 + I23 Omega2)**2). In more
     dimensions one is known where J I = b I and J = a on the vectors orthogonal to I:
-    F = 2 E / (4 a b + eps**2 x**2), x = |I| times the part of omega orthogonal to I.
+    F = 2 E / (4 a b + eps**2 x**2), x = ``|I|`` times the part of omega orthogonal to I.
 
     Parameters
     ----------
@@ -146,8 +146,7 @@ def modified_energy(
 
     Notes
     -----
-    In three dimensions Lemma 1 in another unit. For n > 3 and general J no rational first integral
-    was found, of degree up to 10 for n = 4.
+    In three dimensions Lemma 1 in another unit. For n > 3 and general J no first integral is known.
 
     Examples
     --------

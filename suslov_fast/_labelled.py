@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,7 +59,7 @@ def dataset_of(
     xarray = import_xarray()
     kind = str(entries["body"])
     omega = entries["omega"]
-    batch = _names(dims, entries["status"].ndim, entries)
+    batch = batch_names(dims, entries["status"].ndim, entries)
     variables: dict[str, Any] = {
         "omega": (("n", *batch, "component"), omega),
         "status": (batch, entries["status"]),
@@ -96,16 +96,18 @@ def dataset_of(
     return _with_coordinates(dataset, coords)
 
 
-def _names(dims: str | Sequence[str] | None, axes: int, entries: Entries) -> tuple[str, ...]:
-    """A name for each axis of the batch."""
+def batch_names(
+    dims: str | Sequence[str] | None, axes: int, taken: Iterable[str] = ()
+) -> tuple[str, ...]:
+    """A name for each axis of the batch; none of those of variables may be among them."""
     if dims is None:
         return ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
     names = (dims,) if isinstance(dims, str) else tuple(dims)
     if not all(isinstance(name, str) for name in names):
         raise TypeError(f"dims: expected names, got {dims!r}")
-    taken = sorted({*_AXES, "t", *entries} & set(names))
-    if len(names) != axes or len(set(names)) != axes or taken:
-        but = f", of which {', '.join(taken)} is taken" if taken else ""
+    clashing = sorted({*_AXES, "t", *taken} & set(names))
+    if len(names) != axes or len(set(names)) != axes or clashing:
+        but = f", of which {', '.join(clashing)} is taken" if clashing else ""
         raise ValueError(
             f"dims: expected a name of its own for each of the {axes} axes of the batch, "
             f"got {dims!r}{but}"
@@ -198,7 +200,7 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
             entries[name] = _in_order(dataset, name, order)
     for name in ("eps", *parameters_of(str(entries["body"]))):
         if name in dataset.variables:
-            entries[name] = _unvarying(dataset, name, batch)
+            entries[name] = unvarying(dataset, name, batch)
     entries.update(_resume_entries(dataset, entries))
     return entries
 
@@ -214,7 +216,7 @@ def _in_order(dataset: xarray.Dataset, name: str, order: tuple[str, ...]) -> NDA
     return values
 
 
-def _unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
+def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
     """The inverse of `_varying`."""
     variable = dataset[name]
     own = tuple(dim for dim in variable.dims if dim == "component")

@@ -150,7 +150,7 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     Notes
     -----
     (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D. In n
-    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of J**-1 (|I|**2 Id - I I^T).
+    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------
@@ -184,7 +184,7 @@ def _exponent(values: FloatArray) -> FloatArray:
 
 def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
     """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
-    I1, I2, I13, I23 = body.parameters
+    I1, I2, I13, I23 = map(np.asarray, body.parameters)
     first, k = _mantissa(I13) ** 2 / _mantissa(I1), 2 * _exponent(I13) - _exponent(I1)
     second, l = _mantissa(I23) ** 2 / _mantissa(I2), 2 * _exponent(I23) - _exponent(I2)
     # The larger of the two powers; that of a 0 does not count.

@@ -16,6 +16,7 @@ from ._checks import FloatArray, instance
 from ._conserved import criticality, energy, modified_energy
 from ._continuous import vector_field
 from ._coordinates import from_xy, to_xy
+from ._figures import axes_or_new, new_figure
 from ._map import iterate
 from ._scattering import scattering_angle
 from ._solution import exact, flow
@@ -71,8 +72,8 @@ def plot_phase(
     --------
     >>> from suslov_fast import Suslov3D, plot_phase
     >>> axes = plot_phase(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
-    >>> axes.get_xlim()
-    (np.float64(-4.0), np.float64(4.0))
+    >>> [float(end) for end in axes.get_xlim()]
+    [-4.0, 4.0]
     """
     direction = _direction(body)
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
@@ -81,7 +82,7 @@ def plot_phase(
             "extent: expected one in which orbits follow the continuous motion, got t = "
             f"{float(criticality(body, farthest * direction, eps)):.3g} in the corners"
         )
-    axes = _axes(axes, (5.2, 5.6))
+    axes = axes_or_new(axes, (5.2, 5.6))
     colours = _colours(levels)
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
         starts, t, steps = _orbit_through(body, eps, level * farthest * direction)
@@ -145,7 +146,7 @@ def plot_regimes(
     """
     body = PICTURES[4].body if body is None else body
     instance("body", body, Suslov3D)
-    axes = _figure((11.0, 4.4)).subplots(1, 3) if axes is None else axes
+    axes = new_figure((11.0, 4.4)).subplots(1, 3) if axes is None else axes
     # States 0 in units of sqrt(2a)/eps and 2a/eps.
     starts = {"$t < 1$": (0.06, 0.4), "$t = 1$": (0.75, 1.0), "$t > 1$": (0.33, 1.53)}
     units = np.array([np.sqrt(2.0 * body.I1 * body.I2), 2.0 * body.I1 * body.I2]) / eps
@@ -198,7 +199,7 @@ def plot_convergence(
     """
     body = PICTURES[1].body if body is None else body
     instance("body", body, Suslov3D)
-    axes = _axes(axes, (5.2, 3.9))
+    axes = axes_or_new(axes, (5.2, 3.9))
     steps = [2**k for k in range(3, 13)]
     eps = time / np.array(steps)
     finest = _orientation(body, omega0, time, 2**15)
@@ -258,7 +259,7 @@ def plot_four_dimensions(
     if body.dimension != 3 or body.shape:
         raise ValueError(f"body: expected a single one with n = 4, got {body}")
     if axes is None:
-        figure = _figure((10.4, 4.6))
+        figure = new_figure((10.4, 4.6))
         axes = [figure.add_subplot(1, 2, 1, projection="3d"), figure.add_subplot(1, 2, 2)]
     space, drift = axes
     starts = _around_the_pole(body)
@@ -308,7 +309,7 @@ def plot_scattering(
     """
     if axes is None:
         width = 0.9 + 3.7 * len(ratios)
-        axes = _figure((width, 4.0)).subplots(1, len(ratios), squeeze=False, sharey=True)[0]
+        axes = new_figure((width, 4.0)).subplots(1, len(ratios), squeeze=False, sharey=True)[0]
     products = np.linspace(-extent, extent, 401)
     for k, (panel, ratio) in enumerate(zip(axes, ratios, strict=True)):
         body = Suslov3D(np.sqrt(ratio), 1 / np.sqrt(ratio), products, products[:, np.newaxis])
@@ -420,7 +421,7 @@ class _Scene:
         # Points r with r.I r constant; the largest semi-axis has length 0.9.
         radii = 0.9 * np.sqrt(moments[0] / moments)
         self.surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere)
-        self.figure = _figure((4.8, 4.8))
+        self.figure = new_figure((4.8, 4.8))
         self.axes = self.figure.add_subplot(projection="3d")
 
     def draw(self, number: int) -> list[Any]:
@@ -446,18 +447,6 @@ class _Scene:
         axes.set_box_aspect((1, 1, 1), zoom=1.2)
         axes.set_axis_off()
         return []
-
-
-def _figure(size: tuple[float, float]) -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ImportError("plots need matplotlib: pip install 'suslov_fast[plots]'") from error
-    return Figure(figsize=size, layout="constrained")
-
-
-def _axes(axes: Any, size: tuple[float, float]) -> Any:
-    return _figure(size).add_subplot() if axes is None else axes
 
 
 def _colours(count: int) -> Any:

@@ -123,7 +123,9 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     return _solve("flow", body, state, np.array(1.0), batch, times, count)[0]
 
 
-def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def limits(
+    body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Where an orbit of the map comes from and where it goes.
 
     Parameters
@@ -134,6 +136,8 @@ def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, F
         A state of the orbit.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega0.
+    threads : int, optional
+        Number of threads; by default what Numba is set to.
 
     Returns
     -------
@@ -164,7 +168,7 @@ def limits(body: Body, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, F
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     ends = np.array([-np.inf, np.inf])
-    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, None)
+    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, thread_count(threads))
     return minus, plus
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _conserved, _coordinates, _files, _labelled
+from . import _conserved, _continuous, _coordinates, _files, _labelled
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body
@@ -20,6 +20,7 @@ from ._engine.layout import first_index, spell
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Results, Run, execute
 from ._engine.threads import thread_count
+from ._figures import axes_or_new
 from ._record import entries_of, run_of
 from ._status import SingularStepWarning, Status
 
@@ -157,6 +158,10 @@ class Trajectories:
         """
         one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
         check_progress(progress)
+        if "omega0" not in self._resume:
+            raise ValueError(
+                "extend: expected a whole run, got a part of a batch read from a dataset"
+            )
         resume = dict(self._resume)
         run = Run(
             body=self.body,
@@ -245,9 +250,50 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
-        from ._continuous import reaction
+        return _continuous.reaction(self.body, self.omega, self.eps)
 
-        return reaction(self.body, self.omega, self.eps)
+    def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
+        """Draw the saved states of all trajectories: one component over another.
+
+        Parameters
+        ----------
+        components : tuple of int
+            The numbers of the two, from 0 on: the horizontal and the vertical axis.
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; by default axes of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        TypeError, ValueError
+            If `components` are not two numbers of components.
+        ImportError
+            If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> axes = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> len(axes.lines)
+        2
+        """
+        D = self.omega.shape[-1]
+        expected = f"an integer from 0 to {D - 1}"
+        first, second = (integer("components", each, 0, expected) for each in components)
+        if max(first, second) >= D:
+            raise ValueError(f"components: expected {expected}, got {max(first, second)}")
+        axes = axes_or_new(axes, (5.0, 5.0))
+        states = self.omega.reshape(len(self.omega), -1, D)
+        axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
+        last = "" if isinstance(self.body, Suslov3D) else "n"
+        axes.set_xlabel(rf"$\Omega_{{{first + 1}{last}}}$")
+        axes.set_ylabel(rf"$\Omega_{{{second + 1}{last}}}$")
+        axes.set_aspect("equal", adjustable="datalim")
+        return axes
 
     def to_xarray(
         self,

@@ -14,13 +14,13 @@ from suslov_fast._core import cache
 
 pytestmark = pytest.mark.compiled
 
-# The attitude is what compiles fastest.
+# The energy is what compiles fastest.
 STEP = """
 import sys; sys.path.insert(0, {folder!r})
 import suslov_fast, numpy as np
 assert suslov_fast.__file__.startswith({folder!r})
 body = suslov_fast.Suslov3D(4, 1, -0.5, -0.3)
-print(suslov_fast.attitude(body, [[0.375, -0.625]] * 2, 0.2).tolist())
+print(suslov_fast.energy(body, [1.0, 0.5]).tolist())
 """
 
 
@@ -64,14 +64,14 @@ def test_what_is_called_is_kept(copy):
 def test_an_edit_of_any_module_counts(copy):
     """The formula is not in the file of the loop that is cached."""
     before, _ = run(copy)
-    edited = copy / "suslov_fast" / "_core" / "formulas" / "rotation.py"
+    edited = copy / "suslov_fast" / "_core" / "formulas" / "integrals.py"
     source = edited.read_text()
     stat = edited.stat()
-    changed = source.replace("half = 0.5 * eps", "half = 0.25 * eps")
+    changed = source.replace("return 0.5 * I1", "return 0.25 * I1")
     assert changed != source
     edited.write_text(changed)
     os.utime(edited, ns=(stat.st_atime_ns, stat.st_mtime_ns))
-    for stale in copy.rglob("rotation*.pyc"):
+    for stale in copy.rglob("integrals*.pyc"):
         stale.unlink()  # Python's own cache looks at the time and size alone
     after, _ = run(copy)
     assert before != after
@@ -203,3 +203,33 @@ def test_a_chosen_folder_is_the_users_own_affair(tmp_path, monkeypatch):
     folder.chmod(0o777)
     monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
     assert cache.trusted.__wrapped__(folder)
+
+
+QUANTITY = """
+import sys; sys.path.insert(0, {folder!r})
+import suslov_fast as sf
+body = sf.Suslov3D(1, 1, 1, 0)
+for name in sys.argv[1:]:
+    arguments = () if name in ("energy", "vector_field") else (1.0,)
+    print(name, getattr(sf, name)(body, [0.3, 0.1], *arguments).tolist())
+"""
+
+
+def test_what_was_compiled_apart_is_not_mixed_up(copy):
+    """Kernels of one source, each compiled in a process of its own, are loaded into one process."""
+    names = ["first_integral", "criticality", "modified_energy", "invariant_density"]
+
+    def printed(*which):
+        done = subprocess.run(
+            [sys.executable, "-c", QUANTITY.format(folder=str(copy)), *which],
+            env={k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    alone = [line for name in names for line in printed(name)]
+    assert printed(*names) == alone
+    assert printed(*reversed(names)) == alone[::-1]

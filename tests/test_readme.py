@@ -26,8 +26,9 @@ def test_every_block_is_of_a_known_kind():
 
 
 @pytest.mark.compiled
-def test_python_blocks():
+def test_python_blocks(tmp_path, monkeypatch):
     """One after the other, as a reader would."""
+    monkeypatch.chdir(tmp_path)
     names = {}
     for code in blocks("python"):
         printed = io.StringIO()
@@ -50,7 +51,7 @@ def test_shell_blocks(tmp_path):
             timeout=120,
         )
         assert done.returncode == 0, (line, done.stderr)
-    assert np.load(tmp_path / "orbits.npz")["omega"].shape == (1000, 6, 2)
+    assert np.load(tmp_path / "orbits.npz")["omega"].shape == (6, 1000, 2)
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 

@@ -21,23 +21,35 @@ _OPTIONS = {
 }
 
 
+def _named_apart(function):
+    """Name a closure after the functions that it holds.
+
+    What is loaded from disk is linked by name: two closures of one source, compiled in two
+    processes, would be taken for each other.
+    """
+    held = [cell.cell_contents for cell in function.__closure__ or ()]
+    names = [each.__qualname__ for each in held if callable(each)]
+    function.__qualname__ = ".".join([function.__qualname__, *names])
+    return function
+
+
 def formula(function):
     """Let loops inline a scalar formula, which stays a Python function for all others.
 
     Without branches it serves NumPy arrays as it is.
     """
     # A call that is left standing keeps a loop from being vectorised.
-    return register_jitable(forceinline=True, **_OPTIONS)(function)
+    return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
 
 
 def part(function):
     """Let loops call a part of a loop."""
-    return register_jitable(**_OPTIONS)(function)
+    return register_jitable(**_OPTIONS)(_named_apart(function))
 
 
 def inlined_part(function):
     """A part that becomes source of its caller, where the compiler knows what local arrays are."""
-    return register_jitable(inline="always", **_OPTIONS)(function)
+    return register_jitable(inline="always", **_OPTIONS)(_named_apart(function))
 
 
 class Loop:

@@ -49,7 +49,8 @@ class _Run:
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        self.bodies = map_nd.Bodies(*problem.parameters, problem.eps, problem.time_step)
+        J, I = problem.parameters
+        self.bodies = map_nd.Bodies(J, I, problem.eps, problem.time_step)
         self.saved = map_nd.Saved(problem.saved, problem.turns)
         self.kept = _kept(problem)
         matrix = 8 * math.prod(matrix_shape(m)) <= _MATRIX
@@ -101,13 +102,16 @@ class _Run:
 
     def outcome(self) -> Outcome:
         kept = self.kept
-        resume = {name: getattr(kept, name) for name in _RESUME}
+        resume = {name: getattr(kept, name) for name in _names(self.problem)}
         if len(self.problem.turns) and not len(self.problem.saved):
             self.problem.turns[-1] = kept.columns.swapaxes(1, 2)
         return Outcome(kept.final, kept.status, kept.failed_at, resume)
 
 
-_RESUME = ("state", "exponent", "status", "failed_at", "columns")
+def _names(problem: Problem) -> list[str]:
+    """What a run is gone on with from."""
+    turning = ["columns"] if problem.orientation is not None else []
+    return ["state", "exponent", "status", "failed_at", *turning]
 
 
 def _kept(problem: Problem) -> map_nd.Kept:
@@ -127,7 +131,7 @@ def _kept(problem: Problem) -> map_nd.Kept:
     )
     if not problem.start:
         return kept
-    return kept._replace(**{name: problem.resume[name].copy() for name in _RESUME})
+    return kept._replace(**{name: problem.resume[name].copy() for name in _names(problem)})
 
 
 def _rooms(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:

@@ -369,13 +369,22 @@ def fill_across(given, orbits, work, times, tile, width, lanes, missing):
 
 
 @part
+def any_time(times, side):
+    """Whether any time is on a side: 0 where they are >= 0, 1 where they are negative."""
+    found = False
+    for j in range(times.size):
+        found |= (times[j] < 0.0) if side else (times[j] >= 0.0)
+    return found
+
+
+@part
 def fill_along(given, orbits, spread, work, times, tile, width, missing):
     """The same where lanes are times."""
     size = times.size
     lanes = in_whole_vectors(size)
     for l in range(width):
         for side in range(2):
-            if not ((times < 0.0) if side else (times >= 0.0)).any():
+            if not any_time(times, side):
                 continue
             for k in range(ORBIT):
                 spread[k, :lanes] = orbits[side, k, l]
@@ -421,7 +430,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
                 entered = block
                 lanes = enter_block(I1, I2, I13, I23, eps, omega, first, width, given)
                 for side in range(2):
-                    if ((times < 0.0) if side else (times >= 0.0)).any():
+                    if any_time(times, side):
                         enter_orbits(flow, 1.0 - 2.0 * side, given, orbits[side], work, lanes)
             end = min(begin + chunk, times.size)
             height = max(min(TILE // (2 * width), WIDTH), 1)

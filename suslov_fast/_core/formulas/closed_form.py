@@ -181,7 +181,7 @@ def orbit_point(f, k, kappa):
     """A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
-    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else 0.0
+    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else np.float64(0.0)
     u = factor if large else 1.0
     v = f if large else f * (1.0 / factor if k > 0.0 else factor)
     first, second = square(u), kappa * square(v)

@@ -1,0 +1,97 @@
+"""How Sphinx builds the pages: `tox -e docs`."""
+
+import warnings
+
+import matplotlib
+import numpy as np
+from sphinx_gallery.scrapers import figure_rst
+
+matplotlib.use("Agg")
+
+import suslov_fast
+
+project = "suslov_fast"
+author = "The suslov_fast developers"
+project_copyright = author
+version = release = suslov_fast.__version__
+html_title = f"suslov_fast {version}"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "numpydoc",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "examples", "gallery/**/*.ipynb", "gallery/*.py.md5"]
+templates_path = ["_templates"]
+
+myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+myst_dmath_double_inline = True
+
+# Types of parameters are written out in the docstrings, with their shapes.
+autodoc_typehints = "none"
+autosummary_generate = True
+numpydoc_show_class_members = False
+nitpicky = True
+
+html_theme = "pydata_sphinx_theme"
+html_theme_options = {
+    "show_prev_next": True,
+    "show_toc_level": 2,
+    "navbar_align": "left",
+    "header_links_before_dropdown": 8,
+    "pygments_light_style": "default",
+    "pygments_dark_style": "github-dark",
+}
+html_context = {"default_mode": "auto"}
+html_static_path = ["_static"]
+html_css_files = ["style.css"]
+html_show_sourcelink = False
+html_sidebars = {page: [] for page in ("index", "start", "bibliography", "changelog", "citing")}
+
+copybutton_exclude = ".linenos, .gp, .go"
+
+
+def drawn(block, block_vars, gallery_conf):
+    """Save what functions of the package have drawn: figures that pyplot does not know."""
+    names = block_vars["example_globals"]
+    if "animation" in names:
+        animation = names["animation"]
+        frames = list(animation.new_frame_seq())
+        animation._func(frames[len(frames) // 2])
+        figure = animation._fig
+    elif "axes" in names:
+        figure = np.ravel(np.asarray(names["axes"], dtype=object))[0].figure
+    else:
+        return ""
+    if hasattr(figure, "number"):
+        return ""
+    path = next(block_vars["image_path_iterator"])
+    figure.savefig(path, dpi=100)
+    return figure_rst([path], gallery_conf["src_dir"])
+
+
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "within_subsection_order": "FileNameSortKey",
+    "abort_on_example_error": True,
+    "matplotlib_animations": (True, "jshtml"),
+    "download_all_examples": False,
+    "min_reported_time": 1e9,
+    "show_memory": False,
+    "show_signature": False,
+    "plot_gallery": True,
+    "remove_config_comments": True,
+    "image_scrapers": (drawn, "matplotlib"),
+    "capture_repr": ("_repr_html_",),
+}
+suppress_warnings = ["config.cache"]
+
+# Warnings of the examples are errors, as they are in the tests.
+warnings.filterwarnings("error", category=RuntimeWarning)

@@ -1,0 +1,22 @@
+"""
+The four pictures of the paper
+==============================
+
+Section 4 of the paper shows orbits of four bodies. Each leaves the dashed half of the line of
+steady states, follows a level of the first integral F, and ends on the solid half. The paper does
+not say where its axes end; these let single steps be seen.
+"""
+
+import matplotlib.pyplot as plt
+
+from suslov_fast import Suslov3D, plot_phase
+
+pictures = [
+    (Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    (Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    (Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    (Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+]
+figure, axes = plt.subplots(2, 2, figsize=(9, 9), layout="constrained")
+for panel, letter, (body, eps, extent) in zip(axes.flat, "abcd", pictures, strict=True):
+    plot_phase(body, eps, extent, letter=letter, legend=False, axes=panel)

@@ -1,0 +1,31 @@
+"""
+Where a step is too long
+========================
+
+A sweep over bodies and step sizes is a batch like any other. Here 2,000 random states are taken
+for each of 60 bodies and 48 step sizes; the shade is the fraction whose orbits have t >= 1.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+
+from suslov_fast import Suslov3D, criticality
+
+I13 = np.linspace(0.05, 2, 60)
+eps = np.geomspace(0.5, 50, 48)
+omega = np.random.default_rng(0).uniform(-2, 2, (2000, 2))
+
+bodies = Suslov3D(I1=4, I2=1, I13=I13[:, None, None], I23=-0.3)
+t = xr.DataArray(
+    criticality(bodies, omega, eps[:, None]),
+    dims=("I13", "eps", "state"),
+    coords={"I13": I13, "eps": eps},
+)
+fraction = (t >= 1).mean("state")
+
+figure, axes = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+fraction.plot(
+    ax=axes, y="eps", yscale="log", cmap="magma", cbar_kwargs={"label": "fraction with t >= 1"}
+)
+axes.set(xlabel=r"$I_{13}$", ylabel=r"step size $\epsilon$")

@@ -1,0 +1,202 @@
+"""Runs in a store: made, finished, made longer, opened."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._engine.arguments import Body
+from .._engine.progress import Progress, check_progress
+from .._map import Method
+from .arguments import Asked, Wanted, job_of
+from .starts import RandomStarts
+
+if TYPE_CHECKING:
+    import dask.array
+    import distributed
+    import xarray
+
+Compression = Literal["lz4", "zstd"]
+
+
+def ensemble(
+    body: Body,
+    omega0: ArrayLike | str | os.PathLike[str] | RandomStarts | dask.array.Array,
+    eps: ArrayLike,
+    steps: int,
+    *,
+    store: Any,
+    save_every: int | None = None,
+    method: Method = "auto",
+    attitude: bool | ArrayLike = False,
+    reductions: Sequence[str] | None = None,
+    dims: str | Sequence[str] | None = None,
+    coords: Mapping[Any, Any] | None = None,
+    chunk: int | Mapping[str, int] | None = None,
+    compression: Compression | None = None,
+    scheduler: distributed.Client | str | None = None,
+    verify: bool = False,
+    progress: Progress = None,
+) -> xarray.Dataset:
+    """Iterate a batch of any size, and store it in a Zarr store as it is computed.
+
+    The run is cut into tiles of the batch, and these along time, each of which is computed as
+    :func:`iterate` does, bit for bit, and marked once it is stored. Wherever a process ends, the
+    same call again computes what is missing. More steps than those of a finished store make it
+    longer, without computing the old ones again.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovND
+        The body, or a batch of them.
+    omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
+        Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
+        read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read once
+        more than needed, to know them again.
+    eps : array_like(float, shape=(...))
+        Step size, as in :func:`iterate`.
+    steps : int
+        Number of steps, 0 or more; those of the store or more.
+    store : str, path-like or Zarr store
+        The name of a folder, a URL that fsspec knows, or a store as Zarr takes it.
+    save_every : int or None
+        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last. With `reductions`,
+        look at these states, or at all.
+    reductions : sequence of str, optional
+        Store no states but the last, and instead, for each trajectory, what these names stand for:
+        "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
+        since the start), "omega_min", "omega_max" (the extrema of each component).
+    method : str
+        As in :func:`iterate`.
+    attitude : bool or array_like(float, shape=(..., n, n))
+        As in :func:`iterate`.
+    dims : str or sequence of str, optional
+        Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
+    coords : mapping, optional
+        Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+    chunk : int or mapping, optional
+        How many trajectories a tile has, or its sizes along `dims` and "n", the states that are
+        kept. By default a chunk of states takes 16 MiB at most, or what 64 trajectories take, and a
+        process holds four of them. Results do not depend on it.
+    compression : {"lz4", "zstd"}, optional
+        Compress chunks, with shuffled bytes; by default they are stored as they are.
+    scheduler : distributed.Client or str, optional
+        Have tiles computed by Dask workers, on one thread each; or the address of a scheduler. The
+        store must be one that they all reach. By default this process computes, on all threads.
+    verify : bool
+        Read what is stored already, and compute again what is damaged.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``, both in
+        steps of one trajectory.
+
+    Returns
+    -------
+    xarray.Dataset
+        Of the store, lazy: see :func:`open_ensemble`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not what is said above, or the store holds another run; nothing is
+        computed or written then.
+    BlockingIOError
+        If another process writes to the store.
+    OSError
+        If it cannot be written to.
+    ImportError
+        If Dask, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+    KeyboardInterrupt
+        After SIGINT or SIGTERM, once the chunks in hand are stored.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from suslov_fast import RandomStarts, Suslov3D, ensemble
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     runs = ensemble(
+    ...         body, RandomStarts(1000, 2.0), 0.2, 100, store=f"{folder}/runs.zarr", save_every=50
+    ...     )
+    ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
+    {'n': 3, 'trajectory': 1000, 'component': 2} 0
+    """
+    _require_large()
+    check_progress(progress)
+    from . import session
+
+    job = job_of(
+        Asked(body, omega0, eps, steps, save_every, method, attitude),
+        Wanted(store, reductions, dims, chunk, compression),
+    )
+    session.finish(job, coords, scheduler, verify, progress)
+    return open_ensemble(job.store)
+
+
+def open_ensemble(store: Any) -> xarray.Dataset:
+    """A store of :func:`ensemble`, finished or not.
+
+    Parameters
+    ----------
+    store : str, path-like or Zarr store
+        As in :func:`ensemble`.
+
+    Returns
+    -------
+    xarray.Dataset
+        With the names of :meth:`Trajectories.to_xarray`, lazy. Its attribute "tiles_done" says how
+        much of it is there, as "3 of 8"; of what is not, states are NaN and the status is -128.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is nothing of that name.
+    ValueError
+        If it is no such store.
+    ImportError
+        If Dask, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from suslov_fast import RandomStarts, Suslov3D, ensemble, open_ensemble
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = ensemble(body, RandomStarts(9, 2.0), 0.2, 10, store=f"{folder}/runs.zarr", chunk=4)
+    ...     open_ensemble(f"{folder}/runs.zarr").attrs["tiles_done"]
+    '3 of 3'
+    """
+    _require_large()
+    import xarray
+
+    from . import layout
+
+    store = layout.resolved(store)
+    if not layout.exists(store):
+        raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
+    dataset = xarray.open_zarr(store, consolidated=False, chunks={})
+    group = layout.Arrays(store)
+    done = group[layout.STEPS_DONE][...]
+    finished = int((np.asarray(done) == int(dataset.attrs["steps"])).sum())
+    dataset.attrs["tiles_done"] = f"{finished} of {np.size(done)}"
+    if "n" in dataset.coords:
+        times = (dataset["n"] * dataset["eps"].chunk()).assign_attrs(long_name="time", units="time")
+        if "t" in dataset:
+            dataset = dataset.set_coords("t")
+        else:
+            dataset = dataset.assign_coords(t=times)
+    return dataset
+
+
+def _require_large() -> None:
+    try:
+        import dask.array  # noqa: F401
+        import xarray  # noqa: F401
+        import zarr  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "ensemble needs dask, xarray and zarr: pip install 'suslov_fast[large]'"
+        ) from error

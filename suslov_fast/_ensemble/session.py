@@ -1,0 +1,160 @@
+"""One call: a store made or recognised, and what it lacks computed."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .._engine.progress import Progress
+from . import chunks, cluster, layout, local
+from .identity import identity_of, require_same
+from .job import Job
+from .layout import RESUME, STEPS_DONE, Arrays
+from .lock import only_writer
+from .meter import meter
+from .pieces import resume_size
+from .plan import Plan
+from .signals import Stop, stopping
+
+Index = tuple[int, ...]
+
+
+def finish(
+    job: Job,
+    coords: Mapping[Any, Any] | None,
+    scheduler: Any,
+    verify: bool,
+    progress: Progress,
+) -> None:
+    """See to it that the store holds the whole run."""
+    identity = identity_of(job)
+    with (
+        nullcontext() if scheduler is None else cluster.client_of(scheduler) as client,
+        only_writer(job.store),
+    ):
+        if not layout.exists(job.store):
+            layout.create(job, identity, resume_size(job), coords)
+        arrays = Arrays(job.store)
+        job = _recognised(job, identity, arrays)
+        if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
+            layout.lengthen(job, arrays)
+            arrays = Arrays(job.store)
+        if verify:
+            _forget_damaged(job, arrays)
+        missing = _missing(job, arrays)
+        if not missing:
+            return
+        if layout.is_folder(job.store):
+            chunks.sweep(job.store)
+        with stopping() as stop:
+            _compute(job, arrays, missing, client, progress, stop)
+            if stop.asked and (left := len(_missing(job, arrays))):
+                raise KeyboardInterrupt(_how_to_go_on(job, left))
+
+
+def _recognised(job: Job, identity: dict[str, Any], arrays: Arrays) -> Job:
+    """The run with the chunks of the store, which must hold the same one."""
+    notes = arrays.notes
+    require_same(identity, json.loads(notes["run"]), job.store)
+    stored = int(arrays.attrs["steps"])
+    if stored > job.steps:
+        raise ValueError(
+            f"steps: expected at least the {stored} of the run in {job.store}, got {job.steps}"
+        )
+    return replace(job, plan=Plan(job.plan.batch, tuple(notes["tile"]), int(notes["rows"])))
+
+
+def _is_short(job: Job, arrays: Arrays) -> bool:
+    """Whether a process ended while it made room for a longer run."""
+    if not job.keeps_states:
+        return False
+    rows = len(job.numbers)
+    names = [name for name in ("omega", "attitude", "n", "t") if name in arrays]
+    return any(arrays[name].shape[0] != rows for name in names) or (
+        not np.array_equal(arrays["n"][...], job.numbers)
+    )
+
+
+def _missing(job: Job, arrays: Arrays) -> list[Index]:
+    """The tiles that are not finished, in the order of the batch."""
+    done = np.asarray(arrays[STEPS_DONE][...])
+    return [tuple(int(k) for k in index) for index in np.argwhere(done != job.steps)]
+
+
+def _forget_damaged(job: Job, arrays: Arrays) -> None:
+    """Take back the marks of tiles that are not as they were written."""
+    done = np.asarray(arrays[STEPS_DONE][...])
+    for found in np.argwhere(done >= 0):
+        index = tuple(int(k) for k in found)
+        where = job.plan.where(index)
+        if _damage(job, arrays, index, where, int(done[index])) is not None:
+            arrays[STEPS_DONE][index] = -1
+
+
+def _damage(
+    job: Job, arrays: Arrays, index: Index, where: tuple[slice, ...], steps: int
+) -> str | None:
+    """What is wrong with a tile, if anything is."""
+    rows = 0
+    if job.save_every is not None:
+        rows = steps // job.save_every + 1
+    elif steps == job.steps:
+        rows = 1
+    parts = {RESUME: tuple(slice(k, k + 1) for k in index)}
+    if job.keeps_states:
+        parts |= {name: (slice(0, rows), *where) for name in ("omega", "attitude")}
+    if steps == job.steps:
+        parts |= dict.fromkeys(("final", "status", "failed_at", *job.reductions), where)
+    for name, part in parts.items():
+        if name not in arrays:
+            continue
+        array = arrays[name]
+        rest = tuple(slice(0, length) for length in array.shape[len(part) :])
+        damage = chunks.damaged(array, (*part, *rest))
+        if damage is not None:
+            return damage
+    return None
+
+
+def _compute(
+    job: Job,
+    arrays: Arrays,
+    missing: list[Index],
+    client: Any,
+    progress: Progress,
+    stop: Stop,
+) -> None:
+    total = math.prod(job.plan.batch) * job.steps
+    with meter(progress, total, _steps_made(job, arrays)) as report:
+        if client is None:
+            local.run(job, arrays, missing, report, stop)
+        else:
+            cluster.run(job, client, iter(missing), report, stop)
+
+
+def _steps_made(job: Job, arrays: Arrays) -> int:
+    """All steps that are stored, over the batch."""
+    done = np.asarray(arrays[STEPS_DONE][...])
+
+    def size(index: Index) -> int:
+        return math.prod(each.stop - each.start for each in job.plan.where(index))
+
+    return sum(size(index) * max(int(done[index]), 0) for index in _indices(done))
+
+
+def _indices(done: np.ndarray[Any, Any]) -> Iterator[Index]:
+    yield from np.ndindex(done.shape)
+
+
+def _how_to_go_on(job: Job, left: int) -> str:
+    tiles = math.prod(job.plan.grid)
+    return (
+        f"stopped with {tiles - left} of {tiles} tiles in {job.store} finished; "
+        "the same call again goes on from there"
+    )

@@ -34,6 +34,7 @@ from ..formulas.closed_form import (
     logarithm_of_ratio,
     near_state,
     orbit_point,
+    out_of_range,
     ratio_of_map,
 )
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
@@ -185,6 +186,9 @@ def enter_rest(flow, given, orbit, work, lanes):
         if not flow:
             rests = has_no_step(given[2, l], given[3, l], given[4, l], x, y)
         ends = (not flow) & rests & ((1.0 - y) - work[LOST, l] == 0.0)
+        largest = max(abs(given[5, l]), abs(given[6, l]))
+        spread = np.sqrt(max(given[0, l], given[1, l]) / min(given[0, l], given[1, l]))
+        ends |= (not flow) & (not rests) & out_of_range(x, largest * spread)
         orbit[KNOWN, l] = 1.0 if known == known else 0.0
         orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]
         orbit[B1, l] = -given[5, l] if rests else orbit[B1, l]

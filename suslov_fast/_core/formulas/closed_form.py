@@ -220,3 +220,12 @@ def near_state(half, kappa, a1, b1, a2, b2):
 def combined(a1, b1, a2, b2, A, B):
     """The angular velocity, of which A and B are the parts."""
     return a1 * A + b1 * B, a2 * A + b2 * B
+
+
+@formula
+def out_of_range(X, largest):
+    """Whether X**2 is beyond float64, or states of the orbit, up to `largest`, may be.
+
+    Such an orbit of the map is left to iteration, which sees where it ends.
+    """
+    return (abs(X) > 2.0**500) | (largest > 2.0**1000)

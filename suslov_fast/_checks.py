@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
+# NumPy broadcasts no more axes than these.
+_AXES = 32
 
 
 def real_array(
@@ -133,6 +135,11 @@ def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     """The shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):
         return ()
+    for name, shape in shapes.items():
+        if len(shape) > _AXES:
+            raise ValueError(
+                f"{name}: expected a batch of at most {_AXES} axes, got one of {len(shape)}"
+            )
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError as error:

@@ -8,9 +8,10 @@ from ._bodies.nd import SuslovND
 from ._checks import FloatArray
 from ._core.cpu import observables, observables_nd
 from ._engine.arguments import Body, check
+from ._engine.layout import own_states
 from ._engine.observables import by_slabs, of_state, of_state_nd
+from ._engine.run import Run, execute
 from ._engine.threads import thread_count
-from ._map import iterate
 
 
 def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:
@@ -115,6 +116,16 @@ def reaction(
 
 
 def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
+    batch = omega.shape[:-1]
+    run = Run(
+        body=body,
+        batch=batch,
+        omega0=own_states(omega, batch),
+        eps=eps,
+        steps=1,
+        save_every=None,
+        method="auto",
+    )
+    following = execute(run).final
     loop, result = observables_nd.reaction, (body.dimension, body.dimension)
-    return of_state_nd(loop, body, omega, None, omega.shape[:-1], None, result, following)
+    return of_state_nd(loop, body, omega, None, batch, None, result, following)

@@ -200,7 +200,7 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
             entries[name] = _in_order(dataset, name, order)
     for name in ("eps", *parameters_of(str(entries["body"]))):
         if name in dataset.variables:
-            entries[name] = _unvarying(dataset, name, batch)
+            entries[name] = unvarying(dataset, name, batch)
     entries.update(_resume_entries(dataset, entries))
     return entries
 
@@ -216,7 +216,7 @@ def _in_order(dataset: xarray.Dataset, name: str, order: tuple[str, ...]) -> NDA
     return values
 
 
-def _unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
+def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
     """The inverse of `_varying`."""
     variable = dataset[name]
     own = tuple(dim for dim in variable.dims if dim == "component")

@@ -184,7 +184,7 @@ def _exponent(values: FloatArray) -> FloatArray:
 
 def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
     """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
-    I1, I2, I13, I23 = body.parameters
+    I1, I2, I13, I23 = map(np.asarray, body.parameters)
     first, k = _mantissa(I13) ** 2 / _mantissa(I1), 2 * _exponent(I13) - _exponent(I1)
     second, l = _mantissa(I23) ** 2 / _mantissa(I2), 2 * _exponent(I23) - _exponent(I2)
     # The larger of the two powers; that of a 0 does not count.

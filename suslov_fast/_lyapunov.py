@@ -58,9 +58,9 @@ def lyapunov_exponents(
     -----
     Mean logarithms of the diagonal of R, where Q R is the product of the derivatives DPhi along the
     orbit, taken apart anew at each step from Q = Id on. Their sum is the mean of
-    ``log |det DPhi|``. As `steps` grows they tend, like 1 / steps, to the logarithms of the
-    :func:`multipliers` of the steady state that the orbit reaches: one is 0, the others are
-    negative.
+    ``log |det DPhi|``.
+    As `steps` grows they tend, like 1 / steps, to the logarithms of the :func:`multipliers` of the
+    steady state that the orbit reaches: one is 0, the others are negative.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _conserved, _coordinates, _files, _labelled
+from . import _conserved, _continuous, _coordinates, _files, _labelled
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body
@@ -158,6 +158,10 @@ class Trajectories:
         """
         one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
         check_progress(progress)
+        if "omega0" not in self._resume:
+            raise ValueError(
+                "extend: expected a whole run, got a part of a batch read from a dataset"
+            )
         resume = dict(self._resume)
         run = Run(
             body=self.body,
@@ -246,9 +250,7 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
-        from ._continuous import reaction
-
-        return reaction(self.body, self.omega, self.eps)
+        return _continuous.reaction(self.body, self.omega, self.eps)
 
     def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
         """Draw the saved states of all trajectories: one component over another.

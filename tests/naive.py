@@ -285,7 +285,7 @@ def orbit_nd(J, I, eps, omega, steps):
     return states
 
 
-def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=60):
+def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
     """The angle between the angular velocities in space at tau = -far and far, tau = C t / a.
 
     By Taylor series of the Poisson equation g' = g x omega of a vector that is fixed in space, with
@@ -310,7 +310,7 @@ def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=60):
             w1, w2 = omega
 
             def product(v, w, k=k):
-                return sum(v[j] * w[k - j] for j in range(k + 1)) / (k + 1)
+                return mpmath.fdot(v[: k + 1], w[k::-1]) / (k + 1)
 
             derivatives = -product(g3, w2), product(g3, w1), product(g1, w2) - product(g2, w1)
             next_tanh, next_sech = product(sech, sech), -product(sech, tanh)

@@ -230,8 +230,10 @@ def test_what_is_no_store_is_left_alone(tmp_path, rng):
     omega0 = starts(rng, 10)
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "a.txt").write_text("mine")
-    with pytest.raises(ValueError, match="got something else"):
+    with pytest.raises(FileExistsError, match="got another folder"):
         ensemble(BODY, omega0, 0.2, 20, store=tmp_path / "notes")
+    with pytest.raises(FileExistsError, match="got a file"):
+        ensemble(BODY, omega0, 0.2, 20, store=tmp_path / "notes" / "a.txt")
     iterate(BODY, omega0, 0.2, 20).save(tmp_path / "saved.zarr")
     with pytest.raises(ValueError, match="that ensemble made"):
         ensemble(BODY, omega0, 0.2, 20, store=tmp_path / "saved.zarr")
@@ -385,7 +387,7 @@ def test_a_signal_stops_after_the_chunks_in_hand(store, rng, number):
     with pytest.raises(KeyboardInterrupt, match=r"of 5 tiles .*goes on"):
         ensemble(BODY, omega0, 0.2, 30, progress=ask, **asked)
     assert signal.getsignal(number) is before
-    unfinished = xarray.open_zarr(store, consolidated=False)
+    unfinished = xarray.open_zarr(store)
     missing = unfinished.status.values == -128
     assert missing.any()
     assert not missing.all()
@@ -430,7 +432,7 @@ def test_the_bytes_do_not_depend_on_the_order(tmp_path, rng):
         ensemble(BODY, omega0, 0.2, steps, store=stores[0], save_every=2, chunk=CUT)
     ensemble(BODY, omega0, 0.2, 40, store=stores[1], save_every=2, chunk=CUT)
     one, other = map(contents, stores)
-    metadata = json.loads(one["zarr.json"]), json.loads(other["zarr.json"])
+    metadata = [json.loads(each["zarr.json"])["attributes"] for each in (one, other)]
     assert metadata[0] == metadata[1]
     results = [
         {k: v for k, v in each.items() if not k.endswith("zarr.json") and k[:2] not in ("n/", "t/")}
@@ -488,3 +490,26 @@ def test_a_full_disk_leaves_what_is_whole(store, rng, monkeypatch):
         monkeypatch.setattr(pieces, "put", put)
         dataset = ensemble(BODY, omega0, 0.2, 20, store=path, **settings)
         assert_same(dataset, iterate(BODY, omega0, 0.2, 20, save_every=2))
+
+
+@pytest.mark.parametrize("scheduler", ["threads", "synchronous"])
+def test_functions_of_lazy_arrays(store, rng, scheduler):
+    """What is stored can be worked on without being loaded."""
+    import dask
+
+    omega0 = starts(rng, 40)
+    dataset = ensemble(BODY, omega0, 0.2, 20, store=store, save_every=5, chunk=7)
+    with dask.config.set(scheduler=scheduler):
+        F = xarray.apply_ufunc(
+            lambda omega: first_integral(BODY, omega, 0.2),
+            dataset.omega,
+            input_core_dims=[["component"]],
+            dask="parallelized",
+            output_dtypes=[float],
+        )
+        ends = dataset.final.data.map_blocks(
+            lambda omega: iterate(BODY, omega, 0.2, 30, save_every=None).final, dtype=float
+        )
+        assert np.array_equal(F, first_integral(BODY, dataset.omega.values, 0.2))
+        further = iterate(BODY, dataset.final.values, 0.2, 30, save_every=None).final
+        assert np.array_equal(ends.compute(), further)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._engine import iterate_3d
 
 METHODS = ("auto", "canonical", "ds2")
 
@@ -59,6 +60,44 @@ def test_poles_of_exact_data(method, I1, x):
     assert result.failed_at == 1
 
 
+@pytest.mark.parametrize("x", [1.0, 1e3, 1e5])
+@pytest.mark.parametrize("method", METHODS)
+def test_poles_of_large_states(method, x):
+    """What is left of a difference by rounding is zero beside the terms of the difference."""
+    for I1 in (1.0, 3.0, 5.0):
+        body, omega = sf.Suslov3D(I1, 1, 1, 0), np.array([x, -(2 * I1 + x * x)])
+        result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
+        assert result.status == sf.Status.SINGULAR
+        with pytest.warns(sf.SingularStepWarning):
+            assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
+        with pytest.warns(sf.SingularStepWarning):
+            assert np.isnan(sf.jacobian(body, omega, 1)).all()
+
+
+@pytest.mark.parametrize("x", [1.0, 16.0])
+def test_no_state_next_to_a_pole_is_lost(unit, x):
+    """A few roundings away from the pole there is a next state, and it is right."""
+    for gap in 2.0 ** np.arange(-47, -40):
+        omega = np.array([x, -(2 + x * x) * (1 - gap)])
+        exact = naive.step(1, 1, 1, 0, 1, omega)
+        bound = 4e-15 / gap
+        for method in METHODS:
+            final = sf.iterate(unit, omega, 1, 1, method=method).final
+            assert naive.relative_error(final, exact) < bound
+        assert naive.relative_error(sf.step_full(unit, [*omega, 0.0], 1, 3)[:2], exact) < bound
+        assert np.isfinite(sf.jacobian(unit, omega, 1)).all()
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def test_steady_states_next_to_the_critical_one(unit, method):
+    """1 - Y is as small there as rounding makes it, but nothing is divided by it."""
+    for k in (40, 50, 51, 52):
+        omega = [0.0, -2.0 * (1 - 2.0**-k)]
+        result = sf.iterate(unit, omega, 1, 5, method=method)
+        assert result.status == sf.Status.OK
+        assert (result.omega == omega).all()
+
+
 @pytest.mark.parametrize("save_every", [1, None])
 def test_a_later_singular_step(unit, save_every):
     omega = before_the_pole(3)
@@ -68,6 +107,21 @@ def test_a_later_singular_step(unit, save_every):
     if save_every:
         assert np.isfinite(result.omega[:4]).all()
         assert np.isnan(result.omega[4:]).all()
+
+
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, method):
+    """The search for them stops now and then, and goes on where it was."""
+    omega = np.array([before_the_pole(3), HEALTHY, ON_THE_POLE, before_the_pole(1), [1e200, 0]])
+    omega = np.concatenate([omega, [[np.nan, 0.0]]])
+    whole = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
+    assert whole.failed_at.tolist() == [4, -1, 1, 2, 1, 0]
+    assert whole.status.tolist() == [-1, 0, -1, -1, -2, -2]
+    for steps in (1, 2, 3):
+        monkeypatch.setattr(iterate_3d, "_SEARCH", 5 * steps)
+        cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
+        assert (cut.failed_at == whole.failed_at).all()
+        assert (cut.status == whole.status).all()
 
 
 def test_passing_a_pole_is_no_failure(unit):
@@ -91,6 +145,17 @@ def test_overflow(body, method, omega):
     assert (result.omega[:, 1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
 
 
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("omega", [[1e200, 0], [1e155, 1e100]])
+def test_overflow_of_the_denominator(unit, method, omega):
+    """What is divided by it would be 0, which is finite and wrong."""
+    result = sf.iterate(unit, omega, 1, 5, method=method, on_singular="ignore")
+    assert result.status == sf.Status.NONFINITE
+    assert result.failed_at == 1
+    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
+        assert np.isnan(sf.step_full(unit, [*omega, 0.0], 1, 3)).all()
+
+
 @pytest.mark.parametrize("omega", [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155]])
 def test_the_closed_form_knows_states_that_iteration_does_not(body, omega):
     """Where a square leaves the range of float64, but the states do not."""
@@ -111,7 +176,7 @@ def test_large_but_representable():
 
 def test_both_kinds_in_one_message(unit):
     with pytest.warns(sf.SingularStepWarning) as caught:
-        sf.iterate(unit, [[1e200, 0], ON_THE_POLE, UNDEFINED], 1, 3)
+        sf.iterate(unit, [[1e200, 0], ON_THE_POLE, UNDEFINED], 1, 3, method="canonical")
     assert str(caught[0].message) == (
         "2 of 3 trajectories: singular step, first: 1 at step 1; "
         "1 of 3 trajectories: non-finite step, first: 0 at step 1"
@@ -130,7 +195,12 @@ def test_index_in_a_batch_of_two_axes(unit):
 
 def test_overflow_on_the_way(unit):
     """A state beyond float64 between others that are not: the orbit ends there all the same."""
-    omega = np.array([1.0, -3.0 + 1e-11]) / 1e-298
+    # From these, Omega1 alone, both, or Omega2 alone leave the range of float64.
+    for omega in ([0.1, -2.01 + 3e-12], [1.0, -3.0 + 1e-11], [16.0, -258.0 + 2e-8]):
+        overflows_on_the_way(unit, np.array(omega) / 1e-298)
+
+
+def overflows_on_the_way(unit, omega):
     for method in METHODS:
         for save_every in (1, 2, None):
             result = sf.iterate(
@@ -139,6 +209,37 @@ def test_overflow_on_the_way(unit):
             assert result.status == sf.Status.NONFINITE
             assert result.failed_at == 1
             assert np.isnan(result.final).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_as_large_as_float64_allows(unit, method):
+    """A state of 1e306 is one like others."""
+    eps = 2.0**-990
+    omega = np.array([1.0, -3.0 + 2.0**-26])
+    small = sf.iterate(unit, omega, 1, 5, method=method).omega
+    orbit = sf.iterate(unit, omega / eps, eps, 5, method=method)
+    assert 1e305 < abs(orbit.omega).max() < 1e307
+    assert orbit.status == sf.Status.SUPERCRITICAL
+    assert (orbit.omega * eps == small).all()
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+def test_overflow_of_one_component_on_the_way(method, swapped):
+    """Below t = 1, where a body is much longer than wide; the other component stays in range."""
+    body, omega = sf.Suslov3D(1, 2.0**-66, 0, 1), np.array([2.0**997, 2.0**997])
+    if swapped:
+        body, omega = sf.Suslov3D(2.0**-66, 1, 1, 0), omega[::-1] * [1, -1]
+    eps = 2.0**-1063
+    assert abs(sf.criticality(body, omega, eps)) < 0.6
+    alone = sf.iterate(body, omega, eps, 60, method=method, on_singular="ignore")
+    assert alone.status == sf.Status.NONFINITE
+    assert np.isnan(alone.final).all()
+    assert np.isnan(alone.omega[alone.failed_at :]).all()
+    assert np.isfinite(alone.omega[: alone.failed_at]).all()
+    wild = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
+    batch = sf.iterate(body, [omega, wild], eps, 60, method=method, on_singular="ignore")
+    assert np.array_equal(batch.omega[:, 0], alone.omega, equal_nan=True)
 
 
 def test_the_error_survives_pickling(unit):
@@ -189,7 +290,7 @@ def test_step(unit):
 
 def test_step_full(unit):
     with pytest.warns(
-        sf.SingularStepWarning, match="1 of 2 states: singular or non-finite step, first: 0"
+        sf.SingularStepWarning, match="1 of 2 trajectories: singular step, first: 0 at step 1"
     ):
         result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
     assert np.isnan(result[0]).all()

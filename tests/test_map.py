@@ -244,11 +244,12 @@ def test_orbits_up_to_the_critical_line(rng, gap):
     assert seen > 10
 
 
-def test_a_repelled_orbit_leaves_however_close_it_starts():
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def test_a_repelled_orbit_leaves_however_close_it_starts(method):
     """X is as small as what is flushed to 0 elsewhere, but it grows."""
-    body, omega, steps = sf.Suslov3D(2, 1, 0, 0.5), [1.5, 1e-300], 12_000
-    orbit = sf.iterate(body, omega, 0.1, steps, save_every=10)
-    exact = sf.exact(body, omega, 0.1, orbit.n)
+    body, omega, steps = sf.Suslov3D(2, 1, 0, 0.5), [1.5, 1e-300], 1200
+    orbit = sf.iterate(body, omega, 1.0, steps, save_every=10, method=method)
+    exact = sf.exact(body, omega, 1.0, orbit.n)
     assert abs(orbit.omega[:, 1]).max() > 0.1
     np.testing.assert_allclose(orbit.omega, exact, atol=1e-10)
 
@@ -274,6 +275,35 @@ def test_subnormal_states_are_flushed():
     seen = abs(exact) > 1e-280
     np.testing.assert_allclose(x[seen], exact[seen], rtol=1e-9)
     assert np.count_nonzero((x != 0) & (abs(x) < 2.0**-1022)) < 256
+
+
+@pytest.mark.parametrize(("decay", "zero"), [(3.0, False), (3.6, False), (3.7, True)])
+def test_only_what_is_negligible_is_flushed(decay, zero):
+    """Omega2 becomes 2**decay times smaller at each step, and 0 below 2**-960."""
+    r = 2.0**-decay
+    t = (1 - r) / (1 + r)
+    body, steps = sf.Suslov3D(1, 1, 0, 1), 256
+    omega = [-2 * t, 2.0**-20]
+    final = sf.iterate(body, omega, 1.0, steps, method="canonical", save_every=None).final
+    exact = naive.orbit(1, 1, 0, 1, 1.0, omega, steps)[-1]
+    assert (final[1] == 0) == zero
+    assert zero or abs(final[1] / float(exact[1]) - 1) < 1e-12
+    assert abs(final[0] / float(exact[0]) - 1) < 1e-14
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+@pytest.mark.parametrize("size", [1e-290, 1e-200, 1e-150, 1e-100, 1e-30, 1e-14])
+def test_slow_states(unit, method, size):
+    """Too slow to be held in the coordinates of the map, or just not."""
+    omega = np.array([0.7, -0.4])
+    final = sf.iterate(unit, omega, size, 3, method=method, save_every=None).final
+    exact = naive.orbit(1, 1, 1, 0, size, omega, 3)[-1]
+    assert naive.relative_error(final, exact) < 5e-16
+    assert (final != omega).all() == (size > 1e-16)
+    many = 10**4
+    final = sf.iterate(unit, omega, size, many, method=method, save_every=None).final
+    flow = sf.flow(unit, omega, size * many)
+    np.testing.assert_allclose(final, flow, rtol=5e-12)
 
 
 @given(

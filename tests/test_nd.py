@@ -12,6 +12,7 @@ from suslov_fast._core.cpu import map_nd as loops
 from suslov_fast._engine import iterate_nd, threads
 from suslov_fast._engine import problem as parts
 from suslov_fast._engine.iterate_nd import run
+from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
 
 METHODS = ("rank2", "gauss")
@@ -239,8 +240,8 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
         method=method,
         omega=omega,
         parameters=body.flat_normalised((size,)),
-        eps=np.array(body.normalised_eps(eps)),
-        time_step=eps,
+        eps=flat_parameter(body.normalised_eps(eps), (size,)),
+        time_step=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,
         every=every,
@@ -250,11 +251,6 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
         resume=before.resume if before else {},
         **options,
     )
-
-
-def turned(outcome):
-    """The orientations at the last state."""
-    return outcome.resume["columns"].swapaxes(1, 2)
 
 
 def everything(problem):
@@ -282,7 +278,11 @@ def same(first, second):
 
 
 def of(chosen, arguments):
-    return [each[chosen] for each in arguments]
+    return [each[chosen] if len(each) else each for each in arguments]
+
+
+def last_orientation(outcome):
+    return outcome.resume["columns"].swapaxes(1, 2)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -325,15 +325,15 @@ def test_parts_and_threads(rng, monkeypatch, method, oriented):
         options["orientation"] = np.tile(np.eye(5), (70, 1, 1))
     whole = everything(problem(*arguments, **options))
     monkeypatch.setattr(parts, "_PART", 1)
-    monkeypatch.setattr(parts, "_ABREAST", 1)
-    monkeypatch.setattr(parts, "_LENGTH", 1)
+    monkeypatch.setattr(parts, "_ABREAST", 16)
+    monkeypatch.setattr(parts, "_LENGTH", 9)
     monkeypatch.setattr(parts, "_SHORT", -1.0)
     monkeypatch.setattr(parts, "_LONG", np.inf)
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     seen = []
     options["progress"] = lambda *n: seen.append(n)
     assert same(whole, everything(problem(*arguments, **options)))
-    assert len(seen) >= 60  # each step by itself
+    assert len(seen) >= 60
     assert seen == sorted(seen)
     assert seen[-1] == (60, 60)
 
@@ -393,7 +393,7 @@ def test_states_that_do_not_exist(rng, method):
     with_nan = run(problem(*arguments, method=method, orientation=np.tile(np.eye(4), (20, 1, 1))))
     assert with_nan.status[4] == sf.Status.NONFINITE
     assert with_nan.failed_at[4] == 0
-    assert np.isnan(with_nan.resume["columns"][4]).all()
+    assert np.isnan(last_orientation(with_nan)[4]).all()
     without = [3, 5, 6]
     given = problem(*arguments, method=method)
     outcome = run(given)
@@ -505,7 +505,7 @@ def test_orientation(rng, method, m):
     all_states = problem(*arguments, **options)
     outcome = run(all_states)
     assert (all_states.turns[0] == start).all()
-    assert (turned(outcome) == all_states.turns[-1]).all()
+    assert (last_orientation(outcome) == all_states.turns[-1]).all()
     for b in range(9):
         expected = start[b] @ naive_attitude(eps, all_states.saved[:, b])
         np.testing.assert_allclose(all_states.turns[:, b], expected, atol=1e-13)
@@ -513,7 +513,7 @@ def test_orientation(rng, method, m):
     run(some)
     assert (some.turns == all_states.turns[::7]).all()
     last = problem(*arguments, every=101, **options)
-    assert (turned(run(last)) == turned(outcome)).all()
+    assert (last_orientation(run(last)) == last_orientation(outcome)).all()
     del options["stop"]
     in_pieces = in_cuts((0, 5, 48, 100), *arguments, **options)
     assert same(in_pieces[:2], [all_states.saved, all_states.turns])
@@ -524,7 +524,7 @@ def test_orientations_are_orthogonal_to_rounding(rng):
     omega = rng.normal(size=(3, 4))
     bodies = np.tile(J, (3, 1)), np.tile(I, (3, 1)), np.full(3, eps)
     start = np.tile(np.eye(5), (3, 1, 1))
-    R = turned(run(problem(*bodies, omega, stop=20_000, every=20_001, orientation=start)))
+    R = last_orientation(run(problem(*bodies, omega, stop=2000, every=2001, orientation=start)))
     assert abs(R @ R.swapaxes(1, 2) - np.eye(5)).max() < 4e-15
 
 
@@ -534,7 +534,7 @@ def test_half_a_turn_at_very_high_speed():
     still = problem(
         [[1.0, 2.0, 3.0]], [[0.0] * 3], np.ones(1), omega, stop=1, orientation=np.eye(4)[None]
     )
-    R = turned(run(still))[0]
+    R = last_orientation(run(still))[0]
     axis = np.array([0.6, 0.0, 0.8])
     expected = np.diag([1.0, 1.0, 1.0, -1.0])
     expected[:3, :3] -= 2 * np.outer(axis, axis)

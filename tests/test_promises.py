@@ -98,6 +98,20 @@ def test_compiled_equals_interpreted(rng, method):
         assert all(map(same, compiled, other))
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_large_states_alone_or_beside_others(rng, method):
+    """A state that need not be guarded alone is, where its neighbours must be."""
+    unit = sf.Suslov3D(1, 1, 1, 0)
+    omega = rng.uniform(-1, 1, (64, 2)) * 10 ** rng.uniform(0, 6, (64, 1))
+    omega[:, 1] = rng.uniform(-1, 2, 64)
+    wild = np.array([[0.3, -5.0]])
+    beside = run(unit, np.concatenate([omega, wild]), 1.0, 4, method=method)
+    for i, state in enumerate(omega):
+        alone = run(unit, state, 1.0, 4, method=method)
+        assert same(alone.omega, beside.omega[:, i])
+        assert alone.status == beside.status[i]
+
+
 @pytest.mark.parametrize("attitude", [False, True])
 @pytest.mark.parametrize("method", METHODS)
 def test_parts(rng, request, method, attitude):
@@ -266,6 +280,25 @@ def test_broadcasting(rng):
         assert same(alone.omega, result.omega[:, i, j, k])
 
 
+@pytest.mark.parametrize("axes", [1, 29, 31, 32, 33, 64])
+def test_batches_of_many_axes(body, axes):
+    """What NumPy cannot hold is said to be too much before anything is computed."""
+    most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
+    try:
+        eps = np.full((1,) * axes, 0.2)
+    except ValueError:
+        pytest.skip("this NumPy has no such array")
+    options = {"attitude": True, "method": "canonical"}
+    if axes > most:
+        with pytest.raises(ValueError, match=r"axes|maximum supported dimension"):
+            run(body, [1.0, 0.5], eps, 3, **options)
+    else:
+        result = run(body, [1.0, 0.5], eps, 3, **options)
+        assert result.omega.shape == (4, *eps.shape, 2)
+        assert result.attitude.shape == (4, *eps.shape, 3, 3)
+        assert same(result.omega.reshape(4, 2), run(body, [1.0, 0.5], 0.2, 3, **options).omega)
+
+
 def test_no_steps(body):
     result = run(body, [[1, 2], [3, 4]], 0.2, 0)
     assert (result.omega == [[[1, 2], [3, 4]]]).all()
@@ -313,6 +346,36 @@ def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
     assert (out == expected).all()
     assert (memory[:shift] == 7).all()
     assert (memory[shift + out.size :] == 7).all()
+
+
+@pytest.mark.parametrize("batch", [LANES + 1, 2 * LANES, 2 * LANES + 4])
+@pytest.mark.parametrize("shift", [0, 1, 2, 6])
+def test_memory_past_the_caches_is_written_in_whole_lines(body, rng, monkeypatch, batch, shift):
+    """What writes past the caches takes addresses of whole cache lines only: others end it."""
+    written = []
+
+    def stream_pairs(array, index, first, second):
+        assert (array.ctypes.data // 8 + index) % loops.VECTOR == 0
+        written.append(index)
+        store_pairs(array, index, first, second)
+
+    store_pairs = loops.store_pairs
+    if not numba.config.DISABLE_JIT:
+        pytest.skip("looks into kernels that are not compiled")
+    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)
+    monkeypatch.setattr(loops, "stream_pairs", stream_pairs)
+    memory = np.empty(6 * 2 * batch + 24)
+    to_line = -(memory.ctypes.data // 8) % loops.VECTOR
+    out = memory[to_line + shift :][: 6 * 2 * batch].reshape((6, batch, 2))
+    rows_alike = 2 * batch % loops.VECTOR == 0
+    omega = rng.uniform(-2, 2, (batch, 2))
+    for save_every in (1, 2):
+        options = {"method": "canonical", "save_every": save_every}
+        expected = run(body, omega, 0.2, 5 * save_every, **options).omega
+        written.clear()
+        run(body, omega, 0.2, 5 * save_every, out=out, **options)
+        assert bool(written) == (rows_alike and shift % 2 == 0)
+        assert same(out, expected)
 
 
 @pytest.mark.compiled

@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import graphlib
 import importlib
 import inspect
 import pkgutil
@@ -15,6 +16,7 @@ import suslov_fast
 
 PACKAGE = Path(suslov_fast.__file__).parent
 CORE = sorted((PACKAGE / "_core").rglob("*.py"))
+KERNELS = sorted((PACKAGE / "_core" / "cpu").glob("*.py"))
 MODULES = [
     name
     for _, name, _ in pkgutil.walk_packages(suslov_fast.__path__, "suslov_fast.")
@@ -58,6 +60,96 @@ def test_formulas_hold_no_loops_and_kernels_do_not_raise(path):
     assert not any(isinstance(node, ast.Raise) for node in nodes)
     if path.parent.name == "formulas":
         assert not any(isinstance(node, (ast.For, ast.While)) for node in nodes)
+
+
+def calls(nodes):
+    """The calls in some parts of a file, as they are written."""
+    for node in nodes:
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Call):
+                yield ast.unparse(inner.func)
+
+
+def parallel_loops(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.For) and ast.unparse(node.iter).startswith("prange("):
+            yield node
+
+
+# Memory that is not there ends a process in a loop over `prange`.
+ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
+
+
+@pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.stem)
+def test_parallel_loops_allocate_nothing(path):
+    for loop in parallel_loops(path):
+        names = {name.rpartition(".")[2] for name in calls(loop.body) if "." in name}
+        assert not names & ALLOCATING
+
+
+def test_parallel_loops_are_found():
+    assert sum(1 for path in KERNELS for _ in parallel_loops(path)) > 10
+
+
+def importing(path):
+    """The modules of the package that a file imports, but for those that only types need."""
+    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    checking = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in checking:
+            base = parts[: len(parts) - node.level] if node.level else []
+            base = [*base, *(node.module or "").split(".")] if node.module else base
+            for alias in node.names:
+                whole = ".".join([*base, alias.name])
+                module = whole if whole in FILES else ".".join(base)
+                if module in FILES:
+                    yield module
+
+
+def module_name(path):
+    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+FILES = {module_name(path): path for path in PACKAGE.rglob("*.py")}
+
+
+def test_no_two_modules_import_each_other():
+    """Be it through others, or where a function is called; all may ask for the version."""
+    graph = {name: set(importing(path)) - {PACKAGE.name} for name, path in FILES.items()}
+    assert sum(map(len, graph.values())) > 100
+    graphlib.TopologicalSorter(graph).prepare()
+
+
+def layer(name):
+    """The folder of a module, or its name where it lies in none."""
+    return name.split(".")[1] if "." in name else ""
+
+
+# What modules of a folder may import: their own folder, and no others of the package but these.
+BELOW = {
+    "_core": set(),
+    "_bodies": {"_core", "_checks", "_engine"},
+    "_engine": {"_core", "_bodies", "_checks", "_status"},
+}
+
+
+def test_layers():
+    for name, path in FILES.items():
+        above = layer(name)
+        if above in BELOW:
+            assert {layer(other) for other in importing(path)} <= BELOW[above] | {above}, name
+    # Of the engine, bodies use what lays arrays out.
+    for name, path in FILES.items():
+        if layer(name) == "_bodies":
+            used = {other for other in importing(path) if layer(other) == "_engine"}
+            assert used <= {"suslov_fast._engine.layout"}, name
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -62,7 +62,7 @@ def test_threads_are_restored_on_error(body, big, monkeypatch):
     monkeypatch.setattr(loops, "iterate", Broken())
     numba.set_num_threads(2)
     with pytest.raises(MemoryError):
-        sf.iterate(body, big, 0.2, 4000, threads=2)
+        sf.iterate(body, big, 0.2, 4000, threads=2, method="canonical")
     assert seen == [2]
     assert numba.get_num_threads() == 2
     assert not threads._owned()

@@ -15,7 +15,8 @@ BODY_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 def sweep(rng):
     """Bodies down, step sizes across: three bodies, and as many saved states as step sizes."""
     body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
-    return sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
+    orbits = sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
+    return replace(orbits, _resume={})  # so that parts of it are runs too
 
 
 def same(a, b):
@@ -276,6 +277,8 @@ def test_a_part_of_a_batch_is_not_gone_on_with():
     part = sf.Trajectories.from_xarray(data)
     assert same(part.omega, RUNS["everything"].omega[:, [2, 1]])
     assert part._resume == {}
+    with pytest.raises(ValueError, match="extend: expected a whole run, got a part of a batch"):
+        part.extend(3)
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ class Suslov3D:
         return (first + second) // 2, products
 
     def __eq__(self, other: object) -> bool:
-        return equal(self, other)
+        return bool(equal(self, other)) if isinstance(other, Suslov3D) else NotImplemented
 
     def __hash__(self) -> int:
         return hash_of(self)
@@ -212,10 +212,11 @@ class Suslov3D:
 
         The body of the paper's first picture is not made of matter:
 
-        >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3).admissible_I3()
-        (np.float64(nan), np.float64(nan))
+        >>> picture1 = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> [float(end) for end in picture1.admissible_I3()]
+        [nan, nan]
         """
-        return admissible_I3(*self.parameters)
+        return admissible_I3(*map(np.asarray, self.parameters))
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from . import ensemble
 from .errors import UserError
 from .files import load, result_file
 from .summary import as_json, as_text, facts_of, outcome_of
@@ -27,6 +28,8 @@ def add_to(commands: Any) -> None:
 
 def info(options: argparse.Namespace) -> str:
     """Carry out the command, and return what it found."""
+    if ensemble.is_ensemble(options.file):
+        return ensemble.info(options.file, options.json)
     try:
         trajectories = load(options.file)
         start = trajectories.omega[0] if trajectories.n[0] == 0 else None

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
+from .._engine.memory import require
+from .._ensemble.starts import RandomStarts
 from .errors import UserError
 from .files import named, read_matrix, read_states
 from .values import integer, number, numbers, positive
@@ -26,8 +25,8 @@ _GROUPS = {
     "inertia tensor": ("inertia_tensor",),
     "nD": ("J", "I"),
 }
-# Random starts fill the square |Omega1|, |Omega2| <= _EXTENT.
-_EXTENT = 2.0
+# Random starts fill the square |Omega1|, |Omega2| <= EXTENT.
+EXTENT = 2.0
 
 
 def add_body_to(parser: argparse.ArgumentParser) -> None:
@@ -132,8 +131,7 @@ def starts_of(options: argparse.Namespace, body: Body) -> FloatArray:
     if options.initial is None:
         count = options.trajectories or TRAJECTORIES
         _require_memory(count, body, options)
-        generator = np.random.default_rng(options.seed or 0)
-        return generator.uniform(-_EXTENT, _EXTENT, (count, body.dimension))
+        return RandomStarts(count, EXTENT, options.seed or 0).states(count, 0, body.dimension)
     for name in ("trajectories", "seed"):
         if getattr(options, name) is not None:
             raise UserError(f"expected either --initial or --{name}, got both")
@@ -147,10 +145,7 @@ def _require_memory(count: int, body: Body, options: argparse.Namespace) -> None
     saved = 1 if options.save_every is None else options.steps // options.save_every + 1
     numbers_each = body.dimension + ((body.dimension + 1) ** 2 if options.attitude else 0)
     needed = 8 * numbers_each * count * (saved + 8)
-    if hasattr(os, "sysconf"):
-        available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        if needed > available:
-            raise UserError(
-                f"expected a batch that fits in {available / 2**30:.1f} GiB of memory, "
-                f"got one of {needed / 2**30:.1f} GiB; raise --save-every or lower --trajectories"
-            )
+    try:
+        require(needed, "raise --save-every or lower --trajectories")
+    except MemoryError as error:
+        raise UserError(str(error)) from error

@@ -18,6 +18,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._map import iterate
+from . import ensemble
 from .errors import UserError
 from .files import place, result_file
 from .phases import Phases
@@ -59,6 +60,7 @@ def add_to(commands: Any) -> None:
         metavar="FILE",
         help="write all that Trajectories.load needs, to a .npz, .nc or .zarr",
     )
+    ensemble.add_to(parser)
     output.add_argument(
         "--json", action="store_true", help="print the summary as one JSON object, for programs"
     )
@@ -68,6 +70,9 @@ def run(options: argparse.Namespace) -> str:
     """Carry out the command, and return the summary."""
     body, eps, rotation = problem_of(options)
     settings = _settings(options)
+    if ensemble.is_store(options.output):
+        return ensemble.run(options, body, eps, _bar())
+    ensemble.require_none(options)
     omega0 = starts_of(options, body)
     phases = Phases(options.output)
     linked = _has_hard_links(options.output)

@@ -25,8 +25,8 @@ Facts = dict[str, Any]
 def facts_of(trajectories: Trajectories) -> Facts:
     """What a run is: numbers, strings and lists."""
     return {
-        "body": _body(trajectories.body),
-        "eps": _brief(trajectories.eps),
+        "body": described(trajectories.body),
+        "eps": brief(trajectories.eps),
         "trajectories": trajectories.status.size,
         "steps": trajectories.steps,
         "save_every": trajectories.save_every,
@@ -42,7 +42,7 @@ def outcome_of(trajectories: Trajectories, start: FloatArray | None) -> Facts:
     if start is not None:
         drift = {
             name: _drift(trajectories, start, observable)
-            for name, observable in _conserved(trajectories.body)
+            for name, observable in conserved(trajectories.body)
         }
     numbers = {status.name: int((trajectories.status == status).sum()) for status in Status}
     return {
@@ -65,16 +65,17 @@ def as_text(facts: Facts) -> str:
     return "\n".join(f"{name:<16}{value}" for name, value in lines)
 
 
-def _body(body: Body) -> Facts:
+def described(body: Body) -> Facts:
+    """The parameters of a body."""
     kind = type(body).__name__
     single = 0 if isinstance(body, Suslov3D) else 1
     return {
         "type": kind,
-        **{name: _brief(getattr(body, name), single) for name in parameters_of(kind)},
+        **{name: brief(getattr(body, name), single) for name in parameters_of(kind)},
     }
 
 
-def _brief(value: Any, axes: int = 0) -> Any:
+def brief(value: Any, axes: int = 0) -> Any:
     """A number or a vector, or of a batch of them the range."""
     array = np.asarray(value)
     if array.ndim <= axes:
@@ -83,7 +84,7 @@ def _brief(value: Any, axes: int = 0) -> Any:
     return {"shape": list(array.shape), **bounds}
 
 
-def _conserved(body: Body) -> list[tuple[str, Callable[..., FloatArray]]]:
+def conserved(body: Body) -> list[tuple[str, Callable[..., FloatArray]]]:
     """What to watch: F where it is conserved by every body, else the two energies."""
     if isinstance(body, Suslov3D):
         return [("F", first_integral)]

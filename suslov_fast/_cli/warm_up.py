@@ -93,6 +93,8 @@ def _functions(body: Body, starts: FloatArray) -> Callable[[], None]:
         sf.energy(body, states)
         sf.modified_energy(body, states, 0.1)
         sf.vector_field(body, states)
+        sf.matrix(body, states[-1, :_HEAVY], 0.1)
+        sf.lyapunov_exponents(body, starts[:_HEAVY], 0.1, _SAVED)
         sf.reaction(body, states)
         sf.reaction(body, states, 0.1)
         sf.jacobian(body, states[-1, :_HEAVY], 0.1)
@@ -102,7 +104,13 @@ def _functions(body: Body, starts: FloatArray) -> Callable[[], None]:
             sf.first_integral(body, states, 0.1)
             sf.criticality(body, states, 0.1)
             sf.from_xy(body, sf.to_xy(body, states))
-            sf.step_full(body, np.ones((len(starts), 3)), 0.1, 2.0)
+            sf.invariant_density(body, states, 0.1)
+            sf.closed_form(body, states, 0.1)
+            full = np.ones((len(starts), 3))
+            sf.step_full(body, full, 0.1, 2.0)
+            sf.iterate_full(body, full, 0.1, _SAVED, 2.0, on_singular="ignore")
+            many = np.linspace(1.0, 2.0, len(starts))
+            sf.scattering_angle(sf.Suslov3D(many, 1.0, 1.0, 0.5))
 
     return job
 

@@ -13,7 +13,6 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core.cpu import closed_form as loops
 from .._core.cpu.blocks import TASKS
-from .._core.cpu.vector import VECTOR
 from . import threads as _threads
 from .layout import flat_parameter, flat_vectors, for_kernel
 
@@ -21,18 +20,17 @@ from .layout import flat_parameter, flat_vectors, for_kernel
 SLICE = 2**22
 # Fewer times than these are not worth a run: it has tables.
 SHORTEST = 32
+# Rows of one call, if there are as many: to enter a trajectory costs some 100 states.
+_WORTH_ENTERING = 2**12
 # Numbers that are compared at a time.
 _IN_CACHE = 2**15
 # Most given states have the number 0.
 NO_START = np.zeros(1)
 
 
-def scratch() -> FloatArray:
-    """Room for the tasks of a loop, on a cache line."""
-    size = TASKS * loops.SCRATCH
-    buffer = np.empty(size + VECTOR)
-    offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
-    return buffer[offset : offset + size].reshape(TASKS, loops.SCRATCH)
+def none_missing() -> NDArray[np.int64]:
+    """What the tasks of a loop count missing states in."""
+    return np.zeros((TASKS, 2), np.int64)
 
 
 Range = tuple[int, int]
@@ -41,11 +39,12 @@ Range = tuple[int, int]
 def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
     """Trajectories and rows of each of the calls that a long one is cut into.
 
-    Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows.
+    Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
+    batch is cut first, as long as rows are worth that trajectories are entered.
     """
-    width = max(SLICE // max(min(rows, loops.GROUP), 1) // loops.WIDTH * loops.WIDTH, loops.WIDTH)
-    width = min(batch, width)
-    height = max(SLICE // max(width, 1) // loops.GROUP * loops.GROUP, loops.GROUP)
+    abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
+    width = min(batch, max(abreast // loops.WIDTH * loops.WIDTH, loops.WIDTH))
+    height = (SLICE // max(width, 1) // loops.GROUP + 1) * loops.GROUP
     for lane in range(0, batch, max(width, 1)):
         for row in range(0, rows, height):
             yield (lane, min(lane + width, batch)), (row, min(row + height, rows))
@@ -89,11 +88,10 @@ def _fill(
     step_size = flat_parameter(body.normalised_eps(eps), batch)
     parameters = [*body.flat_normalised(batch), step_size]
     flat = out.reshape(times.size, len(states), 2)
-    room = scratch()
-    missing = np.zeros((len(room), 2), np.int64)
+    missing = none_missing()
     runs = runs_of(times, flow)
     for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, missing, room, threads)
+        fill_run(run, flow, parameters, states, NO_START, flat, missing, threads)
     for lanes, rows in slices(len(states), times.size) if not runs else ():
         _threads.run(
             loops.fill,
@@ -106,7 +104,6 @@ def _fill(
             lanes,
             flat[slice(*rows)],
             missing,
-            room,
         )
     total: NDArray[np.int64] = missing.sum(axis=0)
     return total
@@ -136,7 +133,6 @@ def fill_run(
     start: FloatArray,
     out: FloatArray,
     missing: NDArray[np.int64],
-    room: FloatArray,
     threads: int | None,
 ) -> None:
     """Fill the rows of `out`, (N, B, 2), that belong to a run.
@@ -161,7 +157,6 @@ def fill_run(
             (top, bottom, run.origin, run.direction),
             out,
             missing,
-            room,
         )
 
 

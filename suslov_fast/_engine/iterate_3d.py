@@ -158,14 +158,11 @@ def _fill(
     """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
     if not len(rows):
         return
-    room = closed.scratch()
     run = closed.Run(
         1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
     )
-    missing = np.zeros((len(room), 2), np.int64)
-    closed.fill_run(
-        run, False, _parameters(problem), omega, start, rows, missing, room, problem.threads
-    )
+    missing = closed.none_missing()
+    closed.fill_run(run, False, _parameters(problem), omega, start, rows, missing, problem.threads)
 
 
 def _closed_form(
@@ -183,7 +180,6 @@ def _closed_form(
         float(n),
         final,
         status,
-        closed.scratch(),
     )
     return final, status
 

@@ -23,7 +23,8 @@ def run(problem: Problem) -> Outcome:
     known = ~np.isnan(start[:, 0])
     if problem.start:
         state = problem.resume["state"].copy()
-        status, failed_at = (problem.resume[name].copy() for name in ("status", "failed_at"))
+        status = problem.resume["status"].astype(np.int8)
+        failed_at = problem.resume["failed_at"].astype(np.int64)
     else:
         state = np.ascontiguousarray(start.T)
         status = np.where(known, codes.OK, codes.NONFINITE).astype(np.int8)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -69,7 +69,7 @@ class Problem:
     saved: FloatArray
     turns: FloatArray
     orientation: FloatArray | None = None
-    resume: dict[str, FloatArray] = field(default_factory=dict)
+    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
 
@@ -167,7 +167,7 @@ class Outcome(NamedTuple):
     final: FloatArray
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
-    resume: dict[str, FloatArray]
+    resume: dict[str, NDArray[Any]]
 
 
 def never(size: int) -> NDArray[np.int64]:

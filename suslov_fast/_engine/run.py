@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class Run:
     method: str
     orientation: FloatArray | None = None
     start: int = 0
-    resume: dict[str, FloatArray] = field(default_factory=dict)
+    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
 
@@ -61,7 +61,7 @@ class Run:
     @property
     def dimension(self) -> int:
         """The number of components of a state."""
-        return self.omega0.shape[-1]
+        return int(self.omega0.shape[-1])
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -85,7 +85,7 @@ class Results(NamedTuple):
     final: FloatArray
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
-    resume: dict[str, FloatArray]
+    resume: dict[str, NDArray[Any]]
 
 
 def execute(
@@ -154,7 +154,7 @@ def _results(
     )
 
 
-def _beside(run: Run, resume: dict[str, FloatArray]) -> dict[str, FloatArray]:
+def _beside(run: Run, resume: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """What the loops left to go on from, with what the run began with."""
     begin = {"omega0": run.omega0}
     if run.orientation is not None:

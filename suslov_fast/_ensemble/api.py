@@ -57,8 +57,10 @@ def ensemble(
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read once
         more than needed, to know them again.
-    eps, steps, method, attitude
-        As in :func:`iterate`.
+    eps : array_like(float, shape=(...))
+        Step size, as in :func:`iterate`.
+    steps : int
+        Number of steps, 0 or more; those of the store or more.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec knows, or a store as Zarr takes it.
     save_every : int or None
@@ -68,6 +70,10 @@ def ensemble(
         Store no states but the last, and instead, for each trajectory, what these names stand for:
         "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
         since the start), "omega_min", "omega_max" (the extrema of each component).
+    method : str
+        As in :func:`iterate`.
+    attitude : bool or array_like(float, shape=(..., n, n))
+        As in :func:`iterate`.
     dims : str or sequence of str, optional
         Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
     coords : mapping, optional

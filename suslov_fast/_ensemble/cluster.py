@@ -58,7 +58,8 @@ def run(
         return future
 
     abreast = _WAITING * max(1, sum(client.nthreads().values()))
-    futures = as_completed([submit(index) for index in islice(tiles, abreast)])
+    first = [submit(index) for index in islice(tiles, abreast)]
+    futures = as_completed(first, loop=client.loop)
     try:
         for future in futures:
             try:
@@ -73,7 +74,7 @@ def run(
                 for index in islice(tiles, 1):
                     futures.add(submit(index))
     except BaseException:
-        client.cancel([each for each in futures.futures])
+        client.cancel(list(futures.futures))
         raise
 
 

@@ -13,9 +13,11 @@ speaks for is there, and what is written again is the same.
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ import numpy as np
 from .. import _labelled
 from .._core.codes import NOT_COMPUTED
 from .._record import FORMAT, parameters_of
-from .._replacing import replacing
+from .._replacing import kind_of, replacing
 from .job import Job
 from .reductions import REDUCTIONS
 
@@ -37,7 +39,11 @@ _PENDING = "PENDING"
 def resolved(store: Any) -> Any:
     """A store that other processes find: a folder as its absolute path."""
     if isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store):
-        return os.path.abspath(os.fspath(store))
+        try:
+            return os.path.abspath(os.fspath(store))
+        except OSError as error:  # a working directory that was deleted has no path
+            message = f"expected a name in a folder that can be written to, got: {error.strerror}"
+            raise OSError(error.errno, message, os.fspath(store)) from error
     return store
 
 
@@ -50,15 +56,16 @@ def exists(store: Any) -> bool:
     """Whether something is there that is, or was to become, a store."""
     import zarr
 
-    if is_folder(store) and not os.path.lexists(store):
-        return False
+    if is_folder(store):
+        if not os.path.lexists(store):
+            return False
+        if not os.path.isdir(store):
+            raise _not_a_store(store, kind_of(os.lstat(store).st_mode))
     try:
-        group = zarr.open_group(store, mode="r")
+        group = zarr.open_group(store, mode="r", use_consolidated=False)
     except FileNotFoundError:
         if is_folder(store):
-            raise ValueError(
-                f"store: expected a new name or a Zarr store, got something else: {store}"
-            ) from None
+            raise _not_a_store(store, "another folder") from None
         return False
     if PROGRESS in group and "run" in group[PROGRESS].attrs:
         return True
@@ -67,6 +74,11 @@ def exists(store: Any) -> bool:
             f"store: expected a new name or a store that ensemble made, got another: {store}"
         )
     return False  # the process that was making it is gone
+
+
+def _not_a_store(store: str, received: str) -> OSError:
+    message = f"expected the name of a Zarr store to write, got {received}"
+    return OSError(errno.EEXIST, message, store)
 
 
 def create(
@@ -175,6 +187,17 @@ def _fill(
     progress.attrs["rows"] = job.plan.rows
     if "unfinished" in group.attrs:
         del group.attrs["unfinished"]
+    _consolidate(store)
+
+
+def _consolidate(store: Any) -> None:
+    """Put what readers need to know of all arrays into one place, which changes as a whole."""
+    import zarr
+
+    with warnings.catch_warnings():
+        # It is an extension of the format, which all readers that do not know it ignore.
+        warnings.simplefilter("ignore", UserWarning)
+        zarr.consolidate_metadata(store)
 
 
 def _encoding(job: Job, variable: Any) -> dict[str, Any]:
@@ -218,7 +241,7 @@ class Arrays:
     def __init__(self, store: Any) -> None:
         import zarr
 
-        self._group = zarr.open_group(store, mode="r+")
+        self._group = zarr.open_group(store, mode="r+", use_consolidated=False)
         self._opened: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
@@ -243,9 +266,13 @@ class Arrays:
 
 def lengthen(job: Job, group: Arrays) -> None:
     """Make room for the states of a run that is longer than the stored one."""
+    if job.keeps_states:
+        _make_rows(job, group)
     group.attrs["steps"] = job.steps
-    if not job.keeps_states:
-        return
+    _consolidate(job.store)
+
+
+def _make_rows(job: Job, group: Arrays) -> None:
     numbers = job.numbers
     for name in ("omega", "attitude"):
         if name in group:

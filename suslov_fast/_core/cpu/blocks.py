@@ -79,9 +79,3 @@ def take_units_out(given, lanes):
         given[EPS, l], given[STATE1, l], given[STATE2, l], given[UNIT, l] = own_unit(
             given[EPS, l], given[OMEGA1, l], given[OMEGA2, l]
         )
-
-
-@part
-def one_body(I1, I2, I13, I23, eps):
-    """Whether one body and one step size serve all blocks."""
-    return I1.size == 1 and I2.size == 1 and I13.size == 1 and I23.size == 1 and eps.size == 1

@@ -8,7 +8,6 @@ omega        (B, 2), the initial states.
 out          (N, B, 2), the states; NaN where there is none.
 missing      (tasks, 2): how many of them are NaN though their trajectory is not, at a step of the
              map, and between two.
-scratch      (tasks, SCRATCH), which is on a cache line; tasks write to their rows of it.
 
 Arrays of a block of up to WIDTH trajectories, lanes last:
 
@@ -33,19 +32,24 @@ from ..formulas.closed_form import (
     level_of_flow,
     level_of_map,
     logarithm_of_ratio,
-    near_point,
+    near_state,
     orbit_point,
     ratio_of_map,
 )
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
 from ..formulas.elementary import exponent, scaled
-from ..jit import Loop, part
+from ..jit import Loop, formula, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .blocks import gather_bodies, gather_states, in_whole_vectors
+from .blocks import TASKS, gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
+    borrowed,
     choose,
+    expect_store,
+    on_stack,
     publish,
+    same,
+    scatter_pairs,
     store_at,
     store_pairs,
     store_past_caches,
@@ -58,7 +62,7 @@ from .vector import (
 WORK = 8
 # Trajectories of a block, and numbers of its tile: both tables and tile stay in the first cache.
 WIDTH = 64
-TILE = 2048
+TILE = 1024
 # Rows from one exact power of r on, in a run of equal steps.
 GROUP = 64
 # States that one part of a task takes, of few trajectories.
@@ -79,13 +83,14 @@ X, Y, LOST, T, T_LOST, RATIO, SCALE = range(7)
 GIVEN_AT, ORBIT_AT = 0, 7
 WORK_AT = ORBIT_AT + 2 * ORBIT
 TABLES_AT = WORK_AT + WORK_ROWS
-TILE_AT = TABLES_AT + 20
-SCRATCH = TILE_AT * WIDTH + TILE + 16 + WIDTH
+TILE_AT = TABLES_AT + 22
+ALONG_AT = TILE_AT + TILE // WIDTH
+ROOM = ALONG_AT + 2
 
 
 @part
-def rows_of(scratch, first, rows):
-    return scratch[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
+def rows_of(room, first, rows):
+    return room[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
 
 
 # Short passes with few results each: one loop over all of this would not be vectorised.
@@ -293,6 +298,15 @@ def write_rows(tile, row, rows, width, flat, place, batch, first, line):
 
 
 @part
+def expect_rows(flat, place, direction, rows, batch, first, width):
+    """Fetch the lines at the ends of rows: a store to part of a line waits for it."""
+    for k in range(rows):
+        begin = 2 * ((place + direction * k) * batch + first)
+        expect_store(flat, begin)
+        expect_store(flat, begin + 2 * width - 1)
+
+
+@part
 def put_pairs(row1, row2, tile, place, width):
     """Write lanes of two rows to a tile as pairs."""
     if width < VECTOR:
@@ -343,13 +357,22 @@ def fill_across(given, orbits, work, times, tile, width, lanes, missing):
 
 
 @part
+def any_time(times, side):
+    """Whether any time is on a side: 0 where they are >= 0, 1 where they are negative."""
+    found = False
+    for j in range(times.size):
+        found |= (times[j] < 0.0) if side else (times[j] >= 0.0)
+    return found
+
+
+@part
 def fill_along(given, orbits, spread, work, times, tile, width, missing):
     """The same where lanes are times."""
     size = times.size
     lanes = in_whole_vectors(size)
     for l in range(width):
         for side in range(2):
-            if not ((times < 0.0) if side else (times >= 0.0)).any():
+            if not any_time(times, side):
                 continue
             for k in range(ORBIT):
                 spread[k, :lanes] = orbits[side, k, l]
@@ -368,21 +391,21 @@ def fill_along(given, orbits, spread, work, times, tile, width, missing):
             count_missing(spread, work, size, missing)
 
 
-def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, scratch):
+def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
     """States of the map at step numbers `times`, or of the flow at times `times`, (N,).
 
     lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
     """
-    batch, flat = omega.shape[0], out.reshape(out.size)
-    line = to_cache_line(flat, 0)
+    batch, whole = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(whole, 0)
     shift = shift_of_blocks(line)
     first_block, last_block = blocks_of(lanes_asked, shift, batch)
     chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
     chunks = (times.size + chunk - 1) // chunk
     n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, scratch.shape[0])
+    n_tasks = min(n_parts, missing.shape[0])
     for task in prange(n_tasks):
-        room = scratch[task]
+        room, flat = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH), borrowed(whole)
         given = rows_of(room, GIVEN_AT, 7)
         orbits = rows_of(room, ORBIT_AT, 2 * ORBIT).reshape((2, ORBIT, WIDTH))
         work, spread = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, ORBIT)
@@ -395,7 +418,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
                 entered = block
                 lanes = enter_block(I1, I2, I13, I23, eps, omega, first, width, given)
                 for side in range(2):
-                    if ((times < 0.0) if side else (times >= 0.0)).any():
+                    if any_time(times, side):
                         enter_orbits(flow, 1.0 - 2.0 * side, given, orbits[side], work, lanes)
             end = min(begin + chunk, times.size)
             height = max(min(TILE // (2 * width), WIDTH), 1)
@@ -409,7 +432,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing, 
         publish()
 
 
-def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
+def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
     """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
@@ -418,9 +441,9 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
     status   (B,): OK or SUPERCRITICAL; NONFINITE for the other orbits.
     """
     n_blocks = (omega.shape[0] + WIDTH - 1) // WIDTH
-    n_tasks = min(n_blocks, scratch.shape[0])
+    n_tasks = min(n_blocks, TASKS)
     for task in prange(n_tasks):
-        room = scratch[task]
+        room = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH)
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         work = rows_of(room, WORK_AT, WORK_ROWS)
         begin = rows_of(room, TABLES_AT, 1)[0]
@@ -445,9 +468,21 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status, scratch):
 # is an exact seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories
 # or, of few, the rows b; the arithmetic is the same.
 
-TABLE_A, TABLE_B, SEED, SLOW, START, APART = 0, 8, 16, 17, 18, 19
+TABLE_A, TABLE_B, SEED, SLOW, START, APART, HALF_U, KAPPA_U = (
+    0,
+    8,
+    16,
+    17,
+    18,
+    19,
+    20,
+    21,
+)
+TABLES = 22
 # Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
 LARGE_SEED, NEAR_POLE = 400.0, 0.25
+# omega is the difference of two numbers up to twice as large; float64 ends at 1.8e308.
+LARGEST = 1e307
 # A w this small becomes 0: subnormals are slow. Its square does not count long before.
 NO_SQUARE, NEGLIGIBLE = 2.0**-300, 2.0**-960
 
@@ -476,18 +511,18 @@ def enter_run(orbit, work, tables, first, every, lanes):
                     tables[table + a + k, l] = power if abs(power) > NEGLIGIBLE else 0.0 * power
     for l in range(lanes):
         usual = (whole | (orbit[R, l] > 0.0)) & (
-            abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < np.inf
+            abs(orbit[A1, l]) + abs(orbit[A2, l]) + abs(orbit[B1, l]) + abs(orbit[B2, l]) < LARGEST
         )
         tables[APART, l] = 0.0 if usual | (orbit[KNOWN, l] == 0.0) else 1.0
 
 
 @part
-def enter_seed(orbit, work, tables, n, lanes):
-    """The w of row 64 s, which has the number n; and which orbits must be taken row by row."""
-    for l in range(lanes):
-        since = max(n - tables[START, l], 0.0)
+def enter_seeds(orbit, work, tables, begin, end):
+    """The w at the numbers in row N, of some lanes; and which must be taken row by row."""
+    for l in range(begin, end):
+        since = max(work[N, l] - tables[START, l], 0.0)
         work[STEPS, l] = min(since * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
-    for l in range(lanes):
+    for l in range(begin, end):
         work[F, l], work[E, l] = growth(
             work[STEPS, l],
             orbit[LAG, l],
@@ -497,14 +532,50 @@ def enter_seed(orbit, work, tables, n, lanes):
             orbit[V, l],
             orbit[K, l],
         )
-    for l in range(lanes):
+    for l in range(begin, end):
         k = work[E, l]
         w = scaled(work[F, l], max(min(k, LARGE_SEED), -1000.0))
         w = w if abs(w) > NEGLIGIBLE else 0.0 * w
         poles = (orbit[R, l] < 0.0) & (abs(orbit[KAPPA, l] * w * w) > NEAR_POLE)
         slow = (k >= LARGE_SEED) | poles | (tables[APART, l] != 0.0)
         tables[SEED, l] = w
-        tables[SLOW, l] = 1.0 if slow | (n < tables[START, l]) else 0.0
+        tables[SLOW, l] = 1.0 if slow | (work[N, l] < tables[START, l]) else 0.0
+
+
+@part
+def make_lanes_of_seeds(orbit, tables, along, width):
+    """Of few trajectories, each has VECTOR more lanes, for the seeds of as many groups of rows.
+
+    along   receives the tables of each trajectory, numbers side by side: B, then A.
+    """
+    for l in range(width):
+        for j in range(VECTOR):
+            lane = VECTOR * (l + 1) + j
+            for k in range(ORBIT):
+                orbit[k, lane] = orbit[k, l]
+            for k in (START, APART):
+                tables[k, lane] = tables[k, l]
+            along[VECTOR * l + j] = tables[TABLE_B + j, l]
+            along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j, l]
+
+
+@part
+def enter_group(orbit, work, tables, first, every, group, anew, width, lanes):
+    """The seeds of a group of rows; of few trajectories, those of VECTOR groups if `anew`."""
+    if width >= VECTOR:
+        for l in range(lanes):
+            work[N, l] = first + every * (group * GROUP)
+        enter_seeds(orbit, work, tables, 0, lanes)
+        return
+    if anew or group % VECTOR == 0:
+        for l in range(width):
+            for j in range(VECTOR):
+                number = first + every * ((group - group % VECTOR + j) * GROUP)
+                work[N, VECTOR * (l + 1) + j] = number
+        enter_seeds(orbit, work, tables, VECTOR, VECTOR * (width + 1))
+    for l in range(width):
+        for k in (SEED, SLOW):
+            tables[k, l] = tables[k, VECTOR * (l + 1) + group % VECTOR]
 
 
 @part
@@ -515,6 +586,13 @@ def number_among(row, number, lanes):
     return found != 0.0
 
 
+@formula
+def not_subnormal(u, kappa):
+    """A vector of w, and k, or 0 in its place: whatever is so small that it does not count."""
+    u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
+    return u, choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
+
+
 @part
 def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
     """Rows 8 a ... 8 stop - 1 after a seed, of vectors of trajectories.
@@ -523,51 +601,52 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 
     orbit, tables   flat: a view of a row would count references each time.
     """
-    for k in range(0, width, VECTOR):
-        l = min(k, width - VECTOR)
-        constant = vector_at(orbit, KAPPA * WIDTH + l)
-        a1, b1 = vector_at(orbit, A1 * WIDTH + l), vector_at(orbit, B1 * WIDTH + l)
-        a2, b2 = vector_at(orbit, A2 * WIDTH + l), vector_at(orbit, B2 * WIDTH + l)
-        seed = vector_at(tables, SEED * WIDTH + l)
-        target = place + 2 * l
-        for c in range(a, stop):
-            u = seed * vector_at(tables, (TABLE_A + c) * WIDTH + l)
-            u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
-            kappa = choose(abs(u) > NO_SQUARE, constant, 0.0 * constant)
-            for b in range(8):
-                A, B = near_point(u * vector_at(tables, (TABLE_B + b) * WIDTH + l), kappa)
-                omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+    for c in range(a, stop):
+        for k in range(0, width, VECTOR):
+            l = min(k, width - VECTOR)
+            u = vector_at(tables, SEED * WIDTH + l) * vector_at(tables, (TABLE_A + c) * WIDTH + l)
+            u, kappa = not_subnormal(u, vector_at(orbit, KAPPA * WIDTH + l))
+            store_at(tables, HALF_U * WIDTH + l, 0.5 * u)
+            store_at(tables, KAPPA_U * WIDTH + l, 4.0 * kappa)
+        for b in range(8):
+            for k in range(0, width, VECTOR):
+                l = min(k, width - VECTOR)
+                half = vector_at(tables, HALF_U * WIDTH + l)
+                omega1, omega2 = near_state(
+                    half * vector_at(tables, (TABLE_B + b) * WIDTH + l),
+                    vector_at(tables, KAPPA_U * WIDTH + l),
+                    vector_at(orbit, A1 * WIDTH + l),
+                    vector_at(orbit, B1 * WIDTH + l),
+                    vector_at(orbit, A2 * WIDTH + l),
+                    vector_at(orbit, B2 * WIDTH + l),
+                )
                 if straight:
-                    stream_pairs(tile, target, omega1, omega2)
+                    stream_pairs(tile, place + 2 * l, omega1, omega2)
                 else:
-                    store_pairs(tile, target, omega1, omega2)
-                target += stride
+                    store_pairs(tile, place + 2 * l, omega1, omega2)
+            place += stride
 
 
 @part
-def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, pairs):
-    """The same of vectors of rows; `along` holds the powers r**(b every) of each trajectory."""
+def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
+    """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
-        constant = orbit[KAPPA * WIDTH + l]
-        a1, b1 = orbit[A1 * WIDTH + l], orbit[B1 * WIDTH + l]
-        a2, b2 = orbit[A2 * WIDTH + l], orbit[B2 * WIDTH + l]
-        seed, powers = tables[SEED * WIDTH + l], vector_at(along, VECTOR * l)
+        a1, b1 = same(orbit[A1 * WIDTH + l]), same(orbit[B1 * WIDTH + l])
+        a2, b2 = same(orbit[A2 * WIDTH + l]), same(orbit[B2 * WIDTH + l])
+        powers = vector_at(along, VECTOR * l)
+        u = tables[SEED * WIDTH + l] * vector_at(along, VECTOR * (VECTOR + l))
+        u, kappa = not_subnormal(u, same(orbit[KAPPA * WIDTH + l]))
+        store_at(tables, HALF_U * WIDTH, 0.5 * u)
+        store_at(tables, KAPPA_U * WIDTH, 4.0 * kappa)
         target = place + 2 * l
         for c in range(a, stop):
-            u = seed * tables[(TABLE_A + c) * WIDTH + l]
-            u = u if abs(u) > NEGLIGIBLE else 0.0 * u
-            kappa = constant if abs(u) > NO_SQUARE else 0.0 * constant
-            A, B = near_point(u * powers, kappa)
-            omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+            half, kappa_of_u = tables[HALF_U * WIDTH + c], tables[KAPPA_U * WIDTH + c]
+            omega1, omega2 = near_state(half * powers, kappa_of_u, a1, b1, a2, b2)
             if stride == 2:
                 store_pairs(tile, target, omega1, omega2)
-                target += 2 * VECTOR
             else:
-                store_pairs(pairs, 0, omega1, omega2)
-                for b in range(8):
-                    tile[target] = pairs[2 * b]
-                    tile[target + 1] = pairs[2 * b + 1]
-                    target += stride
+                scatter_pairs(tile, target, stride, omega1, omega2)
+            target += VECTOR * stride
 
 
 @part
@@ -605,7 +684,7 @@ def spread_starts(start, first, width, lanes, row):
 
 
 def _fill_run(
-    flow, back, I1, I2, I13, I23, eps, omega, start, run, lanes_asked, rows, out, missing, scratch
+    flow, back, I1, I2, I13, I23, eps, omega, start, run, lanes_asked, rows, out, missing
 ):
     """States at n = first + every i >= 0, i in a range of rows.
 
@@ -621,23 +700,22 @@ def _fill_run(
     """
     first, every = run
     begin, end, origin, direction = rows
-    batch, flat = omega.shape[0], out.reshape(out.size)
-    line = to_cache_line(flat, 0)
+    batch, whole = omega.shape[0], out.reshape(out.size)
+    line = to_cache_line(whole, 0)
     shift = shift_of_blocks(line)
     first_block, last_block = blocks_of(lanes_asked, shift, batch)
     chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
     chunks = (end + chunk - 1) // chunk - begin // chunk
     n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, scratch.shape[0])
+    n_tasks = min(n_parts, missing.shape[0])
     for task in prange(n_tasks):
-        room = scratch[task]
+        room, flat = on_stack(ROOM, WIDTH).reshape(ROOM * WIDTH), borrowed(whole)
         given, orbit = rows_of(room, GIVEN_AT, 7), rows_of(room, ORBIT_AT, ORBIT)
         spread = rows_of(room, ORBIT_AT + ORBIT, ORBIT)
-        work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, 20)
+        work, tables = rows_of(room, WORK_AT, WORK_ROWS), rows_of(room, TABLES_AT, TABLES)
         flat_orbit, flat_tables = orbit.reshape(orbit.size), tables.reshape(tables.size)
         tile = room[TILE_AT * WIDTH : TILE_AT * WIDTH + TILE]
-        pairs = room[TILE_AT * WIDTH + TILE : TILE_AT * WIDTH + TILE + 2 * VECTOR]
-        along = room[TILE_AT * WIDTH + TILE + 2 * VECTOR :]
+        along = room[ALONG_AT * WIDTH :]
         entered = -1
         for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
             block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks
@@ -650,10 +728,8 @@ def _fill_run(
                 spread_starts(start, lane, width, lanes, tables[START])
                 enter_run(orbit, work, tables, first, every, lanes)
                 if width < VECTOR:
-                    for l in range(width):
-                        for b in range(VECTOR):
-                            along[VECTOR * l + b] = tables[TABLE_B + b, l]
-            height = max(TILE // (2 * width) // 8 * 8, 8)
+                    make_lanes_of_seeds(orbit, tables, along, width)
+            height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
             in_line = flat.size >= BEYOND_CACHES and batch % (VECTOR // 2) == 0
             in_line = in_line and width % VECTOR == 0 and (line - 2 * lane) % VECTOR == 0
             seeded, filled, any_slow, begins = -1, 0, False, False
@@ -661,12 +737,17 @@ def _fill_run(
             while row < bottom:
                 n = first + every * row
                 if row // GROUP != seeded:
-                    seeded = row // GROUP
-                    enter_seed(orbit, work, tables, first + every * (seeded * GROUP), lanes)
+                    anew, seeded = seeded < 0, row // GROUP
+                    enter_group(orbit, work, tables, first, every, seeded, anew, width, lanes)
                     any_slow = any_of(tables[SLOW], width)
                     begins = number_among(tables[START], n, width)
                 a = row % GROUP // 8
                 stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
+                if filled == 0 and width != batch and not in_line:
+                    upper = max(row, top)
+                    ahead = min(height, bottom - upper)
+                    place = origin + direction * upper
+                    expect_rows(flat, place, direction, ahead, batch, lane, width)
                 place = 2 * width * (filled if direction > 0 else height - 1 - filled)
                 stride = 2 * width * direction
                 straight = in_line and row >= top and bottom - row >= 8
@@ -680,9 +761,7 @@ def _fill_run(
                 if in_line:
                     stop = a + 1
                 if width < VECTOR:
-                    rows_along(
-                        flat_orbit, flat_tables, along, a, stop, tile, place, stride, width, pairs
-                    )
+                    rows_along(flat_orbit, flat_tables, along, a, stop, tile, place, stride, width)
                 else:
                     rows_across(False, flat_orbit, flat_tables, a, stop, tile, place, stride, width)
                 if a == 0:

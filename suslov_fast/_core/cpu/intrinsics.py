@@ -14,6 +14,7 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from .vector import (
     VECTOR,
+    borrowed,
     choose,
     copy_transposed,
     expect_store,
@@ -22,6 +23,7 @@ from .vector import (
     on_stack,
     publish,
     same,
+    scatter_pairs,
     store,
     store_at,
     store_pairs,
@@ -213,6 +215,18 @@ _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, 
 _define_pairs(stream_pairs, _stream)
 
 
+@_define(scatter_pairs, types.void, _FLAT, _INDEX, _INDEX, DOUBLES, DOUBLES)
+def _scatter_pairs(context, builder, signature, arguments):
+    array, index, stride, first, second = arguments
+    pair = ir.VectorType(ir.DoubleType(), 2)
+    for k in range(VECTOR):
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [k, VECTOR + k])
+        place = _element(context, builder, array, index, pair)
+        builder.store(builder.shuffle_vector(first, second, mask), place, align=8)
+        index = builder.add(index, stride)
+    return context.get_dummy_value()
+
+
 @_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
 def _copy_transposed(context, builder, signature, arguments):
     array, index, stride, source, first, distance = arguments
@@ -292,3 +306,27 @@ def _on_stack(typing_context, rows, lanes):
 @overload(on_stack, inline="always", prefer_literal=True)
 def _overload_on_stack(rows, lanes):
     return lambda rows, lanes: _on_stack(rows, lanes)
+
+
+@intrinsic
+def _borrowed(typing_context, array):
+    def generate(context, builder, signature, arguments):
+        kind = signature.return_type
+        given = context.make_array(kind)(context, builder, *arguments)
+        result = context.make_array(kind)(context, builder)
+        context.populate_array(
+            result,
+            data=given.data,
+            shape=given.shape,
+            strides=given.strides,
+            itemsize=given.itemsize,
+            meminfo=None,
+        )
+        return result._getvalue()
+
+    return array(array), generate
+
+
+@overload(borrowed, inline="always")
+def _overload_borrowed(array):
+    return lambda array: _borrowed(array)

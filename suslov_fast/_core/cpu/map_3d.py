@@ -118,10 +118,12 @@ def enter_canonical(given, state, frame, limits, lanes):
     for l in range(lanes):
         limits[BEYOND, l] = abs(state[SECOND, l]) >= 1.0
         limits[SHIFT, l], state[SECOND, l] = shifted(state[SECOND, l], limits[SHIFT, l])
-        limits[WILD, l] = not tame(state[FIRST, l], state[SECOND, l], limits[SHIFT, l])
     for l in range(lanes):
         limits[BOUND, l] = (LARGEST / max(given[UNIT, l], 1.0)) / max(
             max(abs(frame[M11, l]), abs(frame[M12, l])), max(abs(frame[M21, l]), abs(frame[M22, l]))
+        )
+        limits[WILD, l] = not tame(
+            state[FIRST, l], state[SECOND, l], limits[SHIFT, l], limits[BOUND, l]
         )
         frame[REST1, l] += frame[M12, l] * limits[SHIFT, l]
         frame[REST2, l] += frame[M22, l] * limits[SHIFT, l]

@@ -29,6 +29,14 @@ def on_stack(rows, lanes):
     return aligned(rows * lanes).reshape((rows, lanes))
 
 
+def borrowed(array):
+    """The array, whose references are not counted: the caller keeps it.
+
+    A count waits until all that was written past the caches has arrived.
+    """
+    return array
+
+
 @part
 def to_cache_line(array, index):
     """How many elements lie between array[index] and the next start of a cache line."""
@@ -96,6 +104,12 @@ def store_past_caches(array, index, vector):
 def store_pairs(array, index, first, second):
     """Write two vectors lane by lane side by side, as pairs of numbers."""
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
+
+
+def scatter_pairs(array, index, stride, first, second):
+    """Write two vectors as pairs, at index, index + stride, ..."""
+    for k in range(VECTOR):
+        array[index + stride * k], array[index + stride * k + 1] = first[k], second[k]
 
 
 def stream_pairs(array, index, first, second):

@@ -16,6 +16,10 @@ ZERO_TO_ROUNDING = 2.0**-50
 # is not a small change of the old one.
 LARGE = 2.0
 
+# No orbit that is tame at its start gets to a larger |X| + |Z|: by H = (X**2 + 2 Y**2)/(2 + X**2),
+# which is conserved, its X**2 is below 6 and its |Y| below 1.
+LARGEST_TAME = 5.0
+
 
 @formula
 def nan_at_zero(difference, size):
@@ -31,9 +35,9 @@ def shifted(Y, lost):
 
 
 @formula
-def tame(X, Z, c):
-    """Whether an orbit has c = 0, never meets a pole, -1 < Y <= 1/2, and no large X."""
-    return c == 0.0 and Z < 1.0 and abs(X) < LARGE
+def tame(X, Z, c, bound):
+    """Whether an orbit has c = 0, never meets a pole or a bound, -1 < Y <= 1/2, and no large X."""
+    return c == 0.0 and Z < 1.0 and abs(X) < LARGE and bound > LARGEST_TAME
 
 
 @formula

@@ -181,7 +181,7 @@ def orbit_point(f, k, kappa):
     """A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
-    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else 0.0
+    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else np.float64(0.0)
     u = factor if large else 1.0
     v = f if large else f * (1.0 / factor if k > 0.0 else factor)
     first, second = square(u), kappa * square(v)
@@ -206,11 +206,14 @@ def far_point(n, r, log_r, log_lost, g, h):
 
 
 @formula
-def near_point(w, kappa):
-    """A and B of a w neither so large that its square overflows, nor next to a pole."""
-    square_of_w = w * (w * kappa)
-    inverse = 1.0 / (1.0 + square_of_w)
-    return w * inverse, (square_of_w - 1.0) * inverse
+def near_state(half, kappa, a1, b1, a2, b2):
+    """The angular velocity at a w neither so large that its square overflows, nor next to a pole.
+
+    half    w / 2.
+    kappa   4 k.
+    """
+    twice_inverse = 2.0 / (1.0 + half * (half * kappa))
+    return b1 + (a1 * half - b1) * twice_inverse, b2 + (a2 * half - b2) * twice_inverse
 
 
 @formula

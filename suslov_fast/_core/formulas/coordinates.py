@@ -118,8 +118,5 @@ def from_canonical(I1, I2, I13, I23, eps):
 
 @formula
 def angular_velocity(m11, m12, m21, m22, rest1, rest2, unit, X, Y):
-    """omega = (m (X, Y) + rest) unit; NaN where it is not finite."""
-    omega1 = (m11 * X + m12 * Y + rest1) * unit
-    omega2 = (m21 * X + m22 * Y + rest2) * unit
-    poison = 0.0 * omega1 + 0.0 * omega2
-    return omega1 + poison, omega2 + poison
+    """omega = (m (X, Y) + rest) unit; both are NaN where X is."""
+    return (m11 * X + m12 * Y + rest1) * unit, (m21 * X + m22 * Y + rest2) * unit

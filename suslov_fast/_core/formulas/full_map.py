@@ -31,9 +31,9 @@ def full_matrix(k1, k2, k3, k4, k5, k6, omega1, omega2, omega3):
     m11, m22 = 1.0 + k1_omega2, 1.0 - k2_omega1
     m12 = k5 * omega3 + (k1 * omega1 + k3 * omega2)
     m21 = k6 * omega3 - (k2 * omega2 + k4 * omega1)
-    product = m12 * m21
-    size = (1.0 + abs(k1_omega2)) * (1.0 + abs(k2_omega1)) + abs(product)
-    return m11, m12, m21, m22, nan_at_zero(m11 * m22 - product, size)
+    # Where the determinant is 0, its two terms are equally large.
+    size = (1.0 + abs(k1_omega2)) * (1.0 + abs(k2_omega1))
+    return m11, m12, m21, m22, nan_at_zero(m11 * m22 - m12 * m21, size)
 
 
 @formula

@@ -22,7 +22,8 @@ def printed_denominator(k1, k2, k3, k4, omega1, omega2):
     """Delta of (ds2), and whether it differs from 0 beyond rounding and is finite."""
     product = (k1 * omega1 + k3 * omega2) * (k4 * omega1 + k2 * omega2)
     delta = (1.0 + k1 * omega2) * (1.0 - k2 * omega1) + product
-    size = (1.0 + abs(k1 * omega2)) * (1.0 + abs(k2 * omega1)) + abs(product)
+    # Where delta is 0, the product is as large as the other term.
+    size = (1.0 + abs(k1 * omega2)) * (1.0 + abs(k2 * omega1))
     return delta, ZERO_TO_ROUNDING * size < abs(delta) < np.inf
 
 

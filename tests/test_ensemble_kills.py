@@ -1,0 +1,72 @@
+"""Whatever is killed, the same call finishes the run, with the bytes of one never disturbed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ensemble_runs import arguments
+
+from suslov_fast import ensemble
+
+pytest.importorskip("distributed")
+pytestmark = [
+    pytest.mark.compiled,
+    pytest.mark.skipif(sys.platform == "win32", reason="no fork, no SIGKILL"),
+]
+HERE = Path(__file__).parent
+
+
+def run(what, store, kind, seed, kills):
+    """The lines that the process prints, once its store is finished."""
+    root = HERE.parent if HERE.name == "tests" else HERE.parents[1]
+    done = subprocess.run(
+        [
+            sys.executable,
+            str(root / "tests" / "ensemble_runs.py"),
+            what,
+            str(store),
+            kind,
+            str(seed),
+            str(kills),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        env=os.environ,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return [int(line) for line in done.stdout.split()]
+
+
+def results(store):
+    """The files of a store but for its metadata, by name."""
+    return {
+        str(path.relative_to(store)): path.read_bytes()
+        for path in store.rglob("*")
+        if path.is_file() and path.name != "zarr.json" and path.parts[-3] not in ("n", "t")
+    }
+
+
+def assert_undisturbed(store, kind, steps):
+    """It holds what an undisturbed run does, byte for byte, and nothing else."""
+    other = store.with_name("undisturbed.zarr")
+    ensemble(**arguments(kind), steps=steps, store=other)
+    found, expected = results(store), results(other)
+    assert sorted(found) == sorted(expected)
+    assert [name for name in found if found[name] != expected[name]] == []
+
+
+@pytest.mark.parametrize("kind", ["3d", "3d reductions", "nd"])
+def test_killed_runs_are_finished(tmp_path, kind):
+    store = tmp_path / "run.zarr"
+    assert run("alone", store, kind, 1, 5) == [5]
+    assert_undisturbed(store, kind, 300)
+
+
+def test_killed_workers_cost_nothing(tmp_path):
+    store = tmp_path / "run.zarr"
+    steps, killed = run("workers", store, "nd", 2, 3)
+    assert killed == 3
+    assert_undisturbed(store, "nd", steps)

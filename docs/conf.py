@@ -80,9 +80,9 @@ def mathml(display):
     """Write formulas as browsers read them: no script, and nothing fetched when a page is read."""
 
     def write(self, node):
-        attributes = f' class="math" id="{node["ids"][0]}"' if node["ids"] else ' class="math"'
         tag = "div" if display == "block" else "span"
-        self.body.append(f"<{tag}{attributes}>{convert(node.astext(), display=display)}</{tag}>")
+        formula = convert(node.astext(), display=display)
+        self.body.append(f'<{tag} class="formula">{formula}</{tag}>')
         raise nodes.SkipNode
 
     return write, None

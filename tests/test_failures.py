@@ -124,6 +124,17 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, method):
         assert (cut.status == whole.status).all()
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_which_orbits_are_supercritical(unit, method):
+    """Those with |Y| >= 1, on either side; not the identity, however fast."""
+    omega2 = np.array([-3.0, -2.5, -1.99, 0.0, 1.99, 2.0, 2.5, 300.0])
+    omega = np.column_stack([np.full(8, 1e-3), omega2])
+    status = sf.iterate(unit, omega, 1, 2, method=method).status
+    assert status.tolist() == [1, 1, 0, 0, 0, 1, 1, 1]
+    still = sf.Suslov3D(1, 1, 0, 0)
+    assert (sf.iterate(still, omega * 1e9, 1, 2, method=method).status == 0).all()
+
+
 def test_passing_a_pole_is_no_failure(unit):
     """Next to a pole the orbit jumps far away and comes back."""
     omega = np.array([1.0, -3.0 + 1e-9])

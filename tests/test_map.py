@@ -289,10 +289,12 @@ def test_only_what_is_negligible_is_flushed(decay, zero):
     assert (final[1] == 0) == zero
     assert zero or abs(final[1] / float(exact[1]) - 1) < 1e-12
     assert abs(final[0] / float(exact[0]) - 1) < 1e-14
+    half = sf.iterate(body, omega, 1.0, 100, method="canonical", save_every=None)
+    assert (half.extend(steps - 100).final == final).all()
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
-@pytest.mark.parametrize("size", [1e-290, 1e-200, 1e-150, 1e-100, 1e-30, 1e-14])
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-290, 1e-200, 1e-150, 1e-100, 1e-30, 1e-14])
 def test_slow_states(unit, method, size):
     """Too slow to be held in the coordinates of the map, or just not."""
     omega = np.array([0.7, -0.4])

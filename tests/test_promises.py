@@ -330,6 +330,15 @@ def test_any_batch_size_number_of_steps_and_saving(size, steps, save_every):
     assert same(result.omega[:, i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)
 
 
+@pytest.mark.parametrize("steps", [1, 255, 257])
+def test_a_whole_block_whose_states_are_all_saved(body, rng, steps):
+    omega = rng.uniform(-1, 1, (LANES, 2))
+    saved = run(body, omega, 0.2, steps, method="canonical").omega
+    assert same(saved[:, :3], run(body, omega[:3], 0.2, steps, method="canonical").omega)
+    last = run(body, omega, 0.2, steps, method="canonical", save_every=None).final
+    assert same(saved[-1], last)
+
+
 @pytest.mark.parametrize("shift", range(8))
 @pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
 def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):

@@ -108,8 +108,10 @@ def _jump(problem: Problem) -> Outcome:
 
     Orbits that may meet a pole are iterated from their start until they are past it.
     """
-    final, status = _closed_form(problem, problem.omega, problem.stop)
     _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row)
+    saves_last = len(problem.saved) and problem.stop % problem.every == 0
+    last = problem.saved[-1] if saves_last else None
+    final, status = _closed_form(problem, problem.omega, problem.stop, last)
     failed_at = never(problem.size)
     if status.min(initial=0) < 0:
         failed_at = failed_at.copy()
@@ -166,11 +168,15 @@ def _fill(
 
 
 def _closed_form(
-    problem: Problem, omega: FloatArray, n: int
+    problem: Problem, omega: FloatArray, n: int, known: FloatArray | None = None
 ) -> tuple[FloatArray, NDArray[np.int8]]:
-    """State n, counted from omega; a status is negative where the closed form may not be used."""
+    """State n, counted from omega; a status is negative where the closed form may not be used.
+
+    known   These states, if they have been computed: only their statuses are wanted then.
+    """
     size = len(omega)
-    final, status = np.empty((size, 2)), np.empty(size, np.int8)
+    final = np.empty((size, 2)) if known is None else known
+    status = np.empty(size, np.int8)
     threads.run(
         closed_form.jump,
         size * closed_form.WORK if size > blocks.LANES else 0,
@@ -178,6 +184,7 @@ def _closed_form(
         *_parameters(problem),
         omega,
         float(n),
+        known is not None,
         final,
         status,
     )

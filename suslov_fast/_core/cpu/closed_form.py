@@ -169,6 +169,12 @@ def enter_sequences(flow, back, given, orbit, work, lanes):
         orbit[A2, l], orbit[B2, l] = scaled(m21 * share, scale), scaled(m22 * level, scale)
 
 
+@formula
+def has_no_step(I13, I23, eps, X, Y):
+    """Whether the map leaves a state where it is, or has no next one at (0, 1)."""
+    return (X == 0.0) | at_rest(I13, I23, eps, X, Y)
+
+
 @part
 def enter_rest(flow, given, orbit, work, lanes):
     """States that do not move are what their B alone makes; next to (0, 1) none follows."""
@@ -177,7 +183,7 @@ def enter_rest(flow, given, orbit, work, lanes):
         known = given[5, l] + given[6, l]
         rests = x == 0.0
         if not flow:
-            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], x, y)
+            rests = has_no_step(given[2, l], given[3, l], given[4, l], x, y)
         ends = (not flow) & rests & ((1.0 - y) - work[LOST, l] == 0.0)
         orbit[KNOWN, l] = 1.0 if known == known else 0.0
         orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]
@@ -194,6 +200,12 @@ def enter_rest(flow, given, orbit, work, lanes):
 def enter_orbits(flow, back, given, orbit, work, lanes):
     """All that is known of the orbits before any time is: forward, or back in time."""
     enter_units(flow, given, orbit, work, lanes)
+    enter_moving(flow, back, given, orbit, work, lanes)
+
+
+@part
+def enter_moving(flow, back, given, orbit, work, lanes):
+    """The same after `enter_units`."""
     for l in range(lanes):
         work[RATIO, l] = scaled(given[4, l], -exponent(given[4, l]))
         work[Y, l], work[LOST, l] = back * work[Y, l], back * work[LOST, l]
@@ -432,11 +444,12 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
         publish()
 
 
-def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
+def _jump(I1, I2, I13, I23, eps, omega, n, known, final, status):
     """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
 
+    known    whether `final` holds the states already: then it stays as it is.
     final    (B, 2), the states; NaN for the other orbits.
     status   (B,): OK or SUPERCRITICAL; NONFINITE for the other orbits.
     """
@@ -450,18 +463,21 @@ def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
         for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
             first, width = first_and_width(block, 0, omega.shape[0])
             lanes = enter_block(I1, I2, I13, I23, eps, omega, first, width, given)
-            enter_orbits(False, 1.0, given, orbit, work, lanes)
+            enter_units(False, given, orbit, work, lanes)
             for l in range(lanes):
-                rests = (orbit[A1, l] == 0.0) & (orbit[A2, l] == 0.0) & (orbit[V, l] == 0.0)
+                rests = has_no_step(given[2, l], given[3, l], given[4, l], work[X, l], work[Y, l])
                 begin[l] = 0.0 if rests else work[Y, l]
-            work[N, :lanes] = n
-            states_at(orbit, work, lanes)
+            if not known:
+                enter_moving(False, 1.0, given, orbit, work, lanes)
+                work[N, :lanes] = n
+                states_at(orbit, work, lanes)
+                for l in range(width):
+                    final[first + l, 0] = work[OMEGA1, l] if begin[l] < 1.0 else np.nan
+                    final[first + l, 1] = work[OMEGA2, l] if begin[l] < 1.0 else np.nan
             for l in range(width):
-                safe = begin[l] < 1.0
-                final[first + l, 0] = work[OMEGA1, l] if safe else np.nan
-                final[first + l, 1] = work[OMEGA2, l] if safe else np.nan
                 code = SUPERCRITICAL if abs(begin[l]) >= 1.0 else OK
-                status[first + l] = code if abs(final[first + l, 0]) < np.inf else NONFINITE
+                exists = (begin[l] < 1.0) & (abs(final[first + l, 0]) < np.inf)
+                status[first + l] = code if exists else NONFINITE
 
 
 # Runs of equal steps. Row i has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s there

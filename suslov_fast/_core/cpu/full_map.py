@@ -103,10 +103,9 @@ def _iterate(k, begin, end, start, stop, every, first_row, state, out, status, f
                 if to_save == 0:
                     to_save = every
                     row = (n + 1) // every - first_row
-                    if row < out.shape[0]:
-                        for l in range(width):
-                            for c in range(3):
-                                out[row, first + l, c] = rows[(STATE + c) * LANES + l]
+                    for l in range(width):
+                        for c in range(3):
+                            out[row, first + l, c] = rows[(STATE + c) * LANES + l]
             for l in range(width):
                 for c in range(3):
                     state[c, first + l] = rows[(STATE + c) * LANES + l]

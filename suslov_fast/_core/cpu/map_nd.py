@@ -657,10 +657,9 @@ def leave_block(omega, span, kept, begin, end, cells, sums):
                 kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
                 for i in range(cells.shape[1]):
                     kept.final[b, i] = cells[g, i, WORK, l]
-                if kept.state.shape[0] > 0:
-                    kept.exponent[b] = sums[g, OMEGA, l]
-                    for i in range(cells.shape[1]):
-                        kept.state[b, i] = cells[g, i, OMEGA, l]
+                kept.exponent[b] = sums[g, OMEGA, l]
+                for i in range(cells.shape[1]):
+                    kept.state[b, i] = cells[g, i, OMEGA, l]
 
 
 @part

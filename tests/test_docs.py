@@ -58,6 +58,13 @@ def test_the_reference_has_every_public_name():
     assert sorted(listed) == sorted(suslov_fast.__all__)
 
 
+def test_the_citation_is_of_this_version():
+    text = (DOCS.parent / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", text, re.MULTILINE).group(1) == suslov_fast.__version__
+    for key in ("cff-version", "message", "title", "authors", "license", "preferred-citation"):
+        assert re.search(rf"^{key}:", text, re.MULTILINE)
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=name)
 def test_an_example_is_a_title_a_paragraph_and_a_script(path):
     """They run when the pages are built; here only what they are made of."""

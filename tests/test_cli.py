@@ -282,7 +282,7 @@ BAD = [
     ("run --steps 1e-999999999", "--steps: expected an integer of at least 0, got '1e-9"),
     ("run --step 3", "unrecognized arguments: --step 3"),
     ("run --trajectories 0", "--trajectories: expected an integer of at least 1, got '0'"),
-    ("run --trajectories 1000000000000", "expected a batch that fits in"),
+    ("run --trajectories 1000000000000", "expected arrays that fit in memory"),
     ("run --steps 1000000000 --save-every 1", "raise --save-every or lower --trajectories"),
     ("run --steps 99999999999999999999", "--steps: expected an integer below 2**62, got '9999"),
     ("run --save-every 0", "--save-every: expected an integer of at least 1, got '0'"),

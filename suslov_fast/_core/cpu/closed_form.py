@@ -45,15 +45,15 @@ from .blocks import TASKS, gather_bodies, gather_states, in_whole_vectors
 from .vector import (
     VECTOR,
     borrowed,
-    choose,
     expect_store,
+    fence,
     on_stack,
-    publish,
-    same,
     scatter_pairs,
+    select,
+    splat,
     store_at,
     store_pairs,
-    store_past_caches,
+    stream,
     stream_pairs,
     to_cache_line,
     vector_at,
@@ -291,7 +291,7 @@ def write_numbers(source, begin, flat, target, size, line, past_caches):
         flat[target + k] = source[begin + k]
     if past_caches:
         for k in range(head, stop, VECTOR):
-            store_past_caches(flat, target + k, vector_at(source, begin + k))
+            stream(flat, target + k, vector_at(source, begin + k))
     else:
         for k in range(head, stop, VECTOR):
             store_at(flat, target + k, vector_at(source, begin + k))
@@ -445,7 +445,7 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
                 else:
                     fill_across(given, orbits, work, some, tile, width, lanes, missing[task])
                 write_rows(tile, 0, some.size, width, flat, j, batch, first, line)
-        publish()
+        fence()
 
 
 def _jump(I1, I2, I13, I23, eps, omega, n, known, final, status):
@@ -609,8 +609,8 @@ def number_among(row, number, lanes):
 @formula
 def not_subnormal(u, kappa):
     """A vector of w, and k, or 0 in its place: whatever is so small that it does not count."""
-    u = choose(abs(u) > NEGLIGIBLE, u, 0.0 * u)
-    return u, choose(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
+    u = select(abs(u) > NEGLIGIBLE, u, 0.0 * u)
+    return u, select(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
 
 
 @part
@@ -651,11 +651,11 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
     """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
-        a1, b1 = same(orbit[A1 * WIDTH + l]), same(orbit[B1 * WIDTH + l])
-        a2, b2 = same(orbit[A2 * WIDTH + l]), same(orbit[B2 * WIDTH + l])
+        a1, b1 = splat(orbit[A1 * WIDTH + l]), splat(orbit[B1 * WIDTH + l])
+        a2, b2 = splat(orbit[A2 * WIDTH + l]), splat(orbit[B2 * WIDTH + l])
         powers = vector_at(along, VECTOR * l)
         u = tables[SEED * WIDTH + l] * vector_at(along, VECTOR * (VECTOR + l))
-        u, kappa = not_subnormal(u, same(orbit[KAPPA * WIDTH + l]))
+        u, kappa = not_subnormal(u, splat(orbit[KAPPA * WIDTH + l]))
         store_at(tables, HALF_U * WIDTH, 0.5 * u)
         store_at(tables, KAPPA_U * WIDTH, 4.0 * kappa)
         target = place + 2 * l
@@ -824,7 +824,7 @@ def _fill_run(
                         in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
                     write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
                     filled = 0
-        publish()
+        fence()
 
 
 fill = Loop(_fill)

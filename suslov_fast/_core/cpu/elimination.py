@@ -8,7 +8,7 @@ import numpy as np
 
 from ..jit import inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
-from .vector import VECTOR, choose, in_all, larger, load, same, store
+from .vector import VECTOR, all_lanes, larger, load, select, splat, store
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
@@ -81,7 +81,7 @@ def eliminate(matrix, m):
     A number is loaded when its row or column is due and takes all its products at once. The right
     side becomes the solution, NaN where the matrix is singular.
     """
-    size = same(0.0)
+    size = splat(0.0)
     for k in range(m):
         for i in range(k, m, ABREAST):
             reduce_column(matrix, i, k)
@@ -90,11 +90,11 @@ def eliminate(matrix, m):
         for i in range(k + 1, m):
             largest = larger(abs(load(matrix, i, k)), largest)
         # Most often no lane exchanges rows: A is near the identity.
-        if not in_all(diagonal >= largest):
+        if not all_lanes(diagonal >= largest):
             exchange_rows(matrix, m, k)
         size = larger(largest, size)
         regular = largest > ZERO_TO_ROUNDING * m * size
-        inverse = choose(regular, 1.0 / load(matrix, k, k), same(np.nan))
+        inverse = select(regular, 1.0 / load(matrix, k, k), splat(np.nan))
         store(matrix, k, k, inverse)
         for i in range(k + 1, m):
             store(matrix, i, k, load(matrix, i, k) * inverse)

@@ -14,20 +14,20 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from .vector import (
     VECTOR,
+    all_lanes,
     borrowed,
-    choose,
     copy_transposed,
     expect_store,
-    in_all,
+    fence,
     load,
     on_stack,
-    publish,
-    same,
     scatter_pairs,
+    select,
+    splat,
     store,
     store_at,
     store_pairs,
-    store_past_caches,
+    stream,
     stream_pairs,
     vector_at,
 )
@@ -109,18 +109,18 @@ def _abs(context, builder, signature, arguments):
     return builder.call(fabs, arguments)
 
 
-@_define(same, DOUBLES, types.float64)
-def _same(context, builder, signature, arguments):
+@_define(splat, DOUBLES, types.float64)
+def _splat(context, builder, signature, arguments):
     return _spread(builder, *arguments)
 
 
-@_define(choose, DOUBLES, CONDITIONS, DOUBLES, DOUBLES)
-def _choose(context, builder, signature, arguments):
+@_define(select, DOUBLES, CONDITIONS, DOUBLES, DOUBLES)
+def _select(context, builder, signature, arguments):
     return builder.select(*arguments)
 
 
-@_define(in_all, types.boolean, CONDITIONS)
-def _in_all(context, builder, signature, arguments):
+@_define(all_lanes, types.boolean, CONDITIONS)
+def _all_lanes(context, builder, signature, arguments):
     bits = ir.IntType(VECTOR)
     return builder.icmp_unsigned("==", builder.bitcast(*arguments, bits), bits(-1))
 
@@ -189,8 +189,8 @@ def _stream(builder, vector, place):
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
-@_define(store_past_caches, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_past_caches(context, builder, signature, arguments):
+@_define(stream, types.void, _FLAT, _INDEX, DOUBLES)
+def _stream_vector(context, builder, signature, arguments):
     array, index, vector = arguments
     _stream(builder, vector, _element(context, builder, array, index, _LLVM[DOUBLES]))
     return context.get_dummy_value()
@@ -267,8 +267,8 @@ def _expect_store(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@_define(publish, types.void)
-def _publish(context, builder, signature, arguments):
+@_define(fence, types.void)
+def _fence(context, builder, signature, arguments):
     builder.fence("seq_cst")
     return context.get_dummy_value()
 

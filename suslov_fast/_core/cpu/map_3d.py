@@ -56,9 +56,9 @@ from .blocks import (
 )
 from .vector import (
     VECTOR,
+    fence,
     load,
     on_stack,
-    publish,
     store,
     store_pairs,
     stream_pairs,
@@ -454,7 +454,7 @@ def _iterate(
                         quaternions[k, first + l] = turn[k, l]
                 if not saves and turns.shape[0] > 0:
                     write_turns(R0, turn, turns, 0, first, width)
-        publish()
+        fence()
 
 
 def _locate_failure(

@@ -44,13 +44,13 @@ from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
-    choose,
+    all_lanes,
     copy_transposed,
-    in_all,
     larger,
     load,
-    same,
+    select,
     smaller,
+    splat,
     store,
 )
 
@@ -201,7 +201,7 @@ def gather(values, chosen, begin, end, cells, which):
     for g in range(cells.shape[0]):
         if alike:
             for i in range(m):
-                store(cells, g, i, which, same(values[0, i]))
+                store(cells, g, i, which, splat(values[0, i]))
         else:
             for l in range(VECTOR):
                 b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
@@ -214,7 +214,7 @@ def normalise(cells, sums, which, alike):
     """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
     exponent = 0
     for g in range(cells.shape[0]):
-        largest = same(0.0)
+        largest = splat(0.0)
         for i in range(cells.shape[1]):
             largest = larger(abs(load(cells, g, i, which)), largest)
         store(sums, g, UNIT, largest)
@@ -230,7 +230,7 @@ def normalise(cells, sums, which, alike):
 @part
 def add_up(cells, sums, g):
     """p and |omega|**2 of each lane."""
-    p, square = same(0.0), same(0.0)
+    p, square = splat(0.0), splat(0.0)
     for i in range(cells.shape[1]):
         I, omega = load(cells, g, i, I_), load(cells, g, i, OMEGA)
         p = p + I * omega
@@ -261,7 +261,7 @@ def settle(eps, chosen, begin, cells, sums, groups):
     """What depends on the units of omega, and on which lanes have ended."""
     for g in groups:
         settle_lanes(eps, chosen, begin + g * VECTOR, cells, sums, g)
-        smallest, coupling = same(np.inf), same(0.0)
+        smallest, coupling = splat(np.inf), splat(0.0)
         for i in range(cells.shape[1]):
             smallest = smaller(load(cells, g, i, J_), smallest)
             coupling = coupling + load(cells, g, i, I_) * load(cells, g, i, I_)
@@ -269,8 +269,8 @@ def settle(eps, chosen, begin, cells, sums, groups):
         store(sums, g, SMALL_STEPS, longest * longest / coupling)
         add_up(cells, sums, g)
         moves = load(sums, g, SQUARE) > 0.0
-        store(sums, g, LOW, choose(moves, same(1.0 / SPREAD), same(-1.0)))
-        store(sums, g, HIGH, smaller(largest * largest, same(SPREAD)))
+        store(sums, g, LOW, select(moves, splat(1.0 / SPREAD), splat(-1.0)))
+        store(sums, g, HIGH, smaller(largest * largest, splat(SPREAD)))
 
 
 @part
@@ -299,7 +299,7 @@ def start_block(bodies, omega, span, kept, begin, end, cells, sums):
     else:
         gather(kept.state, chosen, begin, end, cells, OMEGA)
     for g in range(cells.shape[0]):
-        coupled = same(0.0)
+        coupled = splat(0.0)
         for i in range(cells.shape[1]):
             coupled = larger(abs(load(cells, g, i, I_)), coupled)
         store(sums, g, RESTS, coupled)
@@ -345,7 +345,7 @@ def sum_up(cells, sums, g):
     """The sums of the O(n) step, with 1/d as work, and the two unknowns that follow."""
     eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
     half = 0.5 * eps * p
-    alpha, beta, gamma, margin = same(0.0), same(0.0), same(0.0), same(np.inf)
+    alpha, beta, gamma, margin = splat(0.0), splat(0.0), splat(0.0), splat(np.inf)
     for i in range(cells.shape[1]):
         J, I, omega = load(cells, g, i, J_), load(cells, g, i, I_), load(cells, g, i, OMEGA)
         d = J - half
@@ -361,7 +361,7 @@ def sum_up(cells, sums, g):
     store(sums, g, HALF, half)
     store(sums, g, OF_OMEGA, of_omega)
     store(sums, g, OF_I, of_I)
-    store(sums, g, ACCURATE, choose(accurate, same(1.0), same(0.0)))
+    store(sums, g, ACCURATE, select(accurate, splat(1.0), splat(0.0)))
 
 
 @part
@@ -388,7 +388,7 @@ def take_next_states(cells, sums, g):
 def step_all(cells, sums, g):
     """`next_states` and `take_next_states` at once, where no lane needs care."""
     of_omega, of_I = load(sums, g, OF_OMEGA), load(sums, g, OF_I)
-    p, square = same(0.0), same(0.0)
+    p, square = splat(0.0), splat(0.0)
     for i in range(cells.shape[1]):
         omega = next_component(cells, g, i, of_omega, of_I)
         store(cells, g, i, OMEGA, omega)
@@ -481,13 +481,13 @@ def set_aside(bodies, span, kept, begin, width, cells, sums, g):
 
 @inlined_part
 def all_accurate(sums, g):
-    return in_all(load(sums, g, ACCURATE) > 0.0)
+    return all_lanes(load(sums, g, ACCURATE) > 0.0)
 
 
 @inlined_part
 def units_serve(sums, g):
     square = load(sums, g, SQUARE)
-    return in_all((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
+    return all_lanes((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
 
 
 @part
@@ -575,7 +575,7 @@ def show(cells, sums, g):
 
 @inlined_part
 def all_move(sums, g):
-    return in_all(load(sums, g, RESTS) < 1.0)
+    return all_lanes(load(sums, g, RESTS) < 1.0)
 
 
 @part

@@ -53,17 +53,17 @@ def store(array, *indices_and_vector):
     array[tuple(indices)] = vector
 
 
-def same(number):
+def splat(number):
     """A vector of one number."""
     return np.full(VECTOR, number)
 
 
-def choose(conditions, first, second):
+def select(conditions, first, second):
     """The first where a condition holds, the second elsewhere."""
     return np.where(conditions, first, second)
 
 
-def in_all(conditions):
+def all_lanes(conditions):
     """Whether the conditions of all lanes hold."""
     return bool(conditions.all())
 
@@ -71,13 +71,13 @@ def in_all(conditions):
 @part
 def larger(a, b):
     """b where one is NaN."""
-    return choose(a > b, a, b)
+    return select(a > b, a, b)
 
 
 @part
 def smaller(a, b):
     """b where one is NaN."""
-    return choose(a < b, a, b)
+    return select(a < b, a, b)
 
 
 # Ways to write memory that is not read again; arrays are flat, indices those of elements.
@@ -93,7 +93,7 @@ def store_at(array, index, vector):
     array[index : index + VECTOR] = vector
 
 
-def store_past_caches(array, index, vector):
+def stream(array, index, vector):
     """Write a vector where a cache line starts.
 
     The caches need not read the line first, nor lose others to it.
@@ -130,5 +130,5 @@ def expect_store(array, index):
     """Fetch the cache line of an element that will soon be written: a store waits for it."""
 
 
-def publish():
+def fence():
     """Let other threads see what was stored past the caches."""

@@ -187,7 +187,8 @@ def enter_rest(flow, given, orbit, work, lanes):
             rests = has_no_step(given[2, l], given[3, l], given[4, l], x, y)
         ends = (not flow) & rests & ((1.0 - y) - work[LOST, l] == 0.0)
         largest = max(abs(given[5, l]), abs(given[6, l]))
-        spread = np.sqrt(max(given[0, l], given[1, l]) / min(given[0, l], given[1, l]))
+        of1, of2 = np.sqrt(given[0, l]), np.sqrt(given[1, l])
+        spread = max(of1, of2) / min(of1, of2)
         ends |= (not flow) & (not rests) & out_of_range(x, largest * spread)
         orbit[KNOWN, l] = 1.0 if known == known else 0.0
         orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]

@@ -1,7 +1,6 @@
 """Runs in files: nothing is lost, and nothing is half written."""
 
 import errno
-import multiprocessing
 import os
 import signal
 import stat
@@ -328,22 +327,24 @@ def test_two_writers_at_once(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
 
 
-def write_often(path, text):
-    for _ in range(30):
-        with replacing(path) as new:
-            new.write_text(text)
+WRITE_OFTEN = """
+import sys
+from pathlib import Path
+from suslov_fast._replacing import replacing
+for _ in range(30):
+    with replacing(Path(sys.argv[1])) as new:
+        new.write_text("x" * int(sys.argv[2]))
+"""
 
 
 @posix
 def test_many_writers_at_once(tmp_path):
     path = tmp_path / "run.npz"
-    context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=write_often, args=(path, "x" * k)) for k in (1, 1000)]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
-        assert writer.exitcode == 0
+    writers = [
+        subprocess.Popen([sys.executable, "-c", WRITE_OFTEN, str(path), str(length)])
+        for length in (1, 1000)
+    ]
+    assert [writer.wait() for writer in writers] == [0, 0]
     assert len(path.read_text()) in (1, 1000)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
 

@@ -2,10 +2,9 @@
 
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
+import children
 import damage
 import pytest
 
@@ -14,153 +13,227 @@ from suslov_fast._core import cache
 
 pytestmark = pytest.mark.compiled
 
-# The energy is what compiles fastest.
-STEP = """
-import sys; sys.path.insert(0, {folder!r})
-import suslov_fast, numpy as np
-assert suslov_fast.__file__.startswith({folder!r})
-body = suslov_fast.Suslov3D(4, 1, -0.5, -0.3)
-print(suslov_fast.energy(body, [1.0, 0.5]).tolist())
+CORE = Path(cache.__file__).parent
+
+# A core whose loops compile fast, around the modules that keep what is compiled.
+FORMULAS = """
+from ..jit import formula
+
+@formula
+def double(x):
+    return 2.0 * x
+
+@formula
+def half(x):
+    return 0.5 * x
+
+@formula
+def square(x):
+    return x * x
+
+@formula
+def more(x):
+    return x + 1.0
 """
+LOOPS = """
+from numba import prange
+from ..formulas import small
+from ..jit import Loop, formula, part
+
+def filled_with(name, function):
+    @formula
+    def value(x):
+        %s
+        return x
+
+    @part
+    def fill(x, out):
+        for i in range(x.size):
+            out[i] = value(x[i])
+
+    def loop(x, out):
+        for row in prange(x.shape[0]):
+            fill(x[row], out[row])
+
+    loop.__name__ = name
+    return Loop(loop)
+
+names = ("double", "half", "square", "more")
+loops = {name: filled_with(name, getattr(small, name)) for name in names}
+""" % ("x = function(x); " * 40)  # so long that the part is called, and not inlined
+CALL = """
+import sys
+folder, *names = sys.argv[1:]
+sys.path.insert(0, folder)
+import core.cpu.loops as module
+import numpy as np
+assert module.__file__.startswith(folder)
+x = np.arange(1.0, 7.0).reshape(2, 3)
+for name in names:
+    module.loops[name].serial(x, out := np.zeros_like(x))
+    print("result", name, *out.ravel())
+"""
+NAMES = ["double", "half", "square", "more"]
 
 
 @pytest.fixture
-def copy(tmp_path):
-    """A copy of the installed package, without its caches."""
-    folder = tmp_path / "copy"
-    source = Path(suslov_fast.__file__).parent
-    shutil.copytree(source, folder / "suslov_fast", ignore=shutil.ignore_patterns("__pycache__"))
+def core(tmp_path):
+    """The folder of a small core."""
+    folder = tmp_path / "small" / "core"
+    for name, text in (("formulas/small", FORMULAS), ("cpu/loops", LOOPS)):
+        (path := folder / f"{name}.py").parent.mkdir(parents=True)
+        path.write_text(text)
+    for name in ("jit.py", "cache.py"):
+        shutil.copy(CORE / name, folder)
     return folder
 
 
-def run(folder, **environment):
-    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    done = subprocess.run(
-        [sys.executable, "-c", STEP.format(folder=str(folder))],
-        env=kept | environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout, done.stderr
+def command(core, names):
+    return CALL, core.parent, *names
 
 
-def compiled_files(folder):
-    return sorted(path.name for path in folder.rglob("*.nbc"))
+def call(core, *names, **environment):
+    """What loops give, and what the cache says, in another process."""
+    # An empty setting is none: the cache is that beside the source.
+    environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
+    output = children.run(*command(core, names), **environment)
+    return results_of(output), output
 
 
-def test_what_is_called_is_kept(copy):
-    first, _ = run(copy)
-    kept = compiled_files(copy)
-    assert any("energy" in name for name in kept)
-    again, log = run(copy, NUMBA_DEBUG_CACHE="1")
-    assert first in again
-    assert "data loaded" in again + log
-    assert "data saved" not in again + log
-    assert compiled_files(copy) == kept
+def results_of(output):
+    return [line for line in output.splitlines() if line.startswith("result")]
 
 
-def test_an_edit_of_any_module_counts(copy):
+def files(folder):
+    return sorted(folder.rglob("*.nbc"))
+
+
+def test_what_is_called_is_kept(tmp_path):
+    """Of a copy of the package without its caches: the energy is what compiles fastest."""
+    source = Path(suslov_fast.__file__).parent
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(source, tmp_path / "suslov_fast", ignore=ignored)
+    code = """
+        import sys
+        sys.path.insert(0, sys.argv[1])
+        import suslov_fast as sf
+        assert sf.__file__.startswith(sys.argv[1])
+        print("result", sf.energy(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]).tolist())
+    """
+    settings = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"}
+    first, again = (children.run(code, tmp_path, **settings) for _ in range(2))
+    assert results_of(first) == results_of(again) == ["result 2.125"]
+    (kept,) = files(tmp_path)
+    assert "energy" in kept.name
+    assert (first.count("data saved"), first.count("data loaded")) == (1, 0)
+    assert (again.count("data saved"), again.count("data loaded")) == (0, 1)
+
+
+def test_an_edit_of_any_module_counts(core):
     """The formula is not in the file of the loop that is cached."""
-    before, _ = run(copy)
-    edited = copy / "suslov_fast" / "_core" / "formulas" / "integrals.py"
+    before, _ = call(core, "half")
+    edited = core / "formulas" / "small.py"
     source = edited.read_text()
     stat = edited.stat()
-    changed = source.replace("return 0.5 * I1", "return 0.25 * I1")
-    assert changed != source
-    edited.write_text(changed)
+    edited.write_text(source.replace("return 0.5 * x", "return 0.1 * x"))
     os.utime(edited, ns=(stat.st_atime_ns, stat.st_mtime_ns))
-    for stale in copy.rglob("integrals*.pyc"):
+    for stale in core.rglob("small*.pyc"):
         stale.unlink()  # Python's own cache looks at the time and size alone
-    after, _ = run(copy)
+    after, _ = call(core, "half")
     assert before != after
     edited.write_text(source)
-    assert run(copy)[0] == before
+    assert call(core, "half")[0] == before
 
 
-def test_a_damaged_cache_is_replaced(copy):
-    first, _ = run(copy)
-    (path,) = copy.rglob("*.nbc")
-    sound = path.read_bytes()
-    for damaged in (b"", b"damaged", sound[:-1], sound + b"\0", sound[: len(sound) // 2]):
-        path.write_bytes(damaged)
-        again, _ = run(copy, NUMBA_DEBUG_CACHE="1")
-        assert first in again
-        assert "data loaded" not in again
-        assert "data saved" in again
+def test_a_damaged_cache_is_replaced(core):
+    """Code that is cut off, or has one wrong bit, may crash, or worse, compute."""
+    first, _ = call(core, *NAMES)
+    paths = files(core)
+    assert len(paths) == len(NAMES)
+    ways = [
+        lambda sound: b"",
+        lambda sound: b"damaged",
+        lambda sound: sound[:-1],
+        lambda sound: sound + b"\0",
+        lambda sound: sound[: len(sound) // 2],
+        *(lambda sound, seed=seed: damage.damaged(sound, seed) for seed in range(3)),
+    ]
+    for some in (ways[:4], ways[4:]):
+        for path, damaged in zip(paths, some, strict=True):
+            path.write_bytes(damaged(path.read_bytes()))
+        again, log = call(core, *NAMES)
+        assert again == first
+        assert (log.count("data saved"), log.count("data loaded")) == (4, 0)
+    again, log = call(core, *NAMES)
+    assert again == first
+    assert (log.count("data saved"), log.count("data loaded")) == (0, 4)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_flipped_bits_and_zeroed_blocks(copy, seed):
-    """Code with one wrong bit may crash, or worse, compute."""
-    first, _ = run(copy)
-    (path,) = copy.rglob("*.nbc")
-    sound = path.read_bytes()
-    path.write_bytes(damage.damaged(sound, seed))
-    again, _ = run(copy, NUMBA_DEBUG_CACHE="1")
-    assert first in again
-    assert "data loaded" not in again
-    assert "data saved" in again
-    assert run(copy)[0] == first
-
-
-def test_files_of_another_key_are_not_taken(copy):
+def test_files_of_another_key_are_not_taken(core):
     """Two processes may write at once, and a file may be renamed."""
-    first, _ = run(copy, NUMBA_CPU_NAME="generic")
-    second, _ = run(copy)
-    assert first == second
-    one, other = copy.rglob("*.nbc")
+    first, _ = call(core, "half", NUMBA_CPU_NAME="generic")
+    assert call(core, "half")[0] == first
+    one, other = files(core)
     one.write_bytes(other.read_bytes())
+    told = ""
     for cpu in ({"NUMBA_CPU_NAME": "generic"}, {}):
-        assert run(copy, **cpu)[0] == first
+        again, log = call(core, "half", **cpu)
+        assert again == first
+        told += log
+    assert (told.count("data saved"), told.count("data loaded")) == (1, 1)
 
 
-def test_no_place_for_a_cache(copy):
-    """Neither the package's folder nor the user's can be written to: compile in memory."""
-    first, _ = run(copy)
-    for path in copy.rglob("__pycache__"):
+def test_no_place_for_a_cache(core):
+    """Neither the folder of the source nor the user's can be written to: compile in memory."""
+    first, _ = call(core, "half")
+    for path in core.rglob("__pycache__"):
         shutil.rmtree(path)
         path.write_text("a file in the place of the folder")
-    nowhere = str(copy / "suslov_fast" / "__init__.py")
-    again, _ = run(copy, HOME=nowhere, XDG_CACHE_HOME=nowhere, PYTHONDONTWRITEBYTECODE="1")
+    nowhere = str(core / "jit.py")
+    settings = {"HOME": nowhere, "XDG_CACHE_HOME": nowhere, "PYTHONDONTWRITEBYTECODE": "1"}
+    again, log = call(core, "half", **settings)
     assert again == first
+    assert "data saved" not in log
 
 
-def test_many_processes_at_once(copy):
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", STEP.format(folder=str(copy))],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for _ in range(4)
-    ]
-    results = [process.communicate(timeout=180) for process in processes]
-    assert [process.returncode for process in processes] == [0] * 4, results
-    assert len({output for output, _ in results}) == 1
-    assert run(copy)[0] == results[0][0]
+def test_many_processes_at_once(core):
+    at_once = [children.start(*command(core, ["half"]), NUMBA_CACHE_DIR="") for _ in range(4)]
+    results = [children.finish(process) for process in at_once]
+    assert [process.returncode for process in at_once] == [0] * 4, results
+    first, log = call(core, "half")
+    assert all(results_of(output) == first for output, _ in results)
+    assert (log.count("data saved"), log.count("data loaded")) == (0, 1)
+
+
+def test_what_was_compiled_apart_is_not_mixed_up(core):
+    """Kernels of one source, each compiled in a process of its own, are loaded into one process."""
+    alone = [line for name in ("half", "double") for line in call(core, name)[0]]
+    together, log = call(core, "half", "double")
+    assert together == alone
+    assert (log.count("data saved"), log.count("data loaded")) == (0, 2)
+    assert call(core, "double", "half")[0] == alone[::-1]
 
 
 needs_modes = pytest.mark.skipif(os.name != "posix", reason="needs POSIX file modes")
 
 
 @needs_modes
-def test_a_folder_that_others_write_to_is_passed_by(copy, tmp_path):
+def test_a_folder_that_others_write_to_is_passed_by(core, tmp_path):
     """What anyone may put there would run as code."""
     (home := tmp_path / "home").mkdir()
-    beside = copy / "suslov_fast" / "_core" / "cpu" / "__pycache__"
-    beside.mkdir()
+    (beside := core / "cpu" / "__pycache__").mkdir()
     beside.chmod(0o777)
-    first, _ = run(copy, HOME=str(home), XDG_CACHE_HOME=str(home))
-    assert not compiled_files(beside)
-    assert len(compiled_files(home)) == 1
+    settings = {"HOME": str(home), "XDG_CACHE_HOME": str(home)}
+    first, _ = call(core, "half", **settings)
+    assert not files(beside)
+    assert len(files(home)) == 1
     for folder in home.rglob("*"):
         if folder.is_dir():
             folder.chmod(0o777)
-    again, _ = run(copy, HOME=str(home), XDG_CACHE_HOME=str(home), NUMBA_DEBUG_CACHE="1")
-    assert first == again  # with nothing loaded or saved
+    again, log = call(core, "half", **settings)
+    assert first == again
+    assert "data saved" not in log
+    assert "data loaded" not in log
 
 
 @needs_modes
@@ -204,32 +277,3 @@ def test_a_chosen_folder_is_the_users_own_affair(tmp_path, monkeypatch):
     monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
     assert cache.trusted.__wrapped__(folder)
 
-
-QUANTITY = """
-import sys; sys.path.insert(0, {folder!r})
-import suslov_fast as sf
-body = sf.Suslov3D(1, 1, 1, 0)
-for name in sys.argv[1:]:
-    arguments = () if name in ("energy", "vector_field") else (1.0,)
-    print(name, getattr(sf, name)(body, [0.3, 0.1], *arguments).tolist())
-"""
-
-
-def test_what_was_compiled_apart_is_not_mixed_up(copy):
-    """Kernels of one source, each compiled in a process of its own, are loaded into one process."""
-    names = ["first_integral", "criticality", "modified_energy", "invariant_density"]
-
-    def printed(*which):
-        done = subprocess.run(
-            [sys.executable, "-c", QUANTITY.format(folder=str(copy)), *which],
-            env={k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"},
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout.splitlines()
-
-    alone = [line for name in names for line in printed(name)]
-    assert printed(*names) == alone
-    assert printed(*reversed(names)) == alone[::-1]

@@ -276,4 +276,3 @@ def test_a_chosen_folder_is_the_users_own_affair(tmp_path, monkeypatch):
     folder.chmod(0o777)
     monkeypatch.setattr(cache.config, "CACHE_DIR", str(tmp_path))
     assert cache.trusted.__wrapped__(folder)
-

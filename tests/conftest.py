@@ -1,9 +1,14 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numba
 import numpy as np
 import pytest
 from hypothesis import settings
 
-from suslov_fast import Suslov3D
+from suslov_fast import Suslov3D, _core
 from suslov_fast._engine import problem
 
 # The first call of a kernel compiles it, which no deadline allows for.
@@ -17,6 +22,34 @@ def pytest_collection_modifyitems(items):
         for item in items:
             if item.get_closest_marker("compiled"):
                 item.add_marker(interpreted)
+
+
+# All kernels, those first that tests call last.
+AHEAD = """
+import os, warnings
+from suslov_fast._cli.warm_up import _jobs
+if hasattr(os, "nice"):
+    os.nice(10)
+warnings.simplefilter("ignore")
+for _, job in reversed(list(_jobs())):
+    job()
+"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled_ahead(request):
+    """Before the first run of the whole suite, let another process compile beside the tests."""
+    cache = Path(numba.config.CACHE_DIR or _core.__path__[0])
+    compiled = numba.config.DISABLE_JIT or any(cache.rglob("*.nbc"))
+    if compiled or len(request.session.items) < 1000 or os.cpu_count() < 2:
+        yield
+        return
+    process = subprocess.Popen(
+        [sys.executable, "-c", AHEAD], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    yield
+    process.kill()
+    process.wait()
 
 
 @pytest.fixture

@@ -196,7 +196,7 @@ def test_damage_is_found_or_harmless(suffix, tmp_path):
     found = 0
     for file in files:
         data = file.read_bytes()
-        for position in rng.integers(0, len(data), 8 if suffix == ".zarr" else 60):
+        for position in rng.integers(0, len(data), 3 if suffix == ".zarr" else 60):
             file.write_bytes(flipped(data, position))
             try:
                 loaded = sf.Trajectories.load(path)

@@ -215,7 +215,12 @@ def test_nan_step_sizes_are_errors(body):
             function(body, [1, 2], np.nan)
 
 
-@named
+@pytest.mark.parametrize(
+    # One function of each kind: the loops of the others differ in the formula alone.
+    "function",
+    [sf.energy, sf.criticality, sf.vector_field, sf.jacobian],
+    ids=lambda f: f.__name__,
+)
 def test_threads_do_not_matter(rng, monkeypatch, function):
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     omega = rng.normal(size=(3, 1000, 2))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import _checks
 from suslov_fast._core.cpu import observables as loops
 from suslov_fast._core.jit import Loop
 from suslov_fast._engine import observables as engine
@@ -172,10 +173,17 @@ def test_infinite_states_are_errors(function, body):
         evaluate(function, body, [1, 2, 3])
 
 
+@pytest.fixture
+def few_are_many(monkeypatch):
+    """Infinite states are found by the loops themselves where there are more than 64 numbers."""
+    monkeypatch.setattr(_checks, "LARGE", 64)
+    monkeypatch.setattr(engine, "LARGE", 64)
+
+
+@pytest.mark.usefixtures("few_are_many")
 @named
-@pytest.mark.parametrize("shape", [(30_000,), (100, 300)], ids=str)
+@pytest.mark.parametrize("shape", [(3000,), (10, 300)], ids=str)
 def test_infinite_states_among_many_are_errors(rng, function, shape):
-    """Those are found by the loops themselves."""
     omega = rng.normal(size=(*shape, 2))
     omega[-1, ..., 1] = np.nan
     evaluate(function, bodies_3d(rng), omega)
@@ -187,9 +195,10 @@ def test_infinite_states_among_many_are_errors(rng, function, shape):
             evaluate(function, body, omega)
 
 
+@pytest.mark.usefixtures("few_are_many")
 def test_infinite_states_among_many_in_other_functions(rng, body):
-    many = rng.normal(size=(20_000, 2))
-    many[12_345, 0] = np.inf
+    many = rng.normal(size=(2000, 2))
+    many[1234, 0] = np.inf
     for function, name, arguments in (
         (sf.to_xy, "omega", ()),
         (sf.from_xy, "xy", ()),
@@ -197,16 +206,26 @@ def test_infinite_states_among_many_in_other_functions(rng, body):
         (sf.reaction, "omega", ()),
         (sf.reaction, "omega", (0.1,)),
     ):
-        with pytest.raises(ValueError, match=rf"^{name}: .* got inf at index \(12345, 0\)"):
+        with pytest.raises(ValueError, match=rf"^{name}: .* got inf at index \(1234, 0\)"):
             function(body, many, *arguments)
 
 
+@pytest.mark.usefixtures("few_are_many")
 @named_nd
 def test_infinite_states_among_many_in_n_dimensions(rng, function):
-    many = rng.normal(size=(5_000, 4))
-    many[1_234, 2] = np.inf
-    with pytest.raises(ValueError, match=r"omega: .* got inf at index \(1234, 2\)"):
+    many = rng.normal(size=(500, 4))
+    many[234, 2] = np.inf
+    with pytest.raises(ValueError, match=r"omega: .* got inf at index \(234, 2\)"):
         evaluate(function, bodies_nd(rng), many)
+
+
+@pytest.mark.compiled
+def test_an_infinite_state_among_so_many_that_the_loops_find_it(rng, body):
+    assert engine.LARGE < 2 * 20_000
+    many = rng.normal(size=(20_000, 2))
+    many[12_345, 0] = np.inf
+    with pytest.raises(ValueError, match=r"omega: .* got inf at index \(12345, 0\)"):
+        sf.energy(body, many)
 
 
 def test_nan_step_sizes_are_errors(body):

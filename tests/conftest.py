@@ -16,14 +16,6 @@ settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_ex
 settings.load_profile("suslov_fast")
 
 
-def pytest_collection_modifyitems(items):
-    if numba.config.DISABLE_JIT:
-        interpreted = pytest.mark.skip(reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
-        for item in items:
-            if item.get_closest_marker("compiled"):
-                item.add_marker(interpreted)
-
-
 # All kernels, those first that tests call last.
 AHEAD = """
 import os, warnings
@@ -36,20 +28,25 @@ for _, job in reversed(list(_jobs())):
 """
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _compiled_ahead(request):
+def pytest_sessionstart(session):
     """Before the first run of the whole suite, let another process compile beside the tests."""
+    whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS
     cache = Path(numba.config.CACHE_DIR or _core.__path__[0])
     compiled = numba.config.DISABLE_JIT or any(cache.rglob("*.nbc"))
-    if compiled or len(request.session.items) < 1000 or os.cpu_count() < 2:
-        yield
-        return
-    process = subprocess.Popen(
-        [sys.executable, "-c", AHEAD], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    yield
-    process.kill()
-    process.wait()
+    if whole and not compiled and os.cpu_count() > 1:
+        process = subprocess.Popen(
+            [sys.executable, "-c", AHEAD], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        session.config.add_cleanup(process.wait)
+        session.config.add_cleanup(process.kill)  # the last is called first
+
+
+def pytest_collection_modifyitems(items):
+    if numba.config.DISABLE_JIT:
+        interpreted = pytest.mark.skip(reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
+        for item in items:
+            if item.get_closest_marker("compiled"):
+                item.add_marker(interpreted)
 
 
 @pytest.fixture

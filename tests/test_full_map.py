@@ -130,7 +130,7 @@ def test_a_run_that_is_gone_on_with(rng):
         assert np.array_equal(getattr(gone_on, name), getattr(whole, name), equal_nan=True)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
 @pytest.mark.parametrize("save_every", [1, 7, None])
 def test_parts_and_threads(rng, threads, save_every, monkeypatch, request):
     body, omega0, eps, I3 = mixed_batch(rng, 300)

@@ -113,7 +113,7 @@ def test_alone_or_in_a_batch(case, rng):
         assert (sf.lyapunov_exponents(one, omega0[i], eps[i], 20) == exponents[i]).all()
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
 def test_slices_and_threads(case, rng, threads, monkeypatch):
     bodies, omega0, eps = mixed_batch(case, rng, 150)
     omega0[7] = np.nan
@@ -134,6 +134,7 @@ def test_units(case, k):
     assert (sf.lyapunov_exponents(heavier, omega0, 0.2, 30) == expected).all()
 
 
+@pytest.mark.compiled
 def test_long_growth_does_not_leave_the_range(case):
     """|det DPhi| over the whole run is far below the least float."""
     body, omega0 = case

@@ -234,6 +234,7 @@ def test_nan_step_sizes_are_errors(body):
             function(body, [1, 2], np.nan)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     # One function of each kind: the loops of the others differ in the formula alone.
     "function",
@@ -245,8 +246,12 @@ def test_threads_do_not_matter(rng, monkeypatch, function):
     omega = rng.normal(size=(3, 1000, 2))
     for body in (bodies_3d(rng), bodies_3d(rng, (1000,))):
         assert (evaluate(function, body, omega) == evaluate(function, body, omega, threads=1)).all()
+
+
+@named
+def test_no_threads(function, body):
     with pytest.raises(ValueError, match="threads: expected"):
-        evaluate(function, body, omega, threads=0)
+        evaluate(function, body, [1.0, 0.5], threads=0)
 
 
 def scaled(body, moments, products):

@@ -576,10 +576,14 @@ def test_states_that_do_not_fit_in_memory(body):
         sf.exact(body, np.broadcast_to([1.0, 2.0], (10**6, 2)), 0.2, np.arange(10**7))
 
 
+@pytest.mark.compiled
 def test_threads(body, rng):
     omega = rng.normal(size=(3000, 2))
     n = np.arange(400)
     assert (sf.exact(body, omega, 0.2, n, threads=1) == sf.exact(body, omega, 0.2, n)).all()
     assert (sf.flow(body, omega, n, threads=1) == sf.flow(body, omega, n)).all()
+
+
+def test_no_threads(body):
     with pytest.raises(ValueError, match="threads: expected None or an integer"):
-        sf.exact(body, omega, 0.2, n, threads=0)
+        sf.exact(body, [1.0, 0.5], 0.2, 3, threads=0)

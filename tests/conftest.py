@@ -29,16 +29,22 @@ for _, job in reversed(list(_jobs())):
 
 
 def pytest_sessionstart(session):
-    """Before the first run of the whole suite, let another process compile beside the tests."""
+    """When the whole suite runs and little is compiled, let another process compile beside it."""
     whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    cache = Path(numba.config.CACHE_DIR or _core.__path__[0])
-    compiled = numba.config.DISABLE_JIT or any(cache.rglob("*.nbc"))
-    if whole and not compiled and os.cpu_count() > 1:
+    if whole and not numba.config.DISABLE_JIT and os.cpu_count() > 1 and _compiled() < 30:
         process = subprocess.Popen(
             [sys.executable, "-c", AHEAD], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         session.config.add_cleanup(process.wait)
         session.config.add_cleanup(process.kill)  # the last is called first
+
+
+def _compiled():
+    """How many kernels are in the cache since the core was installed or edited."""
+    core = Path(_core.__path__[0])
+    edited = max(path.stat().st_mtime for path in core.rglob("*.py"))
+    cache = Path(numba.config.CACHE_DIR or core)
+    return sum(path.stat().st_mtime > edited for path in cache.rglob("*.nbc"))
 
 
 def pytest_collection_modifyitems(items):

@@ -4,6 +4,7 @@ import warnings
 from types import SimpleNamespace
 
 import naive
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast._core.cpu import closed_form as loops
+from suslov_fast._core.cpu import equal_steps, tiles
 from suslov_fast._engine import closed_form
 from suslov_fast._engine.iterate_3d import jumps
 
@@ -532,6 +534,25 @@ def test_equal_steps_do_not_depend_on_where_they_begin(body, rng):
             sf.exact(body, omega, 0.2, np.arange(3 * begin, 3 * end, 3)) == states[begin:end]
         ).all()
     assert (states[0] == omega).all()
+
+
+def test_long_results(body, rng, monkeypatch):
+    """They are written past the caches, and a task takes a block in several parts."""
+    rows = 15_000
+    if numba.config.DISABLE_JIT:
+        rows = 150
+        for module in (loops, equal_steps):
+            monkeypatch.setattr(module, "FEW_STATES", 2**9)
+        for module in (tiles, equal_steps):
+            monkeypatch.setattr(module, "BEYOND_CACHES", 2**14)
+    monkeypatch.setattr(closed_form, "TASKS", 1)
+    omega = rng.normal(size=(72, 2))
+    assert 2 * omega.size < tiles.BEYOND_CACHES < rows * omega.size
+    n, times = np.arange(rows), np.sqrt(np.arange(rows))
+    steps, moments = sf.exact(body, omega, 0.2, n), sf.flow(body, omega, times)
+    for i in (0, 40, 71):
+        assert (sf.exact(body, omega[i], 0.2, n) == steps[:, i]).all()
+        assert (sf.flow(body, omega[i], times) == moments[:, i]).all()
 
 
 def test_slices(body, rng, monkeypatch):

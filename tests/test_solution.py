@@ -574,6 +574,25 @@ def test_slices(body, rng, monkeypatch):
     assert max(done) <= 5000 * loops.WORK
 
 
+@pytest.mark.parametrize("shift", range(8))
+def test_a_single_orbit_past_the_caches(body, monkeypatch, shift):
+    """Wherever its states lie to the cache lines, they are those of any batch."""
+    rows = 300 if numba.config.DISABLE_JIT else equal_steps.BEYOND_CACHES // 2 + 777
+    monkeypatch.setattr(equal_steps, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    monkeypatch.setattr(equal_steps, "FEW_STATES", 72)
+    # From next to the repelling half; in the middle; beyond criticality.
+    for omega in ([0.8 + 1e-9, -4 / 3], [1.0, 0.5], [9.0, -30.0]):
+        memory = np.full(2 * rows + 16, 7.0)
+        out = memory[shift : shift + 2 * rows].reshape((rows, 2))
+        sf.iterate(body, omega, 0.2, rows - 1, out=out)
+        beside = sf.iterate(body, [omega, [0.3, 0.4]], 0.2, rows - 1).omega[:, 0]
+        assert np.array_equal(out, beside, equal_nan=True)
+        assert (memory[:shift] == 7.0).all()
+        assert (memory[shift + 2 * rows :] == 7.0).all()
+        cut = sf.iterate(body, omega, 0.2, 101).extend(rows - 102).omega
+        assert np.array_equal(cut, out, equal_nan=True)
+
+
 def test_rows_before_the_start_stay(body, rng):
     """Orbits of a run may begin at different numbers."""
     omega, start = rng.normal(size=(70, 2)), rng.integers(0, 150, 70).astype(float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,9 @@ def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
     Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
     batch is cut first, as long as rows are worth that trajectories are entered.
     """
+    if batch * rows <= SLICE:
+        yield (0, batch), (0, rows)
+        return
     abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
     width = min(batch, max(abreast // WIDTH * WIDTH, WIDTH))
     height = (SLICE // max(width, 1) // equal_steps.GROUP + 1) * equal_steps.GROUP
@@ -113,8 +116,7 @@ def _fill(
     return total
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """States at equal steps: n = sign (first + every i) for begin <= i < end, first and every >= 0.
 
     Row i of them goes to row origin + direction i of the result.
@@ -201,7 +203,7 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
 
 
 def _turned(run: Run, size: int) -> Run:
-    return replace(run, origin=size - 1 - run.origin, direction=-run.direction)
+    return run._replace(origin=size - 1 - run.origin, direction=-run.direction)
 
 
 def _equal_steps(times: FloatArray, every: float) -> bool:

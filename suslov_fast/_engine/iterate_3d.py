@@ -10,7 +10,7 @@ from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
 from . import closed_form as closed
 from . import threads
-from .problem import Outcome, Problem, check_computed, never
+from .problem import Outcome, Problem, check_computed, never, worst
 from .progress import reporter
 
 # From so many steps on the closed form is faster than they are, where only the last state counts.
@@ -65,7 +65,7 @@ def _iterate(problem: Problem) -> Outcome:
         )
     check_computed(status)
     failed_at = never(size)
-    if status.min(initial=0) < 0:
+    if worst(status) < 0:
         failed_at = _failures(problem, arguments, status)
     return Outcome(final, status, failed_at, {"state": state, "turn": turn})
 
@@ -116,14 +116,15 @@ def _jump(problem: Problem) -> Outcome:
     else:
         final = _last(problem, problem.omega, problem.stop, status)
     failed_at = never(problem.size)
-    if status.min(initial=0) < 0:
+    if worst(status) < 0:
         failed_at = failed_at.copy()
         unsafe = np.flatnonzero(status < 0)
         together = max(_TOGETHER // (problem.last_row + 1), 1)
         for first in range(0, unsafe.size, together):
             _past_poles(problem, unsafe[first : first + together], final, status, failed_at)
-    with reporter(problem.progress, problem.stop - problem.start) as report:
-        report(problem.stop - problem.start)
+    if problem.progress:
+        with reporter(problem.progress, problem.stop - problem.start) as report:
+            report(problem.stop - problem.start)
     return Outcome(final, status, failed_at, {})
 
 

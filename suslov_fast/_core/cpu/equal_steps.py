@@ -59,6 +59,7 @@ from .tiles import (
     rows_of,
     shift_of_blocks,
     write_codes,
+    write_numbers,
     write_rows,
 )
 from .vector import (
@@ -94,6 +95,9 @@ TABLES_AT = WORK_AT + WORK_ROWS
 TILE_AT = TABLES_AT + TABLES
 ALONG_AT = TILE_AT + TILE // WIDTH
 ROOM = ALONG_AT + 2
+
+# Where `along` has the numbers of lanes, of a single trajectory.
+NUMBERS = 2 * VECTOR
 
 # Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
 LARGE_SEED, NEAR_POLE = 400.0, 0.25
@@ -159,47 +163,74 @@ def enter_seeds(orbit, work, tables, lanes):
 
 
 @part
-def make_lanes_of_seeds(orbit, tables, along, width):
-    """Of few trajectories, each has VECTOR more lanes, for the seeds of as many groups of rows.
+def seeds_abreast(width):
+    """The groups of rows whose seeds are made at once, of each of `width` trajectories.
 
-    along   receives the tables of each trajectory, numbers side by side: B, then A.
+    Trajectory l has so many lanes, from that number times l on.
     """
-    for l in range(width):
+    return WIDTH // width // VECTOR * VECTOR if width < VECTOR else 1
+
+
+@part
+def make_lanes_of_seeds(orbit, tables, along, width):
+    """Spread few trajectories over the lanes of the seeds of groups of rows.
+
+    along   receives the tables of each trajectory, numbers side by side: B, then A; of a single
+            one B twice, and the numbers of lanes.
+    """
+    abreast = seeds_abreast(width)
+    for l in range(width - 1, -1, -1):
         for j in range(VECTOR):
-            lane = VECTOR * (l + 1) + j
+            along[VECTOR * l + j] = tables[TABLE_B + j, l]
+            along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j, l]
+        for lane in range(abreast * l, abreast * (l + 1)):
             for k in range(ORBIT):
                 orbit[k, lane] = orbit[k, l]
             for k in (START, APART):
                 tables[k, lane] = tables[k, l]
-            along[VECTOR * l + j] = tables[TABLE_B + j, l]
-            along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j, l]
+    if width == 1:
+        for j in range(VECTOR):
+            along[VECTOR + j], along[NUMBERS + j] = along[j], j
 
 
 @part
 def enter_group(orbit, work, tables, first, every, group, anew, width, lanes):
-    """The seeds of a group of rows; of few trajectories, those of VECTOR groups if `anew`."""
-    if width >= VECTOR:
+    """The seeds of a group of rows; of few trajectories, those of several groups if `anew`."""
+    abreast = seeds_abreast(width)
+    if abreast == 1:
         for l in range(lanes):
             work[N, l] = first + every * (group * GROUP)
         enter_seeds(orbit, work, tables, lanes)
-        return
-    if anew or group % VECTOR == 0:
+    elif anew or group % abreast == 0:
         for l in range(width):
-            for j in range(VECTOR):
-                number = first + every * ((group - group % VECTOR + j) * GROUP)
-                work[N, VECTOR * (l + 1) + j] = number
-        enter_seeds(orbit, work, tables, VECTOR * (width + 1))
-    for l in range(width):
-        for k in (SEED, SLOW):
-            tables[k, l] = tables[k, VECTOR * (l + 1) + group % VECTOR]
+            for j in range(abreast):
+                number = first + every * ((group - group % abreast + j) * GROUP)
+                work[N, abreast * l + j] = number
+        enter_seeds(orbit, work, tables, abreast * width)
 
 
 @part
-def number_among(row, number, lanes):
-    found = 0.0
-    for l in range(lanes):
-        found = 1.0 if row[l] == number else found
-    return found != 0.0
+def any_slow(tables, width, abreast, among):
+    """Whether a trajectory must be taken row by row in this group."""
+    if abreast == 1:
+        return any_of(tables[SLOW], width)
+    slow = False
+    for l in range(width):
+        slow |= tables[SLOW, abreast * l + among] != 0.0
+    return slow
+
+
+@part
+def any_begins(tables, number, width, abreast):
+    """Whether a trajectory is given by its state of this number."""
+    found = False
+    if abreast == 1:
+        for l in range(width):
+            found |= tables[START, l] == number
+    else:
+        for l in range(width):
+            found |= tables[START, abreast * l] == number
+    return found
 
 
 @formula
@@ -244,19 +275,31 @@ def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
 
 
 @part
-def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
+def enter_along(orbit, tables, along, l, lane, held):
+    """The w / 2 and 4 k of the eighths of a group of rows, into HALF_U and KAPPA_U from 8 on.
+
+    held   Where those of the eighth before them lie, which are moved there.
+    """
+    u = tables[SEED * WIDTH + lane] * vector_at(along, VECTOR * (VECTOR + l))
+    u, kappa = not_subnormal(u, splat(orbit[KAPPA * WIDTH + lane]))
+    for row in (HALF_U * WIDTH, KAPPA_U * WIDTH):
+        tables[row + 7] = tables[row + held]
+    store_at(tables, HALF_U * WIDTH + 8, 0.5 * u)
+    store_at(tables, KAPPA_U * WIDTH + 8, 4.0 * kappa)
+
+
+@part
+def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreast, among):
     """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
-        a1, b1 = splat(orbit[A1 * WIDTH + l]), splat(orbit[B1 * WIDTH + l])
-        a2, b2 = splat(orbit[A2 * WIDTH + l]), splat(orbit[B2 * WIDTH + l])
+        lane = abreast * l + among
+        a1, b1 = splat(orbit[A1 * WIDTH + lane]), splat(orbit[B1 * WIDTH + lane])
+        a2, b2 = splat(orbit[A2 * WIDTH + lane]), splat(orbit[B2 * WIDTH + lane])
         powers = vector_at(along, VECTOR * l)
-        u = tables[SEED * WIDTH + l] * vector_at(along, VECTOR * (VECTOR + l))
-        u, kappa = not_subnormal(u, splat(orbit[KAPPA * WIDTH + l]))
-        store_at(tables, HALF_U * WIDTH, 0.5 * u)
-        store_at(tables, KAPPA_U * WIDTH, 4.0 * kappa)
+        enter_along(orbit, tables, along, l, lane, 7)
         target = place + 2 * l
         for c in range(a, stop):
-            half, kappa_of_u = tables[HALF_U * WIDTH + c], tables[KAPPA_U * WIDTH + c]
+            half, kappa_of_u = tables[HALF_U * WIDTH + 8 + c], tables[KAPPA_U * WIDTH + 8 + c]
             omega1, omega2 = near_state(half * powers, kappa_of_u, a1, b1, a2, b2)
             if stride == 2:
                 store_pairs(tile, target, omega1, omega2)
@@ -266,11 +309,64 @@ def rows_along(orbit, tables, along, a, stop, tile, place, stride, width):
 
 
 @part
-def one_by_one(given, orbit, spread, work, tables, l, n, every, rows, tile, place, stride, missing):
+def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, held):
+    """The same of a single trajectory to their last place, past the caches.
+
+    A vector begins where a cache line does, and so holds the last rows of one eighth and the first
+    of the next. What is left of the last eighth is written with the next, or by `rest_of_one`.
+
+    target   where row 8 a goes.
+    held     where HALF_U has the eighth before, if rows of it are left, or 0.
+    returns  the same for the next.
+    """
+    a1, b1 = splat(orbit[A1 * WIDTH + among]), splat(orbit[B1 * WIDTH + among])
+    a2, b2 = splat(orbit[A2 * WIDTH + among]), splat(orbit[B2 * WIDTH + among])
+    enter_along(orbit, tables, along, 0, among, held)
+    head = (line - target) % VECTOR // 2
+    begin, end = a, stop
+    if head > 0:
+        end = stop - 1
+        if held > 0:
+            begin = a - 1
+        else:
+            half, kappa = tables[HALF_U * WIDTH + 8 + a], tables[KAPPA_U * WIDTH + 8 + a]
+            omega1, omega2 = near_state(half * vector_at(along, 0), kappa, a1, b1, a2, b2)
+            store_pairs(tile, 0, omega1, omega2)
+            write_numbers(tile, 0, flat, target, 2 * head, line, True)
+    powers = vector_at(along, head)
+    of_next = vector_at(along, NUMBERS) >= 1.0 * (VECTOR - head)
+    target += 2 * (VECTOR * (begin - a) + head)
+    for c in range(8 + begin, 8 + end):
+        half = splat(tables[HALF_U * WIDTH + c])
+        half = select(of_next, splat(tables[HALF_U * WIDTH + c + 1]), half)
+        kappa = splat(tables[KAPPA_U * WIDTH + c])
+        kappa = select(of_next, splat(tables[KAPPA_U * WIDTH + c + 1]), kappa)
+        omega1, omega2 = near_state(half * powers, kappa, a1, b1, a2, b2)
+        stream_pairs(flat, target, omega1, omega2)
+        target += 2 * VECTOR
+    return 7 + stop if head > 0 else 0
+
+
+@part
+def rest_of_one(orbit, tables, along, tile, flat, target, line, held):
+    """What `rows_of_one` left of the eighth that ends where row `target` begins."""
+    a1, b1 = splat(orbit[A1 * WIDTH]), splat(orbit[B1 * WIDTH])
+    a2, b2 = splat(orbit[A2 * WIDTH]), splat(orbit[B2 * WIDTH])
+    half, kappa = tables[HALF_U * WIDTH + held], tables[KAPPA_U * WIDTH + held]
+    omega1, omega2 = near_state(half * vector_at(along, 0), kappa, a1, b1, a2, b2)
+    store_pairs(tile, 0, omega1, omega2)
+    head = (line - target) % VECTOR
+    write_numbers(tile, head, flat, target - 2 * VECTOR + head, 2 * VECTOR - head, line, True)
+
+
+@part
+def one_by_one(
+    given, orbit, spread, work, tables, l, lane, n, every, rows, tile, place, stride, missing
+):
     """Eight rows of one trajectory by the general formula, of which some rows are asked for."""
-    start = tables[START, l]
+    start = tables[START, lane]
     for k in range(ORBIT):
-        spread[k, :VECTOR] = orbit[k, l]
+        spread[k, :VECTOR] = orbit[k, lane]
     for b in range(VECTOR):
         work[N, b] = max(n + every * b - start, 0.0)
     states_at(spread, work, VECTOR)
@@ -285,10 +381,10 @@ def one_by_one(given, orbit, spread, work, tables, l, n, every, rows, tile, plac
 
 
 @part
-def keep_rows(tables, l, n, every, rows, tile, place, stride, flat, target, step):
+def keep_rows(start, l, n, every, rows, tile, place, stride, flat, target, step):
     """Put the rows of a trajectory before its start into a tile as they are."""
     for b in range(rows[0], rows[1]):
-        if n + every * b < tables[START, l]:
+        if n + every * b < start:
             for k in range(2):
                 tile[place + b * stride + 2 * l + k] = flat[target + b * step + k]
 
@@ -353,15 +449,18 @@ def _fill_run(
             height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
             in_line = flat.size >= BEYOND_CACHES and batch % (VECTOR // 2) == 0
             in_line = in_line and width % VECTOR == 0 and (line - 2 * lane) % VECTOR == 0
-            seeded, filled, any_slow, begins = -1, 0, False, False
+            alone = batch == 1 and direction > 0 and flat.size >= BEYOND_CACHES and line % 2 == 0
+            abreast, among, held = seeds_abreast(width), 0, 0
+            seeded, filled, slow, begins = -1, 0, False, False
             row = top // 8 * 8
             while row < bottom:
                 n = first + every * row
                 if row // GROUP != seeded:
                     anew, seeded = seeded < 0, row // GROUP
+                    among = seeded % abreast
                     enter_group(orbit, work, tables, first, every, seeded, anew, width, lanes)
-                    any_slow = any_of(tables[SLOW], width)
-                    begins = number_among(tables[START], n, width)
+                    slow = any_slow(tables, width, abreast, among)
+                    begins = any_begins(tables, n, width, abreast)
                 a = row % GROUP // 8
                 stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
                 if filled == 0 and width != batch and not in_line:
@@ -371,31 +470,65 @@ def _fill_run(
                     expect_rows(flat, place, direction, ahead, batch, lane, width)
                 place = 2 * width * (filled if direction > 0 else height - 1 - filled)
                 stride = 2 * width * direction
-                straight = in_line and row >= top and bottom - row >= 8
-                if straight and not any_slow and not (a == 0 and begins):
+                straight = (in_line or alone) and row >= top and bottom - row >= 8
+                if straight and not slow and not (a == 0 and begins):
                     stop = a + min(8 - a, (bottom - row) // 8)
                     target = 2 * ((origin + direction * row) * batch + lane)
                     step = 2 * direction * batch
-                    rows_across(True, flat_orbit, flat_tables, a, stop, flat, target, step, width)
+                    if alone:
+                        held = rows_of_one(
+                            flat_orbit,
+                            flat_tables,
+                            along,
+                            a,
+                            stop,
+                            tile,
+                            flat,
+                            target,
+                            line,
+                            among,
+                            held,
+                        )
+                    else:
+                        rows_across(
+                            True, flat_orbit, flat_tables, a, stop, flat, target, step, width
+                        )
                     row += 8 * (stop - a)
                     continue
-                if in_line:
+                if held > 0:
+                    target = 2 * (origin + row)
+                    rest_of_one(flat_orbit, flat_tables, along, tile, flat, target, line, held)
+                    held = 0
+                if in_line or alone:
                     stop = a + 1
                 if width < VECTOR:
-                    rows_along(flat_orbit, flat_tables, along, a, stop, tile, place, stride, width)
+                    rows_along(
+                        flat_orbit,
+                        flat_tables,
+                        along,
+                        a,
+                        stop,
+                        tile,
+                        place,
+                        stride,
+                        width,
+                        abreast,
+                        among,
+                    )
                 else:
                     rows_across(False, flat_orbit, flat_tables, a, stop, tile, place, stride, width)
                 if a == 0:
                     for l in range(width):
-                        if n == tables[START, l]:
+                        if n == tables[START, abreast * l]:
                             tile[place + 2 * l] = given[5, l]
                             tile[place + 2 * l + 1] = given[6, l]
-                for later in range(row, row + 8 * (stop - a) if any_slow else row, 8):
+                for later in range(row, row + 8 * (stop - a) if slow else row, 8):
                     n = first + every * later
                     eight = place + (later - row) * stride
                     asked = max(top - later, 0), min(bottom - later, 8)
                     for l in range(width):
-                        if tables[SLOW, l] != 0.0:
+                        one = abreast * l + among
+                        if tables[SLOW, one] != 0.0:
                             one_by_one(
                                 given,
                                 orbit,
@@ -403,6 +536,7 @@ def _fill_run(
                                 work,
                                 tables,
                                 l,
+                                one,
                                 n,
                                 every,
                                 asked,
@@ -411,20 +545,33 @@ def _fill_run(
                                 stride,
                                 missing[task],
                             )
-                        if n < tables[START, l]:
+                        if n < tables[START, one]:
                             target = 2 * ((origin + direction * later) * batch + lane + l)
                             step = 2 * direction * batch
                             keep_rows(
-                                tables, l, n, every, asked, tile, eight, stride, flat, target, step
+                                tables[START, one],
+                                l,
+                                n,
+                                every,
+                                asked,
+                                tile,
+                                eight,
+                                stride,
+                                flat,
+                                target,
+                                step,
                             )
                 filled, row = filled + 8 * (stop - a), row + 8 * (stop - a)
-                if filled == height or row >= bottom or in_line:
+                if filled == height or row >= bottom or in_line or alone:
                     upper, lower = max(row - filled, top), min(row, bottom)
                     in_tile, in_out = upper - (row - filled), origin + upper
                     if direction < 0:
                         in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
                     write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
                     filled = 0
+            if held > 0:
+                target = 2 * (origin + row)
+                rest_of_one(flat_orbit, flat_tables, along, tile, flat, target, line, held)
         fence()
 
 

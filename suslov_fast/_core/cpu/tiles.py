@@ -65,11 +65,7 @@ def expect_rows(flat, place, direction, rows, batch, first, width):
 
 @part
 def put_pairs(row1, row2, tile, place, width):
-    """Write lanes of two rows to a tile as pairs."""
-    if width < VECTOR:
-        for l in range(width):
-            tile[place + 2 * l], tile[place + 2 * l + 1] = row1[l], row2[l]
-        return
+    """Write VECTOR or more lanes of two rows to a tile as pairs."""
     for k in range(0, width, VECTOR):
         l = min(k, width - VECTOR)  # the last vector of a row stays within it
         store_pairs(tile, place + 2 * l, vector_at(row1, l), vector_at(row2, l))

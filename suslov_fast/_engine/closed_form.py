@@ -46,7 +46,7 @@ def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
     Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
     batch is cut first, as long as rows are worth that trajectories are entered.
     """
-    if batch * rows <= SLICE:
+    if 0 < batch * rows <= SLICE:
         yield (0, batch), (0, rows)
         return
     abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)

@@ -32,7 +32,7 @@ def in_process(*arguments, command=COMMAND, folder=None, **environment):
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
 
 
@@ -805,6 +805,7 @@ def test_a_closed_pipe_is_no_traceback():
     assert done.stderr == ""
 
 
+@pytest.mark.compiled
 def test_pictures(tmp_path):
     matplotlib_image = pytest.importorskip("matplotlib.image")
     done = run("pictures", "-o", tmp_path / "new" / "folder")

@@ -108,6 +108,7 @@ def test_four_dimensions():
         sf.plot_four_dimensions(sf.SuslovND([1, 2], [1, 2]))
 
 
+@pytest.mark.compiled
 def test_scattering():
     panels = sf.plot_scattering((1.0, 4.0), letters="ab")
     assert len(panels) == 2
@@ -143,6 +144,7 @@ def test_without_matplotlib(monkeypatch):
         sf.plot_convergence()
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("format_of_files", ["pdf", "svg"])
 def test_vector_formats(tmp_path, monkeypatch, capsys, format_of_files):
     from suslov_fast._cli import main, pictures

@@ -43,8 +43,8 @@ def summary(text):
 @pytest.mark.parametrize("command", [COMMAND, MODULE])
 def test_version_and_help(command):
     assert run("--version", command=command).stdout == f"suslov-fast {sf.__version__}\n"
-    assert "{run,info,warm-up,pictures,animate}" in run("--help", command=command).stdout
-    for name in ("run", "info", "warm-up", "pictures", "animate"):
+    assert "{run,info,warm-up,pictures,animate,explore}" in run("--help", command=command).stdout
+    for name in ("run", "info", "warm-up", "pictures", "animate", "explore"):
         shown = run(name, "--help", command=command)
         assert shown.returncode == 0
         assert f"usage: suslov-fast {name}" in shown.stdout
@@ -260,7 +260,7 @@ def test_csv(tmp_path, header):
 
 
 BAD = [
-    ("", "the following arguments are required: {run,info,warm-up,pictures,animate}"),
+    ("", "the following arguments are required: {run,info,warm-up,pictures,animate,explore}"),
     ("walk", "invalid choice: 'walk'"),
     ("run --speed 3", "unrecognized arguments: --speed 3"),
     ("run --picture 5", "--picture: expected 1, 2, 3 or 4, got '5'"),

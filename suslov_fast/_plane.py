@@ -46,7 +46,6 @@ def energy_level(body: Suslov3D, omega: FloatArray) -> FloatArray:
     """The states (N, 2) whose energy is that of a state."""
     angle = np.linspace(0.0, 2.0 * np.pi, 300)
     directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    with np.errstate(all="ignore"):
-        lengths = np.sqrt(energy(body, omega) / energy(body, directions))
+    lengths = np.sqrt(energy(body, omega) / energy(body, directions))
     ellipse: FloatArray = lengths[:, np.newaxis] * directions
     return ellipse

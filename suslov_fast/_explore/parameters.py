@@ -83,12 +83,14 @@ def query_of_link(link: str) -> str:
     if len(link) > _QUERY:
         raise ValueError(f"expected at most {_QUERY} characters, got {len(link)}")
     parameters = read(split(urlencode(pairs)))
-    return urlencode(parameters._asdict() | view)
+    values = {name: f"{value}".removesuffix(".0") for name, value in parameters._asdict().items()}
+    return urlencode(values | view)
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:
     body, eps, _ = PICTURES[number]
-    return Parameters(*map(float, body.parameters), eps, Omega1, Omega2, steps)
+    I1, I2, I13, I23 = (float(each) for each in body.parameters)
+    return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps)
 
 
 # States near the repelling half of the line, and how far from 0 the plane reaches.

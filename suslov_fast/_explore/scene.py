@@ -40,6 +40,11 @@ REGIMES = {
 
 def scene(parameters: Parameters) -> dict[str, Any]:
     """All numbers of a page; ValueError, with what was expected, where there are none."""
+    with np.errstate(all="ignore"):  # numbers beyond float64 are shown as none
+        return _scene(parameters)
+
+
+def _scene(parameters: Parameters) -> dict[str, Any]:
     body, eps, start = parameters.body, parameters.eps, np.array(parameters.omega0)
     run = iterate(
         body, start, eps, parameters.steps, attitude=True, on_singular="ignore", threads=1
@@ -50,16 +55,15 @@ def scene(parameters: Parameters) -> dict[str, Any]:
     F = run.first_integral()
     regime = _regime(body, start, t)
     minus, plus = limits(body, start, eps)
-    with np.errstate(all="ignore"):
-        drift = np.abs(F / F[0] - 1.0)
-        curves = {
-            "F": [_rows(branch) for branch in _levels(body, eps, t)],
-            "energy": _rows(energy_level(body, start)),
-        }
+    drift = np.abs(F / F[0] - 1.0)
+    curves = {
+        "F": [_rows(branch) for branch in _levels(body, eps, t)],
+        "energy": _rows(energy_level(body, start)),
+    }
     return {
         "parameters": parameters._asdict(),
         "omega": _rows(run.omega),
-        "flow": _rows(flow(body, start, run.t)),
+        "flow": _flow(body, start, run.t),
         "attitude": _rows(run.attitude.reshape(-1, 9)),
         "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
         "line": _line(body, eps),
@@ -99,6 +103,13 @@ def _regime(body: Suslov3D, start: FloatArray, t: float) -> str:
     if not vector_field(body, start).any():
         return "steady"
     return "below" if abs(t) < 1 else "above" if abs(t) > 1 else "at"
+
+
+def _flow(body: Suslov3D, start: FloatArray, times: FloatArray) -> list[list[float] | None]:
+    """The continuous motion at the times of the states, where these are in the range of float64."""
+    within = np.isfinite(times)
+    missing = [None] * int((~within).sum())
+    return [*_rows(flow(body, start, times[within])), *missing]
 
 
 def _line(body: Suslov3D, eps: float) -> dict[str, list[float]] | None:
@@ -142,7 +153,5 @@ def _number(value: Any) -> float | None:
 
 def _rows(array: FloatArray) -> list[list[float] | None]:
     """Rows of numbers, and None for those that do not exist."""
-    exist = np.isfinite(array).all(axis=-1)
-    return [
-        row if there else None for row, there in zip(array.tolist(), exist.tolist(), strict=True)
-    ]
+    exist: list[bool] = np.isfinite(array).all(axis=-1).tolist()
+    return [row if there else None for row, there in zip(array.tolist(), exist, strict=True)]

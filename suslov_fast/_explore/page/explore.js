@@ -13,10 +13,12 @@ const FIELDS = {
   Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
 };
 const SHOWN = ["F", "energy"];
+const SMALL = "12px system-ui, 'DejaVu Sans', sans-serif";
+const MATH = "italic 15px Georgia, 'DejaVu Serif', serif";
 const values = {}; // what the fields hold, as text: a wrong value stays as it was written
 const inputs = {};
 let settings, scene = null;
-let extent = 4, shown = new Set(SHOWN), moment = 0, playing = false, colours = {};
+let extent = 4, shown = new Set(SHOWN), moment = 0, share = 0, playing = false, colours = {};
 let camera = { turn: -0.7, lift: 0.42 };
 
 // ---------------------------------------------------------------- talking to the server
@@ -116,9 +118,15 @@ function change(changes, typed = null) {
     inputs[name].slider.value = values[name];
     if (name !== typed) inputs[name].number.value = values[name];
   }
-  byId("preset").value = "";
+  name();
   remember();
   ask();
+}
+
+// Say which of the beginnings is shown, if it is one.
+function name() {
+  const same = ({ parameters }) => Object.keys(FIELDS).every((field) => Number(values[field]) === parameters[field]);
+  byId("preset").value = settings.presets.find(same)?.name ?? "";
 }
 
 // Sliders of the start reach as far as the plane does.
@@ -148,6 +156,7 @@ function choose(preset) {
     values[name] = String(value);
     inputs[name].slider.value = inputs[name].number.value = values[name];
   }
+  name();
   setExtent(preset.extent);
   setMoment(0);
   ask();
@@ -163,7 +172,6 @@ function fromAddress() {
   });
   if (given.has("show")) shown = new Set(given.get("show").split(" ").filter(Boolean));
   for (const box of document.querySelectorAll("#show input")) box.checked = shown.has(box.value);
-  byId("preset").value = Object.keys(FIELDS).some((name) => given.has(name)) ? "" : first.name;
 }
 
 // ---------------------------------------------------------------- words and numbers
@@ -171,7 +179,7 @@ function fromAddress() {
 function short(value, digits = 6) {
   if (value === null) return "none";
   const text = Number(value.toPrecision(digits)).toString();
-  return text.replace("-", "−").replace("e−", "e−");
+  return text.replaceAll("-", "−");
 }
 
 const pair = (values) => values ? `(${values.map((each) => short(each, 5)).join(", ")})` : "none";
@@ -207,7 +215,7 @@ function describe() {
   }));
   byId("matter").textContent = ellipsoid === null ? ""
     : `Ellipsoid of inertia, drawn with I₃ = ${short(ellipsoid.I3, 4)}` +
-      (ellipsoid.matter ? "." : ": no body of matter has these parameters, the equations do not mind.");
+      (ellipsoid.matter ? "." : ". No body of matter has these parameters.");
 }
 
 // ---------------------------------------------------------------- the plane
@@ -257,29 +265,32 @@ function disc(pen, [x, y], radius, fill, edge = null) {
   if (edge) { Object.assign(pen, { strokeStyle: edge, lineWidth: 1.4 }); pen.stroke(); }
 }
 
-function mixed(share) {
-  const part = (k) => Math.round(colours.earlyRgb[k] + share * (colours.lateRgb[k] - colours.earlyRgb[k]));
-  return `rgb(${part(0)} ${part(1)} ${part(2)})`;
+// Text with a margin, so that lines may run behind it.
+function write(pen, text, x, y, align = "center", font = SMALL, colour = colours.faint) {
+  Object.assign(pen, { font, textAlign: align, strokeStyle: colours.panel, lineWidth: 4, fillStyle: colour });
+  pen.strokeText(text, x, y);
+  pen.fillText(text, x, y);
 }
 
 function drawPlane() {
   const { pen, width, height } = surface(byId("plane"));
   const { at, scale } = view();
-  drawGrid(pen, width, height, scale, at);
+  const ticks = drawGrid(pen, width, height, scale, at);
   if (!scene) return;
   const place = (row) => row && at(row);
-  if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [7, 4]);
-  if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 1.4);
+  if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 2);
+  if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [6, 6]);
   if (scene.line) {
     const far = 4 * Math.hypot(width, height) / scale;
     for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]])
       stroke(pen, [at([0, 0]), at(scene.line[half].map((each) => each * far))], colours.line, 2.6, dash);
   }
+  for (const [text, x, y, align, font] of ticks) write(pen, text, x, y, align, font);
   const states = scene.omega.map(place), end = last();
   if (shown.has("joined")) stroke(pen, states, colours.faint, 1, [1, 4]);
   if (shown.has("flow")) for (const row of scene.flow) if (row) disc(pen, at(row), 4, null, colours.flow);
   const radius = end > 800 ? 1.8 : end > 300 ? 2.2 : 2.8;
-  for (let n = end; n >= 0; n--) if (states[n]) disc(pen, states[n], radius, mixed(n / Math.max(end, 1)));
+  for (let n = end; n >= 0; n--) if (states[n]) disc(pen, states[n], radius, colours.state);
   if (scene.status.failed_at !== null && states[end]) drawCross(pen, states[end]);
   if (states[moment]) disc(pen, states[moment], 5.5, colours.panel, colours.text);
   if (states[moment]) disc(pen, states[moment], 3, colours.text);
@@ -298,36 +309,20 @@ function drawGrid(pen, width, height, scale, at) {
   const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const named = (value) => (Math.abs(Math.log10(step)) > 5 ? value.toExponential(1) : value.toFixed(digits)).replace("-", "−");
-  pen.font = "12px system-ui, 'DejaVu Sans', sans-serif";
-  const [x0, y0] = at([0, 0]);
-  const besideX = Math.min(Math.max(y0 + 15, 15), height - 6);
-  for (let k = -Math.ceil(width / 2 / scale / step); k * step * scale <= width / 2; k++) {
+  const ticks = [], [x0, y0] = at([0, 0]);
+  for (let k = -Math.floor(width / 2 / scale / step); k * step * scale <= width / 2; k++) {
     const [x] = at([k * step, 0]);
     stroke(pen, [[x, 0], [x, height]], k ? colours.grid : colours.axis, 1);
+    if (k && x > 16 && x < width - 34) ticks.push([named(k * step), x, y0 + 16, "center", SMALL]);
   }
-  for (let k = -Math.ceil(height / 2 / scale / step); k * step * scale <= height / 2; k++) {
+  for (let k = -Math.floor(height / 2 / scale / step); k * step * scale <= height / 2; k++) {
     const [, y] = at([0, k * step]);
     stroke(pen, [[0, y], [width, y]], k ? colours.grid : colours.axis, 1);
+    if (k && y > 24 && y < height - 8) ticks.push([named(k * step), x0 - 7, y + 4, "right", SMALL]);
   }
-  pen.fillStyle = colours.faint;
-  for (let k = -Math.floor(width / 2 / scale / step); k * step * scale < width / 2 - 34; k++) {
-    if (!k) continue;
-    const [x] = at([k * step, 0]);
-    pen.textAlign = "center";
-    if (x > 16) pen.fillText(named(k * step), x, besideX);
-  }
-  for (let k = -Math.floor(height / 2 / scale / step); k * step * scale < height / 2 - 24; k++) {
-    if (!k) continue;
-    const [, y] = at([0, k * step]);
-    pen.textAlign = "right";
-    if (y < height - 8) pen.fillText(named(k * step), x0 - 7, y + 4);
-  }
-  pen.fillStyle = colours.text;
-  pen.font = "italic 15px Georgia, 'DejaVu Serif', serif";
-  pen.textAlign = "right";
-  pen.fillText("Ω₁", width - 6, y0 - 8);
-  pen.textAlign = "left";
-  pen.fillText("Ω₂", x0 + 8, 16);
+  stroke(pen, [[x0, 0], [x0, height], null, [0, y0], [width, y0]], colours.axis, 1);
+  ticks.push(["Ω₁", width - 6, y0 - 8, "right", MATH], ["Ω₂", x0 + 8, 16, "left", MATH]);
+  return ticks;
 }
 
 // The start goes where the mouse is, in as many digits as it can tell.
@@ -357,7 +352,7 @@ const times = (R, v) => [0, 1, 2].map((i) => R[3 * i] * v[0] + R[3 * i + 1] * v[
 const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
 const scaled = (v, factor) => v.map((each) => each * factor);
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-const AROUND = 32, ALONG = 16, TIP = 1.3;
+const AROUND = 32, ALONG = 16, TIP = 1.3, TRAIL = 40, ARCS = 24;
 
 // What is seen from a camera that looks at the origin: to the right, up, towards the eye.
 function seen([x, y, z]) {
@@ -372,14 +367,14 @@ function drawSpace() {
   if (!scene) return;
   const scale = Math.min(width, height) / 2.95;
   const at = ([right, up]) => [width / 2 + right * scale, height / 2 - up * scale];
-  const R = scene.attitude[Math.min(moment, last())];
+  const R = orientation(moment, share);
   if (!R) return;
   const ring = [];
   for (let k = 0; k <= 90; k++) ring.push(at(seen([TIP * Math.cos(k * Math.PI / 45), TIP * Math.sin(k * Math.PI / 45), 0])));
   stroke(pen, ring, colours.edge, 1);
 
-  const path = scene.attitude.slice(0, last() + 1).map((each) => seen([TIP * each[2], TIP * each[5], TIP * each[8]]));
-  const half = (front) => (points) => points.map((each) => (each[2] > 0) === front ? at(each) : null);
+  const path = trail().map((axis) => seen(scaled(axis, TIP)));
+  const half = (front) => (points) => points.map((each, k) => (each[2] > 0) === front || (k && (points[k - 1][2] > 0) === front) ? at(each) : null);
   const axes = AXES.map((axis, k) => ({ tip: seen(scaled(times(R, axis), TIP)), name: ["e₁", "e₂", "a"][k], colour: k === 2 ? colours.line : colours.text }));
   const velocity = scene.spatial[Math.min(moment, last())];
   if (velocity) {
@@ -388,10 +383,8 @@ function drawSpace() {
   }
   for (const front of [false, true]) {
     if (front) drawEllipsoid(pen, at, R, scale);
-    pen.globalAlpha = front ? 0.35 : 0.2;
-    stroke(pen, half(front)(path), colours.line, 1.2);
-    pen.globalAlpha = front ? 1 : 0.6;
-    stroke(pen, half(front)(path.slice(0, moment + 1)), colours.line, 2);
+    pen.globalAlpha = front ? 1 : 0.45;
+    stroke(pen, half(front)(path), colours.line, 1.6);
     pen.globalAlpha = 1;
     for (const { tip, name, colour } of axes) if ((tip[2] > 0) === front) drawArrow(pen, at, tip, name, colour, front, R);
   }
@@ -402,11 +395,36 @@ function drawArrow(pen, at, tip, name, colour, front, R) {
   const from = front ? scaled(tip, Math.min(1, leaving(tip, R) / Math.max(Math.hypot(...tip), 1e-9))) : [0, 0, 0];
   stroke(pen, [at(from), at(tip)], colour, 2.4);
   disc(pen, at(tip), 3.2, colour);
-  const [x, y] = at(scaled(tip, 1.11));
-  pen.font = "italic 15px Georgia, 'DejaVu Serif', serif";
-  pen.textAlign = "center";
-  pen.fillStyle = colour;
-  pen.fillText(name, x, y + 5);
+  const [x, y] = at(tip), [x0, y0] = at([0, 0]), far = Math.max(Math.hypot(x - x0, y - y0), 1);
+  write(pen, name, x + 14 * (x - x0) / far, y + 14 * (y - y0) / far + 5, "center", MATH, colour);
+}
+
+// The orientation at a state and, to draw what lies between, a share of the one turn to the next:
+// in a step the body turns by less than half a turn, about one axis.
+function orientation(n, part) {
+  const R = scene.attitude[Math.min(n, last())], S = scene.attitude[n + 1];
+  if (!R || !S || !part) return R;
+  const turn = (i, j) => R[i] * S[j] + R[3 + i] * S[3 + j] + R[6 + i] * S[6 + j];
+  const axis = [turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1)];
+  const sine = Math.hypot(...axis) / 2, cosine = (turn(0, 0) + turn(1, 1) + turn(2, 2) - 1) / 2;
+  if (sine < 1e-9) return R;
+  const [x, y, z] = scaled(axis, 0.5 / sine), angle = part * Math.atan2(sine, cosine);
+  const c = Math.cos(angle), s = Math.sin(angle), d = 1 - c;
+  const T = [[c + d * x * x, d * x * y - s * z, d * x * z + s * y],
+    [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
+    [d * x * z - s * y, d * y * z + s * x, c + d * z * z]];
+  return [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => R[3 * i] * T[0][j] + R[3 * i + 1] * T[1][j] + R[3 * i + 2] * T[2][j]));
+}
+
+// Where the axis a has been: the last steps, as the arcs that it turned along.
+function trail() {
+  const points = [], first = Math.max(0, moment - TRAIL);
+  for (let n = first; n <= moment; n++) {
+    const parts = n < moment ? ARCS : Math.floor(share * ARCS) + 1;
+    for (let k = 0; k < parts; k++) points.push(orientation(n, k / ARCS));
+  }
+  points.push(orientation(moment, share));
+  return points.filter(Boolean).map((R) => [R[2], R[5], R[8]]);
 }
 
 // How far from the origin the drawn ellipsoid reaches in a direction on the screen.
@@ -457,6 +475,7 @@ function drawEllipsoid(pen, at, R) {
 
 function setMoment(n) {
   moment = n;
+  share = 0;
   byId("moment").value = n;
   byId("moment-value").value = `n = ${n}`;
 }
@@ -472,26 +491,27 @@ function play(on) {
   }
 }
 
-let before = null, owed = 0;
+let before = null, resting = 0;
+
 function tick(now) {
   if (!playing) return;
   if (before !== null && scene) {
-    owed += Math.min(now - before, 200) / 1000 * Number(byId("speed").value);
-    const whole = Math.floor(owed);
-    owed -= whole;
-    if (whole) {
+    const seconds = Math.min(now - before, 200) / 1000, speed = Number(byId("speed").value);
+    if (moment >= last()) {
       // It rests at the end before it begins anew.
-      const rest = Number(byId("speed").value);
-      resting = moment >= last() ? resting + whole : 0;
-      if (resting > rest) { resting = 0; setMoment(0); }
-      else setMoment(Math.min(moment + whole, last()));
-      draw();
+      resting += seconds;
+      if (resting > 1) setMoment(0);
+    } else {
+      resting = 0;
+      const reached = Math.min(moment + share + seconds * speed, last()), whole = Math.floor(reached);
+      if (whole !== moment) setMoment(whole);
+      share = reached - whole;
     }
+    draw();
   }
   before = now;
   requestAnimationFrame(tick);
 }
-let resting = 0;
 
 // ---------------------------------------------------------------- drawing, and what leads to it
 
@@ -502,13 +522,13 @@ function draw() {
 
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ["text", "faint", "panel", "edge", "grid", "axis", "accent", "line", "F", "energy", "flow", "omega", "bad"])
+  for (const name of ["text", "faint", "panel", "edge", "grid", "axis", "accent", "line", "F", "energy", "flow", "omega", "bad", "state"])
     colours[name] = style.getPropertyValue(`--${name}`).trim();
   const rgb = (name) => {
     const code = style.getPropertyValue(`--${name}`).trim();
     return [1, 3, 5].map((k) => parseInt(code.slice(k, k + 2), 16));
   };
-  Object.assign(colours, { earlyRgb: rgb("early"), lateRgb: rgb("late"), bodyRgb: rgb("body"), bodyOtherRgb: rgb("body-other") });
+  Object.assign(colours, { bodyRgb: rgb("body"), bodyOtherRgb: rgb("body-other") });
 }
 
 function arrows(event) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import threading
 from functools import partial
 from typing import Any
@@ -61,6 +62,8 @@ def explore(options: argparse.Namespace) -> None:
     try:
         with server:
             print(server.url + query, flush=True)
+            if sys.stderr.isatty():
+                print("suslov-fast: Ctrl-C ends it", file=sys.stderr, flush=True)
             if not options.no_browser:
                 threading.Thread(target=_show, args=(server.url + query,), daemon=True).start()
             server.serve_forever(poll_interval=0.1)

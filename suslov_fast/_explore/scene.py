@@ -32,8 +32,8 @@ REGIMES = {
     ),
     "at": "The orbit falls onto a steady state in one step or two.",
     "above": (
-        "The step is too long to follow the continuous motion: the orbit jumps from one side of "
-        "the line to the other, and may meet a pole. It still ends on the line."
+        "The step is too long to follow the continuous motion: the orbit jumps across the line "
+        "and, unless it meets a pole, still ends on it."
     ),
 }
 
@@ -153,5 +153,5 @@ def _number(value: Any) -> float | None:
 
 def _rows(array: FloatArray) -> list[list[float] | None]:
     """Rows of numbers, and None for those that do not exist."""
-    exist: list[bool] = np.isfinite(array).all(axis=-1).tolist()
-    return [row if there else None for row, there in zip(array.tolist(), exist, strict=True)]
+    finite = np.isfinite(array).tolist()
+    return [row if all(each) else None for row, each in zip(array.tolist(), finite, strict=True)]

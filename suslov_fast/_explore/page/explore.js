@@ -162,12 +162,15 @@ function choose(preset) {
   ask();
 }
 
+// A number as it is usually written; anything else as it is.
+const tidy = (text) => text && Number.isFinite(Number(text)) ? String(Number(text)) : text;
+
 function fromAddress() {
   const given = new URLSearchParams(location.search);
   const first = settings.presets[0];
   choose({
     parameters: Object.fromEntries(
-      Object.keys(FIELDS).map((name) => [name, given.get(name) ?? first.parameters[name]])),
+      Object.keys(FIELDS).map((name) => [name, tidy(given.get(name)) ?? first.parameters[name]])),
     extent: Number(given.get("extent")) || first.extent,
   });
   if (given.has("show")) shown = new Set(given.get("show").split(" ").filter(Boolean));
@@ -200,7 +203,7 @@ function describe() {
   const rows = [
     ["criticality t", short(t)],
     ["F", short(numbers.F)],
-    ["largest change of F", numbers.drift === null ? "none" : numbers.drift.toExponential(1).replace("-", "−")],
+    ["largest change of F", numbers.drift ? numbers.drift.toExponential(1).replace("-", "−") : short(numbers.drift)],
     ["energy", short(numbers.energy)],
     ["limit n → −∞", pair(numbers.omega_minus)],
     ["limit n → +∞", pair(numbers.omega_plus)],
@@ -291,17 +294,19 @@ function drawPlane() {
   if (shown.has("flow")) for (const row of scene.flow) if (row) disc(pen, at(row), 4, null, colours.flow);
   const radius = end > 800 ? 1.8 : end > 300 ? 2.2 : 2.8;
   for (let n = end; n >= 0; n--) if (states[n]) disc(pen, states[n], radius, colours.state);
-  if (scene.status.failed_at !== null && states[end]) drawCross(pen, states[end]);
   if (states[moment]) disc(pen, states[moment], 5.5, colours.panel, colours.text);
   if (states[moment]) disc(pen, states[moment], 3, colours.text);
   const start = at([scene.parameters.Omega1, scene.parameters.Omega2]);
   disc(pen, start, 8, null, colours.accent);
   disc(pen, start, 9.5, null, colours.panel);
   disc(pen, start, 3, colours.accent);
+  if (scene.status.failed_at !== null && states[end]) drawCross(pen, states[end]);
 }
 
+// Where the orbit ends, because there is no next state.
 function drawCross(pen, [x, y]) {
-  stroke(pen, [[x - 8, y - 8], [x + 8, y + 8], null, [x - 8, y + 8], [x + 8, y - 8]], colours.bad, 3);
+  for (const [colour, width] of [[colours.panel, 7], [colours.bad, 3.2]])
+    stroke(pen, [[x - 10, y - 10], [x + 10, y + 10], null, [x - 10, y + 10], [x + 10, y - 10]], colour, width);
 }
 
 function drawGrid(pen, width, height, scale, at) {

@@ -55,6 +55,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     F = run.first_integral()
     regime = _regime(body, start, t)
     minus, plus = limits(body, start, eps)
+    of_matter = body.admissible_I3()
     drift = np.abs(F / F[0] - 1.0)
     curves = {
         "F": [_rows(branch) for branch in _levels(body, eps, t)],
@@ -68,7 +69,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
         "line": _line(body, eps),
         "levels": curves,
-        "ellipsoid": _ellipsoid(body),
+        "ellipsoid": _ellipsoid(body, *of_matter),
         "regime": {"name": regime, "text": REGIMES[regime]},
         "status": {
             "name": status.name,
@@ -83,7 +84,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "omega_minus": _rows(minus[np.newaxis])[0],
             "omega_plus": _rows(plus[np.newaxis])[0],
             "scattering_angle": _number(scattering_angle(body)),
-            "I3": _rows(np.array([body.admissible_I3()]))[0],
+            "I3": _rows(np.array([of_matter]))[0],
         },
         "python": code(parameters),
     }
@@ -127,13 +128,12 @@ def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
     return level_curves(body, eps, abs(t), _REACH)
 
 
-def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
+def _ellipsoid(body: Suslov3D, low: FloatArray, high: FloatArray) -> dict[str, Any] | None:
     """The ellipsoid of inertia of a body with these parameters.
 
-    I3 decides its shape alone: it is in the middle of those that matter can have, or, where it can
-    have none, large enough for an ellipsoid.
+    I3 decides its shape alone: it is in the middle of those that matter can have, from low to high,
+    or, where it can have none, large enough for an ellipsoid.
     """
-    low, high = body.admissible_I3()
     of_matter = bool(np.isfinite(low))
     I3 = float(0.5 * (low + high)) if of_matter else float(np.maximum(body.I1, body.I2))
     for _ in range(_DOUBLINGS):

@@ -75,6 +75,9 @@ class _Handler(BaseHTTPRequestHandler):
     server_version = f"suslov-fast/{__version__}"
     sys_version = ""
     timeout = _PATIENCE
+    # Head and body leave together, and at once.
+    wbufsize = -1
+    disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
         """Answer with the page, one of its parts, or numbers for it."""

@@ -308,9 +308,15 @@ def test_odd_requests(server, capfd):
     assert raw(server, "GET / HTTP/1.1\r\n\r\n").startswith("HTTP/1.1 403")
     assert "431" in raw(server, f"GET / HTTP/1.1\r\n{host}X: {'y' * 70000}\r\n\r\n")
     assert "400" in raw(server, "nonsense\r\n\r\n")
+    for path in ("http://[", "//[", "/scene?%ff=%00", "/?\x00", "*"):
+        assert raw(server, f"GET {path} HTTP/1.1\r\n{host}\r\n")[:12] in (
+            "HTTP/1.1 200",
+            "HTTP/1.1 400",
+            "HTTP/1.1 404",
+        )
     assert raw(server, "") == ""
     # One that leaves before it is answered.
-    for _ in range(3):
+    for _ in range(3 if os.name == "posix" else 0):
         with socket.create_connection(("127.0.0.1", server.server_port)) as connection:
             connection.sendall(f"GET /scene?{query(PICTURE_1)} HTTP/1.1\r\n{host}\r\n".encode())
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")

@@ -9,7 +9,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from socketserver import TCPServer
 from typing import Any
-from urllib.parse import urlsplit
 
 from .. import __version__
 from .parameters import PRESETS, STEPS, WrongValue, read, split
@@ -86,13 +85,13 @@ class _Handler(BaseHTTPRequestHandler):
         elif len(self.path) > _LONGEST:
             self._send(414, b"suslov-fast: too long an address\n")
         else:
-            address = urlsplit(self.path)
-            if address.path in self.server.assets:
-                self._send(200, *self.server.assets[address.path])
-            elif address.path == "/settings":
+            path, _, query = self.path.partition("?")
+            if path in self.server.assets:
+                self._send(200, *self.server.assets[path])
+            elif path == "/settings":
                 self._send_json(200, settings())
-            elif address.path == "/scene":
-                self._send_json(*answer(address.query))
+            elif path == "/scene":
+                self._send_json(*answer(query))
             else:
                 self._send(404, b"suslov-fast: no such page\n")
 

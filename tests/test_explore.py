@@ -151,7 +151,7 @@ def test_beginnings_are_what_they_say():
     found = {name: scene(parameters) for name, (parameters, _) in PRESETS.items()}
     for name, each in found.items():
         regime, status = each["regime"]["name"], each["status"]["name"]
-        if name.startswith("Picture"):
+        if name.startswith(("Picture", "Long")):
             assert (regime, status) == ("below", "OK")
             ends = [each["numbers"][f"omega_{end}"] for end in ("minus", "plus")]
             size = np.hypot(*ends[0])
@@ -160,7 +160,8 @@ def test_beginnings_are_what_they_say():
         else:
             assert regime == ("at" if name == "t = 1" else "above")
             assert status == ("SINGULAR" if "pole" in name else "SUPERCRITICAL")
-    assert len(found) == 7
+    assert round(found["Long steps: t = 0.5"]["numbers"]["criticality"], 1) == 0.5
+    assert len(found) == 8
 
 
 # ------------------------------------------------------------------ the server

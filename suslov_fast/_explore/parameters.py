@@ -99,6 +99,7 @@ PRESETS: dict[str, tuple[Parameters, float]] = {
     "Picture 2": (_of_picture(2, -2.5, 5.5, 300), PICTURES[2].extent),
     "Picture 3": (_of_picture(3, -60.0, 3.0, 300), PICTURES[3].extent),
     "Picture 4": (_of_picture(4, -1.5, 1.4, 100), PICTURES[4].extent),
+    "Long steps: t = 0.5": (_of_picture(4, -8.0, 7.0, 40), 14.0),
     "t = 1": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 0.5, -2.0, 5), 4.0),
     "t > 1: jumps": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 0.5, -4.0, 60), 8.0),
     "A pole: no next state": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, -3.0, 20), 5.0),

@@ -1,4 +1,4 @@
-"""Draw the picture of `suslov-fast explore` anew: `PYTHONPATH=tests python docs/explore_picture.py`.
+"""Draw the picture of the page anew: `PYTHONPATH=tests python docs/explore_picture.py`.
 
 It needs Chromium or Chrome, and what Matplotlib brings along.
 """

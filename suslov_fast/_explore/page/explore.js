@@ -370,7 +370,7 @@ function seen([x, y, z]) {
 function drawSpace() {
   const { pen, width, height } = surface(byId("space"));
   if (!scene) return;
-  const scale = Math.min(width, height) / 2.95;
+  const scale = Math.min(width, height) / 3.25;
   const at = ([right, up]) => [width / 2 + right * scale, height / 2 - up * scale];
   const R = orientation(moment, share);
   if (!R) return;

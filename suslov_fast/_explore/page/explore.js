@@ -28,16 +28,19 @@ let asking = false, again = false;
 async function ask() {
   if (asking) { again = true; return; }
   asking = true;
-  const waiting = setTimeout(
-    () => say("Computing. The first time, kernels are compiled, which takes a while …", true), 600);
+  const begun = Date.now();
+  const waiting = setInterval(() => {
+    const seconds = Math.round((Date.now() - begun) / 1000);
+    say(`Compiling, this once: half a minute or so on a machine that is not busy. ${seconds} s`, true);
+  }, 1000);
   try {
     const reply = await fetch("/scene?" + new URLSearchParams(values));
     const found = await reply.json();
-    clearTimeout(waiting);
+    clearInterval(waiting);
     if (found.error) complain(found.error, found.field);
     else receive(found);
   } catch {
-    clearTimeout(waiting);
+    clearInterval(waiting);
     complain("suslov-fast does not answer: start it again, and load this page anew.", null);
   }
   asking = false;

@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
+_FLOAT64 = np.dtype(np.float64)
+# Four calls of NumPy take as long as so many numbers of Python.
+_FEW = 32
 # NumPy broadcasts no more axes than these.
 _AXES = 32
 
@@ -29,6 +32,8 @@ def real_array(
     """
     if type(value) is float and math.isfinite(value):
         return np.array(value)
+    if type(value) is np.ndarray and value.dtype is _FLOAT64 and few_and_finite(value):
+        return value
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -46,7 +51,7 @@ def real_array(
     if array.dtype != np.float64:
         with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
             array = array.astype(np.float64)
-    if later and array.size > LARGE:
+    if (later and array.size > LARGE) or few_and_finite(array):
         return array
     finite = ~np.isinf(array) if allow_nan else np.isfinite(array)
     if not finite.all():
@@ -54,6 +59,11 @@ def real_array(
         where = f" at index {index}" if index else ""
         raise ValueError(f"{name}: expected finite real numbers, got {array[index]}{where}")
     return array
+
+
+def few_and_finite(array: FloatArray) -> bool:
+    """Whether an array is finite, and so small that it is faster to look at each number."""
+    return array.size <= _FEW and all(map(math.isfinite, array.ravel().tolist()))
 
 
 def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
@@ -151,6 +161,8 @@ def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
 
 def integer(name: str, value: Any, minimum: int, expected: str) -> int:
     """An integer of at least `minimum` that fits in 64 bits."""
+    if type(value) is int and minimum <= value < 2**62:
+        return value
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError

@@ -51,7 +51,7 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     run = _checked(body, "omega", omega, eps, I3)
     trajectories = Trajectories.of(run, execute(run))
     # A state that does not exist has no next one, and that is no news.
-    report(trajectories, "warn", trajectories.failed_at > 0, stacklevel=2)
+    report(trajectories, "warn", 1, stacklevel=2)
     return trajectories.final
 
 
@@ -147,7 +147,7 @@ def iterate_full(
     if out is not None:
         out = checked_out("out", out, run.shape)
     trajectories = Trajectories.of(run, execute(run, out))
-    report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
+    report(trajectories, on_singular, 0, stacklevel=2)
     return trajectories
 
 

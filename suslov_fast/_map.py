@@ -71,7 +71,7 @@ def next_states(
     )
     trajectories = Trajectories.of(run, execute(run))
     # A state that does not exist has no next one, and that is no news.
-    report(trajectories, "warn", trajectories.failed_at > 0, stacklevel)
+    report(trajectories, "warn", 1, stacklevel)
     return trajectories.final
 
 
@@ -189,5 +189,5 @@ def iterate(
     if out is not None:
         out = checked_out("out", out, run.shape)
     trajectories = Trajectories.of(run, execute(run, out))
-    report(trajectories, on_singular, trajectories.status < 0, stacklevel=2)
+    report(trajectories, on_singular, 0, stacklevel=2)
     return trajectories

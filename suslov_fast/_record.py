@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ._bodies.nd import SuslovND
 from ._bodies.three import Suslov3D
 from ._engine.arguments import Body
+from ._engine.run import numbers_of_saved
 
 Entries = dict[str, NDArray[Any]]
 
@@ -44,7 +45,8 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
         "body": kind,
         "method": run["method"],
         "steps": run["steps"],
-        **{name: run[name] for name in ("omega", "n", "eps", "status", "failed_at")},
+        "n": numbers_of_saved(run["steps"], run["save_every"]),
+        **{name: run[name] for name in ("omega", "eps", "status", "failed_at")},
         **{name: getattr(body, name) for name in parameters_of(kind)},
         **{RESUME + name: array for name, array in run["_resume"].items()},
     }
@@ -60,7 +62,7 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
 def _is_saved(run: Mapping[str, Any]) -> bool:
     """Whether the last state is the last of the saved ones, bit for bit."""
     omega, final = run["omega"], run["final"]
-    if len(omega) == 0 or run["n"][-1] != run["steps"]:
+    if len(omega) == 0 or (run["save_every"] and run["steps"] % run["save_every"]):
         return False
     last = omega[-1]
     if last.ctypes.data == final.ctypes.data and last.strides == final.strides:
@@ -93,7 +95,6 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     eps = entries["eps"]
     run = {
         "omega": omega,
-        "n": entries["n"],
         "eps": float(eps) if eps.ndim == 0 else eps,
         "body": _body_of(entries),
         "status": entries["status"],
@@ -109,7 +110,7 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
             if name.startswith(RESUME)
         },
     }
-    _check(run)
+    _check(run, entries["n"])
     return run
 
 
@@ -123,21 +124,21 @@ def _body_of(entries: Mapping[str, NDArray[Any]]) -> Body:
     return BODIES[kind](*(entries[name] for name in parameters_of(kind)))
 
 
-def _check(run: Mapping[str, Any]) -> None:
+def _check(run: Mapping[str, Any], n: NDArray[Any]) -> None:
     """Refuse arrays that do not belong together."""
     body, steps, every = run["body"], run["steps"], run["save_every"]
     first, step, count = (steps, 1, 1) if every is None else (0, every, steps // every + 1)
-    n = first + step * np.arange(min(count, np.size(run["n"]) + 1))
-    if not np.array_equal(run["n"], n):
+    # As many as there should be, but not more than would have to be there.
+    numbers = first + step * np.arange(min(count, np.size(n) + 1))
+    if n.dtype != np.int64 or not np.array_equal(n, numbers):
         raise ValueError(
             f"n: expected the saved steps of a run of {steps} steps with save_every={every}, "
-            f"got {_short(run['n'])}"
+            f"got {_short(n)}"
         )
     batch = run["status"].shape
     side = body.dimension + 1
     expected = {
         "omega": ((n.size, *batch, body.dimension), np.float64),
-        "n": (n.shape, np.int64),
         "status": (batch, np.int8),
         "failed_at": (batch, np.int64),
         "final": ((*batch, body.dimension), np.float64),

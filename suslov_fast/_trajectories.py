@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -17,8 +18,9 @@ from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body
 from ._engine.layout import first_index, spell
+from ._engine.problem import worst
 from ._engine.progress import Progress, check_progress
-from ._engine.run import Results, Run, execute
+from ._engine.run import Results, Run, execute, numbers_of_saved
 from ._engine.threads import thread_count
 from ._figures import axes_or_new
 from ._record import entries_of, run_of
@@ -56,8 +58,6 @@ class Trajectories:
     ----------
     omega : ndarray(float, shape=(n_saved, ..., D))
         The saved states; NaN from the first state on that does not exist.
-    n : ndarray(int, shape=(n_saved,))
-        Their step numbers.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time that omega is measured in.
     body : Suslov3D or SuslovND
@@ -89,7 +89,6 @@ class Trajectories:
     """
 
     omega: FloatArray
-    n: NDArray[np.int64]
     eps: float | FloatArray
     body: Body
     status: NDArray[np.int8]
@@ -107,7 +106,6 @@ class Trajectories:
         """The results of a run."""
         return cls(
             omega=results.omega,
-            n=run.numbers,
             eps=float(run.eps) if run.eps.ndim == 0 else run.eps,
             body=run.body,
             status=results.status,
@@ -178,8 +176,13 @@ class Trajectories:
             progress=progress,
         )
         longer = Trajectories.of(run, execute(run, before=(self.omega, self.attitude)))
-        report(longer, on_singular, longer.failed_at > self.steps, stacklevel=2)
+        report(longer, on_singular, self.steps + 1, stacklevel=2)
         return longer
+
+    @cached_property
+    def n(self) -> NDArray[np.int64]:
+        """The step numbers of the saved states, shape (n_saved,)."""
+        return numbers_of_saved(self.steps, self.save_every)
 
     @property
     def t(self) -> FloatArray:
@@ -195,7 +198,7 @@ class Trajectories:
     @property
     def ok(self) -> bool:
         """Whether every trajectory finished."""
-        return bool(self.status.min(initial=0) >= 0)
+        return worst(self.status) >= 0
 
     def first_integral(self) -> FloatArray:
         """F of the saved states, shape (n_saved, ...); see :func:`suslov_fast.first_integral`.
@@ -430,11 +433,12 @@ def _range(eps: float | FloatArray) -> str:
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
-def report(
-    trajectories: Trajectories, on_singular: str, failed: NDArray[np.bool_], stacklevel: int
-) -> None:
-    """Say once for the whole batch which trajectories came to an end."""
-    if on_singular == "ignore" or not failed.any():
+def report(trajectories: Trajectories, on_singular: str, since: int, stacklevel: int) -> None:
+    """Say once for the whole batch which trajectories came to an end, at which step since one."""
+    if on_singular == "ignore" or trajectories.ok:
+        return
+    failed = trajectories.failed_at >= since
+    if not failed.any():
         return
     parts = []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):

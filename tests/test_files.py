@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -55,7 +56,7 @@ def test_twice_is_once(suffix, tmp_path):
 def test_every_bit_of_nan(suffix, tmp_path):
     omega = RUN.omega.copy()
     omega.view(np.uint64)[-1, 0] = 0xFFF8_0000_DEAD_BEEF
-    run = type(RUN)(**{**vars(RUN), "omega": omega, "_resume": {}})
+    run = replace(RUN, omega=omega, _resume={})
     run.save(tmp_path / f"run{suffix}")
     assert same(sf.Trajectories.load(tmp_path / f"run{suffix}").omega, omega)
 

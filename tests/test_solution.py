@@ -4,6 +4,7 @@ import warnings
 from types import SimpleNamespace
 
 import naive
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast._core.cpu import closed_form as loops
+from suslov_fast._core.cpu import equal_steps
 from suslov_fast._engine import closed_form
 from suslov_fast._engine.iterate_3d import jumps
 
@@ -553,6 +555,25 @@ def test_slices(body, rng, monkeypatch):
     assert max(done) <= 5000 * loops.WORK
 
 
+@pytest.mark.parametrize("shift", range(8))
+def test_a_single_orbit_past_the_caches(body, monkeypatch, shift):
+    """Wherever its states lie to the cache lines, they are those of any batch."""
+    rows = 300 if numba.config.DISABLE_JIT else equal_steps.BEYOND_CACHES // 2 + 777
+    monkeypatch.setattr(equal_steps, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    monkeypatch.setattr(equal_steps, "FEW_STATES", 72)
+    # From next to the repelling half; in the middle; beyond criticality.
+    for omega in ([0.8 + 1e-9, -4 / 3], [1.0, 0.5], [9.0, -30.0]):
+        memory = np.full(2 * rows + 16, 7.0)
+        out = memory[shift : shift + 2 * rows].reshape((rows, 2))
+        sf.iterate(body, omega, 0.2, rows - 1, out=out)
+        beside = sf.iterate(body, [omega, [0.3, 0.4]], 0.2, rows - 1).omega[:, 0]
+        assert np.array_equal(out, beside, equal_nan=True)
+        assert (memory[:shift] == 7.0).all()
+        assert (memory[shift + 2 * rows :] == 7.0).all()
+        cut = sf.iterate(body, omega, 0.2, 101).extend(rows - 102).omega
+        assert np.array_equal(cut, out, equal_nan=True)
+
+
 def test_rows_before_the_start_stay(body, rng):
     """Orbits of a run may begin at different numbers."""
     omega, start = rng.normal(size=(70, 2)), rng.integers(0, 150, 70).astype(float)
@@ -561,7 +582,9 @@ def test_rows_before_the_start_stay(body, rng):
     parameters = [*body.flat_normalised(()), np.array([0.2])]
     parameters[-1] = body.normalised_eps(parameters[-1])
     run = closed_form.Run(1.0, 0.0, 1.0, 0, 200, 0, 1)
-    closed_form.fill_run(run, False, parameters, omega, start, out, missing, None)
+    closed_form.fill_run(
+        run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None
+    )
     for k, begin in enumerate(start.astype(int)):
         assert (out[:begin, k] == 7.0).all()
         assert (out[begin, k] == omega[k]).all()

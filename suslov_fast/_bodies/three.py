@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -120,10 +121,22 @@ class Suslov3D:
 
     def normalised_eps(self, eps: FloatArray) -> FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
+        scaled: FloatArray
+        if eps.ndim == 0 and not self.shape:  # without the warnings that NumPy gives
+            try:
+                return np.array(math.ldexp(eps.item(), self._one_exponent))
+            except OverflowError:
+                return np.copysign(np.array(math.inf), eps)
         moments, products = self.exponents
         with np.errstate(all="ignore"):
-            scaled: FloatArray = np.ldexp(eps, products - moments)
+            scaled = np.ldexp(eps, products - moments)
         return scaled
+
+    @cached_property
+    def _one_exponent(self) -> int:
+        """What `normalised_eps` adds to exponents, of a single body."""
+        moments, products = self.exponents
+        return int(products - moments)
 
     @cached_property
     def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:

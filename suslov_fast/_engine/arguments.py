@@ -27,15 +27,17 @@ def check(
     """
     instance("body", body, Suslov3D if dimension else (Suslov3D, SuslovND))
     size = dimension or body.dimension
-    checked = {name: vectors(name, value, size, True, later) for name, value in states.items()}
-    shapes = {name: array.shape[:-1] for name, array in checked.items()}
+    arrays, shapes = [], {"body": body.shape}
+    for name, value in states.items():
+        arrays.append(vectors(name, value, size, True, later))
+        shapes[name] = arrays[-1].shape[:-1]
     for name, value in (numbers or {}).items():
-        checked[name] = real_array(name, value)
-        shapes[name] = checked[name].shape
+        arrays.append(real_array(name, value))
+        shapes[name] = arrays[-1].shape
     for name, value in (orientations or {}).items():
-        checked[name] = rotations(name, value, body.dimension + 1)
-        shapes[name] = checked[name].shape[:-2]
-    return list(checked.values()), common_shape(body=body.shape, **shapes)
+        arrays.append(rotations(name, value, body.dimension + 1))
+        shapes[name] = arrays[-1].shape[:-2]
+    return arrays, common_shape(**shapes)
 
 
 def components(state: FloatArray) -> tuple[FloatArray, ...]:

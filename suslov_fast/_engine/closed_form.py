@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core.cpu import closed_form as loops
+from .._core.cpu import equal_steps
 from .._core.cpu.blocks import TASKS
+from .._core.cpu.orbits import WIDTH
 from . import threads as _threads
 from .layout import flat_parameter, flat_vectors, for_kernel
 
@@ -26,6 +28,8 @@ _WORTH_ENTERING = 2**12
 _IN_CACHE = 2**15
 # Most given states have the number 0.
 NO_START = np.zeros(1)
+# Where statuses are not wanted.
+NO_STATUS = np.empty(0, np.int8)
 
 
 def none_missing() -> NDArray[np.int64]:
@@ -42,9 +46,12 @@ def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
     Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
     batch is cut first, as long as rows are worth that trajectories are entered.
     """
+    if batch * rows <= SLICE:
+        yield (0, batch), (0, rows)
+        return
     abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
-    width = min(batch, max(abreast // loops.WIDTH * loops.WIDTH, loops.WIDTH))
-    height = (SLICE // max(width, 1) // loops.GROUP + 1) * loops.GROUP
+    width = min(batch, max(abreast // WIDTH * WIDTH, WIDTH))
+    height = (SLICE // max(width, 1) // equal_steps.GROUP + 1) * equal_steps.GROUP
     for lane in range(0, batch, max(width, 1)):
         for row in range(0, rows, height):
             yield (lane, min(lane + width, batch)), (row, min(row + height, rows))
@@ -91,11 +98,11 @@ def _fill(
     missing = none_missing()
     runs = runs_of(times, flow)
     for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, missing, threads)
+        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
     for lanes, rows in slices(len(states), times.size) if not runs else ():
         _threads.run(
             loops.fill,
-            (lanes[1] - lanes[0]) * (rows[1] - rows[0]) * loops.WORK,
+            (lanes[1] - lanes[0]) * (loops.ENTERING + (rows[1] - rows[0]) * loops.WORK),
             threads,
             flow,
             *parameters,
@@ -109,8 +116,7 @@ def _fill(
     return total
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(NamedTuple):
     """States at equal steps: n = sign (first + every i) for begin <= i < end, first and every >= 0.
 
     Row i of them goes to row origin + direction i of the result.
@@ -132,20 +138,23 @@ def fill_run(
     states: FloatArray,
     start: FloatArray,
     out: FloatArray,
+    status: NDArray[np.int8],
     missing: NDArray[np.int64],
     threads: int | None,
 ) -> None:
     """Fill the rows of `out`, (N, B, 2), that belong to a run.
 
-    start   (1,) or (B,): the number n of each of the given states; rows of smaller n stay.
+    start    (1,) or (B,): the number n of each of the given states; rows of smaller n stay.
+    status   (B,), receives how trajectories end, or (0,); negative where the closed form may not be
+             used.
     """
     begin, end = run.begin, run.end
-    for lanes, rows in slices(len(states), end - begin // loops.GROUP * loops.GROUP):
-        low = begin // loops.GROUP * loops.GROUP
+    for lanes, rows in slices(len(states), end - begin // equal_steps.GROUP * equal_steps.GROUP):
+        low = begin // equal_steps.GROUP * equal_steps.GROUP
         top, bottom = max(low + rows[0], begin), low + rows[1]
         _threads.run(
-            loops.fill_run,
-            (lanes[1] - lanes[0]) * (bottom - top),
+            equal_steps.fill_run,
+            (lanes[1] - lanes[0]) * (loops.ENTERING + bottom - top),
             threads,
             flow,
             run.sign,
@@ -156,6 +165,7 @@ def fill_run(
             lanes,
             (top, bottom, run.origin, run.direction),
             out,
+            status,
             missing,
         )
 
@@ -193,7 +203,7 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
 
 
 def _turned(run: Run, size: int) -> Run:
-    return replace(run, origin=size - 1 - run.origin, direction=-run.direction)
+    return run._replace(origin=size - 1 - run.origin, direction=-run.direction)
 
 
 def _equal_steps(times: FloatArray, every: float) -> bool:

@@ -10,7 +10,7 @@ from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
 from . import closed_form as closed
 from . import threads
-from .problem import Outcome, Problem, check_computed, never
+from .problem import Outcome, Problem, check_computed, never, worst
 from .progress import reporter
 
 # From so many steps on the closed form is faster than they are, where only the last state counts.
@@ -65,7 +65,7 @@ def _iterate(problem: Problem) -> Outcome:
         )
     check_computed(status)
     failed_at = never(size)
-    if status.min(initial=0) < 0:
+    if worst(status) < 0:
         failed_at = _failures(problem, arguments, status)
     return Outcome(final, status, failed_at, {"state": state, "turn": turn})
 
@@ -108,19 +108,23 @@ def _jump(problem: Problem) -> Outcome:
 
     Orbits that may meet a pole are iterated from their start until they are past it.
     """
-    _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row)
-    saves_last = len(problem.saved) and problem.stop % problem.every == 0
-    last = problem.saved[-1] if saves_last else None
-    final, status = _closed_form(problem, problem.omega, problem.stop, last)
+    status = np.empty(problem.size, np.int8)
+    if len(problem.saved):
+        _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row, status)
+    if len(problem.saved) and problem.stop % problem.every == 0:
+        final = problem.saved[-1]
+    else:
+        final = _last(problem, problem.omega, problem.stop, status)
     failed_at = never(problem.size)
-    if status.min(initial=0) < 0:
+    if worst(status) < 0:
         failed_at = failed_at.copy()
         unsafe = np.flatnonzero(status < 0)
         together = max(_TOGETHER // (problem.last_row + 1), 1)
         for first in range(0, unsafe.size, together):
             _past_poles(problem, unsafe[first : first + together], final, status, failed_at)
-    with reporter(problem.progress, problem.stop - problem.start) as report:
-        report(problem.stop - problem.start)
+    if problem.progress:
+        with reporter(problem.progress, problem.stop - problem.start) as report:
+            report(problem.stop - problem.start)
     return Outcome(final, status, failed_at, {})
 
 
@@ -141,9 +145,12 @@ def _past_poles(
         final[left], status[left], failed_at[left], _ = _iterate(few)
         past = status[left] >= 0
         if ahead < problem.stop:
-            ends, ended = _closed_form(few, final[left], problem.stop - ahead)
+            ended = np.empty(left.size, np.int8)
+            ends = _last(few, final[left], problem.stop - ahead, ended)
             past &= ended >= 0
-            _fill(few, final[left], np.full(left.size, float(ahead)), rows, 0)
+            if len(rows):
+                since = np.full(left.size, float(ahead))
+                _fill(few, final[left], since, rows, 0, closed.NO_STATUS)
             final[left[past]] = ends[past]
         # Those that came to an end are done with too.
         done = past | (status[left] < 0) | (ahead == problem.stop)
@@ -155,40 +162,36 @@ def _past_poles(
 
 
 def _fill(
-    problem: Problem, omega: FloatArray, start: FloatArray, rows: FloatArray, first_row: int
+    problem: Problem,
+    omega: FloatArray,
+    start: FloatArray,
+    rows: FloatArray,
+    first_row: int,
+    status: NDArray[np.int8],
 ) -> None:
     """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
-    if not len(rows):
-        return
     run = closed.Run(
         1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
     )
-    missing = closed.none_missing()
-    closed.fill_run(run, False, _parameters(problem), omega, start, rows, missing, problem.threads)
+    parameters, missing = _parameters(problem), closed.none_missing()
+    closed.fill_run(run, False, parameters, omega, start, rows, status, missing, problem.threads)
 
 
-def _closed_form(
-    problem: Problem, omega: FloatArray, n: int, known: FloatArray | None = None
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """State n, counted from omega; a status is negative where the closed form may not be used.
-
-    known   These states, if they have been computed: only their statuses are wanted then.
-    """
+def _last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) -> FloatArray:
+    """State n, counted from omega; a status is negative where the closed form may not be used."""
     size = len(omega)
-    final = np.empty((size, 2)) if known is None else known
-    status = np.empty(size, np.int8)
+    final = np.empty((size, 2))
     threads.run(
         closed_form.jump,
-        size * closed_form.WORK if size > blocks.LANES else 0,
+        size * closed_form.ENTERING if size > blocks.LANES else 0,
         problem.threads,
         *_parameters(problem),
         omega,
         float(n),
-        known is not None,
         final,
         status,
     )
-    return final, status
+    return final
 
 
 def _method(problem: Problem) -> int:

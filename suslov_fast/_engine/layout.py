@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
+from .._checks import FloatArray, few_and_finite
 
 
 def flat_parameter(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
@@ -36,7 +36,7 @@ def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     flat = flat_vectors(state, batch)
     if np.may_share_memory(flat, state):
         flat = flat.copy()
-    if np.isnan(flat.min(initial=0.0)):  # no array of its own
+    if not few_and_finite(flat) and np.isnan(flat.min(initial=0.0)):  # no array of its own
         flat[np.isnan(flat).any(axis=-1)] = np.nan
     return flat
 

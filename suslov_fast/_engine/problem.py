@@ -175,7 +175,12 @@ def never(size: int) -> NDArray[np.int64]:
     return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
 
 
+def worst(status: NDArray[np.int8]) -> int:
+    """The least of statuses, negative if a trajectory failed; at most 0."""
+    return int(min(status.item(), 0) if status.size == 1 else status.min(initial=0))
+
+
 def check_computed(status: NDArray[np.int8]) -> None:
     """Make sure that loops have been where they should."""
-    if status.min(initial=0) == codes.NOT_COMPUTED:
+    if worst(status) == codes.NOT_COMPUTED:
         raise RuntimeError("a loop ended before its last trajectory; please report this")

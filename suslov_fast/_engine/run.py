@@ -36,6 +36,10 @@ class Run:
         The number of steps that were made before.
     resume
         What they left.
+    dimension
+        The number of components of a state.
+    shape
+        The shape of the states that are kept.
     """
 
     body: Body
@@ -50,24 +54,13 @@ class Run:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    dimension: int = field(init=False)
+    shape: tuple[int, ...] = field(init=False)
 
-    @property
-    def numbers(self) -> NDArray[np.int64]:
-        """The numbers of all states that are kept."""
-        if self.save_every is None:
-            return np.array([self.steps])
-        return np.arange(0, self.steps + 1, self.save_every)
-
-    @property
-    def dimension(self) -> int:
-        """The number of components of a state."""
-        return int(self.omega0.shape[-1])
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of the states that are kept."""
+    def __post_init__(self) -> None:
         rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        return (rows, *self.batch, self.dimension)
+        self.dimension = int(self.omega0.shape[-1])
+        self.shape = (rows, *self.batch, self.dimension)
 
     @property
     def rows_before(self) -> int:
@@ -75,6 +68,13 @@ class Run:
         if self.save_every is None or self.start == 0:
             return 0
         return self.start // self.save_every + 1
+
+
+def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
+    """The numbers of all states that a run keeps."""
+    if save_every is None:
+        return np.array([steps])
+    return np.arange(0, steps + 1, save_every)
 
 
 class Results(NamedTuple):

@@ -7,7 +7,8 @@ stack: nothing is allocated while a loop runs, and the compiler knows that no tw
 
 from ..formulas.units import own_unit
 from ..jit import part
-from .vector import VECTOR
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
+from .vector import VECTOR, pairs_at, store_at, store_pairs, vector_at
 
 # Measured: 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128
@@ -33,21 +34,31 @@ def spread(parameter, first, width, lanes, row):
     for l in range(lanes):
         row[l] = value
     if not one_for_all:
+        # An index from 0 on is known not to count from the end, which would take a branch.
+        numbers = parameter[first : first + width]
         for l in range(width):
-            row[l] = parameter[first + l]
+            row[l] = numbers[l]
 
 
 @part
 def gather_pairs(pairs, first, width, row1, row2):
     """Pairs of numbers, one after the other, into two rows."""
-    for l in range(width):
+    whole = width // VECTOR * VECTOR
+    for l in range(0, whole, VECTOR):
+        firsts, seconds = pairs_at(pairs, 2 * (first + l))
+        store_at(row1, l, firsts)
+        store_at(row2, l, seconds)
+    for l in range(whole, width):
         row1[l], row2[l] = pairs[2 * (first + l)], pairs[2 * (first + l) + 1]
 
 
 @part
 def scatter_pairs(row1, row2, first, width, pairs):
     """The reverse of `gather_pairs`."""
-    for l in range(width):
+    whole = width // VECTOR * VECTOR
+    for l in range(0, whole, VECTOR):
+        store_pairs(pairs, 2 * (first + l), vector_at(row1, l), vector_at(row2, l))
+    for l in range(whole, width):
         pairs[2 * (first + l)], pairs[2 * (first + l) + 1] = row1[l], row2[l]
 
 
@@ -62,9 +73,9 @@ def gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given):
 
 
 @part
-def gather_states(omega, first, width, lanes, given):
-    """The states of a block."""
-    gather_pairs(omega.reshape(omega.size), first, width, given[OMEGA1], given[OMEGA2])
+def gather_states(states, first, width, lanes, given):
+    """The states of a block; `states` is flat."""
+    gather_pairs(states, first, width, given[OMEGA1], given[OMEGA2])
     for l in range(width, lanes):
         given[OMEGA1, l], given[OMEGA2, l] = 1.0, 1.0
 

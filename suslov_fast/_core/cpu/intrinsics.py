@@ -21,6 +21,7 @@ from .vector import (
     fence,
     load,
     on_stack,
+    pairs_at,
     scatter_pairs,
     select,
     splat,
@@ -174,6 +175,18 @@ def _element(context, builder, array, index, kind):
 @_define(vector_at, DOUBLES, _FLAT, _INDEX)
 def _vector_at(context, builder, signature, arguments):
     return builder.load(_element(context, builder, *arguments, _LLVM[DOUBLES]), align=8)
+
+
+@_define(pairs_at, types.UniTuple(DOUBLES, 2), _FLAT, _INDEX)
+def _pairs_at(context, builder, signature, arguments):
+    place = _element(context, builder, *arguments, _LLVM[DOUBLES])
+    first, second = (
+        builder.load(builder.gep(place, [ir.IntType(32)(half)]), align=8) for half in range(2)
+    )
+    kind = ir.VectorType(ir.IntType(32), VECTOR)
+    lanes = (ir.Constant(kind, [2 * k + of_pair for k in range(VECTOR)]) for of_pair in range(2))
+    vectors = [builder.shuffle_vector(first, second, mask) for mask in lanes]
+    return context.make_tuple(builder, signature.return_type, vectors)
 
 
 @_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)

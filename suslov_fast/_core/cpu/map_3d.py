@@ -343,6 +343,7 @@ def _iterate(
     """
     saves, turning = out.shape[0] > 0, quaternions.shape[1] > 0
     flat, flat_final = out.reshape(out.size), final.reshape(final.size)
+    states = omega.reshape(omega.size)
     stride = 2 * out.shape[1]
     # Blocks begin where cache lines of the saved states do, if they do so in all rows alike.
     to_line = to_cache_line(flat, 2 * begin)
@@ -366,7 +367,7 @@ def _iterate(
             past_caches = lined_up and (block > 0 or pad == 0)
 
             gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
-            gather_states(omega, first, width, lanes, given)
+            gather_states(states, first, width, lanes, given)
             if start == 0 and saves:
                 scatter_pairs(given[OMEGA1], given[OMEGA2], first, width, flat)
             take_units_out(given, lanes)
@@ -466,6 +467,7 @@ def _locate_failure(
     resume      (2, F), the states as they are held: read where start > 0, and written.
     failed_at   (B,), -1 where it is not known yet; those between `start` and `stop` are found.
     """
+    states = omega.reshape(omega.size)
     for k in prange(failed.size):
         i = failed[k]
         given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
@@ -473,7 +475,7 @@ def _locate_failure(
         coefficients = on_stack(4, LANES)
         d, regular = 1.0, True
         gather_bodies(I1, I2, I13, I23, eps, i, 1, 1, given)
-        gather_states(omega, i, 1, 1, given)
+        gather_states(states, i, 1, 1, given)
         take_units_out(given, 1)
         enter_canonical(given, state, frame, limits, 1)
         if method == PRINTED:

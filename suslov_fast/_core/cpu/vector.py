@@ -80,7 +80,7 @@ def smaller(a, b):
     return select(a < b, a, b)
 
 
-# Ways to write memory that is not read again; arrays are flat, indices those of elements.
+# Ways to read and write memory; arrays are flat, indices those of elements.
 
 
 def vector_at(array, index):
@@ -91,6 +91,12 @@ def vector_at(array, index):
 def store_at(array, index, vector):
     """The reverse of `vector_at`."""
     array[index : index + VECTOR] = vector
+
+
+def pairs_at(array, index):
+    """The firsts and the seconds of VECTOR pairs of numbers that start at an element."""
+    pairs = array[index : index + 2 * VECTOR].copy()
+    return pairs[0::2], pairs[1::2]
 
 
 def stream(array, index, vector):

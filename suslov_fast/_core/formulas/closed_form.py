@@ -49,12 +49,6 @@ LONG_TIME = 2.0**300
 
 
 @formula
-def in_own_units(eps, omega1, omega2):
-    """The exponents of the powers of two which bring eps and omega to the order of 1."""
-    return exponent(eps), exponent(max(abs(omega1), abs(omega2)))
-
-
-@formula
 def quotient(v, v_lost, w, w_lost):
     """(v + v_lost) / (w + w_lost), and what rounding lost."""
     q = v / w
@@ -220,6 +214,13 @@ def near_state(half, kappa, a1, b1, a2, b2):
 def combined(a1, b1, a2, b2, A, B):
     """The angular velocity, of which A and B are the parts."""
     return a1 * A + b1 * B, a2 * A + b2 * B
+
+
+@formula
+def spread_of_body(I1, I2):
+    """How much larger a state of an orbit may be than another."""
+    of1, of2 = np.sqrt(I1), np.sqrt(I2)
+    return max(of1, of2) / min(of1, of2)
 
 
 @formula

@@ -62,26 +62,45 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 
 @formula
-def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
+def canonical_body(I1, I2, I13, I23):
+    """What `canonical_state` needs of a body: 2 I1 I2, I23 I1 and -I13 I2, each with what rounding
+    lost of it, and the inverse of the first with its square root.
+    """
+    a2, a2_lost = two_product(2.0 * I1, I2)
+    c1, c1_lost = two_product(I23, I1)
+    c2, c2_lost = two_product(-I13, I2)
+    inverse = 1.0 / a2
+    return a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, np.sqrt(inverse)
+
+
+@formula
+def canonical_state(
+    I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
+):
     """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and what rounding lost of Y.
 
     No parameter is left in the map. Next to Y = 1 it amplifies the relative error of 1 - Y, which
     is (1 - Y) - lost to a few ulps.
     """
     x = sum_of_products(I13, omega1, I23, omega2)
-    a2, a2_lost = two_product(2.0 * I1, I2)
-    c1, c1_lost = two_product(I23, I1)
-    c2, c2_lost = two_product(-I13, I2)
     y1, y1_lost = two_product(c1, omega1)
     y2, y2_lost = two_product(c2, omega2)
     y, y_lost = two_sum(y1, y2)
     y_lost = y_lost + ((y1_lost + c1_lost * omega1) + (y2_lost + c2_lost * omega2))
     n, n_lost = two_product(eps, y)
-    inverse = 1.0 / a2
     Y = n * inverse
     back, back_lost = two_product(Y, a2)
     lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
-    return eps * x * np.sqrt(inverse), Y, lost
+    return eps * x * root, Y, lost
+
+
+@formula
+def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
+    """`canonical_state` of any body."""
+    a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root = canonical_body(I1, I2, I13, I23)
+    return canonical_state(
+        I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
+    )
 
 
 @formula
@@ -104,7 +123,7 @@ def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
 @formula
 def at_rest(I13, I23, eps, X, Y):
     """Whether the map is the identity, or does not move this state by any digit."""
-    return (I13 == 0.0 and I23 == 0.0) or eps == 0.0 or abs(X) + abs(Y) < MOTIONLESS
+    return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
 
 
 @formula

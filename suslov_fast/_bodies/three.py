@@ -121,15 +121,14 @@ class Suslov3D:
 
     def normalised_eps(self, eps: FloatArray) -> FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
-        scaled: FloatArray
         if eps.ndim == 0 and not self.shape:  # without the warnings that NumPy gives
             try:
                 return np.array(math.ldexp(eps.item(), self._one_exponent))
             except OverflowError:
-                return np.copysign(np.array(math.inf), eps)
+                return np.array(math.copysign(math.inf, eps.item()))
         moments, products = self.exponents
         with np.errstate(all="ignore"):
-            scaled = np.ldexp(eps, products - moments)
+            scaled: FloatArray = np.ldexp(eps, products - moments)
         return scaled
 
     @cached_property

@@ -51,6 +51,15 @@ X, Y, LOST, T, T_LOST, OWN, SCALE = range(7)
 
 
 @part
+def any_of(row, lanes):
+    """Whether a number of a row is not 0; `any` of a comparison would allocate."""
+    total = 0.0
+    for l in range(lanes):
+        total = max(total, abs(row[l]))
+    return total != 0.0
+
+
+@part
 def enter_bodies(I1, I2, I13, I23, eps, first, width, lanes, given, body):
     """Gather the bodies and the step sizes of a block, and find what depends on them alone."""
     gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
@@ -170,38 +179,44 @@ def enter_sequences(flow, back, body, orbit, work, lanes):
 
 
 @part
-def enter_rest(flow, given, body, orbit, work, lanes):
-    """States that do not move are what their B alone makes; next to (0, 1) none follows."""
+def find_rest(flow, given, body, work, lanes):
+    """Mark states that do not move, in OWN, and those from which no other is known, in SCALE.
+
+    Next to (0, 1) none follows; and beyond the range of float64 none is computed. Returns whether
+    there are any.
+    """
     for l in range(lanes):
-        x, y = work[X, l], work[Y, l]
-        rests = x == 0.0
+        rests = work[X, l] == 0.0
         if not flow:
-            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], x, y)
+            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], work[X, l], work[Y, l])
         work[OWN, l] = 1.0 if rests else 0.0
-    if not flow:
-        for l in range(lanes):
-            x, y, rests = work[X, l], work[Y, l], work[OWN, l] != 0.0
-            largest = max(abs(given[5, l]), abs(given[6, l]))
-            nowhere = rests & ((1.0 - y) - work[LOST, l] == 0.0)
-            beyond = out_of_range(x, largest * body[SPREAD, l]) & (work[OWN, l] == 0.0)
-            work[SCALE, l] = 1.0 if nowhere | beyond else 0.0
     for l in range(lanes):
-        rests, ends = work[OWN, l] != 0.0, (work[SCALE, l] != 0.0) & (not flow)
+        rests = work[OWN, l] != 0.0
+        largest = max(abs(given[5, l]), abs(given[6, l]))
+        nowhere = rests & ((1.0 - work[Y, l]) - work[LOST, l] == 0.0)
+        beyond = (not rests) & out_of_range(work[X, l], largest * body[SPREAD, l])
+        unknown = given[5, l] + given[6, l] != given[5, l] + given[6, l]
+        work[SCALE, l] = 1.0 if unknown | ((not flow) & (nowhere | beyond)) else 0.0
+    return any_of(work[OWN], lanes) or any_of(work[SCALE], lanes)
+
+
+@part
+def enter_rest(given, orbit, work, lanes):
+    """States that do not move are what their B alone makes."""
+    for l in range(lanes):
+        rests, ends = work[OWN, l] != 0.0, work[SCALE, l] != 0.0
         orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]
         b1, b2 = -given[5, l] if rests else orbit[B1, l], -given[6, l] if rests else orbit[B2, l]
         orbit[B1, l], orbit[B2, l] = np.nan if ends else b1, np.nan if ends else b2
         orbit[R, l] = 1.0 if rests else orbit[R, l]
-    for l in range(lanes):
-        y, moves = work[Y, l], work[OWN, l] == 0.0
-        state = given[5, l] + given[6, l]
-        orbit[KNOWN, l] = 1.0 if state == state else 0.0
-        # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
-        lost = (state != state) | (work[SCALE, l] != 0.0) | (moves & (y >= 1.0))
-        code = SUPERCRITICAL if moves & (abs(y) >= 1.0) else OK
-        orbit[CODE, l] = NONFINITE if lost else code
     for k in (KAPPA, V, K, LAG, LOG, LOG_LOST, FAR):
         for l in range(lanes):
             orbit[k, l] = 0.0 if work[OWN, l] != 0.0 else orbit[k, l]
+    for l in range(lanes):
+        state = given[5, l] + given[6, l]
+        orbit[KNOWN, l] = 1.0 if state == state else 0.0
+        code = OK if work[OWN, l] != 0.0 else orbit[CODE, l]
+        orbit[CODE, l] = NONFINITE if work[SCALE, l] != 0.0 else code
 
 
 @part
@@ -212,16 +227,14 @@ def enter_orbits(flow, back, given, body, orbit, work, lanes):
         work[Y, l], work[LOST, l] = back * work[Y, l], back * work[LOST, l]
     enter_levels(flow, work, orbit, lanes)
     enter_sequences(flow, back, body, orbit, work, lanes)
-    enter_rest(flow, given, body, orbit, work, lanes)
-
-
-@part
-def any_of(row, lanes):
-    """Whether a number of a row is not 0; `any` of a comparison would allocate."""
-    total = 0.0
     for l in range(lanes):
-        total = max(total, abs(row[l]))
-    return total != 0.0
+        y = work[Y, l]
+        orbit[KNOWN, l] = 1.0
+        # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
+        code = SUPERCRITICAL if y <= -1.0 else OK
+        orbit[CODE, l] = NONFINITE if y >= 1.0 else code
+    if find_rest(flow, given, body, work, lanes):
+        enter_rest(given, orbit, work, lanes)
 
 
 @part

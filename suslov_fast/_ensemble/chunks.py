@@ -6,10 +6,10 @@ import math
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,51 +20,132 @@ from .starts import Slices
 _CHECKSUM = 4  # bytes of it, after those of a chunk
 
 
-def put(array: Any, where: Slices, values: NDArray[Any]) -> None:
+# Which chunks are on the disk itself before the next is written: those of whatever replaces what
+# was there, which may be whole and old after a power cut, or all, or none.
+Settled = Literal["replacing", "all", "none"]
+
+
+def put(
+    array: Any, where: Slices, values: NDArray[Any], settled: Settled = "replacing"
+) -> None:
     """Write a part of an array; each of its chunks appears whole or not at all.
 
-    One whole chunk in a folder, without compression, is written straight from memory: Zarr would
-    copy it four times.
+    What lies in one chunk goes to a folder straight from memory, unless it is compressed: Zarr
+    would copy it four times.
     """
-    path = path_of(array)
-    if path is None or not _is_plain_chunk(array, where, values):
-        array[where] = values
+    if values.size == 0:
         return
-    index = tuple(each.start // length for each, length in zip(where, array.chunks, strict=True))
-    name = array.metadata.chunk_key_encoding.encode_chunk_key(index)
-    _write(path / name, np.ascontiguousarray(values).reshape(-1).view(np.uint8))
+    path = path_of(array)
+    if path is None:
+        array[where] = values
+    elif _is_plain(array) and _is_in_one_chunk(array, where):
+        key = _key(array, where)
+        _write(path / key, path, _whole_chunk(array, where, values), settled)
+    else:
+        files = [path / _key(array, part) for part in _chunks(array, where)]
+        new = {each for each in files if not each.exists()}
+        array[where] = values
+        for each in files:
+            if settled == "all" or (settled == "replacing" and each not in new):
+                _settle(each, path)
 
 
-def _is_plain_chunk(array: Any, where: Slices, values: NDArray[Any]) -> bool:
+def _is_plain(array: Any) -> bool:
     codecs = [type(codec).__name__ for codec in array.metadata.codecs]
-    return (
-        codecs == ["BytesCodec", "Crc32cCodec"]
-        and sys.byteorder == "little"
-        and array.dtype == values.dtype
-        and values.shape == array.chunks
-        and all(each.start % length == 0 for each, length in zip(where, array.chunks, strict=True))
+    return codecs == ["BytesCodec", "Crc32cCodec"] and sys.byteorder == "little"
+
+
+def _is_in_one_chunk(array: Any, where: Slices) -> bool:
+    return all(
+        each.start // length == (each.stop - 1) // length
+        for each, length in zip(where, array.chunks, strict=True)
     )
 
 
-def _write(path: Path, data: NDArray[np.uint8]) -> None:
+def _key(array: Any, where: Slices) -> str:
+    """The name of the chunk in which a part begins."""
+    index = tuple(each.start // size for each, size in zip(where, array.chunks, strict=True))
+    key: str = array.metadata.chunk_key_encoding.encode_chunk_key(index)
+    return key
+
+
+def _whole_chunk(array: Any, where: Slices, values: NDArray[Any]) -> NDArray[Any]:
+    """The chunk of which a part has these values; beyond the array lies what stands for none."""
+    if values.shape == array.chunks and values.dtype == array.dtype:
+        return np.ascontiguousarray(values)
+    begin = [each.start - each.start % size for each, size in zip(where, array.chunks, strict=True)]
+    inside = tuple(
+        slice(first, min(first + size, length))
+        for first, size, length in zip(begin, array.chunks, array.shape, strict=True)
+    )
+    whole = np.full(array.chunks, array.fill_value, array.dtype)
+    if where != inside:
+        whole[_moved(inside, begin)] = array[inside]
+    whole[_moved(where, begin)] = values
+    return whole
+
+
+def _moved(part: Slices, begin: Sequence[int]) -> Slices:
+    return tuple(
+        slice(each.start - first, each.stop - first)
+        for each, first in zip(part, begin, strict=True)
+    )
+
+
+def _write(path: Path, root: Path, values: NDArray[Any], settled: Settled) -> None:
     import google_crc32c
 
+    data = values.reshape(-1).view(np.uint8)
     checksum = google_crc32c.value(data).to_bytes(_CHECKSUM, "little")
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.partial")
     try:
-        with open(beside, "xb", buffering=0) as file:
+        try:
+            file = open(beside, "xb", buffering=0)
+        except FileNotFoundError:  # the first of its folder
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = open(beside, "xb", buffering=0)
+        with file:
             for part in (data.data, memoryview(checksum)):
                 written = 0
                 while written < len(part):
                     written += file.write(part[written:])
             if os.fstat(file.fileno()).st_size != len(data) + _CHECKSUM:
                 raise OSError(f"{beside}: expected {len(data) + _CHECKSUM} bytes, got others")
+            settles = settled == "all" or (settled == "replacing" and path.exists())
+            if settles:
+                os.fsync(file.fileno())
         os.replace(beside, path)
+        if settles:
+            settle_folders(path.parent, root)
     except BaseException:
         with suppress(OSError):
             beside.unlink()
         raise
+
+
+def _settle(path: Path, root: Path) -> None:
+    settle(path)
+    settle_folders(path.parent, root)
+
+
+def settle(path: Path) -> None:
+    """See to it that a file, or the names in a folder, are on the disk itself."""
+    if path.is_dir() and os.name != "posix":
+        return  # Windows opens no folders
+    file = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
+def settle_folders(folder: Path, root: Path) -> None:
+    """The same for the names in a folder, and for its own up to a root."""
+    while True:
+        settle(folder)
+        if folder == root or folder.parent == folder:
+            return
+        folder = folder.parent
 
 
 def sweep(folder: str) -> None:
@@ -81,8 +162,7 @@ def damaged(array: Any, where: Slices) -> str | None:
     Each is read; one that is missing, which Zarr takes for one without values, is found too.
     """
     for part in _chunks(array, where):
-        index = tuple(each.start // size for each, size in zip(part, array.chunks, strict=True))
-        key = array.metadata.chunk_key_encoding.encode_chunk_key(index)
+        key = _key(array, part)
         if not _is_there(array, key):
             return f"{array.path}/{key} is missing"
         try:

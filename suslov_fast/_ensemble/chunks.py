@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .layout import path_of
+from .settling import settle, settle_folders
 from .starts import Slices
 
 _CHECKSUM = 4  # bytes of it, after those of a chunk
@@ -47,7 +48,8 @@ def put(
         array[where] = values
         for each in files:
             if settled == "all" or (settled == "replacing" and each not in new):
-                _settle(each, path)
+                settle(each)
+                settle_folders(each.parent, path)
 
 
 def _is_plain(array: Any) -> bool:
@@ -121,31 +123,6 @@ def _write(path: Path, root: Path, values: NDArray[Any], settled: Settled) -> No
         with suppress(OSError):
             beside.unlink()
         raise
-
-
-def _settle(path: Path, root: Path) -> None:
-    settle(path)
-    settle_folders(path.parent, root)
-
-
-def settle(path: Path) -> None:
-    """See to it that a file, or the names in a folder, are on the disk itself."""
-    if path.is_dir() and os.name != "posix":
-        return  # Windows opens no folders
-    file = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)
-
-
-def settle_folders(folder: Path, root: Path) -> None:
-    """The same for the names in a folder, and for its own up to a root."""
-    while True:
-        settle(folder)
-        if folder == root or folder.parent == folder:
-            return
-        folder = folder.parent
 
 
 def sweep(folder: str) -> None:

@@ -30,6 +30,7 @@ from .._record import FORMAT, parameters_of
 from .._replacing import kind_of, replacing
 from .job import Job
 from .reductions import REDUCTIONS
+from .settling import settle, settle_all
 
 PROGRESS = "progress"
 STEPS_DONE, RESUME = f"{PROGRESS}/steps_done", f"{PROGRESS}/resume"
@@ -85,31 +86,40 @@ def create(
     job: Job, identity: dict[str, Any], resume_size: int, coords: Mapping[Any, Any] | None
 ) -> None:
     """Make the arrays, empty. A folder appears as a whole."""
-    dataset = _skeleton(job, coords)
-    if not is_folder(job.store):
-        import zarr
+    import zarr
+    from zarr.core.sync import sync
 
-        zarr.create_group(job.store, overwrite=True, attributes={"unfinished": True})
-        _fill(job, dataset, job.store, identity, resume_size, "a")
+    dataset = _skeleton(job, coords)
+    notes = {"run": json.dumps(identity), "tile": list(job.plan.tile), "rows": job.plan.rows}
+    if not is_folder(job.store):
+        sync(_fill(job, dataset, job.store, notes, resume_size, {"unfinished": True}))
+        del zarr.open_group(job.store, mode="r+", use_consolidated=False).attrs["unfinished"]
+        _consolidate(job.store)
         return
+    # Zarr takes a thread for each file of a folder, and none for what is in memory.
+    files: dict[str, Any] = {}
+    memory = zarr.storage.MemoryStore(files)
+    sync(_fill(job, dataset, memory, notes, resume_size, {}))
+    _consolidate(memory)
     with replacing(job.store, folder=True) as new:
-        _fill(job, dataset, str(new), identity, resume_size, "w-")
+        for name, content in files.items():
+            path = new / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content.to_bytes())
+        settle_all(new)
+    settle(Path(job.store).parent)
 
 
 def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
-    """The dataset, with arrays that hold nothing in place of results."""
-    from dask import array as lazy
-
+    """The dataset, with arrays of no memory in place of results."""
     from .. import __version__
 
-    batch, tile, D = job.plan.batch, job.plan.tile, job.body.dimension
+    batch, D = job.plan.batch, job.body.dimension
     n = job.numbers
     kind = type(job.body).__name__
 
     def empty(lead: tuple[int, ...], tail: tuple[int, ...], dtype: str = "f8") -> Any:
-        chunks = (*(job.plan.rows for _ in lead), *tile, *tail)
-        shape = (*lead, *batch, *tail)
-        return lazy.zeros(shape, chunks=tuple(max(1, each) for each in chunks), dtype=dtype)
+        return np.broadcast_to(np.zeros((), dtype), (*lead, *batch, *tail))
 
     entries: dict[str, Any] = {
         "format": np.array(FORMAT),
@@ -119,7 +129,7 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         "steps": np.array(job.steps),
         "omega": empty(n.shape, (D,)),
         "n": n,
-        "eps": lazy.from_array(job.eps),
+        "eps": job.eps,
         "status": empty((), (), "i1"),
         "failed_at": empty((), (), "i8"),
         "final": empty((), (D,)),
@@ -130,11 +140,8 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     if job.orientation is not None and job.keeps_states:
         entries["attitude"] = empty(n.shape, (D + 1, D + 1))
     dataset = _labelled.dataset_of(entries, job.dims, coords)
-    dataset["eps"] = dataset["eps"].compute()
     if dataset["t"].ndim > 1 or not job.keeps_states:
         dataset = dataset.drop_vars("t")  # made when the store is opened
-    else:
-        dataset["t"] = dataset["t"].compute()
     if not job.keeps_states:
         dataset = dataset.drop_vars(["omega", "n"])
     for name, variable in dataset.coords.items():
@@ -152,42 +159,74 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     return dataset
 
 
-def _fill(
-    job: Job, dataset: Any, store: Any, identity: dict[str, Any], resume_size: int, mode: str
+async def _fill(
+    job: Job,
+    dataset: Any,
+    store: Any,
+    notes: dict[str, Any],
+    resume_size: int,
+    besides: dict[str, Any],
 ) -> None:
-    import zarr
+    """The dataset as `Dataset.to_zarr` would write it, and what is noted beside it.
+
+    It would make all arrays one after the other, and a task of each chunk of results.
+    """
+    import asyncio
+
+    from xarray.conventions import encode_cf_variable, encode_dataset_coordinates
+    from zarr.api.asynchronous import create_group
     from zarr.codecs import Crc32cCodec
 
-    dataset.to_zarr(
-        store,
-        mode=mode,
-        compute=False,
-        zarr_format=3,
-        consolidated=False,
-        encoding={name: _encoding(job, dataset[name]) for name in dataset.variables},
+    variables, attributes = encode_dataset_coordinates(dataset)
+    group = await create_group(
+        store=store, overwrite=True, zarr_format=3, attributes=_plain(attributes) | besides
     )
-    group = zarr.open_group(store, mode="r+")
-    progress = group.create_group(PROGRESS)
-    grid = job.plan.grid
-    ones = tuple(1 for _ in grid)
-    checked = [Crc32cCodec()]
-    progress.create_array(
-        "steps_done", shape=grid, chunks=ones, dtype="i8", fill_value=-1, compressors=checked
-    )
-    progress.create_array(
-        "resume",
-        shape=(*grid, resume_size),
-        chunks=(*ones, resume_size),
-        dtype="u1",
-        fill_value=0,
-        compressors=checked,
-    )
-    progress.attrs["run"] = json.dumps(identity)
-    progress.attrs["tile"] = list(job.plan.tile)
-    progress.attrs["rows"] = job.plan.rows
-    if "unfinished" in group.attrs:
-        del group.attrs["unfinished"]
-    _consolidate(store)
+
+    async def make(name: str) -> None:
+        encoding = _encoding(job, dataset[name])
+        if _is_result(name):
+            values = variables[name]
+        else:
+            if dataset[name].dtype.kind == "f":
+                variables[name].encoding["_FillValue"] = None  # NaN stays what it is
+            values = encode_cf_variable(variables[name], name=name)
+        array = await group.create_array(
+            name,
+            shape=values.shape,
+            dtype=str if values.dtype == object else values.dtype,
+            dimension_names=values.dims,
+            attributes=_plain(values.attrs),
+            **encoding,
+        )
+        if not _is_result(name):
+            await array.setitem(..., values.values)
+
+    async def note() -> None:
+        progress = await group.create_group(PROGRESS, attributes=notes)
+        grid = job.plan.grid
+        ones = tuple(1 for _ in grid)
+        each = {"compressors": [Crc32cCodec()]}
+        await progress.create_array(
+            "steps_done", shape=grid, chunks=ones, dtype="i8", fill_value=-1, **each
+        )
+        shape = (*grid, resume_size)
+        await progress.create_array(
+            "resume", shape=shape, chunks=(*ones, resume_size), dtype="u1", fill_value=0, **each
+        )
+
+    await asyncio.gather(note(), *map(make, variables))
+
+
+def _is_result(name: str) -> bool:
+    return name in ("omega", "attitude", "final", "status", "failed_at", *REDUCTIONS)
+
+
+def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """As JSON holds them."""
+    return {
+        name: value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+        for name, value in attributes.items()
+    }
 
 
 def _consolidate(store: Any) -> None:
@@ -227,7 +266,7 @@ def _encoding(job: Job, variable: Any) -> dict[str, Any]:
         )
     encoding: dict[str, Any] = {"chunks": chunks, "compressors": tuple(codecs)}
     if variable.dtype.kind == "f":
-        encoding |= {"fill_value": float("nan"), "_FillValue": None}
+        encoding["fill_value"] = float("nan")
     if variable.name == "status":
         encoding["fill_value"] = NOT_COMPUTED
     if variable.name == "failed_at":

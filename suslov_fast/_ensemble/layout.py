@@ -4,7 +4,8 @@ Results lie in the root group, under the names and with the attributes of `Traje
 What is needed to go on lies in the group "progress":
 
     steps_done    the mark of a tile: how many of its steps are stored; -1 before state 0 is
-    resume        what the steps left to go on from, with their number, as bytes of a .npz
+    resume        what the steps left to go on from, with their number, as bytes of a .npz; absent
+                  where the starts are enough
 
 Data are written whole first, then what goes on from them, then the mark. Each of these is one
 object, which a store replaces as a whole, so that wherever a process is killed all that a mark
@@ -209,10 +210,11 @@ async def _fill(
         await progress.create_array(
             "steps_done", shape=grid, chunks=ones, dtype="i8", fill_value=-1, **each
         )
-        shape = (*grid, resume_size)
-        await progress.create_array(
-            "resume", shape=shape, chunks=(*ones, resume_size), dtype="u1", fill_value=0, **each
-        )
+        if resume_size:
+            chunk = (*ones, resume_size)
+            await progress.create_array(
+                "resume", shape=(*grid, resume_size), chunks=chunk, dtype="u1", fill_value=0, **each
+            )
 
     await asyncio.gather(note(), *map(make, variables))
 
@@ -275,13 +277,14 @@ def _encoding(job: Job, variable: Any) -> dict[str, Any]:
 
 
 class Arrays:
-    """The arrays of a store by name, each opened once, chunks of NaN written like all others."""
+    """The arrays of a store by name, each looked up once, chunks of NaN written like all others."""
 
     def __init__(self, store: Any) -> None:
         import zarr
 
         self._group = zarr.open_group(store, mode="r+", use_consolidated=False)
         self._opened: dict[str, Any] = {}
+        self._known: dict[str, bool] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._opened:
@@ -290,7 +293,9 @@ class Arrays:
         return self._opened[name]
 
     def __contains__(self, name: str) -> bool:
-        return name in self._group
+        if name not in self._known:
+            self._known[name] = name in self._group
+        return self._known[name]
 
     @property
     def attrs(self) -> Any:

@@ -135,7 +135,8 @@ def write(piece: Piece, group: Arrays, settled: Settled = "replacing") -> None:
         put(group["final"], (*tile.where, every_component), results.final, settled)
         put(group["status"], tile.where, results.status, settled)
         put(group["failed_at"], tile.where, results.failed_at, settled)
-    _go_on_from(tile, group, piece.segment.stop, results.resume)
+    if RESUME in group:
+        _go_on_from(tile, group, piece.segment.stop, results.resume)
     mark = np.array(piece.segment.stop).reshape(tuple(1 for _ in tile.index))
     put(group[STEPS_DONE], _place(tile), mark, "none")
 
@@ -161,15 +162,16 @@ def _mark(tile: Tile, group: Arrays) -> int:
 
 def _left(tile: Tile, group: Arrays) -> tuple[int, dict[str, Any]]:
     """Where a tile is to be gone on with, and from what."""
-    if _mark(tile, group) < 0:
-        return 0, {}
+    mark = _mark(tile, group)
+    if mark < 0 or RESUME not in group:
+        return max(mark, 0), {}
     return unpacked(group[RESUME][tile.index])
 
 
 def resume_size(job: Job) -> int:
-    """The bytes that what is left to go on from takes at most."""
+    """The bytes that what is left to go on from takes at most; none if there is nothing."""
     if 0 in job.plan.batch:
-        return _ARCHIVE
+        return 0
     where = tuple(slice(0, 1) for _ in job.plan.batch)
     one, n = job.of(where), job.body.dimension + 1
     run = Run(
@@ -184,6 +186,8 @@ def resume_size(job: Job) -> int:
         threads=1,
     )
     entries = [v for k, v in go_on(run).resume.items() if k not in _BEGUN_WITH]
+    if not any(array.size for array in entries):
+        return 0
     each = sum(array.nbytes for array in entries)
     count = int(np.prod(job.plan.tile))
     return _ARCHIVE + _ENTRY * (len(entries) + 1) + each * count

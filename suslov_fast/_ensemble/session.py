@@ -38,15 +38,17 @@ def finish(
         nullcontext() if scheduler is None else cluster.client_of(scheduler) as client,
         only_writer(job.store),
     ):
-        if not layout.exists(job.store):
-            layout.create(job, identity, resume_size(job), coords)
-        arrays = Arrays(job.store)
-        job = _recognised(job, identity, arrays)
-        if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
-            layout.lengthen(job, arrays)
+        if layout.exists(job.store):
             arrays = Arrays(job.store)
-        if verify:
-            _forget_damaged(job, arrays)
+            job = _recognised(job, identity, arrays)
+            if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
+                layout.lengthen(job, arrays)
+                arrays = Arrays(job.store)
+            if verify:
+                _forget_damaged(job, arrays)
+        else:
+            layout.create(job, identity, resume_size(job), coords)
+            arrays = Arrays(job.store)
         missing = _missing(job, arrays)
         if not missing:
             return
@@ -106,7 +108,7 @@ def _damage(
         rows = steps // job.save_every + 1
     elif steps == job.steps:
         rows = 1
-    parts = {RESUME: tuple(slice(k, k + 1) for k in index)}
+    parts: dict[str, tuple[slice, ...]] = {RESUME: tuple(slice(k, k + 1) for k in index)}
     if job.keeps_states:
         parts |= {name: (slice(0, rows), *where) for name in ("omega", "attitude")}
     if steps == job.steps:

@@ -28,42 +28,44 @@ _LARGE = 2**20  # bytes from which on it counts how a file system finds room
 Settled = Literal["replacing", "all", "none"]
 
 
-def put(
-    array: Any, where: Slices, values: NDArray[Any], settled: Settled = "replacing"
-) -> None:
-    """Write a part of an array; each of its chunks appears whole or not at all.
+def put(array: Any, where: Slices, values: NDArray[Any], settled: Settled = "replacing") -> None:
+    """Write a part of a chunk, which appears whole or not at all.
 
-    What lies in one chunk goes to a folder straight from memory, unless it is compressed: Zarr
-    would copy it four times.
+    What comes before the part stays; what comes after it was not computed, and stands for nothing.
     """
     if values.size == 0:
         return
-    path = path_of(array)
-    if path is None:
-        array[where] = values
-    elif _is_plain(array) and _is_in_one_chunk(array, where):
-        key = _key(array, where)
-        _write(path / key, path, _whole_chunk(array, where, values), settled)
+    begin = [each.start - each.start % size for each, size in zip(where, array.chunks, strict=True)]
+    inside = tuple(
+        slice(first, min(first + size, length))
+        for first, size, length in zip(begin, array.chunks, array.shape, strict=True)
+    )
+    whole = values
+    if values.shape != array.chunks:
+        whole = np.full(array.chunks, array.fill_value, array.dtype)
+        if any(each.start != first for each, first in zip(where, begin, strict=True)):
+            whole[_moved(inside, begin)] = array[inside]
+        whole[_moved(where, begin)] = values
+    root = path_of(array)
+    if root is None:
+        array[inside] = whole[_moved(inside, begin)]
+        return
+    path = root / _key(array, where)
+    settles = settled == "all" or (settled == "replacing" and path.exists())
+    if _is_plain(array):
+        # Straight from memory: Zarr would copy it four times.
+        _write(path, np.ascontiguousarray(whole, array.dtype), settles)
     else:
-        files = [path / _key(array, part) for part in _chunks(array, where)]
-        new = {each for each in files if not each.exists()}
-        array[where] = values
-        for each in files:
-            if settled == "all" or (settled == "replacing" and each not in new):
-                settle(each)
-                settle_folders(each.parent, path)
+        array[inside] = whole[_moved(inside, begin)]
+        if settles:
+            settle(path)
+    if settles:
+        settle_folders(path.parent, root)
 
 
 def _is_plain(array: Any) -> bool:
     codecs = [type(codec).__name__ for codec in array.metadata.codecs]
     return codecs == ["BytesCodec", "Crc32cCodec"] and sys.byteorder == "little"
-
-
-def _is_in_one_chunk(array: Any, where: Slices) -> bool:
-    return all(
-        each.start // length == (each.stop - 1) // length
-        for each, length in zip(where, array.chunks, strict=True)
-    )
 
 
 def _key(array: Any, where: Slices) -> str:
@@ -73,22 +75,6 @@ def _key(array: Any, where: Slices) -> str:
     return key
 
 
-def _whole_chunk(array: Any, where: Slices, values: NDArray[Any]) -> NDArray[Any]:
-    """The chunk of which a part has these values; beyond the array lies what stands for none."""
-    if values.shape == array.chunks and values.dtype == array.dtype:
-        return np.ascontiguousarray(values)
-    begin = [each.start - each.start % size for each, size in zip(where, array.chunks, strict=True)]
-    inside = tuple(
-        slice(first, min(first + size, length))
-        for first, size, length in zip(begin, array.chunks, array.shape, strict=True)
-    )
-    whole = np.full(array.chunks, array.fill_value, array.dtype)
-    if where != inside:
-        whole[_moved(inside, begin)] = array[inside]
-    whole[_moved(where, begin)] = values
-    return whole
-
-
 def _moved(part: Slices, begin: Sequence[int]) -> Slices:
     return tuple(
         slice(each.start - first, each.stop - first)
@@ -96,19 +82,15 @@ def _moved(part: Slices, begin: Sequence[int]) -> Slices:
     )
 
 
-def _write(path: Path, root: Path, values: NDArray[Any], settled: Settled) -> None:
+def _write(path: Path, values: NDArray[Any], settles: bool) -> None:
     import google_crc32c
 
     data = values.reshape(-1).view(np.uint8)
     checksum = google_crc32c.value(data).to_bytes(_CHECKSUM, "little")
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.partial")
+    path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        try:
-            file = open(beside, "xb", buffering=0)
-        except FileNotFoundError:  # the first of its folder
-            path.parent.mkdir(parents=True, exist_ok=True)
-            file = open(beside, "xb", buffering=0)
-        with file:
+        with open(beside, "xb", buffering=0) as file:
             _make_room(file, len(data) + _CHECKSUM)
             for part in (data.data, memoryview(checksum)):
                 written = 0
@@ -116,12 +98,9 @@ def _write(path: Path, root: Path, values: NDArray[Any], settled: Settled) -> No
                     written += file.write(part[written:])
             if os.fstat(file.fileno()).st_size != len(data) + _CHECKSUM:
                 raise OSError(f"{beside}: expected {len(data) + _CHECKSUM} bytes, got others")
-            settles = settled == "all" or (settled == "replacing" and path.exists())
             if settles:
                 os.fsync(file.fileno())
         os.replace(beside, path)
-        if settles:
-            settle_folders(path.parent, root)
     except BaseException:
         with suppress(OSError):
             beside.unlink()

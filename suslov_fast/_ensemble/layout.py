@@ -36,6 +36,8 @@ from .settling import settle, settle_all
 PROGRESS = "progress"
 STEPS_DONE, RESUME = f"{PROGRESS}/steps_done", f"{PROGRESS}/resume"
 _PENDING = "PENDING"
+# Among the notes: the start of the machine since which there is what may be in memory only.
+_UNSETTLED = "unsettled_since"
 
 
 def resolved(store: Any) -> Any:
@@ -84,14 +86,27 @@ def _not_a_store(store: str, received: str) -> OSError:
 
 
 def create(
-    job: Job, identity: dict[str, Any], resume_size: int, coords: Mapping[Any, Any] | None
+    job: Job,
+    identity: dict[str, Any],
+    resume_size: int,
+    coords: Mapping[Any, Any] | None,
+    since: str | None,
 ) -> None:
-    """Make the arrays, empty. A folder appears as a whole."""
+    """Make the arrays, empty. A folder appears as a whole.
+
+    `since` is the start of the machine that is noted, if any; see `settling`.
+    """
     import zarr
     from zarr.core.sync import sync
 
     dataset = _skeleton(job, coords)
-    notes = {"run": json.dumps(identity), "tile": list(job.plan.tile), "rows": job.plan.rows}
+    notes: dict[str, Any] = {
+        "run": json.dumps(identity),
+        "tile": list(job.plan.tile),
+        "rows": job.plan.rows,
+    }
+    if since is not None:
+        notes[_UNSETTLED] = since
     if not is_folder(job.store):
         sync(_fill(job, dataset, job.store, notes, resume_size, {"unfinished": True}))
         del zarr.open_group(job.store, mode="r+", use_consolidated=False).attrs["unfinished"]
@@ -307,6 +322,23 @@ class Arrays:
         """What is known of the run beside the dataset."""
         return self._group[PROGRESS].attrs
 
+    @property
+    def unsettled(self) -> str | None:
+        """The start of the machine since which there is what may be in memory only, if noted."""
+        since: str | None = self.notes.get(_UNSETTLED)
+        return since
+
+    def note_unsettled(self, since: str | None) -> None:
+        """Note it, or that there is nothing of the kind, on the disk."""
+        notes = self.notes
+        if since is None:
+            del notes[_UNSETTLED]
+        else:
+            notes[_UNSETTLED] = since
+        if (root := path_of(self[STEPS_DONE])) is not None:
+            settle(root.parent / "zarr.json")
+            settle(root.parent)
+
 
 def lengthen(job: Job, group: Arrays) -> None:
     """Make room for the states of a run that is longer than the stored one."""
@@ -314,6 +346,14 @@ def lengthen(job: Job, group: Arrays) -> None:
         _make_rows(job, group)
     group.attrs["steps"] = job.steps
     _consolidate(job.store)
+    if is_folder(job.store):
+        root = Path(job.store)
+        for name in ("n", "t"):
+            if name in group and job.keeps_states:
+                settle_all(root / name)
+        for folder in (root, *(root / name for name in ("omega", "attitude") if name in group)):
+            settle(folder / "zarr.json")
+            settle(folder)
 
 
 def _make_rows(job: Job, group: Arrays) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 
 import numba
 
 from .._engine.memory import available
+from .chunks import Settled
 from .job import Job
 from .layout import Arrays
 from .meter import Report
@@ -17,21 +18,36 @@ from .pieces import Piece, Tile, pieces, write
 from .signals import Stop
 
 Index = tuple[int, ...]
+Keep = Callable[[Piece], None]
 
 # Chunks that a thread holds: what it computes or writes, and what is made on the way.
 _HELD = 4
 
 
-def run(job: Job, group: Arrays, tiles: Sequence[Index], report: Report, stop: Stop) -> None:
+def run(
+    job: Job,
+    group: Arrays,
+    tiles: Sequence[Index],
+    settled: Settled,
+    report: Report,
+    stop: Stop,
+) -> None:
     """Compute and write what the tiles lack; ends early, with all in hand written, if asked to."""
     abreast = _abreast(job)
     shared = len(tiles) % abreast if abreast > 1 else len(tiles)
     each = len(tiles) - shared
-    report = _one_at_a_time(report)
+    door = threading.Lock()
+
+    def keep(piece: Piece) -> None:
+        write(piece, group, settled)
+        steps = math.prod(piece.tile.shape) * (piece.segment.stop - piece.segment.start)
+        with door:
+            report(steps, piece.nbytes)
+
     if each:
-        _side_by_side(job, group, tiles[:each], abreast, report, stop)
+        _side_by_side(job, group, tiles[:each], abreast, keep, stop)
     if shared and not stop.asked:
-        _one_by_one(job, group, tiles[each:], report, stop)
+        _one_by_one(job, group, tiles[each:], keep, stop)
 
 
 def _abreast(job: Job) -> int:
@@ -44,7 +60,7 @@ def _abreast(job: Job) -> int:
 
 
 def _side_by_side(
-    job: Job, group: Arrays, tiles: Sequence[Index], abreast: int, report: Report, stop: Stop
+    job: Job, group: Arrays, tiles: Sequence[Index], abreast: int, keep: Keep, stop: Stop
 ) -> None:
     """Threads that each compute a tile and write it: none waits for another."""
     left = iter(tiles)
@@ -57,7 +73,7 @@ def _side_by_side(
             if index is None:
                 return
             for piece in pieces(Tile.of(job, index), group, 1):
-                _write(piece, group, report)
+                keep(piece)
                 del piece
                 if stop.asked or failed.is_set():
                     return
@@ -72,9 +88,7 @@ def _side_by_side(
             raise
 
 
-def _one_by_one(
-    job: Job, group: Arrays, tiles: Sequence[Index], report: Report, stop: Stop
-) -> None:
+def _one_by_one(job: Job, group: Arrays, tiles: Sequence[Index], keep: Keep, stop: Stop) -> None:
     """All threads compute a piece while the one before is written."""
     with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
         writing: Future[None] | None = None
@@ -83,7 +97,7 @@ def _one_by_one(
                 # One is being written at most, so that memory holds two.
                 if writing is not None:
                     writing.result()
-                writing = writer.submit(_write, piece, group, report)
+                writing = writer.submit(keep, piece)
                 del piece
                 if stop.asked:
                     break
@@ -91,20 +105,3 @@ def _one_by_one(
                 break
         if writing is not None:
             writing.result()
-
-
-def _one_at_a_time(report: Report) -> Report:
-    """The same, for several threads to call."""
-    door = threading.Lock()
-
-    def tell(steps: int, nbytes: int) -> None:
-        with door:
-            report(steps, nbytes)
-
-    return tell
-
-
-def _write(piece: Piece, group: Arrays, report: Report) -> None:
-    write(piece, group)
-    count = math.prod(piece.tile.shape)
-    report(count * (piece.segment.stop - piece.segment.start), piece.nbytes)

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from .._engine.progress import Progress
-from . import chunks, cluster, layout, local
+from . import chunks, cluster, layout, local, settling
+from .chunks import Settled
 from .identity import identity_of, require_same
 from .job import Job
 from .layout import RESUME, STEPS_DONE, Arrays
@@ -38,24 +39,32 @@ def finish(
         nullcontext() if scheduler is None else cluster.client_of(scheduler) as client,
         only_writer(job.store),
     ):
+        # What this call writes may be in memory only until the machine is started again.
+        since = settling.boot() if layout.is_folder(job.store) and client is None else None
         if layout.exists(job.store):
             arrays = Arrays(job.store)
             job = _recognised(job, identity, arrays)
             if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
                 layout.lengthen(job, arrays)
                 arrays = Arrays(job.store)
-            if verify:
+            lost = arrays.unsettled not in (None, settling.boot())
+            if verify or lost:
                 _forget_damaged(job, arrays)
+            if lost:
+                arrays.note_unsettled(None)
         else:
-            layout.create(job, identity, resume_size(job), coords)
+            layout.create(job, identity, resume_size(job), coords, since)
             arrays = Arrays(job.store)
         missing = _missing(job, arrays)
         if not missing:
             return
         if layout.is_folder(job.store):
             chunks.sweep(job.store)
+        if since is not None and arrays.unsettled != since:
+            arrays.note_unsettled(since)
+        settled: Settled = "all" if since is None else "replacing"
         with stopping() as stop:
-            _compute(job, arrays, missing, client, progress, stop)
+            _compute(job, arrays, missing, client, settled, progress, stop)
             if stop.asked and (left := len(_missing(job, arrays))):
                 raise KeyboardInterrupt(_how_to_go_on(job, left))
 
@@ -96,7 +105,8 @@ def _forget_damaged(job: Job, arrays: Arrays) -> None:
         index = tuple(int(k) for k in found)
         where = job.plan.where(index)
         if _damage(job, arrays, index, where, int(done[index])) is not None:
-            arrays[STEPS_DONE][index] = -1
+            where = tuple(slice(k, k + 1) for k in index)
+            chunks.put(arrays[STEPS_DONE], where, np.full((1,) * len(where), -1), "all")
 
 
 def _damage(
@@ -129,13 +139,15 @@ def _compute(
     arrays: Arrays,
     missing: list[Index],
     client: Any,
+    settled: Settled,
     progress: Progress,
     stop: Stop,
 ) -> None:
     total = math.prod(job.plan.batch) * job.steps
-    with meter(progress, total, _steps_made(job, arrays)) as report:
+    made = _steps_made(job, arrays) if progress else 0
+    with meter(progress, total, made) as report:
         if client is None:
-            local.run(job, arrays, missing, report, stop)
+            local.run(job, arrays, missing, settled, report, stop)
         else:
             cluster.run(job, client, iter(missing), report, stop)
 

@@ -1,4 +1,10 @@
-"""Files that are on the disk itself, and not only in the memory of the system."""
+"""Files that are on the disk itself, and not only in the memory of the system.
+
+To wait for the disk at every chunk would take longer than to compute it. So a process that computes
+by itself notes in the store since which start of its machine it wrote. Who finds the note of
+another start reads all that is marked, once, and what a power cut took is computed again. What
+replaces a chunk waits, for the old one is whole too; and so do workers, whose machines are unknown.
+"""
 
 from __future__ import annotations
 
@@ -30,3 +36,11 @@ def settle_all(folder: Path) -> None:
     for path in folder.rglob("*"):
         settle(path)
     settle(folder)
+
+
+def boot() -> str | None:
+    """A name for the time since this machine was started; None where the system has none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return None

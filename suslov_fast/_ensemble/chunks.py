@@ -136,7 +136,7 @@ def damaged(array: Any, where: Slices) -> str | None:
     """
     for part in _chunks(array, where):
         key = _key(array, part)
-        if not _is_there(array, key):
+        if is_missing(array, part):
             return f"{array.path}/{key} is missing"
         try:
             array[part]
@@ -145,10 +145,12 @@ def damaged(array: Any, where: Slices) -> str | None:
     return None
 
 
-def _is_there(array: Any, key: str) -> bool:
+def is_missing(array: Any, where: Slices) -> bool:
+    """Whether there is no chunk where a part begins."""
     from zarr.core.sync import sync
 
-    return bool(sync((array.store_path / key).store.exists((array.store_path / key).path)))
+    path = array.store_path / _key(array, where)
+    return not sync(path.store.exists(path.path))
 
 
 def _chunks(array: Any, where: Slices) -> Iterator[Slices]:

@@ -16,7 +16,7 @@ from . import chunks, cluster, layout, local, settling
 from .chunks import Settled
 from .identity import identity_of, require_same
 from .job import Job
-from .layout import RESUME, STEPS_DONE, Arrays
+from .layout import RESUME, STEPS_DONE, Arrays, unpacked
 from .lock import only_writer
 from .meter import meter
 from .pieces import resume_size
@@ -99,30 +99,42 @@ def _missing(job: Job, arrays: Arrays) -> list[Index]:
 
 
 def _forget_damaged(job: Job, arrays: Arrays) -> None:
-    """Take back the marks of tiles that are not as they were written."""
-    done = np.asarray(arrays[STEPS_DONE][...])
-    for found in np.argwhere(done >= 0):
-        index = tuple(int(k) for k in found)
-        where = job.plan.where(index)
-        if _damage(job, arrays, index, where, int(done[index])) is not None:
-            where = tuple(slice(k, k + 1) for k in index)
-            chunks.put(arrays[STEPS_DONE], where, np.full((1,) * len(where), -1), "all")
+    """Take back the marks of tiles that are not as they were written, and damaged marks."""
+    marks = arrays[STEPS_DONE]
+    for index in np.ndindex(marks.shape):
+        place = tuple(slice(k, k + 1) for k in index)
+        if chunks.is_missing(marks, place):
+            continue
+        damage = chunks.damaged(marks, place)
+        if damage is None and (done := int(marks[index])) >= 0:
+            damage = _damage(job, arrays, place, job.plan.where(index), done)
+        if damage is not None:
+            chunks.put(marks, place, np.full((1,) * len(place), -1), "all")
 
 
 def _damage(
-    job: Job, arrays: Arrays, index: Index, where: tuple[slice, ...], steps: int
+    job: Job, arrays: Arrays, place: tuple[slice, ...], where: tuple[slice, ...], steps: int
 ) -> str | None:
-    """What is wrong with a tile, if anything is."""
+    """What is wrong with a tile of so many steps, if anything is."""
+    if RESUME in arrays:
+        array = arrays[RESUME]
+        place = (*place, slice(0, array.shape[-1]))
+        damage = chunks.damaged(array, place)
+        if damage is not None:
+            return damage
+        # The mark comes later; the tile is gone on with from here.
+        steps = max(steps, unpacked(array[place].reshape(-1))[0])
     rows = 0
     if job.save_every is not None:
         rows = steps // job.save_every + 1
     elif steps == job.steps:
         rows = 1
-    parts: dict[str, tuple[slice, ...]] = {RESUME: tuple(slice(k, k + 1) for k in index)}
+    parts: dict[str, tuple[slice, ...]] = {}
     if job.keeps_states:
         parts |= {name: (slice(0, rows), *where) for name in ("omega", "attitude")}
+    parts |= dict.fromkeys(job.reductions, where)
     if steps == job.steps:
-        parts |= dict.fromkeys(("final", "status", "failed_at", *job.reductions), where)
+        parts |= dict.fromkeys(("final", "status", "failed_at"), where)
     for name, part in parts.items():
         if name not in arrays:
             continue

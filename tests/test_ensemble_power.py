@@ -20,7 +20,11 @@ BODY_4D = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
 RUNS = {
     "3d": {"body": BODY, "save_every": 1},
     "3d attitude": {"body": BODY, "save_every": 2, "method": "canonical", "attitude": True},
-    "3d reductions": {"body": BODY, "reductions": ["omega_max"], "method": "canonical"},
+    "3d reductions": {
+        "body": BODY,
+        "reductions": ["omega_max", "omega_min"],
+        "method": "canonical",
+    },
     "nd": {"body": BODY_4D, "save_every": 3},
     "nd compressed": {"body": BODY_4D, "save_every": 3, "compression": "lz4"},
 }
@@ -84,8 +88,10 @@ class Disk:
 
     def cut(self, chance):
         """Whatever is not sure may be lost; the number of files that are not what they were."""
-        lost = 0
+        lost, part = 0, chance.choice((0.1, 0.3, 1.0))
         for path, versions in self.files.items():
+            if chance.random() > part:
+                continue
             may_be = [data for version in versions for data in version.left()]
             if not versions[0].named:
                 may_be.append(None)
@@ -149,7 +155,7 @@ def cut_again_and_again(kind, tmp_path, monkeypatch, seed, times):
 
 @pytest.mark.parametrize("kind", RUNS)
 def test_the_same_call_makes_good_what_a_power_cut_took(tmp_path, monkeypatch, kind):
-    assert cut_again_and_again(kind, tmp_path, monkeypatch, 1, 5) > 20
+    assert cut_again_and_again(kind, tmp_path, monkeypatch, 1, 5) > 0
 
 
 @pytest.fixture

@@ -33,7 +33,8 @@ def arguments(kind, tiles=24):
         "nd": {"save_every": 7, "method": "rank2"},
         "nd gauss": {"save_every": 40, "method": "gauss", "attitude": True},
     }[kind]
-    chunk = {"trajectory": 16, "n": 5}
+    # What is reduced is replaced by every piece, for which it waits.
+    chunk = {"trajectory": 16, "n": 25 if "reductions" in settings else 5}
     if body.shape:
         tiles //= 2
         settings["dims"] = ("I23_axis", "trajectory")

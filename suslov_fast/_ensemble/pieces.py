@@ -101,6 +101,7 @@ def pieces(tile: Tile, group: Arrays, threads: int | None) -> Iterator[Piece]:
         results = go_on(run)
         resume = {k: v for k, v in results.resume.items() if k not in _BEGUN_WITH}
         yield _piece(tile, segment, run, results, resume)
+        del results  # the next piece takes the same memory, which is in the caches
 
 
 def _piece(

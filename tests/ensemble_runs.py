@@ -88,7 +88,7 @@ def workers(store, kind, seed, kills):
             n_workers=2,
             threads_per_worker=2,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",
             memory_limit=0,
             silence_logs=50,
         ) as cluster,

@@ -210,7 +210,7 @@ def test_workers_wait_for_the_disk(tmp_path, monkeypatch):
     disk = Disk(monkeypatch)
     with (
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0"
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):

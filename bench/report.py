@@ -3,7 +3,7 @@
 `python bench/report.py` runs the benchmarks in several short passes, takes the best time of each,
 and writes to `results/`: `benchmarks.json`, all tables as `tables.md`, and the charts. With files
 as arguments (of this script, or of `pytest bench --benchmark-json`) it draws those and measures
-nothing. `--write` also replaces the tables in README.md.
+nothing. `--write` also replaces the table in README.md.
 """
 
 import argparse
@@ -21,7 +21,7 @@ def main():
     """Measure or load, print, draw, and write if asked to."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
-    parser.add_argument("--write", action="store_true", help="replace the tables in README.md")
+    parser.add_argument("--write", action="store_true", help="replace the table in README.md")
     parser.add_argument("--passes", type=int, default=PASSES, help=f"how often ({PASSES})")
     parser.add_argument("-k", dest="select", help="only benchmarks that match, as for pytest")
     options = parser.parse_args()

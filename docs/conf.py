@@ -1,6 +1,8 @@
 """How Sphinx builds the pages: `tox -e docs`."""
 
+import sys
 import warnings
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -9,6 +11,9 @@ from latex2mathml.converter import convert
 from sphinx_gallery.scrapers import figure_rst
 
 matplotlib.use("Agg")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import as_notebook
 
 import suslov_fast
 
@@ -112,6 +117,9 @@ sphinx_gallery_conf = {
     "capture_repr": ("_repr_html_",),
 }
 suppress_warnings = ["config.cache"]
+
+# The tutorial for readers to download.
+as_notebook.write(Path(__file__).parent / "_build" / "tutorial.ipynb")
 
 # Warnings of the examples are errors, as they are in the tests.
 warnings.filterwarnings("error", category=RuntimeWarning)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._attitude import attitude
+from ._bodies.matter import ellipsoid_of_inertia
 from ._bodies.nd import SuslovND
 from ._bodies.paper import PICTURES
 from ._bodies.three import Suslov3D
@@ -18,6 +19,7 @@ from ._continuous import vector_field
 from ._coordinates import from_xy, to_xy
 from ._figures import axes_or_new, new_figure
 from ._map import iterate
+from ._plane import conic, level_curves, repelling_direction
 from ._scattering import scattering_angle
 from ._solution import exact, flow
 
@@ -75,7 +77,7 @@ def plot_phase(
     >>> [float(end) for end in axes.get_xlim()]
     [-4.0, 4.0]
     """
-    direction = _direction(body)
+    direction = repelling_direction(body)
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
     if not criticality(body, farthest * direction, eps) < 1:
         raise ValueError(
@@ -87,7 +89,7 @@ def plot_phase(
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
         starts, t, steps = _orbit_through(body, eps, level * farthest * direction)
         orbits = iterate(body, starts, eps, steps).omega
-        axes.plot(*_level(body, eps, t), "-", color=colour, linewidth=0.8, alpha=0.7)
+        axes.plot(*level_curves(body, eps, t)[0].T, "-", color=colour, linewidth=0.8, alpha=0.7)
         for k in range(2):
             orbit = orbits[:, k]
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
@@ -389,7 +391,7 @@ def animate_body(
     from matplotlib.animation import FuncAnimation
 
     body = PICTURES[2].body if body is None else body
-    direction = _direction(body)
+    direction = repelling_direction(body)
     if omega0 is None:
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
@@ -405,22 +407,12 @@ class _Scene:
     """The figure of an animation, drawn anew for each frame."""
 
     def __init__(self, body: Suslov3D, I3: float, turns: FloatArray) -> None:
-        tensor = np.array(
-            [[body.I1, 0, body.I13], [0, body.I2, body.I23], [body.I13, body.I23, I3]]
-        )
-        moments, principal = np.linalg.eigh(tensor)
-        if not moments[0] > 0:
-            raise ValueError(
-                f"I3: expected one with a positive definite inertia tensor, got {I3} and the "
-                f"principal moment {moments[0]:.3g}"
-            )
+        radii, principal = ellipsoid_of_inertia(*body.parameters, I3)
         self.turns = turns
         self.path = 1.15 * turns[:, :, 2]
         u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 41), np.linspace(0, np.pi, 21))
         sphere = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
-        # Points r with r.I r constant; the largest semi-axis has length 0.9.
-        radii = 0.9 * np.sqrt(moments[0] / moments)
-        self.surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere)
+        self.surface = np.einsum("ij,j,jkl->ikl", principal, 0.9 * radii, sphere)
         self.figure = new_figure((4.8, 4.8))
         self.axes = self.figure.add_subplot(projection="3d")
 
@@ -480,15 +472,6 @@ def _legend_below(axes: Any, columns: int) -> None:
     )
 
 
-def _direction(body: Suslov3D) -> FloatArray:
-    """The direction of the repelling half of the line of steady states."""
-    instance("body", body, Suslov3D)
-    if body.shape or (body.I13 == 0 and body.I23 == 0):
-        raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
-    direction: FloatArray = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
-    return direction
-
-
 def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:
     """Two states next to a repelling one, their t, and the steps to the attracting one."""
     _, y_end = to_xy(body, end)
@@ -497,27 +480,6 @@ def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatAr
     starts = from_xy(body, np.stack([x, [y, y]], axis=-1))
     t = float(criticality(body, starts[0], eps))
     return starts, t, int(np.ceil(np.arctanh(np.cos(_NEAR)) / np.arctanh(t)))
-
-
-def _level(body: Suslov3D, eps: float, t: float) -> FloatArray:
-    """The closed curve on which t is this, below 1, as (Omega1, Omega2)."""
-    a = body.I1 * body.I2
-    ((X, Y),) = _conic(t)
-    xy = np.stack([X * np.sqrt(2.0 * a) / eps, Y * 2.0 * a / eps], axis=-1)
-    return from_xy(body, xy).T
-
-
-def _conic(t: float) -> list[tuple[FloatArray, FloatArray]]:
-    """The branches of X**2 (1 - t**2) / 2 + Y**2 = t**2."""
-    if t == 1.0:
-        x = np.array([-4.0, 4.0])
-        return [(x, np.full(2, y)) for y in (-1.0, 1.0)]
-    width = t * np.sqrt(2.0 / abs(1.0 - t * t))
-    if t < 1.0:
-        angle = np.linspace(0.0, 2.0 * np.pi, 300)
-        return [(width * np.cos(angle), t * np.sin(angle))]
-    s = np.linspace(-3.0, 3.0, 300)
-    return [(width * np.sinh(s), sign * t * np.cosh(s)) for sign in (-1.0, 1.0)]
 
 
 def _arrow(axes: Any, body: Suslov3D, orbit: FloatArray, extent: float, colour: Any) -> None:
@@ -538,7 +500,7 @@ def _draw_regime(
     t = float(criticality(body, omega0, eps))
     steps = 2 if t == 1.0 else 5 if t > 1.0 else 9
     size = 0.75 if t < 1.0 else 3.1
-    for k, branch in enumerate(_conic(t)):
+    for k, branch in enumerate(conic(t)):
         label = None if k else "level of the first integral"
         axes.plot(*branch, color=_ACCENT, linewidth=1.2, label=label)
     iterated = to_xy(body, iterate(body, omega0, eps, steps).omega) / units

@@ -33,7 +33,8 @@ def arguments(kind, tiles=24):
         "nd": {"save_every": 7, "method": "rank2"},
         "nd gauss": {"save_every": 40, "method": "gauss", "attitude": True},
     }[kind]
-    chunk = {"trajectory": 16, "n": 5}
+    # What is reduced is replaced by every piece, for which it waits.
+    chunk = {"trajectory": 16, "n": 25 if "reductions" in settings else 5}
     if body.shape:
         tiles //= 2
         settings["dims"] = ("I23_axis", "trajectory")
@@ -87,7 +88,7 @@ def workers(store, kind, seed, kills):
             n_workers=2,
             threads_per_worker=2,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",
             memory_limit=0,
             silence_logs=50,
         ) as cluster,

@@ -146,6 +146,19 @@ def test_last_states():
     assert cells(text, "Python, one thread")[:2] == ["0.001", "0.0002"]
 
 
+def test_the_rows_of_the_readme():
+    text = tables.headline(FULL)
+    assert [line.split("|")[1].strip() for line in text.splitlines()[2:]] == [
+        "**suslov_fast**, auto",
+        "c-printed",
+    ]
+    assert cells(text, "**suslov_fast**, auto") == ["10", "2", "1e-15"]
+    faster = made(*FULL.rows, row("c-tricks", 5e-5, whose=Whose.C))
+    assert cells(tables.headline(faster), "c-tricks") == ["20", "4", "1e-15"]
+    kept = results.load(report.RESULTS / "benchmarks.json")
+    assert tables.headline(kept).count("\n") == 6, "five rows"
+
+
 def test_saved_states():
     text = tables.saved_states(FULL)
     # 1e9 states of 16 bytes, of 64e9 bytes.

@@ -68,8 +68,8 @@ def test_version(command):
 
 
 def test_help():
-    assert "{run,info,warm-up,pictures,animate}" in run("--help").stdout
-    for name in ("run", "info", "warm-up", "pictures", "animate"):
+    assert "{run,info,warm-up,pictures,animate,explore}" in run("--help").stdout
+    for name in ("run", "info", "warm-up", "pictures", "animate", "explore"):
         shown = run(name, "--help")
         assert shown.returncode == 0
         assert f"usage: suslov-fast {name}" in shown.stdout
@@ -285,7 +285,7 @@ def test_csv(tmp_path, header):
 
 
 BAD = [
-    ("", "the following arguments are required: {run,info,warm-up,pictures,animate}"),
+    ("", "the following arguments are required: {run,info,warm-up,pictures,animate,explore}"),
     ("walk", "invalid choice: 'walk'"),
     ("run --speed 3", "unrecognized arguments: --speed 3"),
     ("run --picture 5", "--picture: expected 1, 2, 3 or 4, got '5'"),

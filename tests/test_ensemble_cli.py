@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -81,26 +82,25 @@ def test_options_of_stores_need_one(capsys):
 
 @pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_says_how_to_go_on(tmp_path, number):
-    store = tmp_path / "run.zarr"
-    command = [
-        sys.executable,
-        "-m",
-        "suslov_fast",
-        "run",
-        "--trajectories",
-        "1e6",
-        "--chunk",
-        "500",
-    ]
-    command += ["--steps", "1e6", "--method", "canonical", "-o", str(store)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        while not (store / "progress" / "steps_done" / "c").exists():
-            assert process.poll() is None
-            time.sleep(0.05)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=120)
-    assert process.returncode == 130
-    assert "the same call again goes on from there" in err
-    assert open_ensemble(store).attrs["tiles_done"].endswith("of 2000")
+def test_a_signal_says_how_to_go_on(tmp_path):
+    command = [sys.executable, "-m", "suslov_fast", "run", "--trajectories", "1e6"]
+    command += ["--chunk", "500", "--steps", "1e6", "--method", "canonical", "-o"]
+    numbers = signal.SIGINT, signal.SIGTERM
+    stores = [tmp_path / f"{number}.zarr" for number in numbers]
+    with ExitStack() as stack:
+        children = [
+            stack.enter_context(
+                subprocess.Popen([*command, store], stderr=subprocess.PIPE, text=True)
+            )
+            for store in stores
+        ]
+        for child, store, number in zip(children, stores, numbers, strict=True):
+            while not (store / "progress" / "steps_done" / "c").exists():
+                assert child.poll() is None
+                time.sleep(0.05)
+            child.send_signal(number)
+        errors = [child.communicate(timeout=120)[1] for child in children]
+    for child, store, err in zip(children, stores, errors, strict=True):
+        assert child.returncode == 130
+        assert "the same call again goes on from there" in err
+        assert open_ensemble(store).attrs["tiles_done"].endswith("of 2000")

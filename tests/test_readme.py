@@ -27,10 +27,11 @@ def test_every_block_is_of_a_known_kind():
 
 @pytest.mark.compiled
 def test_python_blocks(tmp_path, monkeypatch):
-    """One after the other, as a reader would."""
+    """Each by itself, as a reader would copy it."""
     monkeypatch.chdir(tmp_path)
-    names = {}
+    assert len(blocks("python")) == 3
     for code in blocks("python"):
+        names = {}
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
             exec(compile(code, "README.md", "exec"), names)
@@ -53,6 +54,17 @@ def test_shell_blocks(tmp_path):
         assert done.returncode == 0, (line, done.stderr)
     assert np.load(tmp_path / "orbits.npz")["omega"].shape == (6, 1000, 2)
     assert (tmp_path / "pictures" / "picture4.png").exists()
+
+
+def test_it_is_short():
+    assert README.count("\n") <= 150
+
+
+def test_links_lead_somewhere():
+    targets = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
+    assert len(targets) > 20
+    for target in targets:
+        assert target.startswith("https://") or (ROOT / target).exists(), target
 
 
 def test_setup_lines_are_the_ones_that_ci_runs():

@@ -171,7 +171,8 @@ def test_from_xy_of_a_body_without_coordinates():
 
 
 def test_progress_without_tqdm(body, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "tqdm", None)
+    for name in ("tqdm", "tqdm.auto"):
+        monkeypatch.setitem(__import__("sys").modules, name, None)
     with pytest.raises(ImportError, match=r"progress=True needs tqdm: pip install"):
         sf.iterate(body, OMEGA, 0.2, 3, progress=True)
 

@@ -1,4 +1,4 @@
-"""Which inertia tensors a body can have."""
+"""Which inertia tensors a body can have, and their ellipsoids."""
 
 from __future__ import annotations
 
@@ -29,6 +29,28 @@ def check_triangles(name: str, tensor: FloatArray) -> None:
             f"{name}: expected an inertia tensor that a body can have, no principal moment larger "
             f"than the sum of the others, got the principal moments {wrong.tolist()}"
         )
+
+
+def ellipsoid_of_inertia(
+    I1: float | FloatArray,
+    I2: float | FloatArray,
+    I13: float | FloatArray,
+    I23: float | FloatArray,
+    I3: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Semi-axes of the points r with r.I r constant, the largest 1, and their directions, columns.
+
+    Raises ValueError where that is no ellipsoid.
+    """
+    moments, directions = np.linalg.eigh(
+        np.array([[I1, 0.0, I13], [0.0, I2, I23], [I13, I23, I3]], dtype=np.float64)
+    )
+    if not moments[0] > 0:
+        raise ValueError(
+            f"I3: expected one with a positive definite inertia tensor, got {I3} and the "
+            f"principal moment {moments[0]:.3g}"
+        )
+    return np.sqrt(moments[0] / moments), directions
 
 
 def admissible_I3(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_rows
-from .values import equal, frozen, hash_of, line_of, named, plain
+from .values import equal, frozen, hash_of, line_of, named, plain, table_of
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -116,6 +116,9 @@ class SuslovND:
 
     def __repr__(self) -> str:
         return line_of(self)
+
+    def _repr_html_(self) -> str:
+        return table_of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return SuslovND, self.parameters

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_parameter
 from .matter import admissible_I3, check_triangles
-from .values import equal, frozen, hash_of, line_of, named, plain
+from .values import equal, frozen, hash_of, line_of, named, plain, table_of
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
@@ -153,6 +153,9 @@ class Suslov3D:
 
     def __repr__(self) -> str:
         return line_of(self)
+
+    def _repr_html_(self) -> str:
+        return table_of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Suslov3D, self.parameters

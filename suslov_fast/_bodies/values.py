@@ -47,6 +47,24 @@ def line_of(body: Any) -> str:
     return f"<{type(body).__name__} of shape {body.shape}: {shown}>"
 
 
+def table_of(body: Any) -> str:
+    """The parameters as a short table in HTML, for notebooks: of many numbers, the range."""
+    names = [field.name for field in fields(body)]
+    rows = "".join(
+        f"<tr><th>{name}</th><td>{_brief(parameter)}</td></tr>"
+        for name, parameter in zip(names, body.parameters, strict=True)
+    )
+    of_shape = f", shape {body.shape}" if body.shape else ""
+    return f"<table><caption>{type(body).__name__}{of_shape}</caption>{rows}</table>"
+
+
+def _brief(parameter: float | FloatArray) -> str:
+    size = np.size(parameter)
+    if size <= _LINE // 10:
+        return _whole(parameter)
+    return f"{np.min(parameter):g} ... {np.max(parameter):g}, shape {np.shape(parameter)}"
+
+
 def _whole(parameter: float | FloatArray) -> str:
     return repr(np.asarray(parameter).tolist())
 

@@ -11,10 +11,17 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from .. import __version__
-from . import animate, info, pictures, run, warm_up
+from . import animate, explore, info, pictures, run, warm_up
 from .errors import UserError
 
-_COMMANDS = {"run": run, "info": info, "warm-up": warm_up, "pictures": pictures, "animate": animate}
+_COMMANDS = {
+    "run": run,
+    "info": info,
+    "warm-up": warm_up,
+    "pictures": pictures,
+    "animate": animate,
+    "explore": explore,
+}
 
 
 class _Parser(argparse.ArgumentParser):

@@ -34,7 +34,7 @@ def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]
 
 def _tqdm() -> Any:
     try:
-        from tqdm import tqdm
+        from tqdm.auto import tqdm  # a bar of the notebook, in a notebook
     except ImportError as error:
         raise ImportError(
             "progress=True needs tqdm: pip install 'suslov_fast[progress]', or pass a callable"

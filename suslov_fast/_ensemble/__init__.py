@@ -7,7 +7,8 @@ layout      the arrays of a store
 chunks      how one chunk is written and found whole
 pieces      what a segment computes, writes and marks
 reductions  what is kept along time instead of states
-local       this process: all threads compute, one writes
+local       this process: a tile on each thread
+settling    what outlives a power cut
 cluster     Dask workers
 lock, signals, meter   one writer at a time; stopping; progress
 """

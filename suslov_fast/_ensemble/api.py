@@ -80,15 +80,16 @@ def ensemble(
         Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
     chunk : int or mapping, optional
         How many trajectories a tile has, or its sizes along `dims` and "n", the states that are
-        kept. By default a chunk of states takes 16 MiB at most, or what 64 trajectories take, and a
-        process holds four of them. Results do not depend on it.
+        kept. By default a chunk of states takes 16 MiB at most, or what 64 trajectories take, and
+        each thread holds four of them at most. Results do not depend on it.
     compression : {"lz4", "zstd"}, optional
         Compress chunks, with shuffled bytes; by default they are stored as they are.
     scheduler : distributed.Client or str, optional
         Have tiles computed by Dask workers, on one thread each; or the address of a scheduler. The
         store must be one that they all reach. By default this process computes, on all threads.
     verify : bool
-        Read what is stored already, and compute again what is damaged.
+        Read what is stored already, and compute again what is damaged. After another start of the
+        machine that wrote it, this is done once without being asked for.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``, both in
         steps of one trajectory.

@@ -2,69 +2,123 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .layout import path_of
+from .settling import settle, settle_folders
 from .starts import Slices
 
 _CHECKSUM = 4  # bytes of it, after those of a chunk
+_LARGE = 2**20  # bytes from which on it counts how a file system finds room
 
 
-def put(array: Any, where: Slices, values: NDArray[Any]) -> None:
-    """Write a part of an array; each of its chunks appears whole or not at all.
+# Which chunks are on the disk itself before the next is written: those of whatever replaces what
+# was there, which may be whole and old after a power cut, or all, or none.
+Settled = Literal["replacing", "all", "none"]
 
-    One whole chunk in a folder, without compression, is written straight from memory: Zarr would
-    copy it four times.
+
+def put(array: Any, where: Slices, values: NDArray[Any], settled: Settled = "replacing") -> None:
+    """Write a part of a chunk, which appears whole or not at all.
+
+    What comes before the part stays; what comes after it was not computed, and stands for nothing.
     """
-    path = path_of(array)
-    if path is None or not _is_plain_chunk(array, where, values):
-        array[where] = values
+    if values.size == 0:
         return
-    index = tuple(each.start // length for each, length in zip(where, array.chunks, strict=True))
-    name = array.metadata.chunk_key_encoding.encode_chunk_key(index)
-    _write(path / name, np.ascontiguousarray(values).reshape(-1).view(np.uint8))
+    begin = [each.start - each.start % size for each, size in zip(where, array.chunks, strict=True)]
+    inside = tuple(
+        slice(first, min(first + size, length))
+        for first, size, length in zip(begin, array.chunks, array.shape, strict=True)
+    )
+    whole = values
+    if values.shape != array.chunks:
+        whole = np.full(array.chunks, array.fill_value, array.dtype)
+        if any(each.start != first for each, first in zip(where, begin, strict=True)):
+            whole[_moved(inside, begin)] = array[inside]
+        whole[_moved(where, begin)] = values
+    root = path_of(array)
+    if root is None:
+        array[inside] = whole[_moved(inside, begin)]
+        return
+    path = root / _key(array, where)
+    settles = settled == "all" or (settled == "replacing" and path.exists())
+    if _is_plain(array):
+        # Straight from memory: Zarr would copy it four times.
+        _write(path, np.ascontiguousarray(whole, array.dtype), settles)
+    else:
+        array[inside] = whole[_moved(inside, begin)]
+        if settles:
+            settle(path)
+    if settles:
+        settle_folders(path.parent, root)
 
 
-def _is_plain_chunk(array: Any, where: Slices, values: NDArray[Any]) -> bool:
+def _is_plain(array: Any) -> bool:
     codecs = [type(codec).__name__ for codec in array.metadata.codecs]
-    return (
-        codecs == ["BytesCodec", "Crc32cCodec"]
-        and sys.byteorder == "little"
-        and array.dtype == values.dtype
-        and values.shape == array.chunks
-        and all(each.start % length == 0 for each, length in zip(where, array.chunks, strict=True))
+    return codecs == ["BytesCodec", "Crc32cCodec"] and sys.byteorder == "little"
+
+
+def _key(array: Any, where: Slices) -> str:
+    """The name of the chunk in which a part begins."""
+    index = tuple(each.start // size for each, size in zip(where, array.chunks, strict=True))
+    key: str = array.metadata.chunk_key_encoding.encode_chunk_key(index)
+    return key
+
+
+def _moved(part: Slices, begin: Sequence[int]) -> Slices:
+    return tuple(
+        slice(each.start - first, each.stop - first)
+        for each, first in zip(part, begin, strict=True)
     )
 
 
-def _write(path: Path, data: NDArray[np.uint8]) -> None:
+def _write(path: Path, values: NDArray[Any], settles: bool) -> None:
     import google_crc32c
 
+    data = values.reshape(-1).view(np.uint8)
     checksum = google_crc32c.value(data).to_bytes(_CHECKSUM, "little")
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.partial")
+    path.parent.mkdir(parents=True, exist_ok=True)
     try:
         with open(beside, "xb", buffering=0) as file:
+            _make_room(file, len(data) + _CHECKSUM)
             for part in (data.data, memoryview(checksum)):
                 written = 0
                 while written < len(part):
                     written += file.write(part[written:])
             if os.fstat(file.fileno()).st_size != len(data) + _CHECKSUM:
                 raise OSError(f"{beside}: expected {len(data) + _CHECKSUM} bytes, got others")
+            if settles:
+                os.fsync(file.fileno())
         os.replace(beside, path)
     except BaseException:
         with suppress(OSError):
             beside.unlink()
         raise
+
+
+def _make_room(file: Any, size: int) -> None:
+    """Let the file system find room at once, as NumPy does where it writes files: 30 % faster.
+
+    One that cannot find it raises what the system says; one that does not know how goes on.
+    """
+    if size < _LARGE or not hasattr(os, "posix_fallocate"):
+        return
+    try:
+        os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
 
 
 def sweep(folder: str) -> None:
@@ -81,9 +135,8 @@ def damaged(array: Any, where: Slices) -> str | None:
     Each is read; one that is missing, which Zarr takes for one without values, is found too.
     """
     for part in _chunks(array, where):
-        index = tuple(each.start // size for each, size in zip(part, array.chunks, strict=True))
-        key = array.metadata.chunk_key_encoding.encode_chunk_key(index)
-        if not _is_there(array, key):
+        key = _key(array, part)
+        if is_missing(array, part):
             return f"{array.path}/{key} is missing"
         try:
             array[part]
@@ -92,10 +145,12 @@ def damaged(array: Any, where: Slices) -> str | None:
     return None
 
 
-def _is_there(array: Any, key: str) -> bool:
+def is_missing(array: Any, where: Slices) -> bool:
+    """Whether there is no chunk where a part begins."""
     from zarr.core.sync import sync
 
-    return bool(sync((array.store_path / key).store.exists((array.store_path / key).path)))
+    path = array.store_path / _key(array, where)
+    return not sync(path.store.exists(path.path))
 
 
 def _chunks(array: Any, where: Slices) -> Iterator[Slices]:

@@ -94,7 +94,7 @@ def _compute(part: Job, index: tuple[int, ...], starts: FloatArray | None) -> tu
     tile = Tile(part, index, where, part.starts(where) if starts is None else starts)
     steps, nbytes = 0, 0
     for piece in pieces(tile, group, 1):
-        write(piece, group)
+        write(piece, group, "all")
         steps += math.prod(tile.shape) * (piece.segment.stop - piece.segment.start)
         nbytes += piece.nbytes
     return steps, nbytes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,6 +64,13 @@ class Job:
         if self.save_every is None:
             return np.array([self.steps])
         return np.arange(0, self.steps + 1, self.save_every)
+
+    @property
+    def chunk_bytes(self) -> int:
+        """What the states of one piece take, with their orientations."""
+        D = self.body.dimension
+        each = D + ((D + 1) ** 2 if self.orientation is not None else 0)
+        return 8 * each * self.plan.rows * math.prod(self.plan.tile)
 
     def work(self, where: Slices) -> float:
         """That of one step of a part of the batch, in steps of the 3D map."""

@@ -4,7 +4,8 @@ Results lie in the root group, under the names and with the attributes of `Traje
 What is needed to go on lies in the group "progress":
 
     steps_done    the mark of a tile: how many of its steps are stored; -1 before state 0 is
-    resume        what the steps left to go on from, with their number, as bytes of a .npz
+    resume        what the steps left to go on from, with their number, as bytes of a .npz; absent
+                  where the starts are enough
 
 Data are written whole first, then what goes on from them, then the mark. Each of these is one
 object, which a store replaces as a whole, so that wherever a process is killed all that a mark
@@ -30,10 +31,13 @@ from .._record import FORMAT, parameters_of
 from .._replacing import kind_of, replacing
 from .job import Job
 from .reductions import REDUCTIONS
+from .settling import settle, settle_all
 
 PROGRESS = "progress"
 STEPS_DONE, RESUME = f"{PROGRESS}/steps_done", f"{PROGRESS}/resume"
 _PENDING = "PENDING"
+# Among the notes: the start of the machine since which there is what may be in memory only.
+_UNSETTLED = "unsettled_since"
 
 
 def resolved(store: Any) -> Any:
@@ -82,34 +86,56 @@ def _not_a_store(store: str, received: str) -> OSError:
 
 
 def create(
-    job: Job, identity: dict[str, Any], resume_size: int, coords: Mapping[Any, Any] | None
+    job: Job,
+    identity: dict[str, Any],
+    resume_size: int,
+    coords: Mapping[Any, Any] | None,
+    since: str | None,
 ) -> None:
-    """Make the arrays, empty. A folder appears as a whole."""
-    dataset = _skeleton(job, coords)
-    if not is_folder(job.store):
-        import zarr
+    """Make the arrays, empty. A folder appears as a whole.
 
-        zarr.create_group(job.store, overwrite=True, attributes={"unfinished": True})
-        _fill(job, dataset, job.store, identity, resume_size, "a")
+    `since` is the start of the machine that is noted, if any; see `settling`.
+    """
+    import zarr
+    from zarr.core.sync import sync
+
+    dataset = _skeleton(job, coords)
+    notes: dict[str, Any] = {
+        "run": json.dumps(identity),
+        "tile": list(job.plan.tile),
+        "rows": job.plan.rows,
+    }
+    if since is not None:
+        notes[_UNSETTLED] = since
+    if not is_folder(job.store):
+        sync(_fill(job, dataset, job.store, notes, resume_size, {"unfinished": True}))
+        del zarr.open_group(job.store, mode="r+", use_consolidated=False).attrs["unfinished"]
+        _consolidate(job.store)
         return
+    # Zarr takes a thread for each file of a folder, and none for what is in memory.
+    files: dict[str, Any] = {}
+    memory = zarr.storage.MemoryStore(files)
+    sync(_fill(job, dataset, memory, notes, resume_size, {}))
+    _consolidate(memory)
     with replacing(job.store, folder=True) as new:
-        _fill(job, dataset, str(new), identity, resume_size, "w-")
+        for name, content in files.items():
+            path = new / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content.to_bytes())
+        settle_all(new)
+    settle(Path(job.store).parent)
 
 
 def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
-    """The dataset, with arrays that hold nothing in place of results."""
-    from dask import array as lazy
-
+    """The dataset, with arrays of no memory in place of results."""
     from .. import __version__
 
-    batch, tile, D = job.plan.batch, job.plan.tile, job.body.dimension
+    batch, D = job.plan.batch, job.body.dimension
     n = job.numbers
     kind = type(job.body).__name__
 
     def empty(lead: tuple[int, ...], tail: tuple[int, ...], dtype: str = "f8") -> Any:
-        chunks = (*(job.plan.rows for _ in lead), *tile, *tail)
-        shape = (*lead, *batch, *tail)
-        return lazy.zeros(shape, chunks=tuple(max(1, each) for each in chunks), dtype=dtype)
+        return np.broadcast_to(np.zeros((), dtype), (*lead, *batch, *tail))
 
     entries: dict[str, Any] = {
         "format": np.array(FORMAT),
@@ -119,7 +145,7 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         "steps": np.array(job.steps),
         "omega": empty(n.shape, (D,)),
         "n": n,
-        "eps": lazy.from_array(job.eps),
+        "eps": job.eps,
         "status": empty((), (), "i1"),
         "failed_at": empty((), (), "i8"),
         "final": empty((), (D,)),
@@ -130,11 +156,8 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     if job.orientation is not None and job.keeps_states:
         entries["attitude"] = empty(n.shape, (D + 1, D + 1))
     dataset = _labelled.dataset_of(entries, job.dims, coords)
-    dataset["eps"] = dataset["eps"].compute()
     if dataset["t"].ndim > 1 or not job.keeps_states:
         dataset = dataset.drop_vars("t")  # made when the store is opened
-    else:
-        dataset["t"] = dataset["t"].compute()
     if not job.keeps_states:
         dataset = dataset.drop_vars(["omega", "n"])
     for name, variable in dataset.coords.items():
@@ -152,42 +175,75 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     return dataset
 
 
-def _fill(
-    job: Job, dataset: Any, store: Any, identity: dict[str, Any], resume_size: int, mode: str
+async def _fill(
+    job: Job,
+    dataset: Any,
+    store: Any,
+    notes: dict[str, Any],
+    resume_size: int,
+    besides: dict[str, Any],
 ) -> None:
-    import zarr
+    """The dataset as `Dataset.to_zarr` would write it, and what is noted beside it.
+
+    It would make all arrays one after the other, and a task of each chunk of results.
+    """
+    import asyncio
+
+    from xarray.conventions import encode_cf_variable, encode_dataset_coordinates
+    from zarr.api.asynchronous import create_group
     from zarr.codecs import Crc32cCodec
 
-    dataset.to_zarr(
-        store,
-        mode=mode,
-        compute=False,
-        zarr_format=3,
-        consolidated=False,
-        encoding={name: _encoding(job, dataset[name]) for name in dataset.variables},
+    variables, attributes = encode_dataset_coordinates(dataset)
+    group = await create_group(
+        store=store, overwrite=True, zarr_format=3, attributes=_plain(attributes) | besides
     )
-    group = zarr.open_group(store, mode="r+")
-    progress = group.create_group(PROGRESS)
-    grid = job.plan.grid
-    ones = tuple(1 for _ in grid)
-    checked = [Crc32cCodec()]
-    progress.create_array(
-        "steps_done", shape=grid, chunks=ones, dtype="i8", fill_value=-1, compressors=checked
-    )
-    progress.create_array(
-        "resume",
-        shape=(*grid, resume_size),
-        chunks=(*ones, resume_size),
-        dtype="u1",
-        fill_value=0,
-        compressors=checked,
-    )
-    progress.attrs["run"] = json.dumps(identity)
-    progress.attrs["tile"] = list(job.plan.tile)
-    progress.attrs["rows"] = job.plan.rows
-    if "unfinished" in group.attrs:
-        del group.attrs["unfinished"]
-    _consolidate(store)
+
+    async def make(name: str) -> None:
+        encoding = _encoding(job, dataset[name])
+        if _is_result(name):
+            values = variables[name]
+        else:
+            if dataset[name].dtype.kind == "f":
+                variables[name].encoding["_FillValue"] = None  # NaN stays what it is
+            values = encode_cf_variable(variables[name], name=name)
+        array = await group.create_array(
+            name,
+            shape=values.shape,
+            dtype=str if values.dtype == object else values.dtype,
+            dimension_names=values.dims,
+            attributes=_plain(values.attrs),
+            **encoding,
+        )
+        if not _is_result(name):
+            await array.setitem(..., values.values)
+
+    async def note() -> None:
+        progress = await group.create_group(PROGRESS, attributes=notes)
+        grid = job.plan.grid
+        ones = tuple(1 for _ in grid)
+        each = {"compressors": [Crc32cCodec()]}
+        await progress.create_array(
+            "steps_done", shape=grid, chunks=ones, dtype="i8", fill_value=-1, **each
+        )
+        if resume_size:
+            chunk = (*ones, resume_size)
+            await progress.create_array(
+                "resume", shape=(*grid, resume_size), chunks=chunk, dtype="u1", fill_value=0, **each
+            )
+
+    await asyncio.gather(note(), *map(make, variables))
+
+
+def _is_result(name: str) -> bool:
+    return name in ("omega", "attitude", "final", "status", "failed_at", *REDUCTIONS)
+
+
+def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """As JSON holds them."""
+    return {
+        name: value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+        for name, value in attributes.items()
+    }
 
 
 def _consolidate(store: Any) -> None:
@@ -227,7 +283,7 @@ def _encoding(job: Job, variable: Any) -> dict[str, Any]:
         )
     encoding: dict[str, Any] = {"chunks": chunks, "compressors": tuple(codecs)}
     if variable.dtype.kind == "f":
-        encoding |= {"fill_value": float("nan"), "_FillValue": None}
+        encoding["fill_value"] = float("nan")
     if variable.name == "status":
         encoding["fill_value"] = NOT_COMPUTED
     if variable.name == "failed_at":
@@ -236,13 +292,14 @@ def _encoding(job: Job, variable: Any) -> dict[str, Any]:
 
 
 class Arrays:
-    """The arrays of a store by name, each opened once, chunks of NaN written like all others."""
+    """The arrays of a store by name, each looked up once, chunks of NaN written like all others."""
 
     def __init__(self, store: Any) -> None:
         import zarr
 
         self._group = zarr.open_group(store, mode="r+", use_consolidated=False)
         self._opened: dict[str, Any] = {}
+        self._known: dict[str, bool] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._opened:
@@ -251,7 +308,9 @@ class Arrays:
         return self._opened[name]
 
     def __contains__(self, name: str) -> bool:
-        return name in self._group
+        if name not in self._known:
+            self._known[name] = name in self._group
+        return self._known[name]
 
     @property
     def attrs(self) -> Any:
@@ -263,6 +322,23 @@ class Arrays:
         """What is known of the run beside the dataset."""
         return self._group[PROGRESS].attrs
 
+    @property
+    def unsettled(self) -> str | None:
+        """The start of the machine since which there is what may be in memory only, if noted."""
+        since: str | None = self.notes.get(_UNSETTLED)
+        return since
+
+    def note_unsettled(self, since: str | None) -> None:
+        """Note it, or that there is nothing of the kind, on the disk."""
+        notes = self.notes
+        if since is None:
+            del notes[_UNSETTLED]
+        else:
+            notes[_UNSETTLED] = since
+        if (root := path_of(self[STEPS_DONE])) is not None:
+            settle(root.parent / "zarr.json")
+            settle(root.parent)
+
 
 def lengthen(job: Job, group: Arrays) -> None:
     """Make room for the states of a run that is longer than the stored one."""
@@ -270,6 +346,14 @@ def lengthen(job: Job, group: Arrays) -> None:
         _make_rows(job, group)
     group.attrs["steps"] = job.steps
     _consolidate(job.store)
+    if is_folder(job.store):
+        root = Path(job.store)
+        for name in ("n", "t"):
+            if name in group and job.keeps_states:
+                settle_all(root / name)
+        for folder in (root, *(root / name for name in ("omega", "attitude") if name in group)):
+            settle(folder / "zarr.json")
+            settle(folder)
 
 
 def _make_rows(job: Job, group: Arrays) -> None:

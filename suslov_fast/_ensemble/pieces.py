@@ -11,7 +11,7 @@ import numpy as np
 from .._checks import FloatArray
 from .._engine.layout import flat_matrices, flat_vectors
 from .._engine.run import Results, Run, go_on
-from .chunks import put
+from .chunks import Settled, put
 from .job import Job
 from .layout import RESUME, STEPS_DONE, Arrays, packed, unpacked
 from .plan import Segment, segments
@@ -101,6 +101,7 @@ def pieces(tile: Tile, group: Arrays, threads: int | None) -> Iterator[Piece]:
         results = go_on(run)
         resume = {k: v for k, v in results.resume.items() if k not in _BEGUN_WITH}
         yield _piece(tile, segment, run, results, resume)
+        del results  # the next piece takes the same memory, which is in the caches
 
 
 def _piece(
@@ -115,38 +116,45 @@ def _piece(
     return Piece(tile, segment, rows, results._replace(resume=resume), values)
 
 
-def write(piece: Piece, group: Arrays) -> None:
+def write(piece: Piece, group: Arrays, settled: Settled = "replacing") -> None:
     """Write a piece: its data, then what goes on from it, then the mark."""
     tile, job, results = piece.tile, piece.tile.job, piece.results
     every_component = slice(0, job.body.dimension)
     last = piece.segment.stop == job.steps
     if job.keeps_states and len(results.omega) and (job.save_every is not None or last):
         where = (piece.rows, *tile.where)
-        put(group["omega"], (*where, every_component), results.omega)
+        put(group["omega"], (*where, every_component), results.omega, settled)
         if results.attitude is not None:
             square = (slice(0, job.body.dimension + 1),) * 2
-            put(group["attitude"], (*where, *square), results.attitude)
+            put(group["attitude"], (*where, *square), results.attitude, settled)
     for name, values in piece.reduced.items():
         where = (*tile.where, every_component) if REDUCTIONS[name].of_components else tile.where
         if piece.segment.start:
             values = REDUCTIONS[name].combine(group[name][where], values)
-        put(group[name], where, values)
+        put(group[name], where, values, settled)
     if last:
-        put(group["final"], (*tile.where, every_component), results.final)
-        put(group["status"], tile.where, results.status)
-        put(group["failed_at"], tile.where, results.failed_at)
-    _go_on_from(tile, group, piece.segment.stop, results.resume)
-    group[STEPS_DONE][tile.index] = piece.segment.stop
+        put(group["final"], (*tile.where, every_component), results.final, settled)
+        put(group["status"], tile.where, results.status, settled)
+        put(group["failed_at"], tile.where, results.failed_at, settled)
+    if RESUME in group:
+        _go_on_from(tile, group, piece.segment.stop, results.resume)
+    mark = np.array(piece.segment.stop).reshape(tuple(1 for _ in tile.index))
+    put(group[STEPS_DONE], _place(tile), mark, "none")
 
 
 def _go_on_from(tile: Tile, group: Arrays, steps: int, resume: dict[str, Any]) -> None:
     array = group[RESUME]
-    data = packed(steps, resume)
+    data = packed(steps, resume if steps else {})  # nothing but the starts before step 1
     record = np.zeros((*(1 for _ in tile.index), array.shape[-1]), np.uint8)
     flat = record.reshape(-1)
     flat[:8] = np.array([data.size]).view(np.uint8)
     flat[8 : 8 + data.size] = data
-    put(array, (*(slice(k, k + 1) for k in tile.index), slice(0, array.shape[-1])), record)
+    put(array, (*_place(tile), slice(0, array.shape[-1])), record, "none")
+
+
+def _place(tile: Tile) -> Slices:
+    """Of a tile among all."""
+    return tuple(slice(k, k + 1) for k in tile.index)
 
 
 def _mark(tile: Tile, group: Arrays) -> int:
@@ -155,15 +163,16 @@ def _mark(tile: Tile, group: Arrays) -> int:
 
 def _left(tile: Tile, group: Arrays) -> tuple[int, dict[str, Any]]:
     """Where a tile is to be gone on with, and from what."""
-    if _mark(tile, group) < 0:
-        return 0, {}
+    mark = _mark(tile, group)
+    if mark < 0 or RESUME not in group:
+        return max(mark, 0), {}
     return unpacked(group[RESUME][tile.index])
 
 
 def resume_size(job: Job) -> int:
-    """The bytes that what is left to go on from takes at most."""
+    """The bytes that what is left to go on from takes at most; none if there is nothing."""
     if 0 in job.plan.batch:
-        return _ARCHIVE
+        return 0
     where = tuple(slice(0, 1) for _ in job.plan.batch)
     one, n = job.of(where), job.body.dimension + 1
     run = Run(
@@ -171,13 +180,15 @@ def resume_size(job: Job) -> int:
         batch=tuple(1 for _ in where),
         omega0=np.array(job.starts(where).reshape(1, -1)),
         eps=one.eps,
-        steps=0,
-        save_every=1,
+        steps=1,
+        save_every=one.save_every,
         method=one.method,
         orientation=None if one.orientation is None else one.orientation.reshape(1, n, n).copy(),
         threads=1,
     )
     entries = [v for k, v in go_on(run).resume.items() if k not in _BEGUN_WITH]
+    if not any(array.size for array in entries):
+        return 0
     each = sum(array.nbytes for array in entries)
     count = int(np.prod(job.plan.tile))
     return _ARCHIVE + _ENTRY * (len(entries) + 1) + each * count

@@ -17,6 +17,9 @@ from .starts import Slices
 _BYTES = 2**24
 # Steps of the 3D map between two marks, some 20 s of one core: what a killed process loses.
 _WORK = 2**34
+# Workers share a run whose tiles are so many, and end together; a tile of less work than this would
+# take longer to hand out than to compute.
+_MANY, _LEAST = 32, 2**28
 # Fewer trajectories leave threads without work.
 _FEWEST = 64
 
@@ -69,7 +72,7 @@ def plan_of(
             for name, length in zip(dims, batch, strict=True)
         )
     else:
-        count = asked.get("", _trajectories(body, steps, kept, each))
+        count = asked.get("", _trajectories(body, batch, steps, kept, each))
         tile = _from_the_last_axis(batch, count)
     if rows is None:
         rows = max(1, min(kept, _BYTES // (each * math.prod(tile))))
@@ -91,12 +94,14 @@ def _asked(
     return sizes, sizes.pop("n", None)
 
 
-def _trajectories(body: Body, steps: int, kept: int, each: int) -> int:
+def _trajectories(body: Body, batch: tuple[int, ...], steps: int, kept: int, each: int) -> int:
     """Those whose states fit in a chunk, and whose steps are made between two marks."""
     # So many that vectors and threads are busy, even where time is cut for it.
     fit = max(_BYTES // (each * kept), 2**14)
     fit = min(fit, _BYTES // each)
-    return max(_FEWEST, min(fit, int(_WORK / (max(steps, 1) * work_of(body)))))
+    work = max(steps, 1) * work_of(body)
+    shared = max(-(-math.prod(batch) // _MANY), int(_LEAST / work))
+    return max(_FEWEST, min(fit, shared, int(_WORK / work)))
 
 
 def work_of(body: Body) -> float:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from .._engine.progress import Progress
-from . import chunks, cluster, layout, local
+from . import chunks, cluster, layout, local, settling
+from .chunks import Settled
 from .identity import identity_of, require_same
 from .job import Job
-from .layout import RESUME, STEPS_DONE, Arrays
+from .layout import RESUME, STEPS_DONE, Arrays, unpacked
 from .lock import only_writer
 from .meter import meter
 from .pieces import resume_size
@@ -38,22 +39,32 @@ def finish(
         nullcontext() if scheduler is None else cluster.client_of(scheduler) as client,
         only_writer(job.store),
     ):
-        if not layout.exists(job.store):
-            layout.create(job, identity, resume_size(job), coords)
-        arrays = Arrays(job.store)
-        job = _recognised(job, identity, arrays)
-        if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
-            layout.lengthen(job, arrays)
+        # What this call writes may be in memory only until the machine is started again.
+        since = settling.boot() if layout.is_folder(job.store) and client is None else None
+        if layout.exists(job.store):
             arrays = Arrays(job.store)
-        if verify:
-            _forget_damaged(job, arrays)
+            job = _recognised(job, identity, arrays)
+            if int(arrays.attrs["steps"]) < job.steps or _is_short(job, arrays):
+                layout.lengthen(job, arrays)
+                arrays = Arrays(job.store)
+            lost = arrays.unsettled not in (None, settling.boot())
+            if verify or lost:
+                _forget_damaged(job, arrays)
+            if lost:
+                arrays.note_unsettled(None)
+        else:
+            layout.create(job, identity, resume_size(job), coords, since)
+            arrays = Arrays(job.store)
         missing = _missing(job, arrays)
         if not missing:
             return
         if layout.is_folder(job.store):
             chunks.sweep(job.store)
+        if since is not None and arrays.unsettled != since:
+            arrays.note_unsettled(since)
+        settled: Settled = "all" if since is None else "replacing"
         with stopping() as stop:
-            _compute(job, arrays, missing, client, progress, stop)
+            _compute(job, arrays, missing, client, settled, progress, stop)
             if stop.asked and (left := len(_missing(job, arrays))):
                 raise KeyboardInterrupt(_how_to_go_on(job, left))
 
@@ -88,29 +99,42 @@ def _missing(job: Job, arrays: Arrays) -> list[Index]:
 
 
 def _forget_damaged(job: Job, arrays: Arrays) -> None:
-    """Take back the marks of tiles that are not as they were written."""
-    done = np.asarray(arrays[STEPS_DONE][...])
-    for found in np.argwhere(done >= 0):
-        index = tuple(int(k) for k in found)
-        where = job.plan.where(index)
-        if _damage(job, arrays, index, where, int(done[index])) is not None:
-            arrays[STEPS_DONE][index] = -1
+    """Take back the marks of tiles that are not as they were written, and damaged marks."""
+    marks = arrays[STEPS_DONE]
+    for index in np.ndindex(marks.shape):
+        place = tuple(slice(k, k + 1) for k in index)
+        if chunks.is_missing(marks, place):
+            continue
+        damage = chunks.damaged(marks, place)
+        if damage is None and (done := int(marks[index])) >= 0:
+            damage = _damage(job, arrays, place, job.plan.where(index), done)
+        if damage is not None:
+            chunks.put(marks, place, np.full((1,) * len(place), -1), "all")
 
 
 def _damage(
-    job: Job, arrays: Arrays, index: Index, where: tuple[slice, ...], steps: int
+    job: Job, arrays: Arrays, place: tuple[slice, ...], where: tuple[slice, ...], steps: int
 ) -> str | None:
-    """What is wrong with a tile, if anything is."""
+    """What is wrong with a tile of so many steps, if anything is."""
+    if RESUME in arrays:
+        array = arrays[RESUME]
+        place = (*place, slice(0, array.shape[-1]))
+        damage = chunks.damaged(array, place)
+        if damage is not None:
+            return damage
+        # The mark comes later; the tile is gone on with from here.
+        steps = max(steps, unpacked(array[place].reshape(-1))[0])
     rows = 0
     if job.save_every is not None:
         rows = steps // job.save_every + 1
     elif steps == job.steps:
         rows = 1
-    parts = {RESUME: tuple(slice(k, k + 1) for k in index)}
+    parts: dict[str, tuple[slice, ...]] = {}
     if job.keeps_states:
         parts |= {name: (slice(0, rows), *where) for name in ("omega", "attitude")}
+    parts |= dict.fromkeys(job.reductions, where)
     if steps == job.steps:
-        parts |= dict.fromkeys(("final", "status", "failed_at", *job.reductions), where)
+        parts |= dict.fromkeys(("final", "status", "failed_at"), where)
     for name, part in parts.items():
         if name not in arrays:
             continue
@@ -127,13 +151,15 @@ def _compute(
     arrays: Arrays,
     missing: list[Index],
     client: Any,
+    settled: Settled,
     progress: Progress,
     stop: Stop,
 ) -> None:
     total = math.prod(job.plan.batch) * job.steps
-    with meter(progress, total, _steps_made(job, arrays)) as report:
+    made = _steps_made(job, arrays) if progress else 0
+    with meter(progress, total, made) as report:
         if client is None:
-            local.run(job, arrays, missing, report, stop)
+            local.run(job, arrays, missing, settled, report, stop)
         else:
             cluster.run(job, client, iter(missing), report, stop)
 

@@ -27,7 +27,6 @@ from .orbits import (
     CODE,
     KAPPA,
     KNOWN,
-    LAG,
     LOG,
     LOG_LOST,
     OMEGA1,
@@ -40,14 +39,13 @@ from .orbits import (
     WORK_ROWS,
     E,
     F,
-    K,
     N,
     R,
-    V,
     any_of,
     count_missing,
     enter_block,
     enter_orbits,
+    grow,
     states_at,
 )
 from .tiles import (
@@ -140,18 +138,8 @@ def enter_run(orbit, work, tables, first, every, lanes):
 def enter_seeds(orbit, work, tables, lanes):
     """The w at the numbers in row N; and which must be taken row by row."""
     for l in range(lanes):
-        since = max(work[N, l] - tables[START, l], 0.0)
-        work[STEPS, l] = min(since * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
-    for l in range(lanes):
-        work[F, l], work[E, l] = growth(
-            work[STEPS, l],
-            orbit[LAG, l],
-            orbit[R, l],
-            orbit[LOG, l],
-            orbit[LOG_LOST, l],
-            orbit[V, l],
-            orbit[K, l],
-        )
+        work[STEPS, l] = max(work[N, l] - tables[START, l], 0.0)
+    grow(orbit, work, lanes)
     for l in range(lanes):
         k = work[E, l]
         w = scaled(work[F, l], max(min(k, LARGE_SEED), -1000.0))

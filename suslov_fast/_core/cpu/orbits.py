@@ -238,10 +238,11 @@ def enter_orbits(flow, back, given, body, orbit, work, lanes):
 
 
 @part
-def states_at(orbit, work, lanes):
-    """The states of a block at the numbers of steps |n| in its row N, one for each lane."""
+def grow(orbit, work, lanes):
+    """The w after the numbers of steps in row STEPS, as F 2**E."""
     for l in range(lanes):
-        work[STEPS, l] = min(abs(work[N, l]) * orbit[UNIT1, l] * orbit[UNIT2, l], LONG_TIME)
+        steps = work[STEPS, l] * orbit[UNIT1, l] * orbit[UNIT2, l]
+        work[STEPS, l] = min(steps, LONG_TIME)
     for l in range(lanes):
         work[F, l], work[E, l] = growth(
             work[STEPS, l],
@@ -252,6 +253,14 @@ def states_at(orbit, work, lanes):
             orbit[V, l],
             orbit[K, l],
         )
+
+
+@part
+def states_at(orbit, work, lanes):
+    """The states of a block at the numbers of steps |n| in its row N, one for each lane."""
+    for l in range(lanes):
+        work[STEPS, l] = abs(work[N, l])
+    grow(orbit, work, lanes)
     for l in range(lanes):
         work[A, l], work[B, l] = orbit_point(work[F, l], work[E, l], orbit[KAPPA, l])
     if any_of(orbit[FAR], lanes):

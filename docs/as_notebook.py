@@ -1,0 +1,110 @@
+"""The tutorial as a Jupyter notebook, and as scripts for a type checker.
+
+`python docs/as_notebook.py FILE.ipynb` writes the notebook, `--scripts FOLDER` a script for each
+page. It needs nothing but Python.
+"""
+
+import argparse
+import json
+import re
+from pathlib import Path
+
+TUTORIAL = Path(__file__).parent / "tutorial"
+BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
+# What only the pages can show: figures and lists of contents.
+DIRECTIVE = re.compile(r"^(:::+|```)\{.*?^\1\n", re.MULTILINE | re.DOTALL)
+ROLE = re.compile(r"\{\w+\}`(?:([^`<]*?) *<[^`>]*>|~?([^`]*))`")
+DEFINITION = re.compile(r"^(\S.*)\n: ", re.MULTILINE)
+NEXT = re.compile(r"(?:^|(?<= ))Next: \[.*?\]\(.*?\)\.$", re.MULTILINE)
+LINK = re.compile(r"\[([^\]]*)\]\((?!https?:)[^)]*\)")
+
+
+def pages():
+    """The steps of the tutorial, in their order."""
+    (names,) = re.findall(r"```\{toctree\}.*?\n\n(.*?)```", _text("index"), re.DOTALL)
+    return names.split()
+
+
+def code(name):
+    """The blocks of Python of a page."""
+    return BLOCK.findall(_text(name))
+
+
+def cells(name):
+    """A page as cells: pairs of a kind and a text."""
+    found = []
+    for number, part in enumerate(BLOCK.split(_text(name))):
+        kind = "code" if number % 2 else "markdown"
+        text = part.strip() if number % 2 else _plain(part)
+        if text:
+            found.append((kind, text))
+    return found
+
+
+def notebook():
+    """The whole tutorial, in the format of Jupyter."""
+    texts = [cell for name in pages() for cell in cells(name)]
+    head = "# The tutorial of suslov_fast\n\nIt needs `pip install 'suslov_fast[xarray]'`."
+    return {
+        "nbformat": 4,
+        "nbformat_minor": 5,
+        "metadata": {
+            "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+            "language_info": {"name": "python"},
+        },
+        "cells": [
+            _cell(f"cell-{number}", kind, text)
+            for number, (kind, text) in enumerate([("markdown", head), *texts])
+        ],
+    }
+
+
+def write(path):
+    """Write the notebook."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(notebook(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def write_scripts(folder):
+    """Write the code of each page as a file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in pages():
+        (folder / f"{name}.py").write_text("\n".join(code(name)), encoding="utf-8")
+
+
+def _text(name):
+    return (TUTORIAL / f"{name}.md").read_text(encoding="utf-8")
+
+
+def _plain(text):
+    """Markdown that a notebook can show: no roles, no directives, no links between pages."""
+    text = DIRECTIVE.sub("", text)
+    text = DEFINITION.sub(r"- \1: ", ROLE.sub(_named, text))
+    return LINK.sub(r"\1", NEXT.sub("", text)).strip()
+
+
+def _named(match):
+    """The title that a role gives, or the name of what it points to."""
+    title, target = match.groups()
+    return title if title else f"`{target.rpartition('.')[2]}`"
+
+
+def _cell(name, kind, text):
+    shared = {"id": name, "cell_type": kind, "metadata": {}, "source": text}
+    return shared if kind == "markdown" else shared | {"execution_count": None, "outputs": []}
+
+
+def main():
+    """Write what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("notebook", nargs="?", type=Path)
+    parser.add_argument("--scripts", type=Path, metavar="FOLDER")
+    options = parser.parse_args()
+    if options.notebook:
+        write(options.notebook)
+    if options.scripts:
+        write_scripts(options.scripts)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+"""Draw the picture of the page anew: `PYTHONPATH=tests python docs/explore_picture.py`.
+
+It needs Chromium or Chrome, and what Matplotlib brings along.
+"""
+
+import tempfile
+import threading
+from pathlib import Path
+from urllib.parse import urlencode
+
+from browser import Browser
+from PIL import Image
+
+from suslov_fast._explore.parameters import PRESETS
+from suslov_fast._explore.server import Server
+
+PICTURE = Path(__file__).parent / "_static" / "explore.png"
+
+
+def main():
+    """Open the page, stop it at a state, and save what is seen in few colours."""
+    parameters, extent = PRESETS["Long steps: t = 0.5"]
+    query = urlencode(parameters._asdict() | {"extent": extent, "show": "F energy flow"})
+    with Server(0) as server, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        browser = Browser(folder)
+        browser.look(1280, 840)
+        browser.open(f"{server.url}?{query}")
+        browser.wait("typeof scene !== 'undefined' && scene !== null && !asking")
+        browser.value("setMoment(5), draw()")
+        browser.picture(PICTURE)
+        browser.close()
+        server.shutdown()
+    few = Image.open(PICTURE).convert("RGB").quantize(160, dither=Image.Dither.NONE)
+    few.save(PICTURE, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

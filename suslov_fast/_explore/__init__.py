@@ -1,0 +1,1 @@
+"""What `suslov-fast explore` serves: a page, and the numbers that it shows."""

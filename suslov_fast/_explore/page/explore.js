@@ -1,0 +1,629 @@
+// Draws what the server computes: nothing of the problem is computed here.
+"use strict";
+
+const byId = (id) => document.getElementById(id);
+const FIELDS = {
+  I1: { html: "I<sub>1</sub>", min: 0.05, max: 10, step: 0.05, says: "I1, moment of inertia" },
+  I2: { html: "I<sub>2</sub>", min: 0.05, max: 10, step: 0.05, says: "I2, moment of inertia" },
+  I13: { html: "I<sub>13</sub>", min: -3, max: 3, step: 0.05, says: "I13, product of inertia" },
+  I23: { html: "I<sub>23</sub>", min: -3, max: 3, step: 0.05, says: "I23, product of inertia" },
+  eps: { html: "ε", min: -2, max: 2, step: 0.01, says: "epsilon, step size" },
+  steps: { html: "N", min: 1, max: 2000, step: 1, says: "N, number of steps" },
+  Omega1: { html: "Ω<sub>1</sub>", min: -4, max: 4, step: 0.01, says: "Omega1 at the start" },
+  Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
+};
+const SHOWN = ["F", "energy"];
+const SMALL = "12px system-ui, 'DejaVu Sans', sans-serif";
+const MATH = "italic 15px Georgia, 'DejaVu Serif', serif";
+const values = {}; // what the fields hold, as text: a wrong value stays as it was written
+const inputs = {};
+let settings, scene = null;
+let extent = 4, shown = new Set(SHOWN), moment = 0, share = 0, playing = false, colours = {};
+let camera = { turn: -0.7, lift: 0.42 };
+
+// ---------------------------------------------------------------- talking to the server
+
+let asking = false, again = false;
+
+async function ask() {
+  if (asking) { again = true; return; }
+  asking = true;
+  const begun = Date.now();
+  const waiting = setInterval(() => {
+    const seconds = Math.round((Date.now() - begun) / 1000);
+    say(`Compiling, this once: half a minute or so on a machine that is not busy. ${seconds} s`, true);
+  }, 1000);
+  try {
+    const reply = await fetch("/scene?" + new URLSearchParams(values));
+    const found = await reply.json();
+    clearInterval(waiting);
+    if (found.error) complain(found.error, found.field);
+    else receive(found);
+  } catch {
+    clearInterval(waiting);
+    complain("suslov-fast does not answer: start it again, and load this page anew.", null);
+  }
+  asking = false;
+  if (again) { again = false; ask(); }
+}
+
+function receive(found) {
+  const length = scene ? scene.omega.length : 0;
+  scene = found;
+  say("");
+  mark(null);
+  document.body.classList.remove("stale");
+  byId("moment").max = last();
+  if (moment > last() || found.omega.length !== length) setMoment(Math.min(moment, last()));
+  else setMoment(moment);
+  describe();
+  draw();
+  document.documentElement.dataset.ready = String(Number(document.documentElement.dataset.ready || 0) + 1);
+}
+
+function complain(message, field) {
+  say(message);
+  mark(field);
+  document.body.classList.add("stale");
+}
+
+function say(message, waiting = false) {
+  const place = byId("message");
+  place.textContent = message;
+  place.hidden = !message;
+  place.classList.toggle("waiting", waiting);
+}
+
+function mark(field) {
+  for (const [name, { number }] of Object.entries(inputs)) {
+    number.parentElement.classList.toggle("wrong", name === field);
+    number.toggleAttribute("aria-invalid", name === field);
+  }
+}
+
+// The last state that exists.
+function last() {
+  const missing = scene.omega.indexOf(null);
+  return missing < 0 ? scene.omega.length - 1 : Math.max(missing - 1, 0);
+}
+
+// ---------------------------------------------------------------- parameters
+
+function build() {
+  for (const set of document.querySelectorAll("fieldset[data-fields]")) {
+    for (const name of set.dataset.fields.split(" ")) {
+      const { html, min, max, step, says } = FIELDS[name];
+      const row = document.createElement("div");
+      row.className = "field";
+      row.innerHTML = `<label for="${name}" title="${says}">${html}</label>` +
+        `<input type="range" id="${name}-slider" aria-label="${says}, slider" min="${min}" max="${max}" step="${step}">` +
+        `<input type="number" id="${name}" aria-label="${says}" step="${step}">`;
+      set.append(row);
+      const [slider, number] = row.querySelectorAll("input");
+      inputs[name] = { slider, number };
+      slider.addEventListener("input", () => change({ [name]: slider.value }));
+      number.addEventListener("input", () => change({ [name]: number.value }, name));
+    }
+  }
+  for (const box of document.querySelectorAll("#show input")) {
+    box.addEventListener("change", () => {
+      if (box.checked) shown.add(box.value); else shown.delete(box.value);
+      remember();
+      draw();
+    });
+  }
+  byId("controls").addEventListener("submit", (event) => event.preventDefault());
+}
+
+function change(changes, typed = null) {
+  for (const [name, value] of Object.entries(changes)) {
+    values[name] = String(value);
+    inputs[name].slider.value = values[name];
+    if (name !== typed) inputs[name].number.value = values[name];
+  }
+  name();
+  remember();
+  ask();
+}
+
+// Say which of the beginnings is shown, if it is one.
+function name() {
+  const same = ({ parameters }) => Object.keys(FIELDS).every((field) => Number(values[field]) === parameters[field]);
+  byId("preset").value = settings.presets.find(same)?.name ?? "";
+}
+
+// Sliders of the start reach as far as the plane does.
+function setExtent(value) {
+  extent = Math.min(Math.max(value, 1e-12), 1e12);
+  const step = 10 ** Math.floor(Math.log10(extent / 200));
+  for (const name of ["Omega1", "Omega2"]) {
+    Object.assign(inputs[name].slider, { min: -extent, max: extent, step: "any" });
+    inputs[name].slider.value = values[name];
+    inputs[name].number.step = step;
+  }
+  remember();
+}
+
+let remembering = null;
+function remember() {
+  // Browsers refuse a page that changes its address at every move of the mouse.
+  clearTimeout(remembering);
+  remembering = setTimeout(() => history.replaceState(null, "", "?" + query()), 150);
+}
+
+const query = () => new URLSearchParams(
+  { ...values, extent: short(extent, 6), show: [...shown].join(" ") }).toString();
+
+function choose(preset) {
+  for (const [name, value] of Object.entries(preset.parameters)) {
+    values[name] = String(value);
+    inputs[name].slider.value = inputs[name].number.value = values[name];
+  }
+  name();
+  setExtent(preset.extent);
+  setMoment(0);
+  ask();
+}
+
+// A number as it is usually written; anything else as it is.
+const tidy = (text) => text && Number.isFinite(Number(text)) ? String(Number(text)) : text;
+
+function fromAddress() {
+  const given = new URLSearchParams(location.search);
+  const first = settings.presets[0];
+  choose({
+    parameters: Object.fromEntries(
+      Object.keys(FIELDS).map((name) => [name, tidy(given.get(name)) ?? first.parameters[name]])),
+    extent: Number(given.get("extent")) || first.extent,
+  });
+  if (given.has("show")) shown = new Set(given.get("show").split(" ").filter(Boolean));
+  for (const box of document.querySelectorAll("#show input")) box.checked = shown.has(box.value);
+}
+
+// ---------------------------------------------------------------- words and numbers
+
+function short(value, digits = 6) {
+  if (value === null) return "none";
+  const text = Number(value.toPrecision(digits)).toString();
+  return text.replaceAll("-", "−");
+}
+
+const pair = (values) => values ? `(${values.map((each) => short(each, 5)).join(", ")})` : "none";
+
+function describe() {
+  const { numbers, regime, status, ellipsoid } = scene;
+  const t = numbers.criticality;
+  byId("regime-name").textContent = regime.name === "steady" ? "Steady rotation"
+    : t === null ? "beyond float64" : `t = ${short(t, 5)} ${{ below: "< 1", at: "", above: "> 1" }[regime.name]}`;
+  byId("regime-text").textContent = regime.text;
+  byId("gauge").value = t === null ? 2 : Math.abs(t);
+  byId("gauge").textContent = short(t);
+  const badge = byId("status");
+  badge.textContent = badge.dataset.status = status.name;
+  badge.title = status.message;
+  byId("failure").textContent = status.failed_at === null ? ""
+    : `No state ${status.failed_at}: ${status.message}.`;
+  const rows = [
+    ["criticality t", short(t)],
+    ["F", short(numbers.F)],
+    ["largest change of F", numbers.drift ? numbers.drift.toExponential(1).replace("-", "−") : short(numbers.drift)],
+    ["energy", short(numbers.energy)],
+    ["limit n → −∞", pair(numbers.omega_minus)],
+    ["limit n → +∞", pair(numbers.omega_plus)],
+    ["scattering angle", numbers.scattering_angle === null ? "none" : `${short(numbers.scattering_angle * 180 / Math.PI, 5)}°`],
+    ["I₃ that matter can have", numbers.I3 ? numbers.I3.map((each) => short(each, 4)).join(" to ") : "none"],
+  ];
+  byId("numbers").replaceChildren(...rows.flatMap(([name, value]) => {
+    const term = document.createElement("dt"), text = document.createElement("dd");
+    term.textContent = name;
+    text.textContent = value;
+    return [term, text];
+  }));
+  byId("matter").textContent = ellipsoid === null ? ""
+    : `Ellipsoid of inertia, drawn with I₃ = ${short(ellipsoid.I3, 4)}` +
+      (ellipsoid.matter ? "." : ". No body of matter has these parameters.");
+}
+
+// ---------------------------------------------------------------- the plane
+
+function surface(canvas) {
+  const ratio = window.devicePixelRatio || 1, { clientWidth: width, clientHeight: height } = canvas;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  pen.lineJoin = pen.lineCap = "round";
+  return { pen, width, height };
+}
+
+function view() {
+  const { clientWidth: width, clientHeight: height } = byId("plane");
+  const scale = Math.max(Math.min(width, height), 1) / (2 * extent);
+  return { width, height, scale,
+    at: ([x, y]) => [width / 2 + x * scale, height / 2 - y * scale],
+    from: (px, py) => [(px - width / 2) / scale, (height / 2 - py) / scale] };
+}
+
+// Far outside the canvas, where lines still lead but no browser overflows.
+const clamp = (value) => Math.min(Math.max(value, -1e5), 1e5);
+
+function stroke(pen, points, colour, width = 1.5, dash = []) {
+  pen.beginPath();
+  let open = false;
+  for (const point of points) {
+    if (point) pen[open ? "lineTo" : "moveTo"](clamp(point[0]), clamp(point[1]));
+    open = Boolean(point);
+  }
+  Object.assign(pen, { strokeStyle: colour, lineWidth: width });
+  pen.setLineDash(dash);
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function disc(pen, [x, y], radius, fill, edge = null) {
+  if (Math.abs(x) > 1e4 || Math.abs(y) > 1e4) return;
+  pen.beginPath();
+  pen.arc(x, y, radius, 0, 2 * Math.PI);
+  if (fill) { pen.fillStyle = fill; pen.fill(); }
+  if (edge) { Object.assign(pen, { strokeStyle: edge, lineWidth: 1.4 }); pen.stroke(); }
+}
+
+// Text with a margin, so that lines may run behind it.
+function write(pen, text, x, y, align = "center", font = SMALL, colour = colours.faint) {
+  Object.assign(pen, { font, textAlign: align, strokeStyle: colours.panel, lineWidth: 4, fillStyle: colour });
+  pen.strokeText(text, x, y);
+  pen.fillText(text, x, y);
+}
+
+function drawPlane() {
+  const { pen, width, height } = surface(byId("plane"));
+  const { at, scale } = view();
+  const ticks = drawGrid(pen, width, height, scale, at);
+  if (!scene) return;
+  const place = (row) => row && at(row);
+  if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 2);
+  if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [6, 6]);
+  if (scene.line) {
+    const far = 4 * Math.hypot(width, height) / scale;
+    for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]])
+      stroke(pen, [at([0, 0]), at(scene.line[half].map((each) => each * far))], colours.line, 2.6, dash);
+  }
+  for (const [text, x, y, align, font] of ticks) write(pen, text, x, y, align, font);
+  const states = scene.omega.map(place), end = last();
+  if (shown.has("joined")) stroke(pen, states, colours.faint, 1, [1, 4]);
+  if (shown.has("flow")) for (const row of scene.flow) if (row) disc(pen, at(row), 4, null, colours.flow);
+  const radius = end > 800 ? 1.8 : end > 300 ? 2.2 : 2.8;
+  for (let n = end; n >= 0; n--) if (states[n]) disc(pen, states[n], radius, colours.state);
+  if (states[moment]) disc(pen, states[moment], 5.5, colours.panel, colours.text);
+  if (states[moment]) disc(pen, states[moment], 3, colours.text);
+  const start = at([scene.parameters.Omega1, scene.parameters.Omega2]);
+  disc(pen, start, 8, null, colours.accent);
+  disc(pen, start, 9.5, null, colours.panel);
+  disc(pen, start, 3, colours.accent);
+  if (scene.status.failed_at !== null && states[end]) drawCross(pen, states[end]);
+}
+
+// Where the orbit ends, because there is no next state.
+function drawCross(pen, [x, y]) {
+  for (const [colour, width] of [[colours.panel, 7], [colours.bad, 3.2]])
+    stroke(pen, [[x - 10, y - 10], [x + 10, y + 10], null, [x - 10, y + 10], [x + 10, y - 10]], colour, width);
+}
+
+function drawGrid(pen, width, height, scale, at) {
+  const about = 70 / scale, power = 10 ** Math.floor(Math.log10(about));
+  const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const named = (value) => (Math.abs(Math.log10(step)) > 5 ? value.toExponential(1) : value.toFixed(digits)).replace("-", "−");
+  const ticks = [], [x0, y0] = at([0, 0]);
+  for (let k = -Math.floor(width / 2 / scale / step); k * step * scale <= width / 2; k++) {
+    const [x] = at([k * step, 0]);
+    stroke(pen, [[x, 0], [x, height]], k ? colours.grid : colours.axis, 1);
+    if (k && x > 16 && x < width - 34) ticks.push([named(k * step), x, y0 + 16, "center", SMALL]);
+  }
+  for (let k = -Math.floor(height / 2 / scale / step); k * step * scale <= height / 2; k++) {
+    const [, y] = at([0, k * step]);
+    stroke(pen, [[0, y], [width, y]], k ? colours.grid : colours.axis, 1);
+    if (k && y > 24 && y < height - 8) ticks.push([named(k * step), x0 - 7, y + 4, "right", SMALL]);
+  }
+  stroke(pen, [[x0, 0], [x0, height], null, [0, y0], [width, y0]], colours.axis, 1);
+  ticks.push(["Ω₁", width - 6, y0 - 8, "right", MATH], ["Ω₂", x0 + 8, 16, "left", MATH]);
+  return ticks;
+}
+
+// The start goes where the mouse is, in as many digits as it can tell.
+function moveStart(px, py) {
+  const digits = Math.max(0, Math.ceil(-Math.log10(1 / view().scale)) + 1);
+  const [x, y] = view().from(px, py).map((each) => Number(each.toFixed(Math.min(digits, 20))));
+  change({ Omega1: x, Omega2: y });
+}
+
+function zoom(factor) {
+  setExtent(extent * factor);
+  drawPlane();
+}
+
+function fit() {
+  if (!scene) return;
+  const rows = [...scene.omega, shown.has("flow") ? scene.flow : []].flat(2).filter(Number.isFinite);
+  const limits = [scene.numbers.omega_minus, scene.numbers.omega_plus].flat().filter(Number.isFinite);
+  const largest = Math.max(...rows.map(Math.abs), ...limits.map(Math.abs));
+  if (largest > 0) setExtent(1.15 * largest);
+  drawPlane();
+}
+
+// ---------------------------------------------------------------- the body in space
+
+const times = (R, v) => [0, 1, 2].map((i) => R[3 * i] * v[0] + R[3 * i + 1] * v[1] + R[3 * i + 2] * v[2]);
+const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+const scaled = (v, factor) => v.map((each) => each * factor);
+const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const AROUND = 32, ALONG = 16, TIP = 1.3, TRAIL = 40, ARCS = 24;
+
+// What is seen from a camera that looks at the origin: to the right, up, towards the eye.
+function seen([x, y, z]) {
+  const { turn, lift } = camera;
+  const right = -Math.sin(turn) * x + Math.cos(turn) * y;
+  const away = Math.cos(turn) * x + Math.sin(turn) * y;
+  return [right, Math.cos(lift) * z - Math.sin(lift) * away, Math.cos(lift) * away + Math.sin(lift) * z];
+}
+
+function drawSpace() {
+  const { pen, width, height } = surface(byId("space"));
+  if (!scene) return;
+  const scale = Math.min(width, height) / 3.25;
+  const at = ([right, up]) => [width / 2 + right * scale, height / 2 - up * scale];
+  const R = orientation(moment, share);
+  if (!R) return;
+  const ring = [];
+  for (let k = 0; k <= 90; k++) ring.push(at(seen([TIP * Math.cos(k * Math.PI / 45), TIP * Math.sin(k * Math.PI / 45), 0])));
+  stroke(pen, ring, colours.edge, 1);
+
+  const path = trail().map((axis) => seen(scaled(axis, TIP)));
+  const half = (front) => (points) => points.map((each, k) => (each[2] > 0) === front || (k && (points[k - 1][2] > 0) === front) ? at(each) : null);
+  const axes = AXES.map((axis, k) => ({ tip: seen(scaled(times(R, axis), TIP)), name: ["e₁", "e₂", "a"][k], colour: k === 2 ? colours.line : colours.text }));
+  const velocity = scene.spatial[Math.min(moment, last())];
+  if (velocity) {
+    const most = Math.max(...scene.spatial.map((each) => each ? Math.hypot(...each) : 0));
+    if (most > 0) axes.push({ tip: seen(scaled(velocity, TIP / most)), name: "Ω", colour: colours.omega });
+  }
+  for (const front of [false, true]) {
+    if (front) drawEllipsoid(pen, at, R, scale);
+    pen.globalAlpha = front ? 1 : 0.45;
+    stroke(pen, half(front)(path), colours.line, 1.6);
+    pen.globalAlpha = 1;
+    for (const { tip, name, colour } of axes) if ((tip[2] > 0) === front) drawArrow(pen, at, tip, name, colour, front, R);
+  }
+}
+
+function drawArrow(pen, at, tip, name, colour, front, R) {
+  // In front of the body an arrow is seen from where it leaves the body.
+  const from = front ? scaled(tip, Math.min(1, leaving(tip, R) / Math.max(Math.hypot(...tip), 1e-9))) : [0, 0, 0];
+  stroke(pen, [at(from), at(tip)], colour, 2.4);
+  disc(pen, at(tip), 3.2, colour);
+  const [x, y] = at(tip), [x0, y0] = at([0, 0]), far = Math.max(Math.hypot(x - x0, y - y0), 1);
+  write(pen, name, x + 14 * (x - x0) / far, y + 14 * (y - y0) / far + 5, "center", MATH, colour);
+}
+
+// The orientation at a state and, to draw what lies between, a share of the one turn to the next:
+// in a step the body turns by less than half a turn, about one axis.
+function orientation(n, part) {
+  const R = scene.attitude[Math.min(n, last())], S = scene.attitude[n + 1];
+  if (!R || !S || !part) return R;
+  const turn = (i, j) => R[i] * S[j] + R[3 + i] * S[3 + j] + R[6 + i] * S[6 + j];
+  const axis = [turn(2, 1) - turn(1, 2), turn(0, 2) - turn(2, 0), turn(1, 0) - turn(0, 1)];
+  const sine = Math.hypot(...axis) / 2, cosine = (turn(0, 0) + turn(1, 1) + turn(2, 2) - 1) / 2;
+  if (sine < 1e-9) return R;
+  const [x, y, z] = scaled(axis, 0.5 / sine), angle = part * Math.atan2(sine, cosine);
+  const c = Math.cos(angle), s = Math.sin(angle), d = 1 - c;
+  const T = [[c + d * x * x, d * x * y - s * z, d * x * z + s * y],
+    [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
+    [d * x * z - s * y, d * y * z + s * x, c + d * z * z]];
+  return [0, 1, 2].flatMap((i) => [0, 1, 2].map((j) => R[3 * i] * T[0][j] + R[3 * i + 1] * T[1][j] + R[3 * i + 2] * T[2][j]));
+}
+
+// Where the axis a has been: the last steps, as the arcs that it turned along.
+function trail() {
+  const points = [], first = Math.max(0, moment - TRAIL);
+  for (let n = first; n <= moment; n++) {
+    const parts = n < moment ? ARCS : Math.floor(share * ARCS) + 1;
+    for (let k = 0; k < parts; k++) points.push(orientation(n, k / ARCS));
+  }
+  points.push(orientation(moment, share));
+  return points.filter(Boolean).map((R) => [R[2], R[5], R[8]]);
+}
+
+// How far from the origin the drawn ellipsoid reaches in a direction on the screen.
+function leaving(tip, R) {
+  if (!scene.ellipsoid) return 0;
+  const length = Math.hypot(...tip) || 1, { radii, axes } = scene.ellipsoid;
+  let sum = 0;
+  for (let k = 0; k < 3; k++) {
+    const part = dot(seen(times(R, axes.map((row) => row[k]))), tip) / length / radii[k];
+    sum += part * part;
+  }
+  return 1 / Math.sqrt(sum);
+}
+
+function drawEllipsoid(pen, at, R) {
+  if (!scene.ellipsoid) return;
+  const { radii, axes } = scene.ellipsoid;
+  const frame = [0, 1, 2].map((k) => seen(times(R, axes.map((row) => row[k]))));
+  const point = (parts) => [0, 1, 2].map((i) => frame[0][i] * parts[0] + frame[1][i] * parts[1] + frame[2][i] * parts[2]);
+  const sphere = (i, j) => {
+    const u = 2 * Math.PI * i / AROUND, v = Math.PI * j / ALONG;
+    return [Math.cos(u) * Math.sin(v), Math.sin(u) * Math.sin(v), Math.cos(v)];
+  };
+  const corners = [];
+  for (let j = 0; j <= ALONG; j++)
+    for (let i = 0; i < AROUND; i++) corners.push(at(point(sphere(i, j).map((each, k) => each * radii[k]))));
+  for (let j = 0; j < ALONG; j++) {
+    for (let i = 0; i < AROUND; i++) {
+      const normal = point(sphere(i + 0.5, j + 0.5).map((each, k) => each / radii[k]));
+      if (normal[2] <= 0) continue; // convex: what faces the eye hides the rest
+      const size = Math.hypot(...normal);
+      const light = Math.max(0, (0.35 * normal[0] + 0.5 * normal[1] + 0.8 * normal[2]) / size);
+      const patch = (Math.floor(i / 4) + Math.floor(j / 4)) % 2 ? colours.bodyRgb : colours.bodyOtherRgb;
+      const shade = patch.map((each) => Math.round(Math.min(255, each * (0.5 + 0.62 * light))));
+      const next = (i + 1) % AROUND;
+      pen.beginPath();
+      for (const [a, b] of [[i, j], [next, j], [next, j + 1], [i, j + 1]]) pen.lineTo(...corners[b * AROUND + a]);
+      pen.closePath();
+      pen.fillStyle = pen.strokeStyle = `rgb(${shade.join(" ")})`;
+      pen.lineWidth = 0.7;
+      pen.fill();
+      pen.stroke();
+    }
+  }
+}
+
+// ---------------------------------------------------------------- time
+
+function setMoment(n) {
+  moment = n;
+  share = 0;
+  byId("moment").value = n;
+  byId("moment-value").value = `n = ${n}`;
+}
+
+function play(on) {
+  playing = on;
+  byId("play").textContent = on ? "Pause" : "Play";
+  byId("play").setAttribute("aria-pressed", String(on));
+  if (on) {
+    if (scene && moment >= last()) setMoment(0);
+    before = null;
+    requestAnimationFrame(tick);
+  }
+}
+
+let before = null, resting = 0;
+
+function tick(now) {
+  if (!playing) return;
+  if (before !== null && scene) {
+    const seconds = Math.min(now - before, 200) / 1000, speed = Number(byId("speed").value);
+    if (moment >= last()) {
+      // It rests at the end before it begins anew.
+      resting += seconds;
+      if (resting > 1) setMoment(0);
+    } else {
+      resting = 0;
+      const reached = Math.min(moment + share + seconds * speed, last()), whole = Math.floor(reached);
+      if (whole !== moment) setMoment(whole);
+      share = reached - whole;
+    }
+    draw();
+  }
+  before = now;
+  requestAnimationFrame(tick);
+}
+
+// ---------------------------------------------------------------- drawing, and what leads to it
+
+function draw() {
+  drawPlane();
+  drawSpace();
+}
+
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ["text", "faint", "panel", "edge", "grid", "axis", "accent", "line", "F", "energy", "flow", "omega", "bad", "state"])
+    colours[name] = style.getPropertyValue(`--${name}`).trim();
+  const rgb = (name) => {
+    const code = style.getPropertyValue(`--${name}`).trim();
+    return [1, 3, 5].map((k) => parseInt(code.slice(k, k + 2), 16));
+  };
+  Object.assign(colours, { bodyRgb: rgb("body"), bodyOtherRgb: rgb("body-other") });
+}
+
+function arrows(event) {
+  const direction = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+  if (direction) event.preventDefault();
+  return direction;
+}
+
+function listen() {
+  const plane = byId("plane"), space = byId("space");
+  plane.addEventListener("pointerdown", (event) => {
+    plane.setPointerCapture(event.pointerId);
+    moveStart(event.offsetX, event.offsetY);
+  });
+  plane.addEventListener("pointermove", (event) => {
+    if (plane.hasPointerCapture(event.pointerId)) moveStart(event.offsetX, event.offsetY);
+  });
+  plane.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoom(Math.exp(event.deltaY * 0.0012));
+  }, { passive: false });
+  plane.addEventListener("keydown", (event) => {
+    const direction = arrows(event);
+    if (direction) {
+      const pixels = event.shiftKey ? 20 : 2, [x, y] = view().at([Number(values.Omega1), Number(values.Omega2)]);
+      moveStart(x + pixels * direction[0], y - pixels * direction[1]);
+    } else if (event.key === "+" || event.key === "=") zoom(0.8);
+    else if (event.key === "-") zoom(1.25);
+    else if (event.key === "0") fit();
+  });
+  space.addEventListener("pointerdown", (event) => space.setPointerCapture(event.pointerId));
+  space.addEventListener("pointermove", (event) => {
+    if (space.hasPointerCapture(event.pointerId)) look(event.movementX * 0.01, event.movementY * 0.01);
+  });
+  space.addEventListener("keydown", (event) => {
+    const direction = arrows(event);
+    if (direction) look(0.1 * direction[0], -0.1 * direction[1]);
+    else if (event.key === " ") { event.preventDefault(); play(!playing); }
+  });
+  byId("zoom-in").addEventListener("click", () => zoom(0.8));
+  byId("zoom-out").addEventListener("click", () => zoom(1.25));
+  byId("fit").addEventListener("click", fit);
+  byId("play").addEventListener("click", () => play(!playing));
+  byId("moment").addEventListener("input", (event) => {
+    play(false);
+    setMoment(Number(event.target.value));
+    draw();
+  });
+  byId("preset").addEventListener("change", (event) => {
+    const preset = settings.presets.find((each) => each.name === event.target.value);
+    if (preset) choose(preset);
+  });
+  byId("copy-link").addEventListener("click", () => copy(`${location.origin}/?${query()}`, "Link copied"));
+  byId("copy-python").addEventListener("click", () => scene && copy(scene.python, "Python copied"));
+  const observer = new ResizeObserver(draw);
+  observer.observe(plane);
+  observer.observe(space);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { readColours(); draw(); });
+}
+
+function look(turn, lift) {
+  camera.turn -= turn;
+  camera.lift = Math.min(Math.max(camera.lift + lift, -1.5), 1.5);
+  drawSpace();
+}
+
+async function copy(text, done) {
+  try {
+    await navigator.clipboard.writeText(text);
+    byId("copied").textContent = done;
+  } catch {
+    byId("copied").textContent = "Not allowed here: copy the address";
+  }
+  setTimeout(() => { byId("copied").textContent = ""; }, 2500);
+}
+
+async function begin() {
+  build();
+  readColours();
+  settings = await (await fetch("/settings")).json();
+  inputs.steps.number.max = settings.longest;
+  const own = new Option("own values", "");
+  byId("preset").append(...settings.presets.map(({ name }) => new Option(name, name)), own);
+  document.querySelector("h1").title = `version ${settings.version}`;
+  fromAddress();
+  listen();
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
+}
+
+begin().catch(() => complain("suslov-fast does not answer: start it again, and load this page anew.", null));

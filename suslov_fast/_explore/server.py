@@ -1,0 +1,154 @@
+"""A server for one person's browser: it answers to its own page, on this machine, and no other."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from socketserver import TCPServer
+from typing import Any
+
+from .. import __version__
+from .parameters import PRESETS, STEPS, WrongValue, read, split
+from .scene import scene
+
+_ADDRESS = "127.0.0.1"
+_LONGEST = 2048
+# A browser may open connections ahead that it then says nothing on.
+_PATIENCE = 10.0
+_ASSETS = {
+    "/": ("index.html", "text/html; charset=utf-8"),
+    "/style.css": ("style.css", "text/css; charset=utf-8"),
+    "/explore.js": ("explore.js", "text/javascript; charset=utf-8"),
+}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Server(ThreadingHTTPServer):
+    """The page on a port of this machine; 0 takes one that is free."""
+
+    daemon_threads = True
+    block_on_close = False
+    # Another server on the same port is an error, not a second listener.
+    allow_reuse_port = False
+    allow_reuse_address = os.name == "posix"
+
+    def __init__(self, port: int) -> None:
+        super().__init__((_ADDRESS, port), _Handler)
+        self.hosts = {f"{name}:{self.server_port}" for name in (_ADDRESS, "localhost")}
+        folder = resources.files(__package__) / "page"
+        self.assets = {
+            path: ((folder / name).read_bytes(), kind) for path, (name, kind) in _ASSETS.items()
+        }
+
+    def server_bind(self) -> None:
+        """Bind, and ask no one for the name of the address."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = _ADDRESS, self.socket.getsockname()[1]
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error, unless it is that the browser has gone."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
+
+    @property
+    def url(self) -> str:
+        """The address of the page."""
+        return f"http://{_ADDRESS}:{self.server_port}/"
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version = f"suslov-fast/{__version__}"
+    sys_version = ""
+    timeout = _PATIENCE
+    # Head and body leave together, and at once.
+    wbufsize = -1
+    disable_nagle_algorithm = True
+
+    def do_GET(self) -> None:
+        """Answer with the page, one of its parts, or numbers for it."""
+        if not self._from_own_page():
+            self._send(403, b"suslov-fast: this page answers to itself alone\n")
+        elif len(self.path) > _LONGEST:
+            self._send(414, b"suslov-fast: too long an address\n")
+        else:
+            path, _, query = self.path.partition("?")
+            if path in self.server.assets:
+                self._send(200, *self.server.assets[path])
+            elif path == "/settings":
+                self._send_json(200, settings())
+            elif path == "/scene":
+                self._send_json(*answer(query))
+            else:
+                self._send(404, b"suslov-fast: no such page\n")
+
+    do_HEAD = do_GET
+
+    def _from_own_page(self) -> bool:
+        """Whether a request names this server, and no foreign page has made it.
+
+        A foreign page may give its own name the address of this machine; it cannot lie about it.
+        """
+        if self.headers.get_all("Host", []) not in [[host] for host in self.server.hosts]:
+            return False
+        origin = self.headers.get("Origin")
+        return origin is None or origin in {f"http://{host}" for host in self.server.hosts}
+
+    def _send_json(self, status: int, value: Any) -> None:
+        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+        self._send(status, text.encode(), "application/json")
+
+    def _send(self, status: int, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
+        self.send_response(status)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Say nothing: what goes wrong is said on the page."""
+
+
+def settings() -> dict[str, Any]:
+    """What the page begins with."""
+    return {
+        "version": __version__,
+        "longest": STEPS,
+        "presets": [
+            {"name": name, "parameters": parameters._asdict(), "extent": extent}
+            for name, (parameters, extent) in PRESETS.items()
+        ],
+    }
+
+
+def answer(query: str) -> tuple[int, dict[str, Any]]:
+    """The status and the numbers for a query of the page.
+
+    A value that no body has is an answer too: the page shows the message.
+    """
+    try:
+        texts = split(query)
+    except ValueError as error:
+        return 400, {"error": str(error), "field": None}
+    try:
+        return 200, scene(read(texts))
+    except WrongValue as error:
+        return 200, {"error": str(error), "field": error.field}
+    except ValueError as error:
+        return 200, {"error": str(error), "field": None}

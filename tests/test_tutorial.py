@@ -1,0 +1,154 @@
+"""The tutorial as a notebook: run by a kernel, as a reader of the download would run it."""
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import children
+import pytest
+
+nbformat = pytest.importorskip("nbformat")
+pytest.importorskip("nbclient")
+pytest.importorskip("ipykernel")
+
+SCRIPT = Path(__file__).parent.parent / "docs" / "as_notebook.py"
+# What is printed, as the pages say it: after the call, or on lines of their own that follow it.
+PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
+# What a reader may look at beside the pages.
+SHOWN = {
+    "orbits": "orbits",
+    "body": "Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)",
+    "bodies": "Suslov3D(I1=np.linspace(1, 4, 200), I2=1, I13=-0.5, I23=-0.3)",
+    "of ten": "body",
+    "many of ten": "SuslovND(J=np.full((200, 9), 2.0), I=body.I)",
+}
+BAR = """
+import tqdm.auto
+from suslov_fast._engine.progress import _tqdm
+iterate(body, omega0, eps=0.2, steps=100, progress=True)
+print(_tqdm() is tqdm.auto.tqdm)
+"""
+EXECUTE = """
+import sys
+import nbclient, nbformat
+notebook = nbformat.read(sys.argv[1], as_version=4)
+nbclient.NotebookClient(notebook, timeout=200, kernel_name="python3").execute()
+nbformat.write(notebook, sys.argv[2])
+"""
+
+
+def load():
+    spec = importlib.util.spec_from_file_location("as_notebook", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+TUTORIAL = load()
+
+
+def test_every_step_is_there():
+    pages = {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
+    assert set(TUTORIAL.pages()) == pages
+    assert len(TUTORIAL.pages()) == 6
+    blocks = [code.strip() for name in TUTORIAL.pages() for code in TUTORIAL.code(name)]
+    cells = [cell for cell in TUTORIAL.notebook()["cells"] if cell["cell_type"] == "code"]
+    assert [cell["source"] for cell in cells] == blocks
+    for name in TUTORIAL.pages():
+        text = (TUTORIAL.TUTORIAL / f"{name}.md").read_text(encoding="utf-8")
+        assert text.count("```python") == len(TUTORIAL.code(name)) > 2
+
+
+def test_the_notebook_is_one_that_jupyter_shows(tmp_path):
+    TUTORIAL.write(tmp_path / "new" / "tutorial.ipynb")
+    notebook = nbformat.read(tmp_path / "new" / "tutorial.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    texts = [cell["source"] for cell in notebook.cells if cell["cell_type"] == "markdown"]
+    assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 7
+    for text in texts:
+        # Nothing that only the pages can show.
+        assert not re.search(r"\{(func|class|doc|ref|download|figure|toctree)\}|:::|\.md\b", text)
+        assert not re.search(r"^: ", text, re.MULTILINE)
+        assert "Next:" not in text
+
+
+def test_scripts_for_a_type_checker(tmp_path):
+    done = subprocess.run(
+        [sys.executable, SCRIPT, tmp_path / "t.ipynb", "--scripts", tmp_path / "scripts"],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads((tmp_path / "t.ipynb").read_text(encoding="utf-8")) == TUTORIAL.notebook()
+    names = {path.stem for path in (tmp_path / "scripts").iterdir()}
+    assert names == set(TUTORIAL.pages())
+    for name in names:
+        text = (tmp_path / "scripts" / f"{name}.py").read_text(encoding="utf-8")
+        compile(text, name, "exec")
+        assert all(code in text for code in TUTORIAL.code(name))
+
+
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory):
+    """The cells of the notebook, and of more that look at what it made, with their outputs."""
+    folder = tmp_path_factory.mktemp("notebook")
+    notebook = nbformat.from_dict(TUTORIAL.notebook())
+    looking = [nbformat.v4.new_code_cell(code) for code in [*SHOWN.values(), BAR]]
+    notebook.cells += looking
+    nbformat.write(notebook, folder / "tutorial.ipynb")
+    children.run(EXECUTE, folder / "tutorial.ipynb", folder / "executed.ipynb")
+    return nbformat.read(folder / "executed.ipynb", as_version=4).cells
+
+
+def printed(cell):
+    return "".join(each["text"] for each in cell["outputs"] if each.get("name") == "stdout")
+
+
+@pytest.mark.compiled
+def test_it_runs_and_prints_what_it_says(executed):
+    of_tutorial = len(TUTORIAL.notebook()["cells"])
+    checked = 0
+    for cell in executed[:of_tutorial]:
+        if cell["cell_type"] == "code":
+            assert all(each.get("name") != "stderr" for each in cell["outputs"]), cell["outputs"]
+            expected = [after or below for after, below in PRINTED.findall(cell["source"])]
+            if expected:
+                assert printed(cell).splitlines() == expected
+                checked += len(expected)
+    assert checked > 30
+
+
+@pytest.mark.compiled
+def test_what_is_looked_at_is_short(executed):
+    shown = dict(zip(SHOWN, executed[-len(SHOWN) - 1 :], strict=False))
+    for name, cell in shown.items():
+        (output,) = (each["data"] for each in cell["outputs"])
+        table, line = output["text/html"], output["text/plain"]
+        assert table.startswith("<table>"), name
+        assert table.count("<tr>") <= 8
+        assert len(table) < 700
+        assert "\n" not in line
+        assert len(line) < 130
+    one = shown["body"]["outputs"][0]["data"]["text/html"]
+    assert re.findall(r"<th>(\w+)</th><td>([^<]*)</td>", one) == [
+        ("I1", "4.0"),
+        ("I2", "1.0"),
+        ("I13", "-0.5"),
+        ("I23", "-0.3"),
+    ]
+    many = shown["bodies"]["outputs"][0]["data"]
+    assert "<caption>Suslov3D, shape (200,)</caption>" in many["text/html"]
+    assert "<tr><th>I1</th><td>1 ... 4, shape (200,)</td></tr>" in many["text/html"]
+    assert many["text/plain"] == "<Suslov3D of shape (200,): I1=(200,), I2=1.0, I13=-0.5, I23=-0.3>"
+    of_page = next(cell for cell in executed if cell["source"] == "orbits")
+    assert "<caption>Trajectories</caption>" in of_page["outputs"][0]["data"]["text/html"]
+
+
+@pytest.mark.compiled
+def test_the_bar_of_a_notebook(executed):
+    assert printed(executed[-1]) == "True\n"
+    shown = json.dumps(executed[-1]["outputs"])
+    assert "100%" in shown or "widget" in shown

@@ -1,4 +1,5 @@
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,10 @@ from suslov_fast._engine import problem
 # The first call of a kernel compiles it, which no deadline allows for.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("suslov_fast")
+
+# What is started in the background ignores Ctrl-C, and so would all that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 # All kernels, those first that tests call last.

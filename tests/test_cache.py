@@ -73,6 +73,9 @@ for name in names:
     module.loops[name].serial(x, out := np.zeros_like(x))
     print("result", name, *out.ravel())
 """
+# Empty settings are none: the cache is that beside the source, and Python keeps its own, so that
+# the first process compiles modules, and others read them.
+SETTINGS = {"NUMBA_CACHE_DIR": "", "PYTHONDONTWRITEBYTECODE": "", "NUMBA_DEBUG_CACHE": "1"}
 NAMES = ["double", "half", "square", "more"]
 
 
@@ -94,9 +97,7 @@ def command(core, names):
 
 def call(core, *names, **environment):
     """What loops give, and what the cache says, in another process."""
-    # An empty setting is none: the cache is that beside the source.
-    environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
-    output = children.run(*command(core, names), **environment)
+    output = children.run(*command(core, names), **SETTINGS | environment)
     return results_of(output), output
 
 
@@ -120,8 +121,7 @@ def test_what_is_called_is_kept(tmp_path):
         assert sf.__file__.startswith(sys.argv[1])
         print("result", sf.energy(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]).tolist())
     """
-    settings = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"}
-    first, again = (children.run(code, tmp_path, **settings) for _ in range(2))
+    first, again = (children.run(code, tmp_path, **SETTINGS) for _ in range(2))
     assert results_of(first) == results_of(again) == ["result 2.125"]
     (kept,) = files(tmp_path)
     assert "energy" in kept.name

@@ -140,6 +140,14 @@ class KernelCache(FunctionCache):
         stamp = f"{_SOURCE_STAMP} {self._impl.locator.get_source_stamp()}"
         self._cache_file = _Files(self._cache_path, self._impl.filename_base, stamp)
 
+    def _index_key(self, sig, codegen):
+        # Numba pickles what a closure holds, and the bytes depend on whether Python had compiled
+        # the module before. The source is in the stamp, so that names are enough.
+        cells = self._py_func.__closure__ or ()
+        held = [cell.cell_contents for cell in cells]
+        names = tuple(getattr(each, "__qualname__", None) or repr(each) for each in held)
+        return sig, codegen.magic_tuple(), names
+
     def load_overload(self, sig, target_context):
         try:
             return super().load_overload(sig, target_context)

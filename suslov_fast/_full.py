@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from numpy.typing import ArrayLike
 
 from ._bodies.three import Suslov3D
@@ -138,12 +140,12 @@ def iterate_full(
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run = _checked(body, "omega0", omega0, eps, I3)
-    run.steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0, "an integer of at least 0")
     if save_every is not None:
-        run.save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    run.threads = thread_count(threads)
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    threads = thread_count(threads)
     check_progress(progress)
-    run.progress = progress
+    run = replace(run, steps=steps, save_every=save_every, threads=threads, progress=progress)
     if out is not None:
         out = checked_out("out", out, run.shape)
     trajectories = Trajectories.of(run, execute(run, out))

@@ -187,6 +187,20 @@ def test_closed_form(rng):
             assert np.isnan(k2)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gap", [1e-6, 1e-12, 1e-15, 3e-16])
+def test_closed_form_next_to_the_critical_line(gap, sign):
+    """Of a body whose Y is rounded: k1 hangs on digits of 1 - |Y| that Y alone lacks."""
+    parameters, eps = (1.7, 2.3, 0.3, -0.7), 0.3
+    body = sf.Suslov3D(*parameters)
+    omega = sf.from_xy(body, [1e-3, sign * 2 * 1.7 * 2.3 / eps * (1 - gap)])
+    h, k1, k2, _ = sf.closed_form(body, omega, eps)
+    for computed, exact in zip(
+        (h, k1, k2), naive.closed_form(*parameters, eps, omega), strict=True
+    ):
+        assert abs(float(computed / exact - 1)) < 2e-15
+
+
 def test_closed_form_gives_the_orbit(body):
     omega = np.array([[1.0, 0.5], [-2.0, 3.0], [0.1, -0.2]])
     eps = np.array([0.2, -0.3, 0.5])

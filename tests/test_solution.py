@@ -401,6 +401,27 @@ def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
             assert energy_error(parameters, computed, exact) < 3e-15
 
 
+@pytest.mark.parametrize("n", [600, 900, 1200, 1500, 1900])
+def test_a_component_keeps_its_digits_however_small_it_is(n):
+    """From 1e-300 it grows to the order of 1, and falls below 1e-270."""
+    parameters, omega = (2, 1, 0.0, 0.5), [1.5, 1e-300]  # x = Omega2 / 2
+    with naive.mp.workdps(700):
+        exact = orbit_state(parameters, 0.9, omega, n)
+        computed = sf.exact(sf.Suslov3D(*parameters), omega, 0.9, n)
+        assert all(abs(c / e - 1) < 1e-15 for c, e in zip(computed, exact, strict=True))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gap", [1e-8, 1e-14, 1e-15, 3e-16, -1e-15])
+def test_a_component_that_one_step_takes_away(gap, sign):
+    """Next to Y = -1, where x' = x (1 + Y) / 2 and all digits of 1 + Y are those of a small sum."""
+    parameters = (1.7, 2.3, 0.0, 0.7)
+    omega = [-sign * (2 * 2.3 / 0.7) * (1 - gap), 0.37]
+    exact = naive.step(*parameters, sign, omega)
+    computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, sign)
+    assert all(abs(float(c / e - 1)) < 2e-15 for c, e in zip(computed, exact, strict=True))
+
+
 @pytest.mark.parametrize("spread", [1, 5])
 def test_any_parameters(rng, spread):
     for _ in range(40):

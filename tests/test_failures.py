@@ -74,6 +74,24 @@ def test_poles_of_large_states(method, x):
             assert np.isnan(sf.jacobian(body, omega, 1)).all()
 
 
+@pytest.mark.parametrize("along", [1, 2])
+def test_poles_of_rounded_states(rng, along):
+    """As near to a pole as float64 has a state; what is left of the terms is as large as it gets."""
+    I, x = rng.uniform(0.5, 4, 100), 10 ** rng.uniform(0, 5, 100)
+    body = sf.Suslov3D(I, 1, 1, 0) if along == 1 else sf.Suslov3D(1, I, 0, 1)
+    omega = np.column_stack([x, -(2 * I + x * x)])
+    omega = omega if along == 1 else -omega[:, ::-1]
+    for method in METHODS:
+        result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
+        assert (result.status == sf.Status.SINGULAR).all()
+        assert (result.failed_at == 1).all()
+    full = np.column_stack([omega, np.zeros(100)])
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.step_full(body, full, 1, 3)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.jacobian(body, omega, 1)).all()
+
+
 @pytest.mark.parametrize("x", [1.0, 16.0])
 def test_no_state_next_to_a_pole_is_lost(unit, x):
     """A few roundings away from the pole there is a next state, and it is right."""

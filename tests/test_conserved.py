@@ -139,6 +139,14 @@ def test_criticality_agrees_with_the_status():
         assert (np.sign(t) == eps).all()
 
 
+def test_criticality_far_beyond_1(unit):
+    """On the line t = |eps y| / 2, of any size; off it t tends to the ratio of states."""
+    for y in (1e100, 1e200, 1e260):
+        assert sf.criticality(unit, [0.0, y], 1.0) == 0.5 * y
+        t = sf.criticality(unit, [y, 3 * y], 1.0)
+        assert abs(t / np.sqrt(10) - 1) < 1e-15
+
+
 def test_criticality_of_special_cases(body):
     assert sf.criticality(body, [0, 0], 0.2) == 0
     assert sf.criticality(body, [1, 2], 0) == 0

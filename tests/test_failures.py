@@ -244,6 +244,24 @@ def overflows_on_the_way(unit, omega):
             assert np.isnan(result.final).all()
 
 
+@pytest.mark.parametrize(
+    ("omega", "eps"), [([1e-3, -2 - 1e-6 + 2e-14], 1e-298), ([1e3, -2 - 1e6 + 2e-3], 1e-295)]
+)
+def test_overflow_of_one_component_next_to_a_pole(unit, omega, eps):
+    """Omega1 is a thousand times Omega2 there, or the other way round."""
+    far = np.array(omega) / eps
+    for method in METHODS:
+        for save_every in (1, None):
+            result = sf.iterate(
+                unit, far, eps, 3, method=method, save_every=save_every, on_singular="ignore"
+            )
+            assert result.status == sf.Status.NONFINITE
+            assert result.failed_at == 1
+            assert np.isnan(result.final).all()
+    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
+        assert np.isnan(sf.step_full(unit, [*far, 0.0], eps, 3)).all()
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_as_large_as_float64_allows(unit, method):
     """A state of 1e306 is one like others."""

@@ -528,6 +528,17 @@ def test_orientations_are_orthogonal_to_rounding(rng):
     assert abs(R @ R.swapaxes(1, 2) - np.eye(5)).max() < 4e-15
 
 
+def test_rounding_of_orientations_is_undone_each_16_steps(rng):
+    """Larger errors than those of rounding too, so that few steps show it."""
+    J, I, eps, omega = random_problem(rng, 4)
+    start = np.linalg.qr(rng.normal(size=(1, 5, 5)))[0] + 1e-9 * rng.normal(size=(1, 5, 5))
+    one = problem(J[None], I[None], np.full(1, eps), omega[None], stop=16, orientation=start)
+    run(one)
+    errors = abs(one.turns[:, 0] @ one.turns[:, 0].swapaxes(1, 2) - np.eye(5)).max(axis=(1, 2))
+    assert (errors[:16] > 1e-10).all()
+    assert errors[16] < 4e-15
+
+
 def test_half_a_turn_at_very_high_speed():
     """An angle whose square is beyond float64."""
     omega = np.array([[3e200, 0.0, 4e200]])

@@ -339,6 +339,20 @@ def test_a_whole_block_whose_states_are_all_saved(body, rng, steps):
     assert same(saved[-1], last)
 
 
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("attitude", [False, True])
+def test_whole_blocks_by_every_method(body, rng, method, attitude):
+    """Next to orbits that need no care, what a trajectory is asked for is what it gets."""
+    omega, options = rng.uniform(-1, 1, (LANES, 2)), {"method": method, "attitude": attitude}
+    together = run(body, omega, 0.2, 5, **options)
+    for i in (0, LANES - 1):
+        alone = run(body, omega[i], 0.2, 5, **options)
+        assert same(together.omega[:, i], alone.omega)
+        assert same(together.final[i], alone.final)
+        if attitude:
+            assert same(together.attitude[:, i], alone.attitude)
+
+
 @pytest.mark.parametrize("shift", range(8))
 @pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
 def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):

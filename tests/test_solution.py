@@ -422,6 +422,26 @@ def test_a_component_that_one_step_takes_away(gap, sign):
     assert all(abs(float(c / e - 1)) < 2e-15 for c, e in zip(computed, exact, strict=True))
 
 
+@pytest.mark.parametrize("n", [200, 500])
+def test_the_level_is_held_in_two_numbers(n):
+    """x decays to 1e-236 by the level's n-th power, where X is not negligible beside Y."""
+    parameters, eps = (2, 1, 0.0, 0.5), 0.9
+    omega = [4 * 0.5 / 0.9, 2 * 0.02 / 0.45]  # X = 0.02, Y = 1/2
+    with naive.mp.workdps(700):
+        exact = orbit_state(parameters, eps, omega, n)
+        computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
+        assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
+
+
+def test_states_far_out(unit):
+    """Where |Y| is many times T, sums of the sequence cancel."""
+    for X, Y in ((1e3, 1e8), (1e3, -1e12), (1e6, -1e6), (3e5, 1e7)):
+        omega = [X * np.sqrt(2), -2 * Y]
+        with naive.mp.workdps(200):
+            exact = naive.orbit(1, 1, 1, 0, 1, omega, 8)
+            assert worst_error(sf.exact(unit, omega, 1, np.arange(9)), exact) < 2e-15
+
+
 @pytest.mark.parametrize("spread", [1, 5])
 def test_any_parameters(rng, spread):
     for _ in range(40):

@@ -259,17 +259,20 @@ class Run:
         def trace(frame, event, argument):
             seen.setdefault(id(frame.f_code), frame.f_code)
 
-        begin = time.perf_counter()
+        begin = time.process_time()
         sys.settrace(trace)
         run_test(item)
         sys.settrace(None)
-        self.durations[item] = time.perf_counter() - begin
+        self.durations[item] = time.process_time() - begin
         for code in seen.values():
             if code.co_filename.startswith(str(PACKAGE)):
                 self.called[place_of(code)].add(item)
 
     def try_out(self, mutant):
-        functions, values = self.loaded.changed(mutant)
+        try:
+            functions, values = self.loaded.changed(mutant)
+        except (ArithmeticError, LookupError, TypeError, ValueError):
+            return  # it cannot be imported
         places = tuple(functions) if functions else self.loaded.users_of(set(values))
         items = set().union(*(self.called[place] for place in places))
         before = self.killers[places[0] if functions else tuple(values)]

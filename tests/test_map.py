@@ -363,6 +363,16 @@ def test_large_states(unit, rng, size, method):
         assert error < 2e-15 * max(1, growth)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_mirror_images(unit, rng, method):
+    """x changes sign and nothing else, bit for bit; so do y and the step size together."""
+    for omega in rng.normal(size=(30, 2)) * 10 ** rng.uniform(-1, 2, (30, 1)):
+        orbit = sf.iterate(unit, omega, 1, 8, method=method).omega
+        for signs in ([-1, 1], [1, -1], [-1, -1]):
+            mirrored = sf.iterate(unit, omega * signs, signs[1], 8, method=method).omega
+            assert (mirrored == orbit * signs).all()
+
+
 @pytest.mark.parametrize(
     "omega", [[1e3, 1e10], [1e10, 1e25], [3e14, 1e35], [1e16, -1e35], [1e18, -1e20], [1e61, 0.1]]
 )

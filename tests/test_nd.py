@@ -647,6 +647,16 @@ def test_large_singular_matrices(rng):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_poles_of_large_states(rng, method):
+    """What is left of a pivot by rounding is zero beside the pivots before it."""
+    I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
+    body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
+    omega = np.column_stack([-(2 * I + x * x), -x])
+    status = sf.iterate(body, omega, 1.0, 1, method=method, on_singular="ignore").status
+    assert np.count_nonzero(status == sf.Status.SINGULAR) > 190
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_next_to_a_pole_there_is_a_state(method):
     """Two variables are the 3D map, where X = 0.5 has its pole at Y = 1.25."""
     body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])

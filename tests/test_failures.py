@@ -244,13 +244,14 @@ def overflows_on_the_way(unit, omega):
             assert np.isnan(result.final).all()
 
 
+@pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize(
-    ("omega", "eps"), [([1e-3, -2 - 1e-6 + 2e-14], 1e-298), ([1e3, -2 - 1e6 + 2e-3], 1e-295)]
+    ("omega", "gap", "eps"), [([1e-3, -2 - 1e-6], 2e-14, 1e-298), ([1e3, -2 - 1e6], 2e-3, 1e-295)]
 )
 @pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
-def test_overflow_of_one_component_next_to_a_pole(unit, omega, eps, signs):
+def test_overflow_of_one_component_next_to_a_pole(unit, omega, gap, eps, signs, side):
     """Omega1 is a thousand times Omega2 there, or the other way round."""
-    far = np.array(omega) / eps * signs
+    far = (np.array(omega) + [0, side * gap]) / eps * signs
     eps *= signs[1]
     for method in METHODS:
         for save_every in (1, None):

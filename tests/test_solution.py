@@ -433,6 +433,14 @@ def test_the_level_is_held_in_two_numbers(n):
         assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
 
 
+def test_exact_states_of_any_size(unit):
+    """Squares of X and Y are far beyond float64 here; all digits of 700 may cancel."""
+    for omega in ([1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149]):
+        with naive.mp.workdps(700):
+            exact = naive.orbit(1, 1, 1, 0, 1, omega, 4)
+            assert worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
+
+
 def test_states_far_out(unit):
     """Where |Y| is many times T, sums of the sequence cancel."""
     for X, Y in ((1e3, 1e8), (1e3, -1e12), (1e6, -1e6), (3e5, 1e7)):

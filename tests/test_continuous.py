@@ -38,7 +38,7 @@ def test_vector_field_in_n_dimensions(rng, m):
 def test_reaction_where_one_of_its_terms_is_far_below_the_other(rng, k):
     """Products of inertia in another unit than moments, as the square of which the terms differ."""
     for _ in range(5):
-        (I1, I2, I13, I23), eps, omega = random_problem(rng)
+        (I1, I2, I13, I23), _, omega = random_problem(rng)
         parameters = (I1, I2, *np.ldexp([I13, I23], k))
         state = np.ldexp(omega, -k // 2)
         slope = naive.vector_field(*naive.exactly(*parameters), naive.exactly(*state))

@@ -76,7 +76,7 @@ def test_poles_of_large_states(method, x):
 
 @pytest.mark.parametrize("along", [1, 2])
 def test_poles_of_rounded_states(rng, along):
-    """As near to a pole as float64 has a state; what is left of the terms is as large as it gets."""
+    """As near to a pole as float64 has a state: what is left of terms is as large as it gets."""
     I, x = rng.uniform(0.5, 4, 100), 10 ** rng.uniform(-2, 5, 100)
     body = sf.Suslov3D(I, 1, 1, 0) if along == 1 else sf.Suslov3D(1, I, 0, 1)
     omega = np.column_stack([x, -(2 * I + x * x)])
@@ -251,7 +251,7 @@ def overflows_on_the_way(unit, omega):
 @pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
 def test_overflow_of_one_component_next_to_a_pole(unit, omega, gap, eps, signs, side):
     """Omega1 is a thousand times Omega2 there, or the other way round."""
-    far = (np.array(omega) + [0, side * gap]) / eps * signs
+    far = np.add(omega, [0, side * gap]) / eps * signs
     eps *= signs[1]
     for method in METHODS:
         for save_every in (1, None):

@@ -611,8 +611,8 @@ def test_rows_before_the_start_stay(body, rng):
     parameters[-1] = body.normalised_eps(parameters[-1])
     run = closed_form.Run(1.0, 0.0, 1.0, 0, 200, 0, 1)
     closed_form.fill_run(
-            run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None
-        )
+        run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None
+    )
     for k, begin in enumerate(start.astype(int)):
         assert (out[:begin, k] == 7.0).all()
         assert (out[begin, k] == omega[k]).all()

@@ -191,9 +191,7 @@ class Loaded:
             place
             for place in self.functions
             if place[0].startswith(str(PACKAGE))
-            and any(
-                names & set(code.co_names) for code in codes(self.functions[place][0].__code__)
-            )
+            and any(names & set(code.co_names) for code in codes(self.functions[place][0].__code__))
         ]
 
     def apply(self, path, functions, values):
@@ -235,7 +233,8 @@ class Run:
 
         # Failures need no smaller example.
         hypothesis.settings.register_profile(
-            "mutants", deadline=None, derandomize=True, phases=[hypothesis.Phase.generate])
+            "mutants", deadline=None, derandomize=True, phases=[hypothesis.Phase.generate]
+        )
         hypothesis.settings.load_profile("mutants")
         for item in session.items:
             self.look_at(item)
@@ -403,10 +402,10 @@ def main():
             total[file] = len(found)
             random.Random(options.seed).shuffle(found)
         tried += found[: options.sample]
-    output = open(os.dup(1), "w", encoding="utf-8", buffering=1)  # pytest takes the other
+    output = os.dup(1)  # pytest takes the other
 
     def report(line):
-        print(line, file=output, flush=True)
+        os.write(output, f"{line}\n".encode())
 
     if options.compiled:
         survivors = try_compiled(tried, options.tests, report)

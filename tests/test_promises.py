@@ -339,6 +339,15 @@ def test_a_whole_block_whose_states_are_all_saved(body, rng, steps):
     assert same(saved[-1], last)
 
 
+def test_blocks_without_any_orbit_that_needs_no_care(unit, rng):
+    """Vectors of orbits that all start next to the repelling half or beyond it."""
+    omega = np.column_stack([rng.uniform(-0.1, 0.1, 16), rng.uniform(-2.5, -1.2, 16)])
+    together = run(unit, omega, 1.0, 20, method="canonical")
+    for i in range(16):
+        alone = run(unit, omega[i], 1.0, 20, method="canonical")
+        assert same(together.omega[:, i], alone.omega)
+
+
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
 @pytest.mark.parametrize("attitude", [False, True])
 def test_whole_blocks_by_every_method(body, rng, method, attitude):

@@ -5,8 +5,8 @@ import numpy as np
 from ..jit import formula
 from .units import exponent, normal_state, scaled
 
-# |X| + |Y| below this: a step changes the state by less than one part in 1e150. Where the map is the
-# identity, because I13 = I23 = 0 or eps = 0, it is 0.
+# |X| + |Y| below this: a step changes the state by less than one part in 1e150. It is 0 where the
+# map is the identity, because I13 = I23 = 0 or eps = 0.
 MOTIONLESS = 1e-150
 
 

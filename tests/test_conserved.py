@@ -139,6 +139,14 @@ def test_criticality_agrees_with_the_status():
         assert (np.sign(t) == eps).all()
 
 
+@pytest.mark.parametrize("x", [0.0, 1e-9, 1e-3, 1.0, 1e6])
+def test_criticality_next_to_1(unit, x):
+    for gap in (-1e-15, -1.2e-16, 0.0, 2.3e-16, 1e-15):
+        omega = [x, 2 * (1 + gap)]
+        exact = naive.criticality(1, 1, 1, 0, 1, omega)
+        assert abs(float(sf.criticality(unit, omega, 1.0) / exact - 1)) < 3e-16
+
+
 def test_criticality_far_beyond_1(unit):
     """On the line t = |eps y| / 2, of any size; off it t tends to the ratio of states."""
     for y in (1e100, 1e200, 1e260):

@@ -34,6 +34,14 @@ def test_vector_field_in_n_dimensions(rng, m):
         assert abs(error).max() < 5e-16 * size
 
 
+def test_vector_field_beyond_float64():
+    """Far below the least number it is 0, far above the largest infinite."""
+    slow = sf.Suslov3D(1e300, 2e300, 1e-300, 1e-300)
+    assert (sf.vector_field(slow, [1e-300, 1e-300]) == 0).all()
+    fast = sf.Suslov3D(1e-300, 2e-300, 1e300, 1e300)
+    assert sf.vector_field(fast, [1e300, 1e300]).tolist() == [-np.inf, np.inf]
+
+
 @pytest.mark.parametrize("k", [-600, 600])
 def test_reaction_where_one_of_its_terms_is_far_below_the_other(rng, k):
     """Products of inertia in another unit than moments, as the square of which the terms differ."""

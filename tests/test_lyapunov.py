@@ -100,6 +100,9 @@ def test_at_and_next_to_poles(rng):
     with pytest.warns(sf.SingularStepWarning):
         exponents = sf.lyapunov_exponents(body, omega, 1.0, 1)
     assert np.count_nonzero(np.isnan(exponents).all(axis=1)) > 190
+    with pytest.warns(sf.SingularStepWarning):
+        in_3d = sf.lyapunov_exponents(sf.Suslov3D(I, 1, 1, 0), omega[:, ::-1] * [-1, 1], 1.0, 1)
+    assert np.isnan(in_3d).all()
 
 
 def test_where_nothing_moves(rng):

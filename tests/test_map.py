@@ -363,6 +363,15 @@ def test_large_states(unit, rng, size, method):
         assert error < 2e-15 * max(1, growth)
 
 
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+@pytest.mark.parametrize("save_every", [1, None])
+def test_states_that_are_0_or_nearly(unit, method, save_every):
+    omega = np.array([[0.0, 0.0], [5e-324, 0.0], [0.0, -5e-324], [2.0**-1022, -(2.0**-1023)]])
+    result = sf.iterate(unit, omega, 1, 9, method=method, save_every=save_every)
+    assert (result.omega == omega).all()
+    assert (result.status == sf.Status.OK).all()
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_mirror_images(unit, rng, method):
     """x changes sign and nothing else, bit for bit; so do y and the step size together."""

@@ -126,6 +126,15 @@ def test_far_away_states_of_slow_orbits(body):
     assert abs(near / omega - 1).max() > 1e-3
 
 
+@pytest.mark.parametrize("size", [1e-30, 1e-80])
+def test_states_of_very_slow_orbits(body, size):
+    """They move, if only there are steps enough."""
+    omega = np.array([1.0, 0.5])
+    states = sf.exact(body, omega * size, 0.2, [0.3 / size, 5.0 / size]) / size
+    np.testing.assert_allclose(states, sf.flow(body, omega, [0.06, 1.0]), rtol=1e-13)
+    assert (abs(states - omega) > 1e-3).any()
+
+
 def test_limits_against_the_paper(rng):
     for _ in range(20):
         (I1, I2, I13, I23), eps, omega = random_problem(rng)
@@ -186,6 +195,14 @@ def test_no_state_at_a_pole(unit, omega):
     assert caught[0].filename == __file__
     assert np.isnan(states[2]).all()
     np.testing.assert_allclose(states[0], sf.step(unit, omega, -1), rtol=1e-15)
+
+
+def test_no_state_at_a_pole_of_far_states(unit, rng):
+    """As near to the pole as float64 has a state, what is left of the terms is 0 beside them."""
+    x = 10 ** rng.uniform(0, 5, 100)
+    with pytest.warns(sf.SingularStepWarning):
+        states = sf.exact(unit, np.column_stack([x, -(2 + x * x)]), 1, 1)
+    assert np.isnan(states).all()
 
 
 def test_beyond_the_pole_the_orbit_goes_on(unit):

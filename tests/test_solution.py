@@ -313,6 +313,21 @@ def test_many_blocks(body, rng, monkeypatch, bodies):
         assert (sf.exact(one, omega[i], 0.2, 100) == states[i]).all()
 
 
+@pytest.mark.parametrize("which", range(5))
+def test_many_blocks_that_differ_in_one_parameter(rng, monkeypatch, which):
+    monkeypatch.setattr(closed_form, "TASKS", 1)
+    batch, parameters = 2 * loops.WIDTH + 5, [4.0, 1.0, -0.5, -0.3, 0.2]
+    parameters[which] = parameters[which] * rng.uniform(0.5, 2, batch)
+    omega = rng.uniform(-2, 2, (batch, 2))
+    states = sf.exact(sf.Suslov3D(*parameters[:4]), omega, parameters[4], 100)
+    in_steps = sf.exact(sf.Suslov3D(*parameters[:4]), omega, parameters[4], np.arange(101))
+    for i in (0, loops.WIDTH, batch - 1):
+        *one, eps = (np.broadcast_to(each, batch)[i] for each in parameters)
+        assert (sf.exact(sf.Suslov3D(*one), omega[i], eps, 100) == states[i]).all()
+        alone = sf.exact(sf.Suslov3D(*one), omega[i], eps, np.arange(101))
+        assert (alone == in_steps[:, i]).all()
+
+
 def test_last_states_after_a_long_run(rng):
     """What `iterate` returns is within 1e-14 after 1000 steps, by the closed form too."""
     for _ in range(8):

@@ -35,7 +35,7 @@ def _enter(I1, I2, I13, I23, eps, omega, carried):
         m11, m12, m21, m22 = from_canonical(I1[i], I2[i], I13[i], I23[i], eps[i])
         largest = max(max(abs(m11), abs(m12)), max(abs(m21), abs(m22)))
         m11, m12, m21, m22 = m11 / largest, m12 / largest, m21 / largest, m22 / largest
-        if at_rest(X, Y):
+        if at_rest(I13[i], I23[i], eps[i], X, Y):
             X, Y, lost = 0.0, 0.0, 0.0
             m11, m12, m21, m22 = 1.0, 0.0, 0.0, 1.0
         c, Z = shifted(Y, lost)

@@ -104,7 +104,9 @@ def enter_canonical(given, state, frame, limits, lanes):
         )
     # The identity map (I13 = I23 = 0, or eps = 0) has no frame: the state rests where it is.
     for l in range(lanes):
-        rests = at_rest(state[FIRST, l], state[SECOND, l])
+        rests = at_rest(
+            given[I13_, l], given[I23_, l], given[EPS, l], state[FIRST, l], state[SECOND, l]
+        )
         for k in range(2):
             state[k, l] = 0.0 if rests else state[k, l]
         limits[SHIFT, l] = 0.0 if rests else limits[SHIFT, l]

@@ -176,7 +176,7 @@ def enter_rest(flow, given, body, orbit, work, lanes):
         x, y = work[X, l], work[Y, l]
         rests = x == 0.0
         if not flow:
-            rests = rests | at_rest(x, y)
+            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], x, y)
         work[OWN, l] = 1.0 if rests else 0.0
     if not flow:
         for l in range(lanes):

@@ -5,8 +5,7 @@ import numpy as np
 from ..jit import formula
 from .units import exponent, normal_state, scaled
 
-# |X| + |Y| below this: a step changes the state by less than one part in 1e150. It is 0 where the
-# map is the identity, because I13 = I23 = 0 or eps = 0.
+# |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
 
 
@@ -122,9 +121,9 @@ def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
 
 
 @formula
-def at_rest(X, Y):
-    """Whether the map does not move this state by any digit."""
-    return abs(X) + abs(Y) < MOTIONLESS
+def at_rest(I13, I23, eps, X, Y):
+    """Whether the map is the identity, or does not move this state by any digit."""
+    return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
 
 
 @formula

@@ -45,7 +45,7 @@ def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     omega1, omega2, W = normal_state(omega1, omega2)
     eps_W = moderate(eps, E + W + P - M)
     X, Y, lost = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
-    rests = at_rest(X, Y)
+    rests = at_rest(I13, I23, eps_W, X, Y)
     c, Z = shifted(Y, lost)
     _, regular = denominator(X, Z, c)
     d11, d12, d21, d22, identity = canonical_jacobian(X, Z, c)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast._core.cpu import closed_form as loops
+from suslov_fast._core.cpu import equal_steps, tiles
 from suslov_fast._engine import closed_form
 from suslov_fast._engine.iterate_3d import jumps
 
@@ -650,6 +651,18 @@ def test_rows_before_the_start_stay(body, rng):
         assert (out[begin, k] == omega[k]).all()
         expected = sf.exact(body, omega[k], 0.2, np.arange(200 - begin))
         np.testing.assert_allclose(out[begin:, k], expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("batch", [1, 5, 12, 64, 70, 136])
+def test_memory_past_the_caches(body, rng, monkeypatch, batch):
+    """However rows lie to the cache lines, all is written where it belongs."""
+    omega = rng.normal(size=(batch, 2))
+    numbers = np.arange(75), np.arange(-9, 75), np.array([3.0, -2.5, 7.0])
+    expected = [sf.exact(body, omega, 0.2, n) for n in numbers]
+    for module in (tiles, equal_steps):  # for kernels that are not compiled
+        monkeypatch.setattr(module, "BEYOND_CACHES", 0)
+    for n, states in zip(numbers, expected, strict=True):
+        assert (sf.exact(body, omega, 0.2, n) == states).all()
 
 
 def test_states_that_do_not_fit_in_memory(body):

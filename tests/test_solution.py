@@ -659,8 +659,19 @@ def test_memory_past_the_caches(body, rng, monkeypatch, batch):
     omega = rng.normal(size=(batch, 2))
     numbers = np.arange(75), np.arange(-9, 75), np.array([3.0, -2.5, 7.0])
     expected = [sf.exact(body, omega, 0.2, n) for n in numbers]
-    for module in (tiles, equal_steps):  # for kernels that are not compiled
-        monkeypatch.setattr(module, "BEYOND_CACHES", 0)
+
+    def in_whole_lines(write):
+        def checked(array, index, *vectors):
+            assert (array.ctypes.data // 8 + index) % tiles.VECTOR == 0
+            write(array, index, *vectors)
+
+        return checked
+
+    # For kernels that are not compiled.
+    monkeypatch.setattr(tiles, "BEYOND_CACHES", 0)
+    monkeypatch.setattr(equal_steps, "BEYOND_CACHES", 0)
+    monkeypatch.setattr(tiles, "stream", in_whole_lines(tiles.stream))
+    monkeypatch.setattr(equal_steps, "stream_pairs", in_whole_lines(equal_steps.stream_pairs))
     for n, states in zip(numbers, expected, strict=True):
         assert (sf.exact(body, omega, 0.2, n) == states).all()
 

@@ -250,6 +250,26 @@ def test_states_that_do_not_follow_each_other(case):
         sf.attitude(body, omega[:, 1], 0.2)
 
 
+@pytest.mark.parametrize("k", [-900, -400, 400, 900])
+def test_states_that_do_not_follow_in_any_unit(case, k):
+    body, omega0 = case
+    omega = np.ldexp(states(body, omega0, 0.2, 5), k)
+    assert np.isfinite(sf.attitude(body, omega, np.ldexp(0.2, -k))).all()
+    with pytest.raises(ValueError, match="states 0 and 1 that do not"):
+        sf.attitude(body, omega, np.ldexp(0.21, -k))
+
+
+@pytest.mark.parametrize("speed", [1e-157, 1e-120, 1e200])
+def test_half_a_turn_of_very_long_steps(speed):
+    """Angles whose squares are beyond float64, also of states whose squares are below it."""
+    still, omega = sf.Suslov3D(1, 2, 0, 0), np.tile([0.6 * speed, 0.8 * speed], (2, 1))
+    expected = 2 * np.outer([0.6, 0.8, 0], [0.6, 0.8, 0]) - np.eye(3)
+    for eps in (1e308, -1e308):
+        np.testing.assert_allclose(sf.attitude(still, omega, eps)[1], expected, rtol=0, atol=1e-15)
+        run = sf.iterate(still, omega[0], eps, 1, attitude=True)
+        np.testing.assert_allclose(run.attitude[1], expected, rtol=0, atol=1e-15)
+
+
 def test_the_exact_flow_does_not_follow_the_map(body):
     times = 0.2 * np.arange(30)
     with pytest.raises(ValueError, match="states 0 and 1 that do not"):

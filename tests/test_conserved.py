@@ -139,6 +139,22 @@ def test_criticality_agrees_with_the_status():
         assert (np.sign(t) == eps).all()
 
 
+@pytest.mark.parametrize("x", [0.0, 1e-9, 1e-3, 1.0, 1e6])
+def test_criticality_next_to_1(unit, x):
+    for gap in (-1e-15, -1.2e-16, 0.0, 2.3e-16, 1e-15):
+        omega = [x, 2 * (1 + gap)]
+        exact = naive.criticality(1, 1, 1, 0, 1, omega)
+        assert abs(float(sf.criticality(unit, omega, 1.0) / exact - 1)) < 3e-16
+
+
+def test_criticality_far_beyond_1(unit):
+    """On the line t = |eps y| / 2, of any size; off it t tends to the ratio of states."""
+    for y in (1e100, 1e200, 1e260):
+        assert sf.criticality(unit, [0.0, y], 1.0) == 0.5 * y
+        t = sf.criticality(unit, [y, 3 * y], 1.0)
+        assert abs(t / np.sqrt(10) - 1) < 1e-15
+
+
 def test_criticality_of_special_cases(body):
     assert sf.criticality(body, [0, 0], 0.2) == 0
     assert sf.criticality(body, [1, 2], 0) == 0
@@ -185,6 +201,20 @@ def test_closed_form(rng):
         else:
             assert np.isnan(k1)
             assert np.isnan(k2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gap", [1e-6, 1e-12, 1e-15, 3e-16])
+def test_closed_form_next_to_the_critical_line(gap, sign):
+    """Of a body whose Y is rounded: k1 hangs on digits of 1 - |Y| that Y alone lacks."""
+    parameters, eps = (1.7, 2.3, 0.3, -0.7), 0.3
+    body = sf.Suslov3D(*parameters)
+    omega = sf.from_xy(body, [1e-3, sign * 2 * 1.7 * 2.3 / eps * (1 - gap)])
+    h, k1, k2, _ = sf.closed_form(body, omega, eps)
+    for computed, exact in zip(
+        (h, k1, k2), naive.closed_form(*parameters, eps, omega), strict=True
+    ):
+        assert abs(float(computed / exact - 1)) < 2e-15
 
 
 def test_closed_form_gives_the_orbit(body):

@@ -34,6 +34,27 @@ def test_vector_field_in_n_dimensions(rng, m):
         assert abs(error).max() < 5e-16 * size
 
 
+def test_vector_field_beyond_float64():
+    """Far below the least number it is 0, far above the largest infinite."""
+    slow = sf.Suslov3D(1e300, 2e300, 1e-300, 1e-300)
+    assert (sf.vector_field(slow, [1e-300, 1e-300]) == 0).all()
+    fast = sf.Suslov3D(1e-300, 2e-300, 1e300, 1e300)
+    assert sf.vector_field(fast, [1e300, 1e300]).tolist() == [-np.inf, np.inf]
+
+
+@pytest.mark.parametrize("k", [-600, 600])
+def test_reaction_where_one_of_its_terms_is_far_below_the_other(rng, k):
+    """Products of inertia in another unit than moments, as the square of which the terms differ."""
+    for _ in range(5):
+        (I1, I2, I13, I23), _, omega = random_problem(rng)
+        parameters = (I1, I2, *np.ldexp([I13, I23], k))
+        state = np.ldexp(omega, -k // 2)
+        slope = naive.vector_field(*naive.exactly(*parameters), naive.exactly(*state))
+        exact = naive.reaction(*parameters, naive.exactly(*state), slope)
+        computed = sf.reaction(sf.Suslov3D(*parameters), state)
+        assert abs(float(computed / exact - 1)) < 3e-14
+
+
 def test_reaction(rng):
     for _ in range(30):
         parameters, eps, omega = random_problem(rng)

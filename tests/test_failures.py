@@ -74,6 +74,24 @@ def test_poles_of_large_states(method, x):
             assert np.isnan(sf.jacobian(body, omega, 1)).all()
 
 
+@pytest.mark.parametrize("along", [1, 2])
+def test_poles_of_rounded_states(rng, along):
+    """As near to a pole as float64 has a state: what is left of terms is as large as it gets."""
+    I, x = rng.uniform(0.5, 4, 100), 10 ** rng.uniform(-2, 5, 100)
+    body = sf.Suslov3D(I, 1, 1, 0) if along == 1 else sf.Suslov3D(1, I, 0, 1)
+    omega = np.column_stack([x, -(2 * I + x * x)])
+    omega = omega if along == 1 else -omega[:, ::-1]
+    for method in METHODS:
+        result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
+        assert (result.status == sf.Status.SINGULAR).all()
+        assert (result.failed_at == 1).all()
+    full = np.column_stack([omega, np.zeros(100)])
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.step_full(body, full, 1, 3)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.jacobian(body, omega, 1)).all()
+
+
 @pytest.mark.parametrize("x", [1.0, 16.0])
 def test_no_state_next_to_a_pole_is_lost(unit, x):
     """A few roundings away from the pole there is a next state, and it is right."""
@@ -224,6 +242,27 @@ def overflows_on_the_way(unit, omega):
             assert result.status == sf.Status.NONFINITE
             assert result.failed_at == 1
             assert np.isnan(result.final).all()
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("omega", "gap", "eps"), [([1e-3, -2 - 1e-6], 2e-14, 1e-298), ([1e3, -2 - 1e6], 2e-3, 1e-295)]
+)
+@pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
+def test_overflow_of_one_component_next_to_a_pole(unit, omega, gap, eps, signs, side):
+    """Omega1 is a thousand times Omega2 there, or the other way round."""
+    far = np.add(omega, [0, side * gap]) / eps * signs
+    eps *= signs[1]
+    for method in METHODS:
+        for save_every in (1, None):
+            result = sf.iterate(
+                unit, far, eps, 3, method=method, save_every=save_every, on_singular="ignore"
+            )
+            assert result.status == sf.Status.NONFINITE
+            assert result.failed_at == 1
+            assert np.isnan(result.final).all()
+    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
+        assert np.isnan(sf.step_full(unit, [*far, 0.0], eps, 3)).all()
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -194,6 +194,19 @@ def test_failure_after_several_steps(monkeypatch, request, cut):
         assert np.isfinite(each.omega[: each.failed_at]).all()
 
 
+@pytest.mark.parametrize(
+    ("parameters", "pole"), [((1, 1, 1, 0), [1.0, -8.0, 1.0]), ((1, 1, 0, 1), [8.0, 1.0, 1.0])]
+)
+def test_poles_where_the_third_component_counts(parameters, pole):
+    """With eps = 1 and I3 = 3 the determinant of the two equations is 0 without rounding."""
+    body = sf.Suslov3D(*parameters)
+    orbit = run(body, [[0.1, 0.2, 0.3], pole], 1.0, 3, 3.0)
+    assert orbit.status.tolist() == [sf.Status.OK, sf.Status.SINGULAR]
+    assert orbit.failed_at.tolist() == [-1, 1]
+    assert (orbit.omega[0, 1] == pole).all()
+    assert np.isnan(orbit.omega[1:, 1]).all()
+
+
 def test_nan_states_are_no_failure_of_a_step(body):
     states = sf.step_full(body, [[np.nan, 1.0, 0.0], [1.0, 0.5, 0.1]], 0.2, 3)
     assert np.isnan(states[0]).all()

@@ -63,6 +63,23 @@ def test_jacobian_next_to_the_pole_of_any_body(rng):
         assert error(sf.jacobian(body, omega, 1.0), exact) < 1e-14
 
 
+@pytest.mark.parametrize("size", [0.1, 3.0, 1e120])
+def test_jacobian_of_mirror_images(unit, size):
+    """x changes sign, bit for bit; so do y and the step size together."""
+    of_omega = sf.jacobian(unit, [size, 0.7 * size], 1.0)
+    assert np.isfinite(of_omega).all()
+    for signs in ([-1, 1], [1, -1]):
+        mirrored = sf.jacobian(unit, np.array([size, 0.7 * size]) * signs, signs[1])
+        assert (mirrored == of_omega * [[1, -1], [-1, 1]]).all()
+
+
+def test_jacobian_of_states_that_are_missing(unit):
+    """NaN in all entries, where nothing moves too."""
+    missing = [[np.nan, 1.0], [1.0, np.nan]]
+    for body, eps in ((unit, 0.0), (sf.Suslov3D(1, 2, 0, 0), 0.2), (unit, 0.2)):
+        assert np.isnan(sf.jacobian(body, missing, eps)).all()
+
+
 def test_jacobian_far_beyond_the_poles(unit):
     for omega in ([1e6, 3.0], [1e3, -1e9], [3e4, 5e8], [1e8, 1e8]):
         assert error(sf.jacobian(unit, omega, 1.0), derivative_near_poles(omega, 1.0)) < 1e-14

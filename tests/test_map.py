@@ -363,6 +363,25 @@ def test_large_states(unit, rng, size, method):
         assert error < 2e-15 * max(1, growth)
 
 
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+@pytest.mark.parametrize("save_every", [1, None])
+def test_states_that_are_0_or_nearly(unit, method, save_every):
+    omega = np.array([[0.0, 0.0], [5e-324, 0.0], [0.0, -5e-324], [2.0**-1022, -(2.0**-1023)]])
+    result = sf.iterate(unit, omega, 1, 9, method=method, save_every=save_every)
+    assert (result.omega == omega).all()
+    assert (result.status == sf.Status.OK).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_mirror_images(unit, rng, method):
+    """x changes sign and nothing else, bit for bit; so do y and the step size together."""
+    for omega in rng.normal(size=(30, 2)) * 10 ** rng.uniform(-1, 2, (30, 1)):
+        orbit = sf.iterate(unit, omega, 1, 8, method=method).omega
+        for signs in ([-1, 1], [1, -1], [-1, -1]):
+            mirrored = sf.iterate(unit, omega * signs, signs[1], 8, method=method).omega
+            assert (mirrored == orbit * signs).all()
+
+
 @pytest.mark.parametrize(
     "omega", [[1e3, 1e10], [1e10, 1e25], [3e14, 1e35], [1e16, -1e35], [1e18, -1e20], [1e61, 0.1]]
 )

@@ -528,6 +528,17 @@ def test_orientations_are_orthogonal_to_rounding(rng):
     assert abs(R @ R.swapaxes(1, 2) - np.eye(5)).max() < 4e-15
 
 
+def test_rounding_of_orientations_is_undone_each_16_steps(rng):
+    """Larger errors than those of rounding too, so that few steps show it."""
+    J, I, eps, omega = random_problem(rng, 4)
+    start = np.linalg.qr(rng.normal(size=(1, 5, 5)))[0] + 1e-9 * rng.normal(size=(1, 5, 5))
+    one = problem(J[None], I[None], np.full(1, eps), omega[None], stop=16, orientation=start)
+    run(one)
+    errors = abs(one.turns[:, 0] @ one.turns[:, 0].swapaxes(1, 2) - np.eye(5)).max(axis=(1, 2))
+    assert (errors[:16] > 1e-10).all()
+    assert errors[16] < 4e-15
+
+
 def test_half_a_turn_at_very_high_speed():
     """An angle whose square is beyond float64."""
     omega = np.array([[3e200, 0.0, 4e200]])
@@ -633,6 +644,16 @@ def test_large_singular_matrices(rng):
     omega *= (4.0 / (I * omega).sum(axis=1))[:, None]
     status = run(problem(J, I, np.ones(size), omega, stop=1, method="gauss")).status
     assert np.count_nonzero(status == sf.Status.SINGULAR) > size - 3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_poles_of_large_states(rng, method):
+    """What is left of a pivot by rounding is zero beside the pivots before it."""
+    I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
+    body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
+    omega = np.column_stack([-(2 * I + x * x), -x])
+    status = sf.iterate(body, omega, 1.0, 1, method=method, on_singular="ignore").status
+    assert np.count_nonzero(status == sf.Status.SINGULAR) > 190
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -339,6 +339,29 @@ def test_a_whole_block_whose_states_are_all_saved(body, rng, steps):
     assert same(saved[-1], last)
 
 
+def test_blocks_without_any_orbit_that_needs_no_care(unit, rng):
+    """Vectors of orbits that all start next to the repelling half or beyond it."""
+    omega = np.column_stack([rng.uniform(-0.1, 0.1, 16), rng.uniform(-2.5, -1.2, 16)])
+    together = run(unit, omega, 1.0, 20, method="canonical")
+    for i in range(16):
+        alone = run(unit, omega[i], 1.0, 20, method="canonical")
+        assert same(together.omega[:, i], alone.omega)
+
+
+@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("attitude", [False, True])
+def test_whole_blocks_by_every_method(body, rng, method, attitude):
+    """Next to orbits that need no care, what a trajectory is asked for is what it gets."""
+    omega, options = rng.uniform(-1, 1, (LANES, 2)), {"method": method, "attitude": attitude}
+    together = run(body, omega, 0.2, 5, **options)
+    for i in (0, LANES - 1):
+        alone = run(body, omega[i], 0.2, 5, **options)
+        assert same(together.omega[:, i], alone.omega)
+        assert same(together.final[i], alone.final)
+        if attitude:
+            assert same(together.attitude[:, i], alone.attitude)
+
+
 @pytest.mark.parametrize("shift", range(8))
 @pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
 def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):

@@ -128,6 +128,15 @@ def test_far_away_states_of_slow_orbits(body):
     assert abs(near / omega - 1).max() > 1e-3
 
 
+@pytest.mark.parametrize("size", [1e-30, 1e-80])
+def test_states_of_very_slow_orbits(body, size):
+    """They move, if only there are steps enough."""
+    omega = np.array([1.0, 0.5])
+    states = sf.exact(body, omega * size, 0.2, [0.3 / size, 5.0 / size]) / size
+    np.testing.assert_allclose(states, sf.flow(body, omega, [0.06, 1.0]), rtol=1e-13)
+    assert (abs(states - omega) > 1e-3).any()
+
+
 def test_limits_against_the_paper(rng):
     for _ in range(20):
         (I1, I2, I13, I23), eps, omega = random_problem(rng)
@@ -188,6 +197,14 @@ def test_no_state_at_a_pole(unit, omega):
     assert caught[0].filename == __file__
     assert np.isnan(states[2]).all()
     np.testing.assert_allclose(states[0], sf.step(unit, omega, -1), rtol=1e-15)
+
+
+def test_no_state_at_a_pole_of_far_states(unit, rng):
+    """As near to the pole as float64 has a state, what is left of the terms is 0 beside them."""
+    x = 10 ** rng.uniform(0, 5, 100)
+    with pytest.warns(sf.SingularStepWarning):
+        states = sf.exact(unit, np.column_stack([x, -(2 + x * x)]), 1, 1)
+    assert np.isnan(states).all()
 
 
 def test_beyond_the_pole_the_orbit_goes_on(unit):
@@ -298,6 +315,21 @@ def test_many_blocks(body, rng, monkeypatch, bodies):
         assert (sf.exact(one, omega[i], 0.2, 100) == states[i]).all()
 
 
+@pytest.mark.parametrize("which", range(5))
+def test_many_blocks_that_differ_in_one_parameter(rng, monkeypatch, which):
+    monkeypatch.setattr(closed_form, "TASKS", 1)
+    batch, parameters = 2 * loops.WIDTH + 5, [4.0, 1.0, -0.5, -0.3, 0.2]
+    parameters[which] = parameters[which] * rng.uniform(0.5, 2, batch)
+    omega = rng.uniform(-2, 2, (batch, 2))
+    states = sf.exact(sf.Suslov3D(*parameters[:4]), omega, parameters[4], 100)
+    in_steps = sf.exact(sf.Suslov3D(*parameters[:4]), omega, parameters[4], np.arange(101))
+    for i in (0, loops.WIDTH, batch - 1):
+        *one, eps = (np.broadcast_to(each, batch)[i] for each in parameters)
+        assert (sf.exact(sf.Suslov3D(*one), omega[i], eps, 100) == states[i]).all()
+        alone = sf.exact(sf.Suslov3D(*one), omega[i], eps, np.arange(101))
+        assert (alone == in_steps[:, i]).all()
+
+
 def test_last_states_after_a_long_run(rng):
     """What `iterate` returns is within 1e-14 after 1000 steps, by the closed form too."""
     for _ in range(8):
@@ -401,6 +433,55 @@ def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
             exact = orbit_state(parameters, 1.0, omega, n)
             computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, n)
             assert energy_error(parameters, computed, exact) < 3e-15
+
+
+@pytest.mark.parametrize("n", [600, 900, 1200, 1500, 1900])
+def test_a_component_keeps_its_digits_however_small_it_is(n):
+    """From 1e-300 it grows to the order of 1, and falls below 1e-270."""
+    parameters, omega = (2, 1, 0.0, 0.5), [1.5, 1e-300]  # x = Omega2 / 2
+    with naive.mp.workdps(700):
+        exact = orbit_state(parameters, 0.9, omega, n)
+        computed = sf.exact(sf.Suslov3D(*parameters), omega, 0.9, n)
+        assert all(abs(c / e - 1) < 1e-15 for c, e in zip(computed, exact, strict=True))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gap", [1e-8, 1e-14, 1e-15, 3e-16, -1e-15])
+def test_a_component_that_one_step_takes_away(gap, sign):
+    """Next to Y = -1, where x' = x (1 + Y) / 2 and all digits of 1 + Y are those of a small sum."""
+    parameters = (1.7, 2.3, 0.0, 0.7)
+    omega = [-sign * (2 * 2.3 / 0.7) * (1 - gap), 0.37]
+    exact = naive.step(*parameters, sign, omega)
+    computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, sign)
+    assert all(abs(float(c / e - 1)) < 2e-15 for c, e in zip(computed, exact, strict=True))
+
+
+@pytest.mark.parametrize("n", [200, 500])
+def test_the_level_is_held_in_two_numbers(n):
+    """x decays to 1e-236 by the level's n-th power, where X is not negligible beside Y."""
+    parameters, eps = (2, 1, 0.0, 0.5), 0.9
+    omega = [4 * 0.5 / 0.9, 2 * 0.02 / 0.45]  # X = 0.02, Y = 1/2
+    with naive.mp.workdps(700):
+        exact = orbit_state(parameters, eps, omega, n)
+        computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
+        assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
+
+
+def test_exact_states_of_any_size(unit):
+    """Squares of X and Y are far beyond float64 here; all digits of 700 may cancel."""
+    for omega in ([1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149]):
+        with naive.mp.workdps(700):
+            exact = naive.orbit(1, 1, 1, 0, 1, omega, 4)
+            assert worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
+
+
+def test_states_far_out(unit):
+    """Where |Y| is many times T, sums of the sequence cancel."""
+    for X, Y in ((1e3, 1e8), (1e3, -1e12), (1e6, -1e6), (3e5, 1e7)):
+        omega = [X * np.sqrt(2), -2 * Y]
+        with naive.mp.workdps(200):
+            exact = naive.orbit(1, 1, 1, 0, 1, omega, 8)
+            assert worst_error(sf.exact(unit, omega, 1, np.arange(9)), exact) < 2e-15
 
 
 @pytest.mark.parametrize("spread", [1, 5])
@@ -609,6 +690,30 @@ def test_rows_before_the_start_stay(body, rng):
         assert (out[begin, k] == omega[k]).all()
         expected = sf.exact(body, omega[k], 0.2, np.arange(200 - begin))
         np.testing.assert_allclose(out[begin:, k], expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize("batch", [1, 5, 12, 64, 70, 136])
+def test_memory_past_the_caches(body, rng, monkeypatch, batch):
+    """However rows lie to the cache lines, all is written where it belongs."""
+    if not numba.config.DISABLE_JIT:
+        pytest.skip("looks into kernels that are not compiled")
+    omega = rng.normal(size=(batch, 2))
+    numbers = np.arange(75), np.arange(-9, 75), np.array([3.0, -2.5, 7.0])
+    expected = [sf.exact(body, omega, 0.2, n) for n in numbers]
+
+    def in_whole_lines(write):
+        def checked(array, index, *vectors):
+            assert (array.ctypes.data // 8 + index) % tiles.VECTOR == 0
+            write(array, index, *vectors)
+
+        return checked
+
+    monkeypatch.setattr(tiles, "BEYOND_CACHES", 0)
+    monkeypatch.setattr(equal_steps, "BEYOND_CACHES", 0)
+    monkeypatch.setattr(tiles, "stream", in_whole_lines(tiles.stream))
+    monkeypatch.setattr(equal_steps, "stream_pairs", in_whole_lines(equal_steps.stream_pairs))
+    for n, states in zip(numbers, expected, strict=True):
+        assert (sf.exact(body, omega, 0.2, n) == states).all()
 
 
 def test_states_that_do_not_fit_in_memory(body):

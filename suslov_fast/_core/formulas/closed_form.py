@@ -115,10 +115,10 @@ def logarithm_of_ratio(T, T_lost, r):
 @formula
 def level_of_flow(X, Y, lost):
     """K as a sum of two numbers, X and Y being of the order of 1."""
-    size = abs(X) + abs(Y) + 1e-300
+    size = abs(X) + abs(Y)
     X1, Y1 = X / size, Y / size
     K = size * np.sqrt(0.5 * X1 * X1 + Y1 * Y1)
-    return level_in_two(K, 0.5 * X * (X / (K + abs(Y) + 1e-300)), Y, lost, abs(Y))
+    return level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
 
 
 @formula

@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+from mpmath import mp
 
 import suslov_fast as sf
 
@@ -242,3 +243,22 @@ def test_closed_form_of_special_cases(body, unit):
     assert np.isnan(sf.closed_form(unit, [np.nan, 1.0], 0.5)).all()
     found = sf.closed_form(unit, np.ones((3, 1, 2)), [0.1, 0.2])
     assert [each.shape for each in found] == [(3, 2)] * 4
+
+
+@pytest.mark.parametrize("omega", [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305)])
+@pytest.mark.parametrize("eps", [1.0, 1e-300, -1e250])
+def test_criticality_beyond_squares(omega, eps):
+    """On the line and next to it t grows with the step; elsewhere it has a limit."""
+    with mp.workdps(60):
+        X, Y = mp.mpf(eps) * omega[0] / mp.sqrt(2), -mp.mpf(eps) * omega[1] / 2
+        expected = mp.sign(eps) * mp.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
+    found = sf.criticality(sf.Suslov3D(1, 1, 1, 0), omega, eps)
+    if abs(expected) > 1.7e308:
+        assert found == np.sign(eps) * np.inf
+    else:
+        assert found == pytest.approx(float(expected), rel=1e-14)
+
+
+def test_criticality_of_moments_far_apart():
+    body = sf.Suslov3D(1, 1e-250, 1e-3, 1e-3)
+    assert sf.criticality(body, [1e200, 0.0], 1.0) == pytest.approx(1e125, rel=1e-14)

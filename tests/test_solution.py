@@ -732,3 +732,15 @@ def test_threads(body, rng):
 def test_no_threads(body):
     with pytest.raises(ValueError, match="threads: expected None or an integer"):
         sf.exact(body, [1.0, 0.5], 0.2, 3, threads=0)
+
+
+@pytest.mark.parametrize("scale", [1e-90, 1e-120, 1e-145])
+def test_a_slow_orbit_arrives_after_enough_steps(scale):
+    """However little a step does, an orbit has its limits, and as many steps as it needs."""
+    body, n = sf.Suslov3D(1, 1, 1, 0), 50.0
+    like = sf.flow(body, [1.0, 1.0], n)
+    np.testing.assert_allclose(
+        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, like, rtol=1e-12, atol=1e-14
+    )
+    ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
+    np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)

@@ -44,8 +44,9 @@ NO_POWER = -1e5
 SMALL_CORRECTION = 2.0**-8
 # |Y| beyond so many T is far from both limits, which only orbits with t > 1 can be.
 FAR_OUT = 1.5
-# Times in the unit of an orbit that are as good as infinite.
-LONG_TIME = 2.0**300
+# Times in the unit of an orbit, and numbers of steps, that are as good as infinite: a step that
+# changes a state at all does so by 1e-150 of it.
+LONG_TIME = 2.0**900
 
 
 @formula

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..jit import formula
 from .coordinates import sum_of_products, to_canonical
-from .units import above_one, moderate, normal_state, scaled
+from .units import above_one, normal_state, scaled
 
 
 @formula
@@ -53,6 +53,25 @@ def level(X, Y):
     return size * below * np.sqrt(squares)
 
 
+# X and Y are computed for steps of at most this power of two in the units of body and state: no
+# product is out of range then, however far apart moments are.
+LONGEST = 64
+
+
+@formula
+def level_of_longer_step(T, X, j):
+    """T where both X and Y are 2**j times as large, j >= 0; T itself where j is 0."""
+    unit = 1.0 / (abs(X) + 1.0)
+    ones, X1 = 2.0 * unit * unit, abs(X) * unit
+    longer = scaled(X1, j)
+    large = longer > 1.0
+    # sqrt(ones + longer**2), in the unit of the larger of 1 and longer.
+    ratio = 1.0 / longer if large else longer
+    below = np.sqrt(1.0 + ones * ratio * ratio) if large else np.sqrt(ones + ratio * ratio)
+    T = T * (np.sqrt(ones + X1 * X1) / below)
+    return T / X1 if large else scaled(T, j)
+
+
 # The number below 1.
 BELOW_ONE = 1.0 - 2.0**-53
 
@@ -61,9 +80,10 @@ BELOW_ONE = 1.0 - 2.0**-53
 def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """t = eps sqrt(h / (I1 I2)), with the sign of eps."""
     omega1, omega2, W = normal_state(omega1, omega2)
-    eps_W = moderate(eps, E + W + P - M)
-    X, Y, _ = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
-    T = level(X, Y)
+    K = E + W + P - M
+    k = K if K < LONGEST else np.int64(LONGEST)
+    X, Y, _ = to_canonical(I1, I2, I13, I23, scaled(eps, k), omega1, omega2)
+    T, Y = level_of_longer_step(level(X, Y), X, K - k), scaled(Y, K - k)
     # Rounding must not carry an orbit across the border: T < 1 exactly where |Y| < 1.
     below = T if T > 1.0 else 1.0
     below = T if T != T else below

@@ -72,8 +72,11 @@ def alone(store, kind, seed, kills):
 
 def workers(store, kind, seed, kills):
     """Workers of a cluster, killed one after the other while it computes."""
+    import dask
     from distributed import Client, LocalCluster
 
+    # So long after a death a cluster gives up a worker that it happens not to see just then.
+    dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})
     chance, killed, over = random.Random(seed), [], threading.Event()
 
     def kill(client):

@@ -34,7 +34,10 @@ RESULTS = {
 def process(measure, tmp_path):
     """Runs code in a process with a cache of its own; where it is only a test, with the usual."""
     # The package that is measured, wherever this process found it.
-    environment = {"PYTHONPATH": str(Path(suslov_fast.__path__[0]).parent)}
+    environment = {
+        "PYTHONPATH": str(Path(suslov_fast.__path__[0]).parent),
+        "PYTHONDONTWRITEBYTECODE": "",  # modules are compiled, as those of installed packages are
+    }
 
     def run(code, cache=tmp_path):
         if measure.full:

@@ -48,6 +48,8 @@ def real_array(
         )
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
+    if array.dtype.kind in "iu":  # which are finite
+        return array.astype(np.float64)
     if array.dtype != np.float64:
         with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
             array = array.astype(np.float64)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from .._bodies.three import Suslov3D
 from .._checks import integer
@@ -144,8 +143,3 @@ def segments(
         yield Segment(start, stop)
         if stop == steps:
             return
-
-
-def keys(value: Any) -> tuple[str, ...]:
-    """Names, from one or several."""
-    return (value,) if isinstance(value, str) else tuple(value)

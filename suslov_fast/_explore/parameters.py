@@ -71,7 +71,8 @@ def split(query: str) -> dict[str, str]:
     pairs = parse_qsl(query, keep_blank_values=True, max_num_fields=len(Parameters._fields))
     texts = dict(pairs)
     if len(texts) < len(pairs) or set(texts) != set(Parameters._fields):
-        raise ValueError(f"expected each of {', '.join(Parameters._fields)} once")
+        got = ", ".join(name for name, _ in pairs) or "none"
+        raise ValueError(f"expected each of {', '.join(Parameters._fields)} once, got {got}")
     return texts
 
 

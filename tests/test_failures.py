@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import iterate_3d
+from suslov_fast._engine import iterate_3d, threads
 
 METHODS = ("auto", "canonical", "ds2")
 
@@ -363,3 +363,11 @@ def test_status_messages():
     }  # fmt: skip
     assert all(status.message for status in sf.Status)
     assert all((status < 0) == ("step:" in status.message) for status in sf.Status)
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+@pytest.mark.parametrize("save_every", [1, 7, None])
+def test_a_loop_that_ends_too_early_is_noticed(body, monkeypatch, method, save_every):
+    monkeypatch.setattr(threads, "run", lambda *arguments: None)
+    with pytest.raises(RuntimeError, match="before its last trajectory"):
+        sf.iterate(body, [1.0, 0.5], 0.2, 100, method=method, save_every=save_every)

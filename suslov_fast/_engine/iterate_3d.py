@@ -108,13 +108,14 @@ def _jump(problem: Problem) -> Outcome:
 
     Orbits that may meet a pole are iterated from their start until they are past it.
     """
-    status = np.empty(problem.size, np.int8)
+    status = np.full(problem.size, codes.NOT_COMPUTED, np.int8)
     if len(problem.saved):
         _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row, status)
     if len(problem.saved) and problem.stop % problem.every == 0:
         final = problem.saved[-1]
     else:
         final = _last(problem, problem.omega, problem.stop, status)
+    check_computed(status)
     failed_at = never(problem.size)
     if worst(status) < 0:
         failed_at = failed_at.copy()
@@ -145,8 +146,9 @@ def _past_poles(
         final[left], status[left], failed_at[left], _ = _iterate(few)
         past = status[left] >= 0
         if ahead < problem.stop:
-            ended = np.empty(left.size, np.int8)
+            ended = np.full(left.size, codes.NOT_COMPUTED, np.int8)
             ends = _last(few, final[left], problem.stop - ahead, ended)
+            check_computed(ended)
             past &= ended >= 0
             if len(rows):
                 since = np.full(left.size, float(ahead))

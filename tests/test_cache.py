@@ -1,4 +1,4 @@
-"""Compiled code on disk: fast in a second process, never stale, never fatal."""
+"""Compiled code: of loops alone; on disk: fast in a second process, never stale, never fatal."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ import damage
 import pytest
 
 import suslov_fast
-from suslov_fast._core import cache
+from suslov_fast._core import cache, pipeline
 
 pytestmark = pytest.mark.compiled
 
@@ -73,6 +73,18 @@ for name in names:
     module.loops[name].serial(x, out := np.zeros_like(x))
     print("result", name, *out.ravel())
 """
+# Before the call: names of all that becomes machine code, and what the compiler leaves behind.
+WATCH = """
+import atexit, gc
+from numba.core import codegen
+
+def watched(self, module, add=codegen.JITCPUCodegen._add_module):
+    print("result", module.name)
+    return add(self, module)
+
+codegen.JITCPUCodegen._add_module = watched
+atexit.register(lambda: print("result collects", gc.isenabled()))
+"""
 # Empty settings are none: the cache is that beside the source, and Python keeps its own, so that
 # the first process compiles modules, and others read them.
 SETTINGS = {"NUMBA_CACHE_DIR": "", "PYTHONDONTWRITEBYTECODE": "", "NUMBA_DEBUG_CACHE": "1"}
@@ -86,7 +98,7 @@ def core(tmp_path):
     for name, text in (("formulas/small", FORMULAS), ("cpu/loops", LOOPS)):
         (path := folder / f"{name}.py").parent.mkdir(parents=True)
         path.write_text(text)
-    for name in ("jit.py", "cache.py"):
+    for name in ("jit.py", "pipeline.py", "cache.py"):
         shutil.copy(CORE / name, folder)
     return folder
 
@@ -215,6 +227,15 @@ def test_what_was_compiled_apart_is_not_mixed_up(core):
 
 
 needs_modes = pytest.mark.skipif(os.name != "posix", reason="needs POSIX file modes")
+
+
+def test_only_loops_become_machine_code(core):
+    """Formulas and parts are compiled as ingredients, and the collector of garbage goes on."""
+    if not pipeline.KNOWN:
+        pytest.skip("this Numba compiles every function whole")
+    made = results_of(children.run(WATCH + CALL, core.parent, "half", **SETTINGS))
+    made = [line for line in made if line != "result nrt"]  # Numba's own runtime
+    assert made == ["result half_serial", *call(core, "half")[0], "result collects True"]
 
 
 @needs_modes

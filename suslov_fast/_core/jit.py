@@ -9,6 +9,7 @@ from numba import config
 from numba.extending import register_jitable
 
 from .cache import KernelCache
+from .pipeline import Ingredients, Loops
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -19,6 +20,8 @@ _OPTIONS = {
     # vectorised and interpreted runs agree bit for bit.
     "fastmath": False,
 }
+
+_INGREDIENT = _OPTIONS | {"pipeline_class": Ingredients}
 
 
 def _named_apart(function):
@@ -39,17 +42,17 @@ def formula(function):
     Without branches it serves NumPy arrays as it is.
     """
     # A call that is left standing keeps a loop from being vectorised.
-    return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
+    return register_jitable(forceinline=True, **_INGREDIENT)(_named_apart(function))
 
 
 def part(function):
     """Let loops call a part of a loop."""
-    return register_jitable(**_OPTIONS)(_named_apart(function))
+    return register_jitable(**_INGREDIENT)(_named_apart(function))
 
 
 def inlined_part(function):
     """A part that becomes source of its caller, where the compiler knows what local arrays are."""
-    return register_jitable(inline="always", **_OPTIONS)(_named_apart(function))
+    return register_jitable(inline="always", **_INGREDIENT)(_named_apart(function))
 
 
 class Loop:
@@ -74,7 +77,7 @@ def _cached(function, build, parallel):
     named.__qualname__ = named.__name__
     if config.DISABLE_JIT:
         return np.errstate(all="ignore")(named)  # compiled code does not warn either
-    compiled = numba.njit(parallel=parallel, **_OPTIONS)(named)
+    compiled = numba.njit(parallel=parallel, pipeline_class=Loops, **_OPTIONS)(named)
     # No writable folder, or a Numba whose cache works otherwise: compile in each process.
     with suppress(RuntimeError, AttributeError, OSError):
         compiled._cache = KernelCache(named)

@@ -1,0 +1,88 @@
+"""How Numba compiles the package: loops whole, their ingredients only as far as loops need them.
+
+Numba optimises every function and makes machine code of it, and then again as a piece of each
+function that calls it. That was half of the time of a first call, for only loops are ever called.
+"""
+
+import gc
+from contextlib import contextmanager
+
+from numba.core import codegen, compiler, typed_passes, untyped_passes
+
+# What formulas and parts have no use for.
+_NEEDLESS = (
+    untyped_passes.WithLifting,
+    untyped_passes.FindLiterallyCalls,
+    untyped_passes.LiteralUnroll,
+    untyped_passes.LiteralPropagationSubPipelinePass,
+    typed_passes.DumpParforDiagnostics,
+)
+
+
+class _Ingredient(codegen.JITCodeLibrary):
+    """The code of one function as its callers take it in: simplified, and nothing else."""
+
+    def _optimize_functions(self, ll_module):
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                # A count of a reference must meet its counterpart here: callers hide it.
+                passes, builder = self._codegen._function_pass_manager(opt=1)
+                passes.run(function, builder)
+
+    def _optimize_final_module(self):
+        pass
+
+    def _finalize_final_module(self):
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name):
+        return 0
+
+    @property
+    def codegen(self):
+        """Itself: where there is no machine code, there is no environment to set."""
+        return self
+
+    def set_env(self, env_name, env):
+        pass
+
+
+# Numbas whose passes are run in another way compile ingredients as any function.
+KNOWN = hasattr(codegen.CPUCodegen, "_pass_builder")
+
+
+class Ingredients(compiler.Compiler):
+    """Numba's compiler, for functions that others take in."""
+
+    def define_pipelines(self):
+        pipelines = super().define_pipelines()
+        for pipeline in pipelines:
+            pipeline.passes = [each for each in pipeline.passes if each[0] not in _NEEDLESS]
+        return pipelines
+
+    def compile_extra(self, func):
+        if KNOWN:
+            self.state.library = _Ingredient(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
+class Loops(compiler.Compiler):
+    """Numba's compiler, for what Python calls."""
+
+    def compile_extra(self, func):
+        with _uncollected():
+            return super().compile_extra(func)
+
+
+@contextmanager
+def _uncollected():
+    """No search for garbage: the compiler makes little, and a sixth of its time went there."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()

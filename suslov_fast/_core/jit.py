@@ -19,6 +19,8 @@ _OPTIONS = {
     # No fastmath: without it no FMA is formed and no sum is reordered, so that serial, parallel,
     # vectorised and interpreted runs agree bit for bit.
     "fastmath": False,
+    # Nothing calls a kernel from C.
+    "no_cfunc_wrapper": True,
 }
 
 _INGREDIENT = _OPTIONS | {"pipeline_class": Ingredients}

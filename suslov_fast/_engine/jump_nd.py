@@ -13,12 +13,14 @@ from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import closed_form, reduced_nd
-from .._core.cpu.vector import aligned
+from .._core.cpu.vector import VECTOR, aligned
 from . import closed_form as closed
 from . import iterate_3d, iterate_nd, threads
+from .layout import for_kernel
 from .problem import Outcome, Problem, check_computed, never, worst
 from .progress import reporter
 
+_NO_STATES, _NO_TURNS = np.empty((0, 0, 2)), np.empty((0, 0, 3, 3))
 # Numbers of states that are held beside the result at a time.
 _TOGETHER = 2**20
 
@@ -30,6 +32,8 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
     """
     if not (body.any_solved and iterate_3d.jumps(problem)):
         return iterate_nd.run(problem)
+    if body.dimension == 2:
+        return _as_three(problem)
     reduced = _Reduced(problem)
     jumping = reduced.fits & np.broadcast_to(body.solved, batch).reshape(-1)
     if jumping.all():
@@ -38,6 +42,22 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
             report(problem.stop - problem.start)
         return outcome
     return _one_or_the_other(problem, jumping) if jumping.any() else iterate_nd.run(problem)
+
+
+def _as_three(problem: Problem) -> Outcome:
+    """In three dimensions: there J = (I1, I2), I = (I23, -I13) where e1 and e2 are turned to fit."""
+    J, I = problem.parameters
+    given = [*map(for_kernel, (J[:, 0], J[:, 1], -I[:, 1], I[:, 0]))]
+    return _done(problem, *iterate_3d.run(replace(problem, parameters=given, resume={}))[:3])
+
+
+def _done(
+    problem: Problem, final: FloatArray, status: NDArray[np.int8], failed_at: NDArray[np.int64]
+) -> Outcome:
+    # In n dimensions t >= 1 is no status: most bodies have no t.
+    np.minimum(status, codes.OK, out=status)
+    resume = _resume(*problem.omega.shape) | {"status": status, "failed_at": failed_at}
+    return Outcome(final, status, failed_at, resume)
 
 
 def _one_or_the_other(problem: Problem, jumping: NDArray[np.bool_]) -> Outcome:
@@ -107,22 +127,25 @@ class _Reduced:
             self.across,
             self.fits,
         )
-        self.three = replace(
-            problem,
+        self.three = Problem(
+            method=problem.method,
             omega=state,
             parameters=list(self.given[:4]),
             eps=self.given[4],
             time_step=self.given[4],
-            saved=np.empty((0, 0, 2)),
-            turns=np.empty((0, 0, 3, 3)),
-            resume={},
-            progress=None,
+            start=problem.start,
+            stop=problem.stop,
+            every=problem.every,
+            keeps=problem.keeps,
+            saved=_NO_STATES,
+            turns=_NO_TURNS,
+            threads=problem.threads,
         )
 
     def run(self) -> Outcome:
         """As `iterate_3d.run`; all trajectories must fit."""
         problem = self.problem
-        size, m = problem.omega.shape
+        size = problem.size
         status, saved = np.full(size, codes.NOT_COMPUTED, np.int8), problem.saved
         if len(saved):
             self._fill(status)
@@ -147,10 +170,7 @@ class _Reduced:
                     saved[:, some] = self._expanded(rows, some)
         if len(saved) and problem.start == 0:
             saved[0] = problem.omega
-        # In n dimensions t >= 1 is no status: most bodies have no t.
-        np.minimum(status, codes.OK, out=status)
-        resume = _resume(size, m) | {"status": status, "failed_at": failed_at}
-        return Outcome(final, status, failed_at, resume)
+        return _done(problem, final, status, failed_at)
 
     def _expanded(
         self, state: FloatArray, some: NDArray[np.intp] | slice = slice(None)
@@ -164,9 +184,11 @@ class _Reduced:
         """The saved states, where they are not beyond a pole."""
         problem = self.problem
         rows, size, m = problem.saved.shape
-        count = problem.threads or numba.get_num_threads()
-        length = reduced_nd.room_of(m)
-        room = aligned(count * length).reshape(count, length)
+        # Whole vectors of states are read, and there may be fewer.
+        states = min(size * rows, reduced_nd.STATES) + VECTOR
+        length = reduced_nd.room_of(m) + 2 * -(-states // VECTOR) * VECTOR
+        tasks = 1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
+        room = aligned(tasks * length).reshape(tasks, length)
         missing = closed.none_missing()
         for lanes, (begin, end) in _slices(size, rows, m):
             threads.run(

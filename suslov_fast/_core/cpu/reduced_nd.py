@@ -111,14 +111,8 @@ def reduce_one(J, I, eps, omega, b, three, state, along, across):
     own = exponent(largest) if largest > 0.0 else 0.0
     step = scaled(eps, max(min(own, 1000.0), -1000.0))
     three[4, b] = step
-    if m == 2:
-        three[0, b], three[1, b], three[2, b], three[3, b] = J[1], J[0], -I[0], -I[1]
-        state[b, 0], state[b, 1] = -scaled(omega[1], -own), scaled(omega[0], -own)
-        along[b, 0], along[b, 1] = 0.0, -scaled(1.0, own)
-        across[b, 0], across[b, 1] = scaled(1.0, own), 0.0
-    else:
-        three[0, b], three[1, b], three[2, b] = J[k], J[0 if k > 0 else m - 1], 0.0
-        split(I, omega, own, k, b, three, state, along, across)
+    three[0, b], three[1, b], three[2, b] = J[k], J[0 if k > 0 else m - 1], 0.0
+    split(I, omega, own, k, b, three, state, along, across)
     apart = abs(exponent(three[0, b]) - exponent(three[1, b]))
     in_range = (apart <= FARTHEST) & (abs(own) + apart <= LARGEST) & (largest == largest)
     return in_range & (exponent(step) <= LONGEST)
@@ -157,8 +151,8 @@ def lanes_of(m):
 
 @part
 def room_of(m):
-    """The numbers that a task works in: states of 3D, coefficients, a row, and squares of it."""
-    return 2 * STATES + WIDTH + (3 * WIDTH + VECTOR) * (m + VECTOR)
+    """The numbers that a task works in, beside states: coefficients, a row, and squares of it."""
+    return (3 * WIDTH + VECTOR) * (m + VECTOR)
 
 
 @part
@@ -201,7 +195,7 @@ def _fill(
     rows          begin, end, origin: row i goes to row i - origin of `out`, (rows, B, m).
     status        (B,), as in `equal_steps`.
     missing       (tasks, 2), counts what nobody reads.
-    room          (tasks, `room_of(m)`), on cache lines.
+    room          (tasks, `room_of(m)` and two numbers for each state of a part), on cache lines.
     """
     batch, m = along.shape
     begin, end, origin = rows
@@ -213,10 +207,9 @@ def _fill(
     n_parts = n_blocks * chunks
     n_tasks = min(n_parts, room.shape[0])
     for task in prange(n_tasks):
-        flat, states, rest_of_room = borrowed(whole), room[task], room[task][2 * STATES + WIDTH :]
-        numbers = WIDTH * (m + VECTOR)
-        coefficients, row = rest_of_room[: 2 * numbers], rest_of_room[2 * numbers : 3 * numbers]
-        work, filled = rest_of_room[3 * numbers :], -1
+        flat, own, numbers = borrowed(whole), room[task], WIDTH * (m + VECTOR)
+        coefficients, row = own[: 2 * numbers], own[2 * numbers : 3 * numbers]
+        work, states, filled = own[3 * numbers : room_of(m)], own[room_of(m) :], -1
         for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
             first = lanes_asked[0] + k // chunks * lanes
             width = min(lanes, lanes_asked[1] - first)

@@ -32,8 +32,6 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
     """
     if not (body.any_solved and iterate_3d.jumps(problem)):
         return iterate_nd.run(problem)
-    if body.dimension == 2:
-        return _as_three(problem)
     reduced = _Reduced(problem)
     jumping = reduced.fits & np.broadcast_to(body.solved, batch).reshape(-1)
     if jumping.all():
@@ -44,11 +42,11 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
     return _one_or_the_other(problem, jumping) if jumping.any() else iterate_nd.run(problem)
 
 
-def _as_three(problem: Problem) -> Outcome:
-    """In three dimensions: there J = (I1, I2), I = (I23, -I13) where e1 and e2 are turned to fit."""
+def _in_three(problem: Problem) -> Problem:
+    """Of n = 3, with J = (I1, I2) and I = (I23, -I13): e1 and e2 are turned to fit."""
     J, I = problem.parameters
-    given = [*map(for_kernel, (J[:, 0], J[:, 1], -I[:, 1], I[:, 0]))]
-    return _done(problem, *iterate_3d.run(replace(problem, parameters=given, resume={}))[:3])
+    given = [for_kernel(each) for each in (J[:, 0], J[:, 1], -I[:, 1], I[:, 0])]
+    return replace(problem, parameters=given, resume={}, progress=None)
 
 
 def _done(
@@ -75,7 +73,8 @@ def _one_or_the_other(problem: Problem, jumping: NDArray[np.bool_]) -> Outcome:
                 resume={name: array[some] for name, array in problem.resume.items()},
             )
             outcome = _Reduced(part).run() if jumping[some[0]] else iterate_nd.run(part)
-            problem.saved[:, some] = saved
+            if len(saved):
+                problem.saved[:, some] = saved
             for array, of_part in zip(whole[:3], outcome[:3], strict=True):
                 array[some] = of_part
             for name, array in whole.resume.items():
@@ -145,6 +144,8 @@ class _Reduced:
     def run(self) -> Outcome:
         """As `iterate_3d.run`; all trajectories must fit."""
         problem = self.problem
+        if problem.omega.shape[1] == 2:
+            return _done(problem, *iterate_3d.run(_in_three(problem))[:3])
         size = problem.size
         status, saved = np.full(size, codes.NOT_COMPUTED, np.int8), problem.saved
         if len(saved):
@@ -187,7 +188,9 @@ class _Reduced:
         # Whole vectors of states are read, and there may be fewer.
         states = min(size * rows, reduced_nd.STATES) + VECTOR
         length = reduced_nd.room_of(m) + 2 * -(-states // VECTOR) * VECTOR
-        tasks = 1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
+        tasks = (
+            1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
+        )
         room = aligned(tasks * length).reshape(tasks, length)
         missing = closed.none_missing()
         for lanes, (begin, end) in _slices(size, rows, m):

@@ -112,14 +112,15 @@ def reduce_one(J, I, eps, omega, b, three, state, along, across):
     step = scaled(eps, max(min(own, 1000.0), -1000.0))
     three[4, b] = step
     three[0, b], three[1, b], three[2, b] = J[k], J[0 if k > 0 else m - 1], 0.0
-    split(I, omega, own, k, b, three, state, along, across)
+    if m != 2:
+        split(I, omega, own, k, b, three, state, along, across)
     apart = abs(exponent(three[0, b]) - exponent(three[1, b]))
     in_range = (apart <= FARTHEST) & (abs(own) + apart <= LARGEST) & (largest == largest)
     return in_range & (exponent(step) <= LONGEST)
 
 
 def _reduce(J, I, eps, omega, three, state, along, across, fits):
-    """The 3D problem of trajectories of bodies whose problem is solved.
+    """The 3D problem of trajectories of bodies whose problem is solved; of n = 3, only `fits`.
 
     J, I    (B, m), or (1, m) where one body serves all.
     eps     (B,) or (1,)
@@ -185,9 +186,7 @@ def expand(states, begin, count, m, coefficients, work, row):
             copy_transposed(row, l * m + i, m, work, VECTOR * i, VECTOR)
 
 
-def _fill(
-    three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room
-):
+def _fill(three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room):
     """States of n dimensions at the steps of rows begin to end, each `every` after the last.
 
     start         (1,): 0, the number of the given states.

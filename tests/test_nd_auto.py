@@ -418,7 +418,7 @@ def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
     """On Y = 1 (dsn) leaves a direction open if three J are equal: what it allows goes on."""
     J, I, omega = [2.0] * 4, [1.0, 0.0, 0.5, 0.25], [2.0, 1.0, 3.0, 2.0]
     states = sf.iterate(sf.SuslovND(J, I), omega, 1.0, 1).omega
-    for residual in naive.dsn(*map(lambda each: naive.exactly(*each), (J, I)), 1, *states.tolist()):
+    for residual in naive.dsn(naive.exactly(*J), naive.exactly(*I), 1, *states.tolist()):
         assert abs(residual) < 1e-14
 
 

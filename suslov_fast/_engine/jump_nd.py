@@ -13,6 +13,8 @@ from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import closed_form, reduced_nd
+from .._core.cpu.equal_steps import GROUP
+from .._core.cpu.orbits import WIDTH
 from .._core.cpu.vector import VECTOR, aligned
 from . import closed_form as closed
 from . import iterate_3d, iterate_nd, threads
@@ -30,7 +32,7 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
 
     A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
     """
-    if not (body.any_solved and iterate_3d.jumps(problem)):
+    if not (body.any_solved and problem.size and iterate_3d.jumps(problem)):
         return iterate_nd.run(problem)
     reduced = _Reduced(problem)
     jumping = reduced.fits & np.broadcast_to(body.solved, batch).reshape(-1)
@@ -75,8 +77,8 @@ def _one_or_the_other(problem: Problem, jumping: NDArray[np.bool_]) -> Outcome:
             outcome = _Reduced(part).run() if jumping[some[0]] else iterate_nd.run(part)
             if len(saved):
                 problem.saved[:, some] = saved
-            for array, of_part in zip(whole[:3], outcome[:3], strict=True):
-                array[some] = of_part
+            whole.final[some], whole.status[some] = outcome.final, outcome.status
+            whole.failed_at[some] = outcome.failed_at
             for name, array in whole.resume.items():
                 array[some] = outcome.resume[name]
             done += some.size
@@ -154,7 +156,10 @@ class _Reduced:
             final = saved[-1]
         else:
             last = iterate_3d._last(self.three, self.three.omega, problem.stop, status)
-            final = self._expanded(last)
+            final = np.empty_like(problem.omega)
+            together = max(_TOGETHER // final.shape[1], 1)
+            for some in (slice(k, k + together) for k in range(0, size, together)):
+                final[some] = self._expanded(last[some], some)
         check_computed(status)
         failed_at = never(size)
         if worst(status) < 0:
@@ -162,20 +167,18 @@ class _Reduced:
             unsafe = np.flatnonzero(status < 0)
             together = max(_TOGETHER // (2 * len(saved) + 2), 1)
             for first in range(0, unsafe.size, together):
-                some = unsafe[first : first + together]
-                rows = np.empty((len(saved), some.size, 2))
-                few = replace(self.three.some(some, problem.stop, rows), start=problem.start)
-                last, status[some], failed_at[some], _ = iterate_3d.run(few)
-                final[some] = self._expanded(last, some)
+                few = unsafe[first : first + together]
+                rows = np.empty((len(saved), few.size, 2))
+                three = replace(self.three.some(few, problem.stop, rows), start=problem.start)
+                last, status[few], failed_at[few], _ = iterate_3d.run(three)
+                final[few] = self._expanded(last, few)
                 if len(saved):
-                    saved[:, some] = self._expanded(rows, some)
+                    saved[:, few] = self._expanded(rows, few)
         if len(saved) and problem.start == 0:
             saved[0] = problem.omega
         return _done(problem, final, status, failed_at)
 
-    def _expanded(
-        self, state: FloatArray, some: NDArray[np.intp] | slice = slice(None)
-    ) -> FloatArray:
+    def _expanded(self, state: FloatArray, some: NDArray[np.intp] | slice) -> FloatArray:
         """States (..., m), from those of three dimensions; the same bits as those of `fill`."""
         omega = self.along[some] * state[..., :1]
         omega += self.across[some] * state[..., 1:]
@@ -185,9 +188,8 @@ class _Reduced:
         """The saved states, where they are not beyond a pole."""
         problem = self.problem
         rows, size, m = problem.saved.shape
-        # Whole vectors of states are read, and there may be fewer.
-        states = min(size * rows, reduced_nd.STATES) + VECTOR
-        length = reduced_nd.room_of(m) + 2 * -(-states // VECTOR) * VECTOR
+        states = min(size * rows, reduced_nd.STATES)
+        length = -(-(reduced_nd.room_of(m) + 2 * states) // VECTOR) * VECTOR
         tasks = (
             1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
         )
@@ -219,8 +221,8 @@ def _slices(size: int, rows: int, m: int) -> Iterator[tuple[closed.Range, closed
     if size * rows <= most:
         yield (0, size), (0, rows)
         return
-    width = min(max(most // min(rows, reduced_nd.STATES), reduced_nd.WIDTH), size)
-    height = max(most // max(width, 1), reduced_nd.GROUP)
+    width = min(max(most // min(rows, reduced_nd.STATES), WIDTH), size)
+    height = max(most // max(width, 1), GROUP)
     for lane in range(0, size, max(width, 1)):
         for row in range(0, rows, height):
             yield (lane, min(lane + width, size)), (row, min(row + height, rows))

@@ -22,9 +22,8 @@ from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
     VECTOR,
     borrowed,
-    copy_transposed,
     fence,
-    pairs_at,
+    splat,
     store_at,
     to_cache_line,
     vector_at,
@@ -47,7 +46,7 @@ def largest_of(row):
     largest = 0.0
     for i in range(row.size):
         largest = max(largest, abs(row[i]))
-        if not row[i] == row[i]:
+        if row[i] != row[i]:
             return np.nan
     return largest
 
@@ -151,39 +150,50 @@ def lanes_of(m):
 
 
 @part
+def padded(m):
+    """The components of a trajectory and what fills their last vector."""
+    return (m + VECTOR - 1) // VECTOR * VECTOR
+
+
+@part
+def length_of_row(m):
+    """The numbers of a row at most, and a vector that its last components may reach beyond it."""
+    return max(lanes_of(m) * m, ROW) + VECTOR
+
+
+@part
 def room_of(m):
-    """The numbers that a task works in, beside states: coefficients, a row, and squares of it."""
-    return (3 * WIDTH + VECTOR) * (m + VECTOR)
+    """The numbers that a task works in, beside states: coefficients and a row."""
+    return 2 * lanes_of(m) * padded(m) + length_of_row(m)
 
 
 @part
-def take_coefficients(along, across, first, width, lanes, coefficients):
-    """Those of each component of VECTOR lanes side by side, along before across.
+def take_coefficients(along, across, first, width, coefficients):
+    """Those of each trajectory, along before across."""
+    m, step = along.shape[1], padded(along.shape[1])
+    for l in range(width):
+        for i in range(step):
+            coefficients[2 * step * l + i] = along[first + l, i] if i < m else 0.0
+            coefficients[2 * step * l + step + i] = across[first + l, i] if i < m else 0.0
 
-    Lanes are trajectories or, of few, these again and again: several rows of them.
+
+@part
+def expand(states, begin, rows, width, m, coefficients, row):
+    """States of some rows, from those of 3D.
+
+    Vectors of the last components come first: what they write beyond them is written over.
     """
-    m = along.shape[1]
-    for l in range(lanes):
-        place = l // VECTOR * 2 * m * VECTOR + l % VECTOR
-        b = first + l % width
-        for i in range(m):
-            coefficients[place + i * VECTOR] = along[b, i]
-            coefficients[place + (m + i) * VECTOR] = across[b, i]
-
-
-@part
-def expand(states, begin, count, m, coefficients, work, row):
-    """A row: so many states, component by component, from those of 3D side by side."""
-    for l in range(0, count, VECTOR):
-        omega1, omega2 = pairs_at(states, begin + 2 * l)
-        place = 2 * m * l
-        for i in range(0, m * VECTOR, VECTOR):
-            of_along = vector_at(coefficients, place + i)
-            of_across = vector_at(coefficients, place + m * VECTOR + i)
-            store_at(work, i, state_nd(of_along, of_across, omega1, omega2))
-        # Squares reach beyond the components: what they write there is written over.
-        for i in range((m - 1) // VECTOR * VECTOR, -1, -VECTOR):
-            copy_transposed(row, l * m + i, m, work, VECTOR * i, VECTOR)
+    step = padded(m)
+    for i in range(step - VECTOR, -1, -VECTOR):
+        place = i
+        for k in range(begin, begin + 2 * rows * width, 2 * width):
+            omega = states[k : k + 2 * width]
+            for l in range(width):
+                along = vector_at(coefficients, 2 * step * l + i)
+                across = vector_at(coefficients, 2 * step * l + step + i)
+                state = state_nd(along, across, splat(omega[2 * l]), splat(omega[2 * l + 1]))
+                store_at(row, place, state)
+                place += m
 
 
 def _fill(three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room):
@@ -206,9 +216,10 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
     n_parts = n_blocks * chunks
     n_tasks = min(n_parts, room.shape[0])
     for task in prange(n_tasks):
-        flat, own, numbers = borrowed(whole), room[task], WIDTH * (m + VECTOR)
-        coefficients, row = own[: 2 * numbers], own[2 * numbers : 3 * numbers]
-        work, states, filled = own[3 * numbers : room_of(m)], own[room_of(m) :], -1
+        flat, own, filled = borrowed(whole), borrowed(room[task]), -1
+        split_at = room_of(m) - length_of_row(m)
+        coefficients, row = own[:split_at], own[split_at : room_of(m)]
+        states = own[room_of(m) :]
         for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
             first = lanes_asked[0] + k // chunks * lanes
             width = min(lanes, lanes_asked[1] - first)
@@ -232,16 +243,16 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
                 status[first:last],
                 missing[task : task + 1],
             )
-            abreast = VECTOR if width == batch and width < VECTOR else 1
             if first != filled:
-                padded = (width * abreast + VECTOR - 1) // VECTOR * VECTOR
-                take_coefficients(along, across, first, width, padded, coefficients)
+                take_coefficients(along, across, first, width, coefficients)
                 filled = first
+            # Rows of all trajectories follow each other.
+            abreast = max(ROW // (width * m), 1) if width == batch else 1
             for r in range(0, bottom - top, abreast):
-                count = width * min(abreast, bottom - top - r)
-                expand(states, 2 * width * r, count, m, coefficients, work, row)
+                count = min(abreast, bottom - top - r)
+                expand(states, 2 * width * r, count, width, m, coefficients, row)
                 target = ((top + r - origin) * batch + first) * m
-                write_numbers(row, 0, flat, target, count * m, line, past_caches)
+                write_numbers(row, 0, flat, target, count * width * m, line, past_caches)
         fence()
 
 

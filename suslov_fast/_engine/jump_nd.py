@@ -165,7 +165,7 @@ class _Reduced:
         if worst(status) < 0:
             failed_at = failed_at.copy()
             unsafe = np.flatnonzero(status < 0)
-            together = max(_TOGETHER // (2 * len(saved) + 2), 1)
+            together = max(_TOGETHER // (problem.omega.shape[1] * (len(saved) + 1)), 1)
             for first in range(0, unsafe.size, together):
                 few = unsafe[first : first + together]
                 rows = np.empty((len(saved), few.size, 2))

@@ -348,7 +348,7 @@ def test_memory_past_the_caches(rng, monkeypatch, batch, m):
     rows = 70 if numba.config.DISABLE_JIT else max(reduced_nd.BEYOND_CACHES // (batch * m), 70)
     if numba.config.DISABLE_JIT:
         monkeypatch.setattr(reduced_nd, "BEYOND_CACHES", 0)
-        monkeypatch.setattr(reduced_nd, "STATES", 2**9)
+        monkeypatch.setattr(reduced_nd, "STATES", 2**12)
     J, I = solved_body(rng, m, "equal")
     body, omega, size = sf.SuslovND(J, I), rng.normal(size=(batch, m)), rows * batch * m
     expected = None

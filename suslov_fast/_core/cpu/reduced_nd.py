@@ -184,13 +184,16 @@ def expand(states, begin, rows, width, m, coefficients, row):
     Vectors of the last components come first: what they write beyond them is written over.
     """
     step = padded(m)
+    apart = 2 * step if width > 1 else 0
+    if width == 1:  # its rows are as trajectories that are all alike
+        rows, width = 1, rows
     for i in range(step - VECTOR, -1, -VECTOR):
         place = i
         for k in range(begin, begin + 2 * rows * width, 2 * width):
             omega = states[k : k + 2 * width]
             for l in range(width):
-                along = vector_at(coefficients, 2 * step * l + i)
-                across = vector_at(coefficients, 2 * step * l + step + i)
+                along = vector_at(coefficients, apart * l + i)
+                across = vector_at(coefficients, apart * l + step + i)
                 state = state_nd(along, across, splat(omega[2 * l]), splat(omega[2 * l + 1]))
                 store_at(row, place, state)
                 place += m

@@ -67,20 +67,28 @@ def bench_nd_peer(measure, components, key):
     )
 
 
-@pytest.mark.parametrize("kind", ["any", "integrable"])
+@pytest.mark.parametrize(
+    ("key", "make", "method"),
+    [
+        ("any", problem_nd, "auto"),
+        ("integrable", isotropic, "auto"),
+        ("integrable-rank2", isotropic, "rank2"),
+    ],
+)
 @pytest.mark.parametrize("components", [3, 8, 32])
-def bench_saved_states(measure, components, kind, all_threads):
+def bench_saved_states(measure, components, key, make, method, all_threads):
     """Into memory that is used again; an integrable body has a closed form."""
-    make = problem_nd if kind == "any" else isotropic
     body, omega0 = make(components, measure.size(4096, 16))
     saved = measure.size(BYTES_SAVED // omega0.nbytes, 4)
     options = {"out": saved_memory(saved, *omega0.shape), "threads": all_threads}
+    options["method"] = method
     measure(
         lambda: iterate(body, omega0, EPS / 2, saved - 1, **options),
         rounds=3,
         table=Table.ND_SAVED,
-        key=kind,
-        label=f"`iterate`, {'an integrable' if kind == 'integrable' else 'any'} body",
+        key=key,
+        label=f"`iterate`, {'any' if make is problem_nd else 'an integrable'} body"
+        + (", every step" if method == "rank2" else ""),
         unit="states",
         work=len(omega0) * saved,
         threads=all_threads,

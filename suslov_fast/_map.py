@@ -117,7 +117,9 @@ def iterate(
         that may meet a pole (they have t >= 1) are iterated until they are past it, and so are runs
         with `attitude`, and runs of fewer than 32 steps that keep only the last state.
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
-        pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto" is
+        pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto"
+        evaluates the closed form as in three dimensions where all J_i are equal, to the last bit,
+        where I has one component and all other J_i are equal, and for n = 3. Elsewhere it is
         "rank2", which was measured to be faster for every n where not several J_i - eps p / 2
         nearly vanish at once; there both eliminate.
     attitude : bool or array_like(float, shape=(..., n, n))

@@ -137,15 +137,18 @@ from suslov_fast._engine import memory
 
 {LARGE[problem]}
 threads = int(sys.argv[1])
-few = sf.SuslovND([1, 2], [0.1, 0.2]) if "ND" in type(body).__name__ else body
-sf.iterate(few, np.ones((2000, 2)), 0.1, 2000, threads=threads)  # compiled before the limit
+few, method = body, "auto"
+if "ND" in type(body).__name__:
+    few, method = sf.SuslovND([1, 2], [0.1, 0.2]), "rank2"
+# Compiled before the limit.
+sf.iterate(few, np.ones((2000, 2)), 0.1, 2000, method=method, threads=threads)
 used = memory._kilobytes(memory._read("/proc/self/status"), "VmSize")
 resource.setrlimit(resource.RLIMIT_AS, (used + {GB}, resource.RLIM_INFINITY))
 for known in (True, False):
     if not known:
         memory.available = lambda: None  # an allocation itself must tell
     try:
-        sf.iterate(body, omega, 0.1, steps, threads=threads)
+        sf.iterate(body, omega, 0.1, steps, method=method, threads=threads)
     except MemoryError as error:
         assert not isinstance(error.__context__, SystemError)
     else:

@@ -107,6 +107,22 @@ class SuslovND:
         _, couplings = np.frexp(abs(self.I).max(axis=-1))
         return np.asarray((smallest + largest) // 2), np.asarray(couplings)
 
+    @cached_property
+    def solved(self) -> NDArray[np.bool_]:
+        """Where J I = b I and J = a on the vectors orthogonal to I, to the last bit, or n < 4."""
+        J, coupled = np.broadcast_arrays(self.J, self.I != 0)
+        several = coupled.sum(axis=-1) > 1
+        # Without the coupled component, if it is one.
+        left_out = coupled & ~several[..., np.newaxis]
+        low = np.where(left_out, np.inf, J).min(axis=-1)
+        solved: NDArray[np.bool_] = low >= np.where(left_out, 0.0, J).max(axis=-1)
+        return solved | ~coupled.any(axis=-1) | (self.dimension == 2)
+
+    @cached_property
+    def any_solved(self) -> bool:
+        """Whether that holds for any body of the batch."""
+        return bool(self.solved.any())
+
     def __eq__(self, other: object) -> bool:
         same: bool = equal(self, other)
         return same

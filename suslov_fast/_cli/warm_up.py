@@ -64,6 +64,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], object]]]:
         kind = f"the closed form for {threads}"
         yield kind, _closed_forms(three, _starts(count, three))
         yield kind, _closed_forms(alike, _starts(count, alike))
+        yield kind, _iterations(alike, _starts(count, alike), ())
 
 
 def _starts(count: int, body: Body) -> FloatArray:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core.formulas.full_map import full_coefficients
-from . import iterate_3d, iterate_full, iterate_nd
+from . import iterate_3d, iterate_full, jump_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
@@ -136,7 +136,7 @@ def _results(
     elif isinstance(run.body, Suslov3D):
         final, status, failed_at, resume = iterate_3d.run(problem)
     else:
-        final, status, failed_at, resume = iterate_nd.run(problem)
+        final, status, failed_at, resume = jump_nd.run(problem, run.body, run.batch)
     final = final.reshape((*run.batch, run.dimension))
     if saved is None:
         saved = final[np.newaxis]

@@ -79,7 +79,7 @@ def results_nd(body, eps):
     m = body.dimension
     for scale in (1.0, 40.0):
         omega = scale * numbers(6, -2, 2, 41, m)
-        for method in ("gauss", "rank2"):
+        for method in ("auto", "gauss", "rank2"):
             yield f"{method} {scale:g}", *run(body, omega, eps, 100, method=method)
         yield from of_states(body, omega, eps, f"{scale:g}")
 

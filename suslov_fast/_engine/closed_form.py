@@ -102,7 +102,7 @@ def _fill(
     for lanes, rows in slices(len(states), times.size) if not runs else ():
         _threads.run(
             loops.fill,
-            (lanes[1] - lanes[0]) * (loops.ENTERING + (rows[1] - rows[0]) * loops.WORK),
+            (lanes[1] - lanes[0]) * (loops.ENTERING + (rows[1] - rows[0]) * loops.EVALUATING),
             threads,
             flow,
             *parameters,

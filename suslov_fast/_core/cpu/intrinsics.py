@@ -9,11 +9,11 @@ import operator
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, overload, register_model
+from numba.core.typing.templates import AbstractTemplate, ConcreteTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, overload
 
+from ..lanewise import CONDITIONS, DOUBLES, IN_LLVM, VECTOR, spread
 from .vector import (
-    VECTOR,
     all_lanes,
     borrowed,
     copy_transposed,
@@ -23,7 +23,6 @@ from .vector import (
     on_stack,
     pairs_at,
     scatter_pairs,
-    select,
     splat,
     store,
     store_at,
@@ -32,26 +31,6 @@ from .vector import (
     stream_pairs,
     vector_at,
 )
-
-
-class Lanes(types.Type):
-    """VECTOR values of one type."""
-
-    def __init__(self, element):
-        super().__init__(f"lanes({element})")
-
-
-DOUBLES, CONDITIONS = Lanes(types.float64), Lanes(types.boolean)
-_LLVM = {
-    DOUBLES: ir.VectorType(ir.DoubleType(), VECTOR),
-    CONDITIONS: ir.VectorType(ir.IntType(1), VECTOR),
-}
-
-
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager, lanes):
-        super().__init__(manager, lanes, _LLVM[lanes])
 
 
 def _define(function, returns, *accepts):
@@ -64,20 +43,11 @@ def _define(function, returns, *accepts):
     return lower_builtin(function, *accepts)
 
 
-def _spread(builder, value):
-    """A vector as it is, a number in all lanes."""
-    if value.type == _LLVM[DOUBLES]:
-        return value
-    index = ir.IntType(32)
-    vector = builder.insert_element(_LLVM[DOUBLES](ir.Undefined), value, index(0))
-    return builder.shuffle_vector(vector, vector, ir.VectorType(index, VECTOR)(None))
-
-
 def _define_operator(function, returns, emit):
     """Of two vectors, or of a vector and a number."""
 
     def generate(context, builder, signature, arguments):
-        return emit(builder, *(_spread(builder, value) for value in arguments))
+        return emit(builder, *(spread(builder, value) for value in arguments))
 
     _define(function, returns, DOUBLES, DOUBLES)(generate)
     _define(function, returns, DOUBLES, types.float64)(generate)
@@ -105,19 +75,14 @@ def _neg(context, builder, signature, arguments):
 
 @_define(abs, DOUBLES, DOUBLES)
 def _abs(context, builder, signature, arguments):
-    kind = ir.FunctionType(_LLVM[DOUBLES], [_LLVM[DOUBLES]])
+    kind = ir.FunctionType(IN_LLVM[DOUBLES], [IN_LLVM[DOUBLES]])
     fabs = builder.module.declare_intrinsic(f"llvm.fabs.v{VECTOR}f64", fnty=kind)
     return builder.call(fabs, arguments)
 
 
 @_define(splat, DOUBLES, types.float64)
 def _splat(context, builder, signature, arguments):
-    return _spread(builder, *arguments)
-
-
-@_define(select, DOUBLES, CONDITIONS, DOUBLES, DOUBLES)
-def _select(context, builder, signature, arguments):
-    return builder.select(*arguments)
+    return spread(builder, *arguments)
 
 
 @_define(all_lanes, types.boolean, CONDITIONS)
@@ -139,7 +104,7 @@ def _place(context, builder, array_type, array, indices):
     array = context.make_array(array_type)(context, builder, array)
     lengths = cgutils.unpack_tuple(builder, array.shape)[:-1]
     first = builder.mul(_row(builder, indices, lengths), indices[0].type(VECTOR))
-    return builder.bitcast(builder.gep(array.data, [first]), _LLVM[DOUBLES].as_pointer())
+    return builder.bitcast(builder.gep(array.data, [first]), IN_LLVM[DOUBLES].as_pointer())
 
 
 def _define_access(dimension):
@@ -174,12 +139,12 @@ def _element(context, builder, array, index, kind):
 
 @_define(vector_at, DOUBLES, _FLAT, _INDEX)
 def _vector_at(context, builder, signature, arguments):
-    return builder.load(_element(context, builder, *arguments, _LLVM[DOUBLES]), align=8)
+    return builder.load(_element(context, builder, *arguments, IN_LLVM[DOUBLES]), align=8)
 
 
 @_define(pairs_at, types.UniTuple(DOUBLES, 2), _FLAT, _INDEX)
 def _pairs_at(context, builder, signature, arguments):
-    place = _element(context, builder, *arguments, _LLVM[DOUBLES])
+    place = _element(context, builder, *arguments, IN_LLVM[DOUBLES])
     first, second = (
         builder.load(builder.gep(place, [ir.IntType(32)(half)]), align=8) for half in range(2)
     )
@@ -192,7 +157,7 @@ def _pairs_at(context, builder, signature, arguments):
 @_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)
 def _store_at(context, builder, signature, arguments):
     array, index, vector = arguments
-    builder.store(vector, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
+    builder.store(vector, _element(context, builder, array, index, IN_LLVM[DOUBLES]), align=8)
     return context.get_dummy_value()
 
 
@@ -205,7 +170,7 @@ def _stream(builder, vector, place):
 @_define(stream, types.void, _FLAT, _INDEX, DOUBLES)
 def _stream_vector(context, builder, signature, arguments):
     array, index, vector = arguments
-    _stream(builder, vector, _element(context, builder, array, index, _LLVM[DOUBLES]))
+    _stream(builder, vector, _element(context, builder, array, index, IN_LLVM[DOUBLES]))
     return context.get_dummy_value()
 
 
@@ -215,7 +180,7 @@ def _define_pairs(function, write):
     @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
     def _pairs(context, builder, signature, arguments):
         array, index, first, second = arguments
-        place = _element(context, builder, array, index, _LLVM[DOUBLES])
+        place = _element(context, builder, array, index, IN_LLVM[DOUBLES])
         for half in range(2):
             lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
             mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
@@ -245,7 +210,7 @@ def _copy_transposed(context, builder, signature, arguments):
     array, index, stride, source, first, distance = arguments
     rows = []
     for _ in range(VECTOR):
-        place = _element(context, builder, source, first, _LLVM[DOUBLES])
+        place = _element(context, builder, source, first, IN_LLVM[DOUBLES])
         rows.append(builder.load(place, align=8))
         first = builder.add(first, distance)
     # Squares of 1, 2 and 4 numbers change places with their mirror images.
@@ -264,7 +229,7 @@ def _copy_transposed(context, builder, signature, arguments):
             for i in range(VECTOR)
         ]
     for row in rows:
-        builder.store(row, _element(context, builder, array, index, _LLVM[DOUBLES]), align=8)
+        builder.store(row, _element(context, builder, array, index, IN_LLVM[DOUBLES]), align=8)
         index = builder.add(index, stride)
     return context.get_dummy_value()
 
@@ -321,25 +286,23 @@ def _overload_on_stack(rows, lanes):
     return lambda rows, lanes: _on_stack(rows, lanes)
 
 
-@intrinsic
-def _borrowed(typing_context, array):
-    def generate(context, builder, signature, arguments):
-        kind = signature.return_type
-        given = context.make_array(kind)(context, builder, *arguments)
-        result = context.make_array(kind)(context, builder)
-        context.populate_array(
-            result,
-            data=given.data,
-            shape=given.shape,
-            strides=given.strides,
-            itemsize=given.itemsize,
-            meminfo=None,
-        )
-        return result._getvalue()
-
-    return array(array), generate
+@infer_global(borrowed)
+class _Borrowed(AbstractTemplate):
+    def generic(self, arguments, options):
+        (array,) = arguments
+        return signature(types.Array(array.dtype, 1, "C"), array)
 
 
-@overload(borrowed, inline="always")
-def _overload_borrowed(array):
-    return lambda array: _borrowed(array)
+@lower_builtin(borrowed, types.Array)
+def _borrow(context, builder, signature, arguments):
+    given = context.make_array(signature.args[0])(context, builder, *arguments)
+    result = context.make_array(signature.return_type)(context, builder)
+    context.populate_array(
+        result,
+        data=given.data,
+        shape=[given.nitems],
+        strides=[given.itemsize],
+        itemsize=given.itemsize,
+        meminfo=None,
+    )
+    return result._getvalue()

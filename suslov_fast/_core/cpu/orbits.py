@@ -1,11 +1,12 @@
 """What is known of the orbits of a block before any time is, and their states at one.
 
-given   (7, WIDTH): the bodies, the step sizes and the states, as in `blocks`.
-body    (BODY, WIDTH): what the rows named below hold of each body and step size.
-orbit   (ORBIT, WIDTH): what the rows named below hold of each orbit.
-work    (WORK_ROWS, WIDTH): the numbers of steps, and what is made of them.
+Arrays of a block are flat, with rows of WIDTH numbers, one for each lane:
 
-Short passes over lanes with few results each: one loop over all of this would not be vectorised.
+given   the bodies, the step sizes and the states, as in `blocks`.
+body    what the rows named below hold of each body and step size; lane 0 alone where all orbits
+        share it.
+orbit   what the rows named below hold of each orbit.
+work    the times, and the states then.
 """
 
 import numpy as np
@@ -27,266 +28,251 @@ from ..formulas.closed_form import (
     spread_of_body,
 )
 from ..formulas.coordinates import at_rest, canonical_body, canonical_state, from_canonical
-from ..formulas.elementary import exponent, scaled
+from ..formulas.elementary import exponent, two_to_the, within
 from ..jit import part
-from .blocks import gather_bodies, gather_states, in_whole_vectors
+from ..lanewise import any_lane, lanewise, larger, select, smaller
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
+from .blocks import gather_pairs, spread
+from .vector import VECTOR
 
-# Trajectories of a block.
-WIDTH = 64
+# Trajectories of a block, and those that are worked on at once: two vectors, as an operation on one
+# would wait for the one before.
+WIDTH, ABREAST = 64, 2 * VECTOR
+# Orbits whose (X, Y) is in a unit above 2 to the power of this are left to iteration.
+LARGE_UNIT = 900.0
 
-# Rows of `body`: the step size divided by its power of two, and the exponent of that; the matrix
+# Where the rows of `given` lie.
+GIVEN = 7 * WIDTH
+I1_, I2_, I13_, I23_, EPS, GIVEN1, GIVEN2 = range(0, GIVEN, WIDTH)
+# Those of `body`: the step size divided by a power of two, and the exponent of that; the matrix
 # from (X, Y) of such a step size to omega; `spread_of_body`; and what `canonical_body` returns.
-OWN_EPS, EXPONENT, M11, M12, M21, M22, SPREAD = range(7)
-A2_, A2_LOST, C1, C1_LOST, C2, C2_LOST, INVERSE, ROOT = range(7, 15)
-BODY = 15
-# Rows of `orbit`: omega = (A1 A + B1 B, A2 A + B2 B); then what A and B are made of, as the
-# formulas of the closed form say; the unit of time as a product; whether the first state is far
-# out; whether it is a number; and the status of the orbit after any number of steps forward.
-A1, B1, A2, B2, KAPPA, V, K, LAG, R, LOG, LOG_LOST, G, H, UNIT1, UNIT2, FAR, KNOWN, CODE = range(18)
-ORBIT = 18
-# Rows of `work`. While an orbit is entered they hold other things.
-N, STEPS, F, E, A, B, OMEGA1, OMEGA2 = range(8)
-WORK_ROWS = 8
-X, Y, LOST, T, T_LOST, OWN, SCALE = range(7)
+BODY = 15 * WIDTH
+OWN_EPS, EXPONENT, M11, M12, M21, M22, SPREAD, *CANONICAL = range(0, BODY, WIDTH)
+# Those of `orbit`: omega = (A1 A + B1 B, A2 A + B2 B); then what A and B are made of, as the
+# formulas of the closed form say; the unit of time as a product; X, Y and T at time 0; whether the
+# first state is far out; whether it is a number; and the status of the orbit after any number of
+# steps forward.
+ORBIT = 19 * WIDTH
+A1, B1, A2, B2, KAPPA, V, K, LAG, R, *_REST = range(0, ORBIT, WIDTH)
+LOG, LOG_LOST, UNIT1, UNIT2, X0, Y0, T0, FAR, KNOWN, CODE = _REST
+# Those of `work`.
+WORK = 3 * WIDTH
+N, OMEGA1, OMEGA2 = range(0, WORK, WIDTH)
+
+
+def lanes_at(array, index):
+    """The ABREAST numbers that start at an element."""
+    return array[index:][:ABREAST].copy()
+
+
+def store_lanes(array, index, lanes):
+    """The reverse of `lanes_at`."""
+    array[index:][:ABREAST] = lanes
+
+
+@lanewise
+def enter_body(given, body, l):
+    """What depends on the bodies and the step sizes of lanes l, l + 1, ... alone."""
+    I1, I2, I13, I23, eps = (lanes_at(given, row + l) for row in range(0, GIVEN1, WIDTH))
+    power = exponent(eps)
+    own_eps = eps * two_to_the(-power)
+    matrix = from_canonical(I1, I2, I13, I23, own_eps)
+    of_body = own_eps, power, *matrix, spread_of_body(I1, I2), *canonical_body(I1, I2, I13, I23)
+    for row, value in zip(range(0, BODY, WIDTH), of_body, strict=True):
+        store_lanes(body, row + l, value)
 
 
 @part
-def any_of(row, lanes):
-    """Whether a number of a row is not 0; `any` of a comparison would allocate."""
-    total = 0.0
-    for l in range(lanes):
-        total = max(total, abs(row[l]))
-    return total != 0.0
+def in_whole(width):
+    """The lanes in use for so many trajectories or times."""
+    return (width + ABREAST - 1) // ABREAST * ABREAST
 
 
 @part
-def enter_bodies(I1, I2, I13, I23, eps, first, width, lanes, given, body):
-    """Gather the bodies and the step sizes of a block, and find what depends on them alone."""
-    gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
-    for l in range(lanes):
-        power = exponent(given[4, l])
-        body[EXPONENT, l], body[OWN_EPS, l] = power, scaled(given[4, l], -power)
-        body[SPREAD, l] = spread_of_body(given[0, l], given[1, l])
-    for l in range(lanes):
-        body[M11, l], body[M12, l], body[M21, l], body[M22, l] = from_canonical(
-            given[0, l], given[1, l], given[2, l], given[3, l], body[OWN_EPS, l]
-        )
-    for l in range(lanes):
-        (
-            body[A2_, l],
-            body[A2_LOST, l],
-            body[C1, l],
-            body[C1_LOST, l],
-            body[C2, l],
-            body[C2_LOST, l],
-            body[INVERSE, l],
-            body[ROOT, l],
-        ) = canonical_body(given[0, l], given[1, l], given[2, l], given[3, l])
-
-
-@part
-def enter_block(I1, I2, I13, I23, eps, states, first, width, entered, given, body):
+def enter_block(bodies, states, first, width, entered, given, body):
     """Gather the trajectories of a block; lanes beyond its width hold harmless numbers.
 
-    entered   the number of the block before it in `given`, or -1: bodies that all share are
-              entered once.
+    bodies    I1, I2, I13, I23 and eps.
+    entered   the number of the block before it in `given`, or -1: a body that all share is entered
+              once.
+    returns   the lanes in use, and by how much the lanes of `body` differ from one to the next.
     """
-    shared = I1.size * I2.size * I13.size * I23.size * eps.size == 1
-    lanes = in_whole_vectors(width)
+    shared = True
+    for parameter in bodies:
+        shared &= parameter.size == 1
+    lanes = in_whole(width)
     if entered < 0 or not shared:
-        # The first block may be narrower than those after it.
-        of_bodies = in_whole_vectors(min(states.size // 2, WIDTH)) if shared else lanes
-        enter_bodies(I1, I2, I13, I23, eps, first, width, of_bodies, given, body)
-    gather_states(states, first, width, lanes, given)
-    return lanes
+        of_bodies = ABREAST if shared else lanes
+        row = 0
+        for parameter in bodies:
+            spread(parameter, first, width, of_bodies, given[row : row + WIDTH])
+            row += WIDTH
+        for l in range(0, of_bodies, ABREAST):
+            enter_body(given, body, l)
+    gather_pairs(states, first, width, given[GIVEN1 : GIVEN1 + WIDTH], given[GIVEN2:])
+    for l in range(width, lanes):
+        given[GIVEN1 + l], given[GIVEN2 + l] = 1.0, 1.0
+    return lanes, 0 if shared else 1
 
 
-@part
-def enter_units(flow, given, body, orbit, work, lanes):
-    """X, Y and what it lost; the unit of time, and the exponent of the unit of omega / (X, Y)."""
-    for l in range(lanes):
-        work[OWN, l] = exponent(max(abs(given[5, l]), abs(given[6, l])))
-    for l in range(lanes):
-        own = work[OWN, l]
-        work[X, l], work[Y, l], work[LOST, l] = canonical_state(
-            given[2, l],
-            given[3, l],
-            body[A2_, l],
-            body[A2_LOST, l],
-            body[C1, l],
-            body[C1_LOST, l],
-            body[C2, l],
-            body[C2_LOST, l],
-            body[INVERSE, l],
-            body[ROOT, l],
-            body[OWN_EPS, l],
-            scaled(given[5, l], -own),
-            scaled(given[6, l], -own),
+def _entering(flow):
+    """All that is known of some orbits before any time is."""
+
+    @lanewise
+    def enter_orbit(back, given, body, orbit, l, b):
+        """Of lanes l, l + 1, ..., whose bodies are in lanes b, b + 1, ...
+
+        back   1, or -1 for what is known of them back in time.
+        """
+        omega1, omega2 = lanes_at(given, GIVEN1 + l), lanes_at(given, GIVEN2 + l)
+        I13, I23, eps = (lanes_at(given, row + b) for row in (I13_, I23_, EPS))
+        own_eps, e = lanes_at(body, OWN_EPS + b), lanes_at(body, EXPONENT + b)
+        canonical = (lanes_at(body, row + b) for row in CANONICAL)
+        largest = larger(abs(omega1), abs(omega2))
+        o = exponent(largest)
+        inverse = two_to_the(-o)
+        X, Y, lost = canonical_state(
+            I13, I23, *canonical, own_eps, omega1 * inverse, omega2 * inverse
         )
-    for l in range(lanes):
-        e, o = body[EXPONENT, l], work[OWN, l]
-        own = -exponent(max(abs(work[X, l]), abs(work[Y, l])))
-        unit = own if flow else max(min(e + o, 2000.0), -2000.0)
-        work[SCALE, l] = o - own if flow else -e
-        time = max(min(e + o - own, 2000.0), -2000.0) if flow else 0.0
-        orbit[UNIT1, l] = scaled(1.0, max(min(time, 1000.0), -1000.0))
-        orbit[UNIT2, l] = scaled(1.0, time - max(min(time, 1000.0), -1000.0))
-        work[X, l], work[Y, l] = scaled(work[X, l], unit), scaled(work[Y, l], unit)
-        work[LOST, l] = scaled(work[LOST, l], unit)
+        # The unit of (X, Y), that of omega / (X, Y) as a product, and the unit of time as one.
+        if flow:
+            unit = -exponent(larger(abs(X), abs(Y)))
+            scale1, scale2 = two_to_the(-unit), two_to_the(o)
+            time = within(e + o - unit, 2000.0)
+            near = within(time, 1000.0)
+            unit1, unit2 = two_to_the(near), two_to_the(time - near)
+        else:
+            unit, scale1, scale2, unit1, unit2 = e + o, two_to_the(-e), 1.0, 1.0, 1.0
+        factor = two_to_the(within(unit, 1022.0))
+        X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
 
+        # T or K as a sum, r, and log |r| as a sum.
+        if flow:
+            T, T_lost = level_of_flow(X, Y, lost)
+            r, log_r, log_lost, one, lag = 1.0, -2.0 * T, -2.0 * T_lost, 1.0, 0.0
+            of_x = 4.0 * T
+        else:
+            T, r = ratio_of_map(X, Y, lost)
+            T, T_lost = level_of_map(X, Y, lost, T, r)
+            log_r, log_lost = logarithm_of_ratio(T, T_lost, r)
+            one, lag = 1.0 + T, 1.0
+            of_x = 4.0 * (T / one)
+        v, k, lag = first_of_sequence(X, Y, T, one, lag)
+        of_y = back * T
+        m11, m12, m21, m22 = (lanes_at(body, row + b) for row in (M11, M12, M21, M22))
 
-@part
-def enter_levels(flow, work, orbit, lanes):
-    """T or K as a sum, log |r| as a sum, and r."""
-    if flow:
-        for l in range(lanes):
-            work[T, l], work[T_LOST, l] = level_of_flow(work[X, l], work[Y, l], work[LOST, l])
-            orbit[R, l] = 1.0
-            orbit[LOG, l], orbit[LOG_LOST, l] = -2.0 * work[T, l], -2.0 * work[T_LOST, l]
-        return
-    for l in range(lanes):
-        work[T, l], orbit[R, l] = ratio_of_map(work[X, l], work[Y, l], work[LOST, l])
-    for l in range(lanes):
-        work[T, l], work[T_LOST, l] = level_of_map(
-            work[X, l], work[Y, l], work[LOST, l], work[T, l], orbit[R, l]
-        )
-    for l in range(lanes):
-        orbit[LOG, l], orbit[LOG_LOST, l] = logarithm_of_ratio(
-            work[T, l], work[T_LOST, l], orbit[R, l]
-        )
-
-
-@part
-def enter_sequences(flow, back, body, orbit, work, lanes):
-    for l in range(lanes):
-        one, lag = (1.0, 0.0) if flow else (1.0 + work[T, l], 1.0)
-        orbit[V, l], orbit[K, l], orbit[LAG, l] = first_of_sequence(
-            work[X, l], work[Y, l], work[T, l], one, lag
-        )
-    for l in range(lanes):
-        orbit[KAPPA, l] = 2.0 * orbit[R, l]
-        orbit[H, l] = work[Y, l] / work[T, l]
-        orbit[G, l] = 0.5 * work[X, l] * (1.0 / work[T, l] + 1.0)
-        far = (orbit[R, l] <= 0.0) & (abs(work[Y, l]) > FAR_OUT * work[T, l])
-        orbit[FAR, l] = 1.0 if far else 0.0
-    for l in range(lanes):
-        share = 4.0 * (work[T, l] if flow else work[T, l] / (1.0 + work[T, l]))
-        level, scale = back * work[T, l], work[SCALE, l]
-        orbit[A1, l] = scaled(body[M11, l] * share, scale)
-        orbit[B1, l] = scaled(body[M12, l] * level, scale)
-        orbit[A2, l] = scaled(body[M21, l] * share, scale)
-        orbit[B2, l] = scaled(body[M22, l] * level, scale)
-
-
-@part
-def find_rest(flow, given, body, work, lanes):
-    """Mark states that do not move, in OWN, and those from which no other is known, in SCALE.
-
-    Next to (0, 1) none follows; and beyond the range of float64 none is computed. Returns whether
-    there are any.
-    """
-    for l in range(lanes):
-        rests = work[X, l] == 0.0
+        # States that do not move are what their B alone makes. Next to (0, 1) none follows; and
+        # beyond the range of float64 none is computed.
+        rests, ends = X == 0.0, omega1 + omega2 != omega1 + omega2
+        known = select(ends, 0.0, 1.0)
         if not flow:
-            rests = rests | at_rest(given[2, l], given[3, l], given[4, l], work[X, l], work[Y, l])
-        work[OWN, l] = 1.0 if rests else 0.0
-    for l in range(lanes):
-        rests = work[OWN, l] != 0.0
-        largest = max(abs(given[5, l]), abs(given[6, l]))
-        nowhere = rests & ((1.0 - work[Y, l]) - work[LOST, l] == 0.0)
-        beyond = (not rests) & out_of_range(work[X, l], largest * body[SPREAD, l])
-        unknown = given[5, l] + given[6, l] != given[5, l] + given[6, l]
-        work[SCALE, l] = 1.0 if unknown | ((not flow) & (nowhere | beyond)) else 0.0
-    return any_of(work[OWN], lanes) or any_of(work[SCALE], lanes)
-
-
-@part
-def enter_rest(given, orbit, work, lanes):
-    """States that do not move are what their B alone makes."""
-    for l in range(lanes):
-        rests, ends = work[OWN, l] != 0.0, work[SCALE, l] != 0.0
-        orbit[A1, l], orbit[A2, l] = 0.0 if rests else orbit[A1, l], 0.0 if rests else orbit[A2, l]
-        b1, b2 = -given[5, l] if rests else orbit[B1, l], -given[6, l] if rests else orbit[B2, l]
-        orbit[B1, l], orbit[B2, l] = np.nan if ends else b1, np.nan if ends else b2
-        orbit[R, l] = 1.0 if rests else orbit[R, l]
-    for k in (KAPPA, V, K, LAG, LOG, LOG_LOST, FAR):
-        for l in range(lanes):
-            orbit[k, l] = 0.0 if work[OWN, l] != 0.0 else orbit[k, l]
-    for l in range(lanes):
-        state = given[5, l] + given[6, l]
-        orbit[KNOWN, l] = 1.0 if state == state else 0.0
-        code = OK if work[OWN, l] != 0.0 else orbit[CODE, l]
-        orbit[CODE, l] = NONFINITE if work[SCALE, l] != 0.0 else code
-
-
-@part
-def enter_orbits(flow, back, given, body, orbit, work, lanes):
-    """All that is known of the orbits before any time is: forward, or back in time."""
-    enter_units(flow, given, body, orbit, work, lanes)
-    for l in range(lanes):
-        work[Y, l], work[LOST, l] = back * work[Y, l], back * work[LOST, l]
-    enter_levels(flow, work, orbit, lanes)
-    enter_sequences(flow, back, body, orbit, work, lanes)
-    for l in range(lanes):
-        y = work[Y, l]
-        orbit[KNOWN, l] = 1.0
+            beyond = out_of_range(X, largest * lanes_at(body, SPREAD + b))
+            rests = rests | at_rest(I13, I23, eps, X, Y)
+            ends = ends | select(rests, (1.0 - Y) - lost == 0.0, beyond | (unit > LARGE_UNIT))
         # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1.
-        code = SUPERCRITICAL if y <= -1.0 else OK
-        orbit[CODE, l] = NONFINITE if y >= 1.0 else code
-    if find_rest(flow, given, body, work, lanes):
-        enter_rest(given, orbit, work, lanes)
+        code = select(
+            Y >= 1.0, float(NONFINITE), select(Y <= -1.0, float(SUPERCRITICAL), float(OK))
+        )
+        code = select(ends, float(NONFINITE), select(rests, float(OK), code))
+        far = select((r <= 0.0) & (abs(Y) > FAR_OUT * T), 1.0, 0.0)
+        of_orbit = (
+            select(rests, 0.0, m11 * of_x * scale1 * scale2),
+            select(ends, np.nan, select(rests, -omega1, m12 * of_y * scale1 * scale2)),
+            select(rests, 0.0, m21 * of_x * scale1 * scale2),
+            select(ends, np.nan, select(rests, -omega2, m22 * of_y * scale1 * scale2)),
+            *(select(rests, 0.0, value) for value in (2.0 * r, v, k, lag)),
+            select(rests, 1.0, r),
+            *(select(rests, 0.0, value) for value in (log_r, log_lost)),
+            unit1,
+            unit2,
+            X,
+            Y,
+            T,
+            select(rests, 0.0, far),
+            known,
+            code,
+        )
+        for row, value in zip(range(0, ORBIT, WIDTH), of_orbit, strict=True):
+            store_lanes(orbit, row + l, value)
+
+    return enter_orbit
+
+
+enter_orbit_of_map, enter_orbit_of_flow = _entering(False), _entering(True)
 
 
 @part
-def grow(orbit, work, lanes):
-    """The w after the numbers of steps in row STEPS, as F 2**E."""
-    for l in range(lanes):
-        steps = work[STEPS, l] * orbit[UNIT1, l] * orbit[UNIT2, l]
-        work[STEPS, l] = min(steps, LONG_TIME)
-    for l in range(lanes):
-        work[F, l], work[E, l] = growth(
-            work[STEPS, l],
-            orbit[LAG, l],
-            orbit[R, l],
-            orbit[LOG, l],
-            orbit[LOG_LOST, l],
-            orbit[V, l],
-            orbit[K, l],
-        )
+def enter_orbits(flow, back, given, body, orbit, lanes, step):
+    """All that is known of the orbits before any time is: forward, or back in time."""
+    for l in range(0, lanes, ABREAST):
+        if flow:
+            enter_orbit_of_flow(back, given, body, orbit, l, step * l)
+        else:
+            enter_orbit_of_map(back, given, body, orbit, l, step * l)
+
+
+@lanewise
+def after(n, orbit, l):
+    """The w after |n| steps, or after that time, as f 2**k."""
+    steps = abs(n) * lanes_at(orbit, UNIT1 + l) * lanes_at(orbit, UNIT2 + l)
+    lag, r, log_r, lost, v, k = (lanes_at(orbit, row + l) for row in (LAG, R, LOG, LOG_LOST, V, K))
+    return growth(smaller(steps, LONG_TIME), lag, r, log_r, lost, v, k)
+
+
+@lanewise
+def put_state(A, B, orbit, work, l):
+    """Put what A and B make into `work`; whether a state is NaN without a reason before time 0."""
+    a1, b1, a2, b2 = (lanes_at(orbit, row + l) for row in (A1, B1, A2, B2))
+    omega1, omega2 = combined(a1, b1, a2, b2, A, B)
+    store_lanes(work, OMEGA1 + l, omega1)
+    store_lanes(work, OMEGA2 + l, omega2)
+    known = lanes_at(orbit, KNOWN + l) != 0.0
+    return any_lane((omega1 + omega2 != omega1 + omega2) & known)
+
+
+@lanewise
+def state_at(orbit, work, l):
+    """The states of lanes l, l + 1, ... at their times; whether any needs another form."""
+    f, k = after(lanes_at(work, N + l), orbit, l)
+    A, B = orbit_point(f, k, lanes_at(orbit, KAPPA + l))
+    return put_state(A, B, orbit, work, l), any_lane(lanes_at(orbit, FAR + l) != 0.0)
+
+
+@lanewise
+def far_state_at(orbit, work, l):
+    """The same for those of them that are far out."""
+    n = lanes_at(work, N + l)
+    f, k = after(n, orbit, l)
+    near = orbit_point(f, k, lanes_at(orbit, KAPPA + l))
+    r, log_r, lost, X, Y, T = (lanes_at(orbit, row + l) for row in (R, LOG, LOG_LOST, X0, Y0, T0))
+    far = far_point(smaller(abs(n), LONG_TIME), r, log_r, lost, 0.5 * X * (1.0 / T + 1.0), Y / T)
+    is_far = lanes_at(orbit, FAR + l) != 0.0
+    A, B = (select(is_far, *values) for values in zip(far, near, strict=True))
+    return put_state(A, B, orbit, work, l)
 
 
 @part
 def states_at(orbit, work, lanes):
-    """The states of a block at the numbers of steps |n| in its row N, one for each lane."""
-    for l in range(lanes):
-        work[STEPS, l] = abs(work[N, l])
-    grow(orbit, work, lanes)
-    for l in range(lanes):
-        work[A, l], work[B, l] = orbit_point(work[F, l], work[E, l], orbit[KAPPA, l])
-    if any_of(orbit[FAR], lanes):
-        for l in range(lanes):
-            work[F, l], work[E, l] = far_point(
-                work[STEPS, l],
-                orbit[R, l],
-                orbit[LOG, l],
-                orbit[LOG_LOST, l],
-                orbit[G, l],
-                orbit[H, l],
-            )
-        for l in range(lanes):
-            work[A, l] = work[F, l] if orbit[FAR, l] != 0.0 else work[A, l]
-            work[B, l] = work[E, l] if orbit[FAR, l] != 0.0 else work[B, l]
-    for l in range(lanes):
-        work[OMEGA1, l], work[OMEGA2, l] = combined(
-            orbit[A1, l], orbit[B1, l], orbit[A2, l], orbit[B2, l], work[A, l], work[B, l]
-        )
+    """The states of a block at the numbers of steps |n| in its row N, one for each lane.
+
+    Returns whether `count_missing` would find any.
+    """
+    found = False
+    for l in range(0, lanes, ABREAST):
+        missing, far = state_at(orbit, work, l)
+        if far:
+            missing = far_state_at(orbit, work, l)
+        found |= missing
+    return found
 
 
 @part
 def count_missing(orbit, work, lanes, missing):
-    """Count states that are NaN without a reason before time 0."""
+    """Count states that are NaN without a reason before time 0.
+
+    missing   (2,): those at steps of the map, and those between.
+    """
     for l in range(lanes):
-        if (work[OMEGA1, l] + work[OMEGA2, l] != work[OMEGA1, l] + work[OMEGA2, l]) & (
-            orbit[KNOWN, l] != 0.0
-        ):
-            missing[0 if np.floor(work[N, l]) == work[N, l] else 1] += 1
+        total = work[OMEGA1 + l] + work[OMEGA2 + l]
+        if (total != total) & (orbit[KNOWN + l] != 0.0):
+            missing[0 if np.floor(work[N + l]) == work[N + l] else 1] += 1

@@ -8,19 +8,13 @@ line   how many numbers lie before its first cache line.
 import numpy as np
 
 from ..jit import part
-from .orbits import WIDTH
+from .orbits import CODE, WIDTH
 from .vector import VECTOR, expect_store, store_at, store_pairs, stream, vector_at
 
 # Numbers of a tile: it stays in the first cache with all that is made of a block.
 TILE = 1024
 # Results of so many numbers are written past the caches.
 BEYOND_CACHES = 2**21
-
-
-@part
-def rows_of(room, first, rows):
-    """Rows of WIDTH lanes, of all that a task works in."""
-    return room[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))
 
 
 @part
@@ -64,11 +58,12 @@ def expect_rows(flat, place, direction, rows, batch, first, width):
 
 
 @part
-def put_pairs(row1, row2, tile, place, width):
-    """Write VECTOR or more lanes of two rows to a tile as pairs."""
+def put_pairs(rows, row, tile, place, width):
+    """Write VECTOR or more lanes of two rows, one after the other, to a tile as pairs."""
     for k in range(0, width, VECTOR):
         l = min(k, width - VECTOR)  # the last vector of a row stays within it
-        store_pairs(tile, place + 2 * l, vector_at(row1, l), vector_at(row2, l))
+        pair = vector_at(rows, row + l), vector_at(rows, row + WIDTH + l)
+        store_pairs(tile, place + 2 * l, *pair)
 
 
 @part
@@ -92,8 +87,8 @@ def first_and_width(block, shift, batch):
 
 
 @part
-def write_codes(codes, first, width, status):
+def write_codes(orbit, first, width, status):
     """Statuses of the trajectories of a block."""
-    some = status[first : first + width]
+    some, codes = status[first : first + width], orbit[CODE : CODE + WIDTH]
     for l in range(width):
         some[l] = np.int8(codes[l])

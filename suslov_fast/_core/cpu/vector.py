@@ -7,9 +7,10 @@ Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy
 import numpy as np
 
 from ..jit import part
-
-# Doubles in the widest registers; the compiler splits them where registers are narrower.
-VECTOR = 8
+from ..lanewise import VECTOR as VECTOR
+from ..lanewise import larger as larger
+from ..lanewise import select as select
+from ..lanewise import smaller as smaller
 
 
 @part
@@ -30,11 +31,11 @@ def on_stack(rows, lanes):
 
 
 def borrowed(array):
-    """The array, whose references are not counted: the caller keeps it.
+    """All numbers of a C-contiguous array, flat, whose references are not counted.
 
-    A count waits until all that was written past the caches has arrived.
+    The caller keeps it. A count waits until all that was written past the caches has arrived.
     """
-    return array
+    return array.reshape(array.size)
 
 
 @part
@@ -58,26 +59,9 @@ def splat(number):
     return np.full(VECTOR, number)
 
 
-def select(conditions, first, second):
-    """The first where a condition holds, the second elsewhere."""
-    return np.where(conditions, first, second)
-
-
 def all_lanes(conditions):
     """Whether the conditions of all lanes hold."""
     return bool(conditions.all())
-
-
-@part
-def larger(a, b):
-    """b where one is NaN."""
-    return select(a > b, a, b)
-
-
-@part
-def smaller(a, b):
-    """b where one is NaN."""
-    return select(a < b, a, b)
 
 
 # Ways to read and write memory; arrays are flat, indices those of elements.
@@ -85,12 +69,12 @@ def smaller(a, b):
 
 def vector_at(array, index):
     """The vector that starts at an element."""
-    return array[index : index + VECTOR].copy()
+    return array[index:][:VECTOR].copy()
 
 
 def store_at(array, index, vector):
     """The reverse of `vector_at`."""
-    array[index : index + VECTOR] = vector
+    array[index:][:VECTOR] = vector
 
 
 def pairs_at(array, index):

@@ -22,9 +22,9 @@ log r is held as a sum of two numbers: n log r is large where an orbit comes fro
 
 import numpy as np
 
-from ..jit import formula
+from ..lanewise import lanewise, larger, select, smaller, two_product
 from .canonical_map import ZERO_TO_ROUNDING
-from .coordinates import two_product, two_sum
+from .coordinates import sum_of_ordered, two_sum
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
@@ -49,7 +49,7 @@ FAR_OUT = 1.5
 LONG_TIME = 2.0**900
 
 
-@formula
+@lanewise
 def quotient(v, v_lost, w, w_lost):
     """(v + v_lost) / (w + w_lost), and what rounding lost."""
     q = v / w
@@ -57,18 +57,18 @@ def quotient(v, v_lost, w, w_lost):
     return q, (((v - back) - back_lost) + (v_lost - q * w_lost)) / w
 
 
-@formula
+@lanewise
 def level_in_two(size, correction, Y, lost, least):
     """T or K, of which size is a rounded value, and size - |Y| is nearly `correction`.
 
     The sum is used where the correction is small beside `least`.
     """
-    more = correction + (lost if Y > 0.0 else -lost)
+    more = correction + select(Y > 0.0, lost, -lost)
     small = abs(correction) <= SMALL_CORRECTION * least
-    return two_sum(abs(Y) if small else size, more if small else 0.0)
+    return sum_of_ordered(select(small, abs(Y), size), select(small, more, 0.0))
 
 
-@formula
+@lanewise
 def ratio_of_map(X, Y, lost):
     """T and r of an orbit."""
     T = level(X, Y)
@@ -79,41 +79,41 @@ def ratio_of_map(X, Y, lost):
     return T, above / (below * below + 0.5 * (X * below) * (X * below))
 
 
-@formula
+@lanewise
 def level_of_map(X, Y, lost, T, r):
     """T as a sum of two numbers, from T, where that makes any difference."""
     XT = X * (1.0 + T)
     correction = 0.5 * r * XT * (XT / (T + abs(Y)))
-    return level_in_two(T, correction, Y, lost, min(abs(Y), abs(1.0 - abs(Y))))
+    return level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
 
 
-@formula
+@lanewise
 def logarithm_of_ratio(T, T_lost, r):
     """log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
     k = halvings(abs(r))
     d, d_lost = two_sum(1.0, -T)
-    d, d_lost = two_sum(d, d_lost - T_lost)
+    d, d_lost = sum_of_ordered(d, d_lost - T_lost)
     # Next to t = 1 only r knows the digits of 1 - T, unless T does.
     near = (T_lost == 0.0) & (abs(d) < 0.5)
-    d, d_lost = r * (1.0 + T) if near else d, 0.0 if near else d_lost
+    d, d_lost = select(near, r * (1.0 + T), d), select(near, 0.0, d_lost)
     s, s_lost = two_sum(1.0, T)
     s_lost = s_lost + T_lost
-    # r = 2**k m, and log m = 2 artanh((m - 1)/(m + 1)); all in a unit in which T is not large.
-    unit = two_to_the(-max(min(exponent(T), 1000.0), 0.0))
-    scale = unit * two_to_the(-k)
-    scale = -scale if r < 0.0 else scale
-    d, d_lost, s, s_lost = scale * d, scale * d_lost, unit * s, unit * s_lost
+    # r = 2**k m, and log m = 2 artanh((m - 1)/(m + 1)).
+    scale = two_to_the(-k)
+    scale = select(r < 0.0, -scale, scale)
+    d, d_lost = scale * d, scale * d_lost
     above, lost = two_sum(d, -s)
     above, above_lost = two_sum(above, lost + (d_lost - s_lost))
     below, lost = two_sum(d, s)
     q, q_lost = quotient(above, above_lost, below, lost + (d_lost + s_lost))
-    total, lost = two_sum(k * LN2_HIGH, 2.0 * q)
+    total, lost = sum_of_ordered(k * LN2_HIGH, 2.0 * q)
     lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
     high = total + lost
-    return high if r != 0.0 else NO_POWER, lost - (high - total) if r != 0.0 else 0.0
+    some = r != 0.0
+    return select(some, high, NO_POWER), select(some, lost - (high - total), 0.0)
 
 
-@formula
+@lanewise
 def level_of_flow(X, Y, lost):
     """K as a sum of two numbers, X and Y being of the order of 1."""
     size = abs(X) + abs(Y)
@@ -122,7 +122,7 @@ def level_of_flow(X, Y, lost):
     return level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
 
 
-@formula
+@lanewise
 def first_of_sequence(X, Y, T, one, lag):
     """v and k, where w_lag = v 2**k, and the lag itself, 0 or the one given.
 
@@ -130,77 +130,81 @@ def first_of_sequence(X, Y, T, one, lag):
     lag   1 for the map, whose r may be 0, and 0 for the flow.
     """
     k = exponent(X)
-    X = scaled(X, -k)
+    X = X * two_to_the(-k)
     negative = Y < 0.0
     rest = (T + abs(Y)) / one
-    v = 0.5 * X / rest if negative else rest / X
+    v = select(negative, 0.5 * X, rest) / select(negative, rest, X)
     own = exponent(v)
-    return scaled(v, -own), (k if negative else -k) + own, 0.0 if negative else lag
+    return v * two_to_the(-own), select(negative, k, -k) + own, select(negative, 0.0, lag)
 
 
-@formula
-def power_of_ratio(power, log_r, log_lost):
-    """p and k, an integer, for which |r|**power = (1 + p) 2**k."""
-    x = power * log_r
-    _, lost = two_product(power, log_r)
-    lost = lost + power * log_lost
+@lanewise
+def logarithm_of_power(power, log_r, log_lost):
+    """power log |r|, as a sum of two numbers."""
+    x, lost = two_product(power, log_r)
+    return x, lost + power * log_lost
+
+
+@lanewise
+def power_of_logarithm(x, lost):
+    """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, x <= 0."""
     endless = x < NO_POWER
-    return exponential(NO_POWER if endless else x, 0.0 if endless else lost)
+    return exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
 
 
-@formula
+@lanewise
 def sign_of_power(power, r):
     """The sign of r**power; NaN where there is no such number: between two states of t >= 1."""
-    odd = (r < 0.0) & (not is_integer(0.5 * abs(power)))
-    exists = (r > 0.0) | is_integer(abs(power))
-    return (-1.0 if odd else 1.0) if exists else np.nan
+    even = is_integer(0.5 * abs(power)) | (r >= 0.0)
+    exists = is_integer(abs(power)) | (r > 0.0)
+    return select(exists, select(even, 1.0, -1.0), np.nan)
 
 
-@formula
+@lanewise
 def growth(n, lag, r, log_r, log_lost, v, k):
     """f and k for which w_n = f 2**k."""
-    p, halved = power_of_ratio(n - lag, log_r, log_lost)
+    p, halved = power_of_logarithm(*logarithm_of_power(n - lag, log_r, log_lost))
     v = v * sign_of_power(n - lag, r)
     return v + v * p, k + halved
 
 
-@formula
+@lanewise
 def square(w):
     """w**2 beside a square of 1, where what is subnormal is slow and does not count."""
-    w = w if abs(w) > 1e-100 else 0.0
+    w = select(abs(w) > 1e-100, w, 0.0)
     return w * w
 
 
-@formula
+@lanewise
 def orbit_point(f, k, kappa):
     """A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
-    factor = two_to_the(-min(abs(k), 1000.0)) if abs(k) <= 1000.0 else np.float64(0.0)
-    u = factor if large else 1.0
-    v = f if large else f * (1.0 / factor if k > 0.0 else factor)
+    factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
+    u = select(large, factor, 1.0)
+    v = select(large, f, f * select(k > 0.0, 1.0 / factor, factor))
     first, second = square(u), kappa * square(v)
     D = first + second
-    inverse = 1.0 / (D if abs(D) > ZERO_TO_ROUNDING * (first + abs(second)) else np.nan)
+    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * (first + abs(second)), D, np.nan)
     return u * v * inverse, (second - first) * inverse
 
 
-@formula
+@lanewise
 def far_point(n, r, log_r, log_lost, g, h):
     """A and B by the second form of the two, where g = X_0 (1 + T) / (2 T)."""
-    p, k = power_of_ratio(n, log_r, log_lost)
-    power = scaled(1.0 + p, max(k, -2000.0))
+    p, k = power_of_logarithm(*logarithm_of_power(n, log_r, log_lost))
+    power = scaled(1.0 + p, larger(k, -2000.0))
     # Next to 1 its distance from 1 has digits that it lacks.
-    rest = -p if k == 0.0 else 1.0 - power
+    rest = select(k == 0.0, -p, 1.0 - power)
     rest = rest * (2.0 - rest)
     R = square(power)
     D = (1.0 + R) - h * rest
-    inverse = 1.0 / (D if abs(D) > ZERO_TO_ROUNDING * ((1.0 + R) + abs(h) * rest) else np.nan)
+    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * ((1.0 + R) + abs(h) * rest), D, np.nan)
     sign = sign_of_power(n, r)
     return g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
 
 
-@formula
+@lanewise
 def near_state(half, kappa, a1, b1, a2, b2):
     """The angular velocity at a w neither so large that its square overflows, nor next to a pole.
 
@@ -211,20 +215,20 @@ def near_state(half, kappa, a1, b1, a2, b2):
     return b1 + (a1 * half - b1) * twice_inverse, b2 + (a2 * half - b2) * twice_inverse
 
 
-@formula
+@lanewise
 def combined(a1, b1, a2, b2, A, B):
     """The angular velocity, of which A and B are the parts."""
     return a1 * A + b1 * B, a2 * A + b2 * B
 
 
-@formula
+@lanewise
 def spread_of_body(I1, I2):
     """How much larger a state of an orbit may be than another."""
     of1, of2 = np.sqrt(I1), np.sqrt(I2)
-    return max(of1, of2) / min(of1, of2)
+    return larger(of1, of2) / smaller(of1, of2)
 
 
-@formula
+@lanewise
 def out_of_range(X, largest):
     """Whether X**2 is beyond float64, or states of the orbit, up to `largest`, may be.
 

@@ -3,27 +3,11 @@
 import numpy as np
 
 from ..jit import formula
+from ..lanewise import two_product
 from .units import exponent, normal_state, scaled
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
-
-
-@formula
-def split(v):
-    """v as a sum of two numbers of 26 bits, whose products are exact (Veltkamp)."""
-    c = 134217729.0 * v
-    high = c - (c - v)
-    return high, v - high
-
-
-@formula
-def two_product(v, w):
-    """v*w, rounded, and what the rounding lost (Dekker)."""
-    product = v * w
-    v1, v2 = split(v)
-    w1, w2 = split(w)
-    return product, v2 * w2 - (((product - v1 * w1) - v2 * w1) - v1 * w2)
 
 
 @formula
@@ -32,6 +16,13 @@ def two_sum(v, w):
     total = v + w
     t = total - v
     return total, (v - (total - t)) + (w - t)
+
+
+@formula
+def sum_of_ordered(v, w):
+    """`two_sum` where |v| is not less than |w|, or v = 0."""
+    total = v + w
+    return total, w - (total - v)
 
 
 @formula

@@ -1,12 +1,10 @@
 """Elementary functions as plain arithmetic: a call of the C library keeps loops scalar.
 
-To a few ulps where the closed form needs them. They serve numbers, not arrays. Integers are held
-as floats where they are used with floats.
+To a few ulps where the closed form needs them. Integers are held as floats where they are used
+with floats.
 """
 
-import numpy as np
-
-from ..jit import formula
+from ..lanewise import bits_of, lanewise, larger, number_of_bits, select, smaller
 
 LOG2_E = 1.4426950408889634
 # log 2 as two numbers, the first of so few bits that its products with integers are exact.
@@ -15,39 +13,41 @@ LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 TO_INTEGER = 1.5 * 2.0**52
 BITS_OF_TO_INTEGER = 0x4338000000000000
 BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
-LEAST_NORMAL = 2.0**-1022
 
 
-@formula
+@lanewise
 def is_integer(v):
     """Whether a number v >= 0 is one; `floor` would be a call."""
     return (v >= 2.0**52) | ((v + 2.0**52) - 2.0**52 == v)
 
 
-@formula
+@lanewise
 def two_to_the(k):
     """2**k for an integer k from -1022 to 1023."""
-    bits = np.float64(k + (TO_INTEGER + 1023.0)).view(np.int64)
-    return np.int64(bits << 52).view(np.float64)
+    return number_of_bits(bits_of(k + (TO_INTEGER + 1023.0)) << 52)
 
 
-@formula
+@lanewise
 def scaled(v, k):
     """v 2**k for an integer k from -2044 to 2046, exact where the result is a normal number."""
     half = (0.5 * k + TO_INTEGER) - TO_INTEGER
     return v * two_to_the(half) * two_to_the(k - half)
 
 
-@formula
+@lanewise
+def within(v, bound):
+    """The number next to v that is no larger than a bound."""
+    return larger(smaller(v, bound), -bound)
+
+
+@lanewise
 def exponent(v):
-    """The integer k for which 2**k <= |v| < 2**(k + 1); below -1022 where v is 0."""
-    small = abs(v) < LEAST_NORMAL
-    bits = np.float64(abs(v) * (2.0**200 if small else 1.0)).view(np.int64)
-    k = np.int64((bits >> 52) + BITS_OF_TO_INTEGER).view(np.float64) - TO_INTEGER
-    return k - (1223.0 if small else 1023.0)
+    """The k from -1022 to 1022 for which 2**k <= |v| < 2**(k + 1), as near as there is one."""
+    k = number_of_bits((bits_of(abs(v)) >> 52) + BITS_OF_TO_INTEGER) - TO_INTEGER
+    return within(k - 1023.0, 1022.0)
 
 
-@formula
+@lanewise
 def exponential(x, lost):
     """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, |x| <= 1e6."""
     k = (x * LOG2_E + TO_INTEGER) - TO_INTEGER
@@ -64,14 +64,14 @@ def exponential(x, lost):
     return (low + z4 * (middle + z4 * high)) * z2 + z, k
 
 
-@formula
+@lanewise
 def halvings(value):
     """The integer k for which value / 2**k lies between sqrt(1/2) and sqrt(2), value > 0."""
-    k = (np.float64(value).view(np.int64) - BITS_OF_ROOT_HALF) >> 52
-    return np.int64(k + BITS_OF_TO_INTEGER).view(np.float64) - TO_INTEGER
+    k = (bits_of(value) - BITS_OF_ROOT_HALF) >> 52
+    return number_of_bits(k + BITS_OF_TO_INTEGER) - TO_INTEGER
 
 
-@formula
+@lanewise
 def logarithm_beyond(s):
     """log((1 + s) / (1 - s)) - 2 s, |s| < 0.172."""
     q = s * s
@@ -83,10 +83,11 @@ def logarithm_beyond(s):
     return 2.0 * (s * (q * (low + q4 * (middle + q4 * high))))
 
 
-@formula
+@lanewise
 def logarithm(value, distance):
     """log(value) for 0 < value <= 1, where distance = 1 - value has digits that value lacks."""
     k = halvings(value)
     m = value * two_to_the(-k)
-    s = distance / (distance - 2.0) if k == 0.0 else (m - 1.0) / (m + 1.0)
+    near = k == 0.0
+    s = select(near, distance, m - 1.0) / select(near, distance - 2.0, m + 1.0)
     return k * LN2_HIGH + ((2.0 * s + logarithm_beyond(s)) + k * LN2_LOW)

@@ -71,8 +71,10 @@ def exact(
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     numbers, count = _times("n", n), thread_count(threads)
     states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
-    _warn(missing[1], states, "no state between two steps where t >= 1", RuntimeWarning)
-    _warn(missing[0], states, "no state there, a pole of the map", SingularStepWarning)
+    if np.count_nonzero(missing):
+        at_steps, between = missing.sum(axis=0)
+        _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
+        _warn(at_steps, states, "no state there, a pole of the map", SingularStepWarning)
     return states
 
 
@@ -120,7 +122,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     """
     (state,), batch = check(body, {"omega0": omega0})
     times, count = _times("t", t), thread_count(threads)
-    return _solve("flow", body, state, np.array(1.0), batch, times, count)[0]
+    return _solve("flow", body, state, 1.0, batch, times, count)[0]
 
 
 def limits(
@@ -168,7 +170,8 @@ def limits(
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     ends = np.array([-np.inf, np.inf])
-    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, thread_count(threads))
+    count = thread_count(threads)
+    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, count)
     return minus, plus
 
 
@@ -183,7 +186,7 @@ def _solve(
     name: str,
     body: Body,
     state: FloatArray,
-    eps: FloatArray,
+    eps: float | FloatArray,
     batch: tuple[int, ...],
     times: FloatArray,
     threads: int | None,
@@ -191,12 +194,11 @@ def _solve(
     """States at some times of the map or of the flow, and how many of them are missing."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
-        states, missing = states_at(body, state, eps, batch, times.reshape(-1), flow, threads)
-        return states.reshape(*times.shape, *batch, 2), missing
+        return states_at(body, state, eps, batch, times, flow, threads)
     reduction = reduce(body, name)
-    reduced, moments = reduction.state(state), times.reshape(-1)
-    of_three, missing = states_at(reduction.three, reduced, eps, batch, moments, flow, threads)
-    states = reduction.back(of_three, state).reshape(*times.shape, *batch, body.dimension)
+    reduced = reduction.state(state)
+    of_three, missing = states_at(reduction.three, reduced, eps, batch, times, flow, threads)
+    states = reduction.back(of_three, state)
     # At time 0 the given state itself.
     states[times == 0.0] = state
     return states, missing

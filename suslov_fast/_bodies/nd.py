@@ -60,7 +60,7 @@ class SuslovND:
             )
         if not (J > 0).all():
             raise ValueError(f"J: expected positive sums I_ii + I_nn, got {J.min()}")
-        common_shape(J=J.shape[:-1], I=I.shape[:-1])
+        common_shape({"J": J.shape[:-1], "I": I.shape[:-1]})
         object.__setattr__(self, "J", frozen(J))
         object.__setattr__(self, "I", frozen(I))
 
@@ -92,7 +92,7 @@ class SuslovND:
         """Them as loops take them."""
         return [flat_rows(each, batch) for each in self.normalised]
 
-    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+    def normalised_eps(self, eps: float | FloatArray) -> FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
         moments, couplings = self.exponents
         with np.errstate(all="ignore"):

@@ -66,7 +66,7 @@ class Suslov3D:
             if not (arrays[name] > 0).all():
                 smallest = arrays[name].min()
                 raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
-        common_shape(**{name: array.shape for name, array in arrays.items()})
+        common_shape({name: array.shape for name, array in arrays.items()})
         _, first = np.frexp(arrays["I1"])
         _, second = np.frexp(arrays["I2"])
         if (abs(np.subtract(first, second)) > _APART).any():
@@ -119,13 +119,13 @@ class Suslov3D:
         """The same for all batches, if this is a single body."""
         return [] if self.shape else [np.array([each]) for each in self.normalised]
 
-    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+    def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
-        if eps.ndim == 0 and not self.shape:  # without the warnings that NumPy gives
+        if isinstance(eps, float) and not self.shape:  # some ten times faster than NumPy
             try:
-                return np.array(math.ldexp(eps.item(), self._one_exponent))
+                return math.ldexp(eps, self._one_exponent)
             except OverflowError:
-                return np.array(math.copysign(math.inf, eps.item()))
+                return math.copysign(math.inf, eps)
         moments, products = self.exponents
         with np.errstate(all="ignore"):
             scaled: FloatArray = np.ldexp(eps, products - moments)
@@ -273,7 +273,7 @@ class Suslov3D:
         tensor = inertia_matrix("I", I, 3)
         check_triangles("I", tensor)
         axis = unit_axis("a", a, 3)
-        common_shape(I=tensor.shape[:-2], a=axis.shape[:-1])
+        common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
         to_e3 = _shortest_rotation_to_e3(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,47 +28,70 @@ _WORTH_ENTERING = 2**12
 _IN_CACHE = 2**15
 # Most given states have the number 0.
 NO_START = np.zeros(1)
+# So many states are no work that tasks could share.
+_ONE_TASK = 2**12
 # Where statuses are not wanted.
 NO_STATUS = np.empty(0, np.int8)
-
-
-def none_missing() -> NDArray[np.int64]:
-    """What the tasks of a loop count missing states in."""
-    return np.zeros((TASKS, 2), np.int64)
 
 
 Range = tuple[int, int]
 
 
-def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
+def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
     """Trajectories and rows of each of the calls that a long one is cut into.
 
     Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
     batch is cut first, as long as rows are worth that trajectories are entered.
     """
     if 0 < batch * rows <= SLICE:
-        yield (0, batch), (0, rows)
-        return
+        return (((0, batch), (0, rows)),)
     abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
     width = min(batch, max(abreast // WIDTH * WIDTH, WIDTH))
     height = (SLICE // max(width, 1) // equal_steps.GROUP + 1) * equal_steps.GROUP
-    for lane in range(0, batch, max(width, 1)):
-        for row in range(0, rows, height):
-            yield (lane, min(lane + width, batch)), (row, min(row + height, rows))
+    return [
+        ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
+        for lane in range(0, batch, max(width, 1))
+        for row in range(0, rows, height)
+    ]
+
+
+def none_missing(states: int = SLICE) -> NDArray[np.int64]:
+    """What the tasks of a loop count missing states in; few states are one task."""
+    return np.zeros((TASKS if states > _ONE_TASK else 1, 2), np.int64)
 
 
 def states_at(
     body: Suslov3D,
     state: FloatArray,
-    eps: FloatArray,
+    eps: float | FloatArray,
     batch: tuple[int, ...],
     times: FloatArray,
     flow: bool,
     threads: int | None,
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """States (N, ..., 2) at times (N,), and how many are missing at steps and between them."""
-    out = _new((times.size, *batch, 2))
-    return out, _fill(body, state, eps, batch, times, flow, threads, out)
+    """States at times () or (N,), and how many are missing: (tasks, 2), at steps and between."""
+    out = _new((*times.shape, *batch, 2))
+    states, moments = flat_vectors(state, batch), times.reshape(-1)
+    parameters = [*body.flat_normalised(batch), flat_parameter(body.normalised_eps(eps), batch)]
+    size, rows = len(states), moments.size
+    flat, missing = out.reshape((rows, size, 2)), none_missing(rows * size)
+    runs = runs_of(moments, flow)
+    for run in runs:
+        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
+    for lanes, (begin, end) in slices(size, rows) if not runs else ():
+        _threads.run(
+            loops.fill,
+            (lanes[1] - lanes[0]) * (loops.ENTERING + (end - begin) * loops.WORK),
+            threads,
+            flow,
+            *parameters,
+            states,
+            for_kernel(moments[begin:end]),
+            lanes,
+            flat[begin:end],
+            missing,
+        )
+    return out, missing
 
 
 def _new(shape: tuple[int, ...]) -> FloatArray:
@@ -79,41 +102,6 @@ def _new(shape: tuple[int, ...]) -> FloatArray:
         return np.empty(shape)
     except MemoryError as error:
         raise MemoryError(f"expected states that fit in memory, got shape {shape}") from error
-
-
-def _fill(
-    body: Suslov3D,
-    state: FloatArray,
-    eps: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    flow: bool,
-    threads: int | None,
-    out: FloatArray,
-) -> NDArray[np.int64]:
-    states = flat_vectors(state, batch)
-    step_size = flat_parameter(body.normalised_eps(eps), batch)
-    parameters = [*body.flat_normalised(batch), step_size]
-    flat = out.reshape(times.size, len(states), 2)
-    missing = none_missing()
-    runs = runs_of(times, flow)
-    for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
-    for lanes, rows in slices(len(states), times.size) if not runs else ():
-        _threads.run(
-            loops.fill,
-            (lanes[1] - lanes[0]) * (loops.ENTERING + (rows[1] - rows[0]) * loops.WORK),
-            threads,
-            flow,
-            *parameters,
-            states,
-            for_kernel(times[slice(*rows)]),
-            lanes,
-            flat[slice(*rows)],
-            missing,
-        )
-    total: NDArray[np.int64] = missing.sum(axis=0)
-    return total
 
 
 class Run(NamedTuple):

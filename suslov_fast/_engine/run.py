@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._core.formulas.full_map import full_coefficients
-from . import iterate_3d, iterate_full, iterate_nd
+from . import iterate_3d, iterate_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
@@ -129,6 +128,9 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     """Make the steps, and fill what is kept from row `begin` on."""
     problem = _problem(run, saved, turns, begin)
     if run.method == "full":
+        from . import iterate_full  # which few need: imports take time
+
+        problem.parameters = iterate_full.parameters(run.body, run.eps, run.batch, run.resume["I3"])
         final, status, failed_at, resume = iterate_full.run(problem)
     elif isinstance(run.body, Suslov3D):
         final, status, failed_at, resume = iterate_3d.run(problem)
@@ -152,15 +154,6 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     return Results(saved, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)
 
 
-def _coefficients(run: Run) -> list[FloatArray]:
-    """What the three-component scheme takes for the parameters of the body."""
-    given = [flat_parameter(each, run.batch) for each in (*run.body.parameters, run.eps)]
-    with np.errstate(all="ignore"):
-        coefficients = full_coefficients(*given, run.resume["I3"])
-    size = len(run.omega0)
-    return [np.stack([np.broadcast_to(each, (size,)) for each in coefficients])]
-
-
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Problem:
     """The flat problem."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
@@ -170,7 +163,7 @@ def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     return Problem(
         run.method,
         run.omega0,
-        _coefficients(run) if run.method == "full" else run.body.flat_normalised(batch),
+        run.body.flat_normalised(batch),
         eps,
         time_step,
         run.start,

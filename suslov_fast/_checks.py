@@ -25,10 +25,7 @@ _AXES = 32
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
     """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
-    array = _numbers(name, value)
-    if not _finite(array):
-        _refuse_infinite(name, array, allow_nan)
-    return array
+    return finite_floats(name, integers_or_floats(name, value), allow_nan)
 
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
@@ -41,8 +38,8 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     return value
 
 
-def _numbers(name: str, value: ArrayLike) -> FloatArray:
-    """Any array-like of real numbers as float64."""
+def integers_or_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Any array-like of real numbers: integers of whatever type they are, or float64."""
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -61,9 +58,21 @@ def _numbers(name: str, value: ArrayLike) -> FloatArray:
             f"{name}: expected real numbers, got {_short(value)} of dtype {array.dtype}"
         )
     if array.dtype.kind != "f":
-        return array.astype(np.float64)
+        return array
     with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
         return array.astype(np.float64, copy=False)
+
+
+def finite_floats(name: str, array: NDArray[Any], allow_nan: bool = False) -> FloatArray:
+    """What `integers_or_floats` has returned as finite float64."""
+    array = _floats(array)
+    if not _finite(array):
+        _refuse_infinite(name, array, allow_nan)
+    return array
+
+
+def _floats(array: NDArray[Any]) -> FloatArray:
+    return array if array.dtype is _FLOAT64 else array.astype(np.float64)
 
 
 def _finite(array: FloatArray) -> bool:
@@ -98,10 +107,7 @@ def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArra
 
 def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
     """An array of finite real vectors, components on the last axis."""
-    array = _vectors(name, value, dimension)
-    if not _finite(array):
-        _refuse_infinite(name, array, allow_nan)
-    return array
+    return finite_floats(name, _vectors(name, value, dimension), allow_nan)
 
 
 def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
@@ -110,15 +116,15 @@ def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> 
     With `later`, a LARGE array is left as it is to whoever reads it, who must then call
     `real_array` if there are infinite numbers.
     """
-    array = _vectors(name, value, dimension)
+    array = _floats(_vectors(name, value, dimension))
     if (later and array.size > LARGE) or _finite(array):
         return array
     _refuse_infinite(name, array, allow_nan=True)
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 
 
-def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
-    array = _numbers(name, value)
+def _vectors(name: str, value: ArrayLike, dimension: int) -> NDArray[Any]:
+    array = integers_or_floats(name, value)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise ValueError(f"{name}: expected shape (..., {dimension}), got {array.shape}")
     return array

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_parameter
 from .matter import admissible_I3, check_triangles
-from .values import equal, frozen, hash_of, line_of, named, plain, table_of
+from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
@@ -121,11 +120,8 @@ class Suslov3D:
 
     def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
-        if isinstance(eps, float) and not self.shape:  # some ten times faster than NumPy
-            try:
-                return math.ldexp(eps, self._one_exponent)
-            except OverflowError:
-                return math.copysign(math.inf, eps)
+        if isinstance(eps, float) and not self.shape:
+            return times_power(eps, self._one_exponent)
         moments, products = self.exponents
         with np.errstate(all="ignore"):
             scaled: FloatArray = np.ldexp(eps, products - moments)

@@ -25,7 +25,7 @@ MODULES = [
 ]
 # What files of the core may import from the standard library beside numbers.
 STANDARD = {
-    "jit": {"types", "contextlib"},
+    "jit": {"contextlib", "functools", "types"},
     "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
 }
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]

@@ -91,7 +91,12 @@ def attitude(
     start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
     threads = _threads.thread_count(threads)
     batch = common_shape(
-        body=body.shape, omega=states.shape[1:-1], eps=step_size.shape, R0=start.shape[:-2]
+        {
+            "body": body.shape,
+            "omega": states.shape[1:-1],
+            "eps": step_size.shape,
+            "R0": start.shape[:-2],
+        }
     )
     flat = _flat_states(states, batch)
     flat_eps = np.broadcast_to(step_size, batch).ravel()

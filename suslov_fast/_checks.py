@@ -17,55 +17,78 @@ FloatArray = NDArray[np.float64]
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
-# Four calls of NumPy take as long as so many numbers of Python.
+# Two calls of NumPy take as long as so many numbers of Python.
 _FEW = 32
 # NumPy broadcasts no more axes than these.
 _AXES = 32
 
 
-def real_array(
-    name: str, value: ArrayLike, allow_nan: bool = False, later: bool = False
-) -> FloatArray:
-    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN.
+def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
+    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+    return finite_floats(name, integers_or_floats(name, value), allow_nan)
 
-    With `later`, whoever reads a LARGE array must find infinite numbers, and then call this again.
-    """
-    if type(value) is float and math.isfinite(value):
-        return np.array(value)
-    if type(value) is np.ndarray and value.dtype is _FLOAT64 and few_and_finite(value):
-        return value
+
+def real_number(name: str, value: ArrayLike) -> float | FloatArray:
+    """A finite real number as a float, with which all is faster by far, or an array of them."""
+    if type(value) is not float:
+        array = real_array(name, value)
+        return array.item() if array.ndim == 0 else array
+    if not math.isfinite(value):
+        _refuse_infinite(name, np.array(value), allow_nan=False)
+    return value
+
+
+def integers_or_floats(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Any array-like of real numbers: integers of whatever type they are, or float64."""
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise ValueError(
             f"{name}: expected a rectangular array of real numbers, got {_short(value)}"
         ) from error
+    # `numpy.ma` is imported where something may be of it.
+    if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
+        raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
+    if array.dtype is _FLOAT64:
+        return array
     if array.dtype.kind == "O":
         array = _from_objects(name, value, array)
     if array.dtype.kind not in "iuf":
         raise TypeError(
             f"{name}: expected real numbers, got {_short(value)} of dtype {array.dtype}"
         )
-    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
-    if array.dtype.kind in "iu":  # which are finite
-        return array.astype(np.float64)
-    if array.dtype != np.float64:
-        with np.errstate(over="ignore"):  # a long double beyond float64 is reported below
-            array = array.astype(np.float64)
-    if (later and array.size > LARGE) or few_and_finite(array):
+    if array.dtype.kind != "f":
         return array
-    finite = ~np.isinf(array) if allow_nan else np.isfinite(array)
-    if not finite.all():
-        index = tuple(int(i) for i in np.argwhere(~finite)[0])
-        where = f" at index {index}" if index else ""
-        raise ValueError(f"{name}: expected finite real numbers, got {array[index]}{where}")
+    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+        return array.astype(np.float64, copy=False)
+
+
+def finite_floats(name: str, array: NDArray[Any], allow_nan: bool = False) -> FloatArray:
+    """What `integers_or_floats` has returned as finite float64."""
+    array = _floats(array)
+    if not _finite(array):
+        _refuse_infinite(name, array, allow_nan)
     return array
 
 
-def few_and_finite(array: FloatArray) -> bool:
-    """Whether an array is finite, and so small that it is faster to look at each number."""
-    return array.size <= _FEW and all(map(math.isfinite, array.ravel().tolist()))
+def _floats(array: NDArray[Any]) -> FloatArray:
+    return array if array.dtype is _FLOAT64 else array.astype(np.float64)
+
+
+def _finite(array: FloatArray) -> bool:
+    if array.ndim == 0:
+        return math.isfinite(array)
+    if array.size <= _FEW:  # where it is faster to look at each number
+        return all(map(math.isfinite, array.ravel().tolist()))
+    return bool(np.isfinite(array).all())
+
+
+def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
+    wrong = np.isinf(array) if allow_nan else ~np.isfinite(array)
+    if wrong.any():
+        index = tuple(int(i) for i in np.argwhere(wrong)[0])
+        where = f" at index {index}" if index else ""
+        raise ValueError(f"{name}: expected finite real numbers, got {array[index]}{where}")
 
 
 def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
@@ -82,11 +105,26 @@ def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArra
         ) from error
 
 
-def vectors(
-    name: str, value: ArrayLike, dimension: int, allow_nan: bool = False, later: bool = False
-) -> FloatArray:
+def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
     """An array of finite real vectors, components on the last axis."""
-    array = real_array(name, value, allow_nan, later)
+    return finite_floats(name, _vectors(name, value, dimension), allow_nan)
+
+
+def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
+    """The same of states; where a component is NaN all become so: there is no such state.
+
+    With `later`, a LARGE array is left as it is to whoever reads it, who must then call
+    `real_array` if there are infinite numbers.
+    """
+    array = _floats(_vectors(name, value, dimension))
+    if (later and array.size > LARGE) or _finite(array):
+        return array
+    _refuse_infinite(name, array, allow_nan=True)
+    return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
+
+
+def _vectors(name: str, value: ArrayLike, dimension: int) -> NDArray[Any]:
+    array = integers_or_floats(name, value)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise ValueError(f"{name}: expected shape (..., {dimension}), got {array.shape}")
     return array
@@ -143,7 +181,7 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     return matrices
 
 
-def common_shape(**shapes: tuple[int, ...]) -> tuple[int, ...]:
+def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """The shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):
         return ()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import check
-from ._engine.layout import checked_out, flat_parameter, own_states
+from ._engine.layout import checked_out, flat_parameter, own_parameter, own_states
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
@@ -51,10 +52,10 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
     array([ 0.988568,  0.315951, -0.1     ])
     """
     run = _checked(body, "omega", omega, eps, I3)
-    trajectories = Trajectories.of(run, execute(run))
+    results = execute(run)
     # A state that does not exist has no next one, and that is no news.
-    report(trajectories, "warn", 1, stacklevel=2)
-    return trajectories.final
+    report(run, results, "warn", 1, stacklevel=2)
+    return results.final
 
 
 def iterate_full(
@@ -148,9 +149,9 @@ def iterate_full(
     run = replace(run, steps=steps, save_every=save_every, threads=threads, progress=progress)
     if out is not None:
         out = checked_out("out", out, run.shape)
-    trajectories = Trajectories.of(run, execute(run, out))
-    report(trajectories, on_singular, 0, stacklevel=2)
-    return trajectories
+    results = execute(run, out)
+    report(run, results, on_singular, 0, stacklevel=2)
+    return Trajectories.of(run, results)
 
 
 def _checked(body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> Run:
@@ -158,13 +159,13 @@ def _checked(body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: Ar
     (state, step_size, third), batch = check(
         body, {name: omega}, {"eps": eps, "I3": I3}, dimension=3
     )
-    if not (third > 0).all():
-        raise ValueError(f"I3: expected a positive moment of inertia, got {third.min()}")
+    if not np.all(np.greater(third, 0)):
+        raise ValueError(f"I3: expected a positive moment of inertia, got {np.min(third)}")
     return Run(
         body=body,
         batch=batch,
         omega0=own_states(state, batch),
-        eps=step_size.copy(),
+        eps=own_parameter(step_size),
         steps=1,
         save_every=None,
         method="full",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body, check
-from ._engine.layout import checked_out, flat_matrices, own_states
+from ._engine.layout import checked_out, flat_matrices, own_parameter, own_states
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
@@ -51,28 +51,14 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.013781, 0.372248])
     """
-    return next_states(body, omega, eps, stacklevel=3, threads=threads)
-
-
-def next_states(
-    body: Body, omega: ArrayLike, eps: ArrayLike, stacklevel: int, threads: int | None = None
-) -> FloatArray:
-    """One step, for functions that need it; `stacklevel` says whom its warning points at."""
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
-    run = Run(
-        body=body,
-        batch=batch,
-        omega0=own_states(state, batch),
-        eps=step_size,
-        steps=1,
-        save_every=None,
-        method="auto",
-        threads=thread_count(threads),
-    )
-    trajectories = Trajectories.of(run, execute(run))
+    threads = thread_count(threads)
+    states = own_states(state, batch)
+    run = Run(body, batch, states, step_size, 1, None, "auto", threads=threads)
+    results = execute(run)
     # A state that does not exist has no next one, and that is no news.
-    report(trajectories, "warn", 1, stacklevel)
-    return trajectories.final
+    report(run, results, "warn", 1, stacklevel=2)
+    return results.final
 
 
 def iterate(
@@ -177,19 +163,19 @@ def iterate(
     if attitude is True or attitude is np.True_:
         turned = [np.eye(body.dimension + 1)]
     run = Run(
-        body=body,
-        batch=batch,
-        omega0=own_states(state, batch),
-        eps=step_size if step_size.ndim == 0 else step_size.copy(),
-        steps=steps,
-        save_every=save_every,
-        method=method,
-        orientation=flat_matrices(turned[0], batch) if turned else None,
+        body,
+        batch,
+        own_states(state, batch),
+        own_parameter(step_size),
+        steps,
+        save_every,
+        method,
+        flat_matrices(turned[0], batch) if turned else None,
         threads=threads,
         progress=progress,
     )
     if out is not None:
         out = checked_out("out", out, run.shape)
-    trajectories = Trajectories.of(run, execute(run, out))
-    report(trajectories, on_singular, 0, stacklevel=2)
-    return trajectories
+    results = execute(run, out)
+    report(run, results, on_singular, 0, stacklevel=2)
+    return Trajectories.of(run, results)

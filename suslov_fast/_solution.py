@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._bodies.reduction import reduce
 from ._bodies.three import Suslov3D
-from ._checks import FloatArray, real_array
+from ._checks import FloatArray, finite_floats, integers_or_floats
 from ._engine.arguments import Body, check
-from ._engine.closed_form import states_at
+from ._engine.closed_form import Times, runs_of, states_at
 from ._engine.threads import thread_count
 from ._status import SingularStepWarning
 
@@ -69,10 +69,12 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    numbers, count = _times("n", n), thread_count(threads)
+    numbers, count = _times("n", n, flow=False), thread_count(threads)
     states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
-    _warn(missing[1], states, "no state between two steps where t >= 1", RuntimeWarning)
-    _warn(missing[0], states, "no state there, a pole of the map", SingularStepWarning)
+    if np.count_nonzero(missing):
+        at_steps, between = missing.sum(axis=0)
+        _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
+        _warn(at_steps, states, "no state there, a pole of the map", SingularStepWarning)
     return states
 
 
@@ -119,8 +121,8 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
-    times, count = _times("t", t), thread_count(threads)
-    return _solve("flow", body, state, np.array(1.0), batch, times, count)[0]
+    times, count = _times("t", t, flow=True), thread_count(threads)
+    return _solve("flow", body, state, 1.0, batch, times, count)[0]
 
 
 def limits(
@@ -167,38 +169,40 @@ def limits(
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    ends = np.array([-np.inf, np.inf])
-    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, thread_count(threads))
+    ends: Times = (np.array([-np.inf, np.inf]), [])
+    count = thread_count(threads)
+    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, count)
     return minus, plus
 
 
-def _times(name: str, value: ArrayLike) -> FloatArray:
-    times = real_array(name, value)
+def _times(name: str, value: ArrayLike, flow: bool) -> Times:
+    times = integers_or_floats(name, value)
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")
-    return times
+    runs = runs_of(times, flow) if times.ndim else []
+    # What makes up runs is finite.
+    return times if runs else finite_floats(name, times), runs
 
 
 def _solve(
     name: str,
     body: Body,
     state: FloatArray,
-    eps: FloatArray,
+    eps: float | FloatArray,
     batch: tuple[int, ...],
-    times: FloatArray,
+    times: Times,
     threads: int | None,
 ) -> tuple[FloatArray, NDArray[np.int64]]:
     """States at some times of the map or of the flow, and how many of them are missing."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
-        states, missing = states_at(body, state, eps, batch, times.reshape(-1), flow, threads)
-        return states.reshape(*times.shape, *batch, 2), missing
+        return states_at(body, state, eps, batch, times, flow, threads)
     reduction = reduce(body, name)
-    reduced, moments = reduction.state(state), times.reshape(-1)
-    of_three, missing = states_at(reduction.three, reduced, eps, batch, moments, flow, threads)
-    states = reduction.back(of_three, state).reshape(*times.shape, *batch, body.dimension)
+    reduced = reduction.state(state)
+    of_three, missing = states_at(reduction.three, reduced, eps, batch, times, flow, threads)
+    states = reduction.back(of_three, state)
     # At time 0 the given state itself.
-    states[times == 0.0] = state
+    states[times[0] == 0] = state
     return states, missing
 
 

@@ -101,9 +101,11 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     given = _square("matrix", matrix, n, allow_nan=True)
     turn = _turn(n, rotation, None)
     common_shape(
-        body=body.shape,
-        matrix=given.shape[:-2],
-        rotation=() if turn is None else turn.shape[:-2],
+        {
+            "body": body.shape,
+            "matrix": given.shape[:-2],
+            "rotation": () if turn is None else turn.shape[:-2],
+        }
     )
     size = abs(given).max(axis=(-2, -1), initial=0.0, keepdims=True)
     excess = abs(0.5 * given + 0.5 * given.swapaxes(-2, -1))
@@ -206,9 +208,11 @@ def from_vector(
     given = vectors("vector", vector, 3, allow_nan=True)
     turn = _turn(3, rotation, None)
     common_shape(
-        body=body.shape,
-        vector=given.shape[:-1],
-        rotation=() if turn is None else turn.shape[:-2],
+        {
+            "body": body.shape,
+            "vector": given.shape[:-1],
+            "rotation": () if turn is None else turn.shape[:-2],
+        }
     )
     adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
     size = abs(given).max(axis=-1, initial=0.0)
@@ -311,7 +315,7 @@ def _square(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> Flo
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
     """The matrix product, whose digits do not depend on the machine as those of a library do."""
-    common_shape(matrices=left.shape[:-2], omega=right.shape[:-2])
+    common_shape({"matrices": left.shape[:-2], "omega": right.shape[:-2]})
     total: FloatArray = left[..., :, :1] * right[..., :1, :]
     for k in range(1, left.shape[-1]):
         total = total + left[..., :, k : k + 1] * right[..., k : k + 1, :]

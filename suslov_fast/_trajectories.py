@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _conserved, _continuous, _coordinates, _files, _labelled
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body
@@ -22,8 +21,6 @@ from ._engine.problem import worst
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Results, Run, execute, numbers_of_saved
 from ._engine.threads import thread_count
-from ._figures import axes_or_new
-from ._record import entries_of, run_of
 from ._status import SingularStepWarning, Status
 
 if TYPE_CHECKING:
@@ -104,19 +101,22 @@ class Trajectories:
     @classmethod
     def of(cls, run: Run, results: Results) -> Trajectories:
         """The results of a run."""
-        return cls(
+        self = object.__new__(cls)
+        # As `__init__` does it, attribute by attribute, it takes a tenth of a short run.
+        vars(self).update(
             omega=results.omega,
-            eps=float(run.eps) if run.eps.ndim == 0 else run.eps,
+            eps=run.eps,
             body=run.body,
             status=results.status,
-            final=results.final,
             failed_at=results.failed_at,
-            attitude=results.attitude,
+            final=results.final,
             method=run.method,
             steps=run.steps,
             save_every=run.save_every,
+            attitude=results.attitude,
             _resume=results.resume,
         )
+        return self
 
     def extend(
         self,
@@ -165,7 +165,7 @@ class Trajectories:
             body=self.body,
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
-            eps=np.asarray(self.eps),
+            eps=self.eps,
             steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
             save_every=self.save_every,
             method=self.method,
@@ -175,9 +175,9 @@ class Trajectories:
             threads=thread_count(threads),
             progress=progress,
         )
-        longer = Trajectories.of(run, execute(run, before=(self.omega, self.attitude)))
-        report(longer, on_singular, self.steps + 1, stacklevel=2)
-        return longer
+        results = execute(run, before=(self.omega, self.attitude))
+        report(run, results, on_singular, self.steps + 1, stacklevel=2)
+        return Trajectories.of(run, results)
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
@@ -208,18 +208,24 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        return _conserved.first_integral(self.body, self.omega, self.eps)
+        from ._conserved import first_integral
+
+        return first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
-        return _conserved.energy(self.body, self.omega)
+        from ._conserved import energy
+
+        return energy(self.body, self.omega)
 
     def modified_energy(self) -> FloatArray:
         """The modified energy of the saved states, shape (n_saved, ...).
 
         See :func:`suslov_fast.modified_energy`.
         """
-        return _conserved.modified_energy(self.body, self.omega, self.eps)
+        from ._conserved import modified_energy
+
+        return modified_energy(self.body, self.omega, self.eps)
 
     def criticality(self) -> FloatArray:
         """The number t of the saved states, shape (n_saved, ...).
@@ -231,7 +237,9 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        return _conserved.criticality(self.body, self.omega, self.eps)
+        from ._conserved import criticality
+
+        return criticality(self.body, self.omega, self.eps)
 
     def to_xy(self) -> FloatArray:
         """The paper's coordinates (x, y) of the saved states, shape (n_saved, ..., 2).
@@ -245,7 +253,9 @@ class Trajectories:
         """
         if not isinstance(self.body, Suslov3D):
             raise TypeError(f"to_xy: expected a body in 3D, got {type(self.body).__name__}")
-        return _coordinates.to_xy(self.body, self.omega)
+        from ._coordinates import to_xy
+
+        return to_xy(self.body, self.omega)
 
     def reaction(self) -> FloatArray:
         """The discrete multiplier of the constraint, from each saved state to the next of the map.
@@ -253,7 +263,9 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
-        return _continuous.reaction(self.body, self.omega, self.eps)
+        from ._continuous import reaction
+
+        return reaction(self.body, self.omega, self.eps)
 
     def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
         """Draw the saved states of all trajectories: one component over another.
@@ -284,6 +296,8 @@ class Trajectories:
         >>> len(axes.lines)
         2
         """
+        from ._figures import axes_or_new
+
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
@@ -337,7 +351,10 @@ class Trajectories:
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        return _labelled.dataset_of(entries_of(vars(self)), dims, coords)
+        from ._labelled import dataset_of
+        from ._record import entries_of
+
+        return dataset_of(entries_of(vars(self)), dims, coords)
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
@@ -354,7 +371,10 @@ class Trajectories:
         TypeError, ValueError
             If it is not such a dataset.
         """
-        return cls(**run_of(_labelled.entries_of_dataset(dataset)))
+        from ._labelled import entries_of_dataset
+        from ._record import run_of
+
+        return cls(**run_of(entries_of_dataset(dataset)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file that :meth:`load` reads, bit for bit.
@@ -377,7 +397,10 @@ class Trajectories:
         TypeError, ValueError
             If the name ends otherwise.
         """
-        with _files.place_for(path) as put:
+        from ._files import place_for
+        from ._record import entries_of
+
+        with place_for(path) as put:
             put(entries_of(vars(self)))
 
     @classmethod
@@ -398,7 +421,10 @@ class Trajectories:
         TypeError, ValueError
             If the name ends otherwise, or it holds something else or is damaged.
         """
-        return cls(**_files.read(path, run_of))
+        from ._files import read
+        from ._record import run_of
+
+        return cls(**read(path, run_of))
 
     def __repr__(self) -> str:
         return f"Trajectories({', '.join(f'{name}: {value}' for name, value in self._rows())})"
@@ -433,23 +459,23 @@ def _range(eps: float | FloatArray) -> str:
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
 
 
-def report(trajectories: Trajectories, on_singular: str, since: int, stacklevel: int) -> None:
+def report(run: Run, results: Results, on_singular: str, since: int, stacklevel: int) -> None:
     """Say once for the whole batch which trajectories came to an end, at which step since one."""
-    if on_singular == "ignore" or trajectories.ok:
+    if on_singular == "ignore" or worst(results.status) >= 0:
         return
-    failed = trajectories.failed_at >= since
+    failed = results.failed_at >= since
     if not failed.any():
         return
     parts = []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        of_code = failed & (trajectories.status == code)
+        of_code = failed & (results.status == code)
         if of_code.any():
             index = first_index(of_code)
             parts.append(
                 f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
-                f"first: {spell(index)} at step {trajectories.failed_at[index]}"
+                f"first: {spell(index)} at step {results.failed_at[index]}"
             )
     message = "; ".join(parts)
     if on_singular == "raise":
-        raise SingularStepError(message, trajectories)
+        raise SingularStepError(message, Trajectories.of(run, results))
     warnings.warn(message, SingularStepWarning, stacklevel=stacklevel + 1)

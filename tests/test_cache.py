@@ -72,6 +72,7 @@ x = np.arange(1.0, 7.0).reshape(2, 3)
 for name in names:
     module.loops[name].serial(x, out := np.zeros_like(x))
     print("result", name, *out.ravel())
+print("compiler imported:", "numba.np.arraymath" in sys.modules)
 """
 # Before the call: names of all that becomes machine code, and what the compiler leaves behind.
 WATCH = """
@@ -139,6 +140,15 @@ def test_what_is_called_is_kept(tmp_path):
     assert "energy" in kept.name
     assert (first.count("data saved"), first.count("data loaded")) == (1, 0)
     assert (again.count("data saved"), again.count("data loaded")) == (0, 1)
+
+
+def test_what_is_kept_runs_without_the_compiler(core):
+    """What Numba compiles with takes longer to import than all else of a second process."""
+    assert "compiler imported: True" in call(core, "half")[1]
+    assert "compiler imported: False" in call(core, "half")[1]
+    # What is not kept is compiled all the same.
+    both, log = call(core, "half", "double")
+    assert (len(both), log.count("data saved"), log.count("data loaded")) == (2, 1, 1)
 
 
 def test_an_edit_of_any_module_counts(core):

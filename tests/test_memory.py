@@ -83,6 +83,8 @@ def test_require(monkeypatch):
         memory.require(10 * GB, "lower the batch")
     assert "10,737,418,240 bytes" in str(caught.value)
     assert str(caught.value).endswith("; lower the batch")
+    with pytest.raises(MemoryError, match=r"lower 7 or \(1, 2\)$"):
+        memory.require(10 * GB, "lower {} or {}", 7, (1, 2))
 
 
 def test_what_is_unknown_is_allowed(monkeypatch):

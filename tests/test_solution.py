@@ -554,6 +554,7 @@ def test_far_units(unit):
 
 def test_states_that_are_not_numbers(body):
     omega = np.array([[1.0, 0.5], [np.nan, 1.0], [np.nan, np.nan]])
+    assert np.isnan(sf.exact(body, omega[1], 0.2, [0, 1])).all()
     for states in (
         sf.exact(body, omega, 0.2, 7),
         sf.exact(body, omega, 0.2, np.arange(1, 50))[5],
@@ -634,6 +635,37 @@ def test_long_results(body, rng, monkeypatch):
     for i in (0, 40, 71):
         assert (sf.exact(body, omega[i], 0.2, n) == steps[:, i]).all()
         assert (sf.flow(body, omega[i], times) == moments[:, i]).all()
+
+
+@pytest.mark.parametrize("dtype", ["i1", "u1", ">i4", "u8", "f4", "g", "O"])
+@pytest.mark.parametrize("n", [range(40), range(60, -60, -3), [1] * 40, [0, 3, *range(4, 90, 2)]])
+def test_numbers_of_any_type(body, dtype, n):
+    """Whether they make up equal steps or not, which many are not converted for."""
+    omega, n = np.array([[1.0, 0.5], [0.2, -0.7]]), np.abs(n) if dtype[0] == "u" else n
+    expected = sf.exact(body, omega, 0.2, np.array(n, float))
+    assert (sf.exact(body, omega, 0.2, np.array(n, dtype)) == expected).all()
+    expected = sf.flow(body, omega, np.array(n, float))
+    assert (sf.flow(body, omega, np.array(n, dtype)) == expected).all()
+
+
+def test_numbers_that_only_seem_to_be_equal_steps(body):
+    wrapped = (np.arange(300) * 7).astype(np.int8)
+    large = np.full(40, 2**62) + np.arange(40)
+    for n in (wrapped, wrapped[::-1], large):
+        expected = sf.exact(body, [1.0, 0.5], 0.2, n.astype(float))
+        assert (sf.exact(body, [1.0, 0.5], 0.2, n) == expected).all()
+
+
+@pytest.mark.parametrize("wrong", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("place", [0, 1, 39_999, 79_998, 79_999])
+def test_one_wrong_number_among_equal_steps(body, wrong, place):
+    for n in (np.arange(80_000.0), 0.1 * np.arange(80_000.0) - 7.0, -np.arange(80_000.0)):
+        n[place] = wrong
+        where = rf"got {wrong} at index \({place},\)"
+        with pytest.raises(ValueError, match=f"n: expected finite real numbers, {where}"):
+            sf.exact(body, [1.0, 0.5], 0.2, n)
+        with pytest.raises(ValueError, match=f"t: expected finite real numbers, {where}"):
+            sf.flow(body, [1.0, 0.5], n)
 
 
 def test_slices(body, rng, monkeypatch):

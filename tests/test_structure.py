@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import children
 import pytest
 
 import suslov_fast
@@ -24,7 +25,7 @@ MODULES = [
 ]
 # What files of the core may import from the standard library beside numbers.
 STANDARD = {
-    "jit": {"types", "contextlib"},
+    "jit": {"contextlib", "functools", "types"},
     "pipeline": {"contextlib", "gc"},
     "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
 }
@@ -183,5 +184,22 @@ def test_import_brings_in_nothing_slow():
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
-    for name in ("matplotlib", "tqdm", "suslov_fast._cli"):
-        assert name not in loaded
+    ours = ("_cli", "_conserved", "_ensemble", "_explore", "_plots", "_record")
+    slow = {"matplotlib", "scipy.linalg", "tqdm"}
+    assert "suslov_fast._map" in loaded
+    assert not (slow | {f"suslov_fast.{name}" for name in ours}) & set(loaded)
+
+
+def test_names_are_imported_when_they_are_asked_for():
+    code = """
+        import sys, suslov_fast
+        assert set(suslov_fast.__all__) <= set(dir(suslov_fast))
+        assert "suslov_fast._spatial" not in sys.modules
+        momentum = suslov_fast.momentum
+        assert momentum is sys.modules["suslov_fast._spatial"].momentum is suslov_fast.momentum
+        from suslov_fast import *
+        assert all(name in globals() for name in suslov_fast.__all__)
+    """
+    children.run(code)
+    with pytest.raises(AttributeError, match="module 'suslov_fast' has no attribute 'nothing'"):
+        _ = suslov_fast.nothing

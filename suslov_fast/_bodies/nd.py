@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_rows
-from .values import equal, frozen, hash_of, line_of, named, plain, table_of
+from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -60,7 +60,7 @@ class SuslovND:
             )
         if not (J > 0).all():
             raise ValueError(f"J: expected positive sums I_ii + I_nn, got {J.min()}")
-        common_shape(J=J.shape[:-1], I=I.shape[:-1])
+        common_shape({"J": J.shape[:-1], "I": I.shape[:-1]})
         object.__setattr__(self, "J", frozen(J))
         object.__setattr__(self, "I", frozen(I))
 
@@ -90,14 +90,27 @@ class SuslovND:
 
     def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
         """Them as loops take them."""
-        return [flat_rows(each, batch) for each in self.normalised]
+        return self._one_normalised or [flat_rows(each, batch) for each in self.normalised]
 
-    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+    @cached_property
+    def _one_normalised(self) -> list[FloatArray]:
+        """The same for all batches, if this is a single body."""
+        return [] if self.shape else [flat_rows(each, ()) for each in self.normalised]
+
+    def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
+        if isinstance(eps, float) and not self.shape:
+            return times_power(eps, self._one_exponent)
         moments, couplings = self.exponents
         with np.errstate(all="ignore"):
             scaled: FloatArray = np.ldexp(eps, couplings - moments)
         return scaled
+
+    @cached_property
+    def _one_exponent(self) -> int:
+        """What `normalised_eps` adds to exponents, of a single body."""
+        moments, couplings = self.exponents
+        return int(couplings - moments)
 
     @cached_property
     def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:

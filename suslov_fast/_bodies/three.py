@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_parameter
 from .matter import admissible_I3, check_triangles
-from .values import equal, frozen, hash_of, line_of, named, plain, table_of
+from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
@@ -66,7 +65,7 @@ class Suslov3D:
             if not (arrays[name] > 0).all():
                 smallest = arrays[name].min()
                 raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
-        common_shape(**{name: array.shape for name, array in arrays.items()})
+        common_shape({name: array.shape for name, array in arrays.items()})
         _, first = np.frexp(arrays["I1"])
         _, second = np.frexp(arrays["I2"])
         if (abs(np.subtract(first, second)) > _APART).any():
@@ -119,13 +118,10 @@ class Suslov3D:
         """The same for all batches, if this is a single body."""
         return [] if self.shape else [np.array([each]) for each in self.normalised]
 
-    def normalised_eps(self, eps: FloatArray) -> FloatArray:
+    def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
         """The step size, or the unit of time, that goes with `normalised`."""
-        if eps.ndim == 0 and not self.shape:  # without the warnings that NumPy gives
-            try:
-                return np.array(math.ldexp(eps.item(), self._one_exponent))
-            except OverflowError:
-                return np.array(math.copysign(math.inf, eps.item()))
+        if isinstance(eps, float) and not self.shape:
+            return times_power(eps, self._one_exponent)
         moments, products = self.exponents
         with np.errstate(all="ignore"):
             scaled: FloatArray = np.ldexp(eps, products - moments)
@@ -273,7 +269,7 @@ class Suslov3D:
         tensor = inertia_matrix("I", I, 3)
         check_triangles("I", tensor)
         axis = unit_axis("a", a, 3)
-        common_shape(I=tensor.shape[:-2], a=axis.shape[:-1])
+        common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
         to_e3 = _shortest_rotation_to_e3(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.

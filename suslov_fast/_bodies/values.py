@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -19,6 +20,14 @@ def frozen(array: FloatArray) -> float | FloatArray:
     if array.ndim == 0:
         return float(array)
     return np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
+
+
+def times_power(value: float, exponent: int) -> float:
+    """value 2**exponent, some ten times faster than NumPy has it; infinite beyond float64."""
+    try:
+        return math.ldexp(value, exponent)
+    except OverflowError:
+        return math.copysign(math.inf, value)
 
 
 def equal(body: Any, other: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import types
 from contextlib import suppress
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -60,12 +61,20 @@ def inlined_part(function):
 class Loop:
     """A loop over `prange`, compiled twice from one body: `serial` and `parallel`.
 
-    Each build compiles when it is first called. Both are cached on disk.
+    Each build is made when it is first asked for, which a module is imported faster without, and
+    compiles when it is first called. Both are cached on disk.
     """
 
     def __init__(self, function):
-        self.serial = _cached(function, "serial", parallel=False)
-        self.parallel = _cached(function, "parallel", parallel=True)
+        self._function = function
+
+    @cached_property
+    def serial(self):
+        return _cached(self._function, "serial", parallel=False)
+
+    @cached_property
+    def parallel(self):
+        return _cached(self._function, "parallel", parallel=True)
 
 
 def _cached(function, build, parallel):

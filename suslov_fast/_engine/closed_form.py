@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,49 +26,40 @@ SHORTEST = 32
 _WORTH_ENTERING = 2**12
 # Numbers that are compared at a time.
 _IN_CACHE = 2**15
+# Integers up to this are exact as floats.
+_EXACT = 2**53
 # Most given states have the number 0.
 NO_START = np.zeros(1)
+# So many states are no work that tasks could share.
+_ONE_TASK = 2**12
 # Where statuses are not wanted.
 NO_STATUS = np.empty(0, np.int8)
-
-
-def none_missing() -> NDArray[np.int64]:
-    """What the tasks of a loop count missing states in."""
-    return np.zeros((TASKS, 2), np.int64)
 
 
 Range = tuple[int, int]
 
 
-def slices(batch: int, rows: int) -> Iterator[tuple[Range, Range]]:
+def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
     """Trajectories and rows of each of the calls that a long one is cut into.
 
     Both begin at multiples of what loops take together, WIDTH trajectories and GROUP rows. The
     batch is cut first, as long as rows are worth that trajectories are entered.
     """
     if 0 < batch * rows <= SLICE:
-        yield (0, batch), (0, rows)
-        return
+        return (((0, batch), (0, rows)),)
     abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
     width = min(batch, max(abreast // WIDTH * WIDTH, WIDTH))
     height = (SLICE // max(width, 1) // equal_steps.GROUP + 1) * equal_steps.GROUP
-    for lane in range(0, batch, max(width, 1)):
-        for row in range(0, rows, height):
-            yield (lane, min(lane + width, batch)), (row, min(row + height, rows))
+    return [
+        ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
+        for lane in range(0, batch, max(width, 1))
+        for row in range(0, rows, height)
+    ]
 
 
-def states_at(
-    body: Suslov3D,
-    state: FloatArray,
-    eps: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    flow: bool,
-    threads: int | None,
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """States (N, ..., 2) at times (N,), and how many are missing at steps and between them."""
-    out = _new((times.size, *batch, 2))
-    return out, _fill(body, state, eps, batch, times, flow, threads, out)
+def none_missing(states: int = SLICE) -> NDArray[np.int64]:
+    """What the tasks of a loop count missing states in; few states are one task."""
+    return np.zeros((TASKS if states > _ONE_TASK else 1, 2), np.int64)
 
 
 def _new(shape: tuple[int, ...]) -> FloatArray:
@@ -79,41 +70,6 @@ def _new(shape: tuple[int, ...]) -> FloatArray:
         return np.empty(shape)
     except MemoryError as error:
         raise MemoryError(f"expected states that fit in memory, got shape {shape}") from error
-
-
-def _fill(
-    body: Suslov3D,
-    state: FloatArray,
-    eps: FloatArray,
-    batch: tuple[int, ...],
-    times: FloatArray,
-    flow: bool,
-    threads: int | None,
-    out: FloatArray,
-) -> NDArray[np.int64]:
-    states = flat_vectors(state, batch)
-    step_size = flat_parameter(body.normalised_eps(eps), batch)
-    parameters = [*body.flat_normalised(batch), step_size]
-    flat = out.reshape(times.size, len(states), 2)
-    missing = none_missing()
-    runs = runs_of(times, flow)
-    for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
-    for lanes, rows in slices(len(states), times.size) if not runs else ():
-        _threads.run(
-            loops.fill,
-            (lanes[1] - lanes[0]) * (loops.ENTERING + (rows[1] - rows[0]) * loops.EVALUATING),
-            threads,
-            flow,
-            *parameters,
-            states,
-            for_kernel(times[slice(*rows)]),
-            lanes,
-            flat[slice(*rows)],
-            missing,
-        )
-    total: NDArray[np.int64] = missing.sum(axis=0)
-    return total
 
 
 class Run(NamedTuple):
@@ -129,6 +85,44 @@ class Run(NamedTuple):
     end: int
     origin: int
     direction: int
+
+
+# Numbers of states, or times, () or (N,): floats, or integers that make up runs; and those runs.
+Times = tuple[NDArray[Any], list[Run]]
+
+
+def states_at(
+    body: Suslov3D,
+    state: FloatArray,
+    eps: float | FloatArray,
+    batch: tuple[int, ...],
+    times: Times,
+    flow: bool,
+    threads: int | None,
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """States at times () or (N,), and how many are missing: (tasks, 2), at steps and between."""
+    values, runs = times
+    out = _new((*values.shape, *batch, 2))
+    states, moments = flat_vectors(state, batch), values.reshape(-1)
+    parameters = [*body.flat_normalised(batch), flat_parameter(body.normalised_eps(eps), batch)]
+    size, rows = len(states), moments.size
+    flat, missing = out.reshape((rows, size, 2)), none_missing(rows * size)
+    for run in runs:
+        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
+    for lanes, (begin, end) in slices(size, rows) if not runs else ():
+        _threads.run(
+            loops.fill,
+            (lanes[1] - lanes[0]) * (loops.ENTERING + (end - begin) * loops.EVALUATING),
+            threads,
+            flow,
+            *parameters,
+            states,
+            for_kernel(moments[begin:end]),
+            lanes,
+            flat[begin:end],
+            missing,
+        )
+    return out, missing
 
 
 def fill_run(
@@ -170,7 +164,7 @@ def fill_run(
         )
 
 
-def runs_of(times: FloatArray, flow: bool) -> list[Run]:
+def runs_of(times: NDArray[Any], flow: bool) -> list[Run]:
     """The runs of equal steps that the times make up, one for each sign; none if they do not.
 
     Runs of steps of the map begin where n is smaller than the step, so that a state does not depend
@@ -178,27 +172,29 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
     """
     if times.size < SHORTEST:
         return []
-    every = float((times[-1] - times[0]) / (times.size - 1))
+    low, high = times[0].item(), times[-1].item()
+    if isinstance(low, int) and max(abs(low), abs(high)) > _EXACT:
+        return runs_of(times.astype(np.float64), flow)
+    every = (high - low) / (times.size - 1)
     if every == 0.0 or not math.isfinite(every):
         return []
     if every < 0.0:
         return [_turned(run, times.size) for run in runs_of(times[::-1], flow)]
-    negative = int(np.searchsorted(times, 0.0))
+    negative = int(np.searchsorted(times, 0))
     runs = []
     for sign, outward, origin in (
-        (-1.0, -times[:negative][::-1], negative - 1),
-        (1.0, times[negative:], negative),
+        (-1, times[:negative][::-1], negative - 1),
+        (1, times[negative:], negative),
     ):
-        if outward.size and not _equal_steps(outward, every):
+        if outward.size and not _equal_steps(outward, sign * every):
             return []
         if outward.size:
-            nearest, direction = float(outward[0]), int(sign)
+            nearest = abs(float(outward[0]))
             skipped = 0 if flow or nearest != math.floor(nearest) else int(nearest // every)
             begin, end = skipped, skipped + outward.size
             first = nearest - skipped * every
-            runs.append(
-                Run(sign, first, every, begin, end, origin - direction * skipped, direction)
-            )
+            origin -= sign * skipped
+            runs.append(Run(float(sign), first, every, begin, end, origin, sign))
     return runs
 
 
@@ -206,11 +202,20 @@ def _turned(run: Run, size: int) -> Run:
     return run._replace(origin=size - 1 - run.origin, direction=-run.direction)
 
 
-def _equal_steps(times: FloatArray, every: float) -> bool:
-    """Whether each time is the first and so many steps, to one unit of its own last place."""
+def _equal_steps(times: NDArray[Any], every: float) -> bool:
+    """Whether each time is the first and so many steps, to one unit of its own last place.
+
+    Part after part, so that what is made on the way stays in the caches.
+    """
+    first, numbers = float(times[0]), np.arange(float(min(times.size, _IN_CACHE)))
+    room = np.empty_like(numbers)
     for begin in range(0, times.size, _IN_CACHE):
         some = times[begin : begin + _IN_CACHE]
-        expected = times[0] + every * np.arange(begin, begin + some.size)
-        if not (abs(some - expected) <= some * 2.0**-52).all():
+        expected = np.add(numbers[: some.size], begin, out=room[: some.size])
+        expected *= every
+        expected += first
+        if (some == expected).all():
+            continue
+        if not np.isfinite(some).all() or (abs(some - expected) > abs(some) * 2.0**-52).any():
             return False
     return True

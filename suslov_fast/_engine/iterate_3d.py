@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._core import codes
 from .._core.cpu import blocks, closed_form, map_3d
 from . import closed_form as closed
 from . import threads
-from .problem import Outcome, Problem, check_computed, never, worst
+from .problem import Outcome, Problem, check_computed, never, not_computed
 from .progress import reporter
 
 # From so many steps on the closed form is faster than they are, where only the last state counts.
@@ -21,6 +20,8 @@ _AHEAD = 256
 _TOGETHER = 2**20
 # Steps of all failed trajectories between two looks for Ctrl-C.
 _SEARCH = 2**24
+# Where no orientation is wanted.
+_NOT_TURNED, _NO_TURN = np.empty((3, 3, 0)), np.empty((4, 0))
 
 
 def run(problem: Problem) -> Outcome:
@@ -39,10 +40,10 @@ def jumps(problem: Problem) -> bool:
 def _iterate(problem: Problem) -> Outcome:
     """Step by step."""
     size = problem.size
-    arguments = _method(problem), *_parameters(problem), problem.omega
-    final, status = np.empty((size, 2)), np.full(size, codes.NOT_COMPUTED, np.int8)
+    arguments = _method(problem), *problem.parameters, problem.eps, problem.omega
+    final, status = np.empty((size, 2)), not_computed(size)
     state, turn = _taken_up(problem)
-    R0 = np.empty((3, 3, 0))
+    R0 = _NOT_TURNED
     if problem.orientation is not None:
         R0 = np.ascontiguousarray(problem.orientation.transpose(1, 2, 0))
     for part in problem.parts(1.0, blocks.LANES):
@@ -63,9 +64,8 @@ def _iterate(problem: Problem) -> Outcome:
             final,
             status,
         )
-    check_computed(status)
     failed_at = never(size)
-    if worst(status) < 0:
+    if check_computed(status):
         failed_at = _failures(problem, arguments, status)
     return Outcome(final, status, failed_at, {"state": state, "turn": turn})
 
@@ -74,7 +74,9 @@ def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
     """The states (2, B) and the orientations (4, B), or (4, 0), as a run begins with them."""
     if problem.start:
         return problem.resume["state"].copy(), problem.resume["turn"].copy()
-    turn = np.zeros((4, 0 if problem.orientation is None else problem.size))
+    if problem.orientation is None:
+        return np.empty((2, problem.size)), _NO_TURN
+    turn = np.zeros((4, problem.size))
     turn[0] = 1.0
     return np.empty((2, problem.size)), turn
 
@@ -108,16 +110,15 @@ def _jump(problem: Problem) -> Outcome:
 
     Orbits that may meet a pole are iterated from their start until they are past it.
     """
-    status = np.full(problem.size, codes.NOT_COMPUTED, np.int8)
-    if len(problem.saved):
-        _fill(problem, problem.omega, closed.NO_START, problem.saved, problem.first_row, status)
-    if len(problem.saved) and problem.stop % problem.every == 0:
-        final = problem.saved[-1]
+    saved, size = problem.saved, problem.size
+    rows, status, failed_at = len(saved), not_computed(size), never(size)
+    if rows:
+        _fill(problem, problem.omega, closed.NO_START, saved, problem.first_row, status)
+    if rows and problem.stop % problem.every == 0:
+        final = saved[-1]
     else:
         final = _last(problem, problem.omega, problem.stop, status)
-    check_computed(status)
-    failed_at = never(problem.size)
-    if worst(status) < 0:
+    if check_computed(status):
         failed_at = failed_at.copy()
         unsafe = np.flatnonzero(status < 0)
         together = max(_TOGETHER // (problem.last_row + 1), 1)
@@ -146,7 +147,7 @@ def _past_poles(
         final[left], status[left], failed_at[left], _ = _iterate(few)
         past = status[left] >= 0
         if ahead < problem.stop:
-            ended = np.full(left.size, codes.NOT_COMPUTED, np.int8)
+            ended = not_computed(left.size)
             ends = _last(few, final[left], problem.stop - ahead, ended)
             check_computed(ended)
             past &= ended >= 0
@@ -175,7 +176,8 @@ def _fill(
     run = closed.Run(
         1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
     )
-    parameters, missing = _parameters(problem), closed.none_missing()
+    parameters = [*problem.parameters, problem.eps]
+    missing = closed.none_missing(len(rows) * len(omega))
     closed.fill_run(run, False, parameters, omega, start, rows, status, missing, problem.threads)
 
 
@@ -187,7 +189,8 @@ def _last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8])
         closed_form.jump,
         size * closed_form.ENTERING if size > blocks.LANES else 0,
         problem.threads,
-        *_parameters(problem),
+        *problem.parameters,
+        problem.eps,
         omega,
         float(n),
         final,
@@ -198,8 +201,3 @@ def _last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8])
 
 def _method(problem: Problem) -> int:
     return map_3d.PRINTED if problem.method == "ds2" else map_3d.CANONICAL
-
-
-def _parameters(problem: Problem) -> list[FloatArray]:
-    """I1, I2, I13, I23 and eps, as loops take them."""
-    return [*problem.parameters, problem.eps]

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
+from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import full_map
+from .._core.formulas.full_map import full_coefficients
 from . import threads
+from .arguments import Body
+from .layout import flat_parameter
 from .problem import Outcome, Problem
 
 # Work of a step, in steps of the 3D map.
 _STEP = 2
 
 
+def parameters(
+    body: Body, eps: float | FloatArray, batch: tuple[int, ...], I3: FloatArray
+) -> list[FloatArray]:
+    """The coefficients of the scheme, (8, B)."""
+    given = [flat_parameter(each, batch) for each in (*body.parameters, eps)]
+    with np.errstate(all="ignore"):
+        coefficients = full_coefficients(*given, I3)
+    size = (math.prod(batch),)
+    return [np.stack([np.broadcast_to(each, size) for each in coefficients])]
+
+
 def run(problem: Problem) -> Outcome:
     """The last states, and how each trajectory ended; saved states are filled on the way.
 
-    The parameters of the problem are the coefficients of the scheme, (8, B).
+    The parameters of the problem are those above.
     """
     start, size = problem.omega, problem.size
     known = ~np.isnan(start[:, 0])

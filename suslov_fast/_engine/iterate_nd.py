@@ -15,7 +15,7 @@ from .._core.cpu import map_nd
 from .._core.cpu.elimination import matrix_shape
 from .._core.cpu.vector import VECTOR
 from . import threads
-from .problem import Outcome, Part, Problem, check_computed
+from .problem import Outcome, Part, Problem, check_computed, not_computed, worst
 
 # Room for elimination is made beforehand where it takes at most so many bytes a thread: memory that
 # is never touched costs nothing. Where it takes more, trajectories that turn out to need it are
@@ -78,8 +78,8 @@ class _Run:
         status = self.kept.status[part.begin : part.end]
         status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
         self._call(part, _ALL, self.scratch)
-        left = np.flatnonzero(status == NEEDS_ELIMINATION)
-        if left.size:
+        if worst(status) == NEEDS_ELIMINATION:
+            left = np.flatnonzero(status == NEEDS_ELIMINATION)
             scratch = self._scratch(left.size, True)
             status[left] = NOT_COMPUTED
             self._call(part._replace(begin=0, end=left.size), left + part.begin, scratch)
@@ -119,7 +119,7 @@ def _kept(problem: Problem) -> map_nd.Kept:
     size, m = problem.omega.shape
     kept = map_nd.Kept(
         final=np.empty((size, m)),
-        status=np.full(size, NOT_COMPUTED, np.int8),
+        status=not_computed(size),
         failed_at=np.full(size, -1),
         state=np.empty((size, m)),
         exponent=np.empty(size),

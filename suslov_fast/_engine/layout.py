@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, few_and_finite
+from .._checks import FloatArray
 
 
-def flat_parameter(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
+def flat_parameter(value: float | FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """A parameter as one number that serves all trajectories, or one for each."""
+    if type(value) is float:
+        return np.array([value])
+    array = np.asarray(value)
     if array.size == 1:
         return for_kernel(array.reshape(1))
     return for_kernel(np.broadcast_to(array, batch).reshape(-1))
@@ -28,28 +31,32 @@ def flat_rows(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
 
 def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Vectors as a (B, D) array."""
-    return _flat(array, batch, 1)
+    D = array.shape[-1]
+    if array.shape[:-1] != batch:
+        array = np.broadcast_to(array, (*batch, D))
+    return for_kernel(array.reshape((math.prod(batch), D)))
+
+
+def own_parameter(value: float | FloatArray) -> float | FloatArray:
+    """A parameter that nobody else writes to."""
+    return value if type(value) is float else np.array(value)
 
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """States (B, D) that nobody else writes to; NaN in all components where one is."""
-    flat = flat_vectors(state, batch)
-    if np.may_share_memory(flat, state):
-        flat = flat.copy()
-    if not few_and_finite(flat) and np.isnan(flat.min(initial=0.0)):  # no array of its own
-        flat[np.isnan(flat).any(axis=-1)] = np.nan
-    return flat
+    """States (B, D) that nobody else writes to."""
+    D = state.shape[-1]
+    if state.shape[:-1] != batch:
+        state = np.broadcast_to(state, (*batch, D))
+    own = np.array(state, order="C", ndmin=2)
+    return own if own.ndim == 2 else own.reshape((math.prod(batch), D))
 
 
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Matrices as a (B, n, n) array."""
-    return _flat(array, batch, 2)
-
-
-def _flat(array: FloatArray, batch: tuple[int, ...], axes: int) -> FloatArray:
-    shape = (*batch, *array.shape[-axes:])
-    full = array if array.shape == shape else np.broadcast_to(array, shape)
-    return for_kernel(full.reshape((math.prod(batch), *array.shape[-axes:])))
+    n = array.shape[-1]
+    if array.shape[:-2] != batch:
+        array = np.broadcast_to(array, (*batch, n, n))
+    return for_kernel(array.reshape((math.prod(batch), n, n)))
 
 
 def for_kernel(array: FloatArray) -> FloatArray:

@@ -20,15 +20,18 @@ Reader = Callable[[str], str]
 Limit = Callable[[str], int | None]
 
 
-def require(nbytes: int, what_to_do: str) -> None:
-    """Raise a MemoryError, which says what to do, if so many bytes more are not available."""
+def require(nbytes: int, what_to_do: str, *shown: object) -> None:
+    """Raise a MemoryError, which says what to do, if so many bytes more are not available.
+
+    `what_to_do` is a format, of what is `shown`.
+    """
     if nbytes <= SMALL:
         return
     room = available()
     if room is not None and nbytes > room - SMALL:
         raise MemoryError(
             f"expected arrays that fit in memory, of which {room:,} bytes are available, "
-            f"got {nbytes:,} bytes; {what_to_do}"
+            f"got {nbytes:,} bytes; {what_to_do.format(*shown)}"
         )
 
 

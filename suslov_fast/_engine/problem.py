@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numba
@@ -40,7 +41,7 @@ class Problem:
     eps
         The step size that goes with them, (B,) or (1,).
     time_step
-        The step size in the unit of time of omega, likewise.
+        The step size in the unit of time of omega, likewise, if there is an orientation.
     every
         States whose number is a multiple of this are saved.
     keeps
@@ -106,7 +107,7 @@ class Problem:
         """The number of the saved state that the first row holds, in multiples of `every`."""
         return self.start // self.every + 1 if self.start else 0
 
-    def parts(self, work: float, lanes: int) -> Iterator[Part]:
+    def parts(self, work: float, lanes: int) -> Iterable[Part]:
         """What is computed at a time: some trajectories, and some of their steps.
 
         `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
@@ -114,15 +115,21 @@ class Problem:
         The batch is cut first, so that what a part works on stays in the caches; time is only where
         few trajectories take long.
         """
-        steps = self.stop - self.start
+        size, steps = self.size, self.stop - self.start
         if len(self.saved):
             work += _SAVING / self.every
         room = _PART / work
-        if (not self.progress and self.size * steps <= room) or not self.size * steps:
-            yield Part(0, self.size, self.start, self.stop)
-            return
-        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
-        length = max(1, int(_LENGTH / work))
+        if (not self.progress and size * steps <= room) or not size * steps:
+            return (Part(0, size, self.start, self.stop),)
+        return self._parts_of(
+            room,
+            max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work)),
+            max(1, int(_LENGTH / work)),
+        )
+
+    def _parts_of(self, room: float, abreast: int, length: int) -> Iterator[Part]:
+        """Parts of about `room` steps, if there are so many trajectories and steps as is said."""
+        steps = self.stop - self.start
         with reporter(self.progress, steps) as report:
             end = 0
             while end < self.size:
@@ -170,6 +177,14 @@ class Outcome(NamedTuple):
     resume: dict[str, NDArray[Any]]
 
 
+def not_computed(size: int) -> NDArray[np.int8]:
+    """Statuses that a loop is to fill."""
+    status = np.empty(size, np.int8)
+    status.fill(codes.NOT_COMPUTED)
+    return status
+
+
+@lru_cache
 def never(size: int) -> NDArray[np.int64]:
     """`failed_at` where nothing failed: -1, read-only and in no memory."""
     return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
@@ -177,10 +192,12 @@ def never(size: int) -> NDArray[np.int64]:
 
 def worst(status: NDArray[np.int8]) -> int:
     """The least of statuses, negative if a trajectory failed; at most 0."""
-    return int(min(status.item(), 0) if status.size == 1 else status.min(initial=0))
+    return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
 
 
-def check_computed(status: NDArray[np.int8]) -> None:
-    """Make sure that loops have been where they should."""
-    if worst(status) == codes.NOT_COMPUTED:
+def check_computed(status: NDArray[np.int8]) -> bool:
+    """Make sure that loops have been where they should; whether a trajectory failed."""
+    least = worst(status)
+    if least == codes.NOT_COMPUTED:
         raise RuntimeError("a loop ended before its last trajectory; please report this")
+    return least < 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._core.formulas.full_map import full_coefficients
-from . import iterate_3d, iterate_full, jump_nd
+from . import iterate_3d, jump_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
@@ -29,23 +29,19 @@ class Run:
     omega0
         (B, D), the states at step 0, in memory that nobody else writes to.
     eps
-        The step size, () or of a shape that broadcasts to the batch.
+        The step size, a number or of a shape that broadcasts to the batch.
     orientation
         (B, n, n), the orientations at step 0, or None.
     start
         The number of steps that were made before.
     resume
         What they left.
-    dimension
-        The number of components of a state.
-    shape
-        The shape of the states that are kept.
     """
 
     body: Body
     batch: tuple[int, ...]
     omega0: FloatArray
-    eps: FloatArray
+    eps: float | FloatArray
     steps: int
     save_every: int | None
     method: str
@@ -54,13 +50,12 @@ class Run:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
-    dimension: int = field(init=False)
-    shape: tuple[int, ...] = field(init=False)
 
-    def __post_init__(self) -> None:
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The shape of the states that are kept."""
         rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        self.dimension = int(self.omega0.shape[-1])
-        self.shape = (rows, *self.batch, self.dimension)
+        return (rows, *self.batch, self.omega0.shape[1])
 
     @property
     def rows_before(self) -> int:
@@ -98,123 +93,98 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
-    saved, turns = _room(run, run.shape[0], out)
+    saved, turns = _room(run, run.shape, out)
     begin = run.rows_before
     if before is not None and begin:
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
                 array[:begin] = kept
-    new = [None if array is None else array[begin:] for array in (saved, turns)]
-    return _results(run, _problem(run, *new), saved, turns)
+    return _results(run, saved, turns, begin)
 
 
 def go_on(run: Run) -> Results:
     """Make the steps of a run since its start; of the states that are kept, only those since."""
-    saved, turns = _room(run, run.shape[0] - run.rows_before)
-    return _results(run, _problem(run, saved, turns), saved, turns)
+    rows, *shape = run.shape
+    saved, turns = _room(run, (rows - run.rows_before, *shape))
+    return _results(run, saved, turns, 0)
 
 
 def _room(
-    run: Run, rows: int, out: FloatArray | None = None
+    run: Run, shape: tuple[int, ...], out: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Arrays for so many states that are kept, and for the orientations."""
-    _require_memory(run, rows, out is None)
-    saved, turns = out, None
-    if saved is None and run.save_every is not None:
-        saved = np.empty((rows, *run.shape[1:]))
-    if run.orientation is not None:
-        n = run.dimension + 1
-        turns = np.empty((rows, *run.batch, n, n))
-    return saved, turns
+    """Arrays for states that are kept, and for the orientations, where they fit in memory."""
+    saves = out is None and run.save_every is not None
+    turned = () if run.orientation is None else (*shape[:-1], *run.orientation.shape[1:])
+    numbers = 4 * run.omega0.size  # in arrays beside them
+    if saves:
+        numbers += math.prod(shape)
+    if turned:
+        numbers += math.prod(turned)
+    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", shape)
+    return np.empty(shape) if saves else out, np.empty(turned) if turned else None
 
 
-def _results(
-    run: Run, problem: Problem, saved: FloatArray | None, turns: FloatArray | None
-) -> Results:
+def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
+    """Make the steps, and fill what is kept from row `begin` on."""
+    problem = _problem(run, saved, turns, begin)
     if run.method == "full":
+        from . import iterate_full  # which few need: imports take time
+
+        problem.parameters = iterate_full.parameters(run.body, run.eps, run.batch, run.resume["I3"])
         final, status, failed_at, resume = iterate_full.run(problem)
     elif isinstance(run.body, Suslov3D):
         final, status, failed_at, resume = iterate_3d.run(problem)
     else:
         final, status, failed_at, resume = jump_nd.run(problem, run.body, run.batch)
-    final = final.reshape((*run.batch, run.dimension))
+    batch, every = run.batch, run.save_every
+    if saved is None or every is None or run.steps % every or not len(saved):
+        final = final.reshape((*batch, final.shape[1]))
+    else:
+        final = saved[-1]
     if saved is None:
         saved = final[np.newaxis]
-    elif run.save_every is None:
+    elif every is None:
         saved[0] = final
-    elif run.steps % run.save_every == 0 and len(saved):
-        final = saved[-1]
-    return Results(
-        omega=saved,
-        attitude=turns,
-        final=final,
-        status=status.reshape(run.batch),
-        failed_at=failed_at.reshape(run.batch),
-        resume=_beside(run, resume),
-    )
-
-
-def _beside(run: Run, resume: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """What the loops left to go on from, with what the run began with."""
-    begin = {"omega0": run.omega0}
+    # What the loops left to go on from, with what the run began with.
+    resume["omega0"] = run.omega0
     if run.orientation is not None:
-        begin["R0"] = run.orientation
+        resume["R0"] = run.orientation
     if run.method == "full":
-        begin["I3"] = run.resume["I3"]
-    return resume | begin
+        resume["I3"] = run.resume["I3"]
+    return Results(saved, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)
 
 
-def _require_memory(run: Run, rows: int, saves: bool) -> None:
-    """Refuse a run that does not fit, with what it takes beside the states that are kept."""
-    D = run.dimension
-    kept = rows * math.prod(run.batch)
-    numbers = 4 * D * math.prod(run.batch)
-    if saves and run.save_every is not None:
-        numbers += D * kept
+def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Problem:
+    """The flat problem."""
+    batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
+    eps = time_step = flat_parameter(run.body.normalised_eps(run.eps), batch)
     if run.orientation is not None:
-        numbers += (D + 1) ** 2 * kept
-    require(8 * numbers, f"the states kept are {run.shape}: raise save_every or cut the batch")
-
-
-def _parameters(run: Run) -> list[FloatArray]:
-    if run.method != "full":
-        return run.body.flat_normalised(run.batch)
-    given = [
-        flat_parameter(np.asarray(each), run.batch) for each in (*run.body.parameters, run.eps)
-    ]
-    with np.errstate(all="ignore"):
-        coefficients = full_coefficients(*given, run.resume["I3"])
-    size = len(run.omega0)
-    return [np.stack([np.broadcast_to(each, (size,)) for each in coefficients])]
-
-
-def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None) -> Problem:
-    """The flat problem; `saved` and `turns` receive what is kept from its start on."""
-    body, size, D = run.body, math.prod(run.batch), run.dimension
-    keeps = saved is not None and run.save_every is not None
-    rows = run.shape[0] - run.rows_before
+        time_step = flat_parameter(run.eps, batch)
     return Problem(
-        method=run.method,
-        omega=run.omega0,
-        parameters=_parameters(run),
-        eps=flat_parameter(body.normalised_eps(run.eps), run.batch),
-        time_step=flat_parameter(run.eps, run.batch),
-        start=run.start,
-        stop=run.steps,
-        every=run.save_every or run.steps + 1,
-        keeps=run.save_every is not None,
-        saved=(
-            saved.reshape(rows, size, D)  # type: ignore[union-attr]
-            if keeps
-            else np.empty((0, 0, D))
-        ),
-        turns=(
-            np.empty((0, 0, D + 1, D + 1))
-            if turns is None
-            else turns.reshape(rows, size, D + 1, D + 1)
-        ),
-        orientation=run.orientation,
-        resume=run.resume,
-        threads=run.threads,
-        progress=run.progress,
+        run.method,
+        run.omega0,
+        run.body.flat_normalised(batch),
+        eps,
+        time_step,
+        run.start,
+        run.steps,
+        every or run.steps + 1,
+        every is not None,
+        _no_rows(D) if saved is None or every is None else _rows(saved, begin, size, D),
+        _no_rows(D + 1, D + 1) if turns is None else _rows(turns, begin, size, D + 1, D + 1),
+        run.orientation,
+        run.resume,
+        run.threads,
+        run.progress,
     )
+
+
+def _rows(kept: FloatArray, begin: int, *shape: int) -> FloatArray:
+    """What is kept as rows of this shape, from one on."""
+    rows = kept.reshape((len(kept), *shape))
+    return rows[begin:] if begin else rows
+
+
+@lru_cache
+def _no_rows(*shape: int) -> FloatArray:
+    return np.empty((0, 0, *shape))

@@ -48,7 +48,7 @@ def job_of(asked: Asked, wanted: Wanted) -> Job:
     eps = real_array("eps", asked.eps).copy()
     orientation = _orientation(body, asked.attitude)
     turned = {} if orientation is None else {"attitude": orientation.shape[:-2]}
-    batch = common_shape(body=body.shape, omega0=source.shape, eps=eps.shape, **turned)
+    batch = common_shape({"body": body.shape, "omega0": source.shape, "eps": eps.shape, **turned})
     steps = integer("steps", asked.steps, 0, "an integer of at least 0")
     save_every = asked.save_every
     if save_every is not None:

@@ -74,9 +74,8 @@ for name in names:
     print("result", name, *out.ravel())
 print("compiler imported:", "numba.np.arraymath" in sys.modules)
 """
-# Before the call: names of all that becomes machine code, and what the compiler leaves behind.
+# Before the call: names of all that becomes machine code. After it: a function of another package.
 WATCH = """
-import atexit, gc
 from numba.core import codegen
 
 def watched(self, module, add=codegen.JITCPUCodegen._add_module):
@@ -84,7 +83,22 @@ def watched(self, module, add=codegen.JITCPUCodegen._add_module):
     return add(self, module)
 
 codegen.JITCPUCodegen._add_module = watched
-atexit.register(lambda: print("result collects", gc.isenabled()))
+"""
+MORE = """
+import gc
+import numba
+
+module.loops["half"].parallel(x, out)
+print("result half", *out.ravel(), gc.isenabled())
+
+@numba.njit(parallel=True)
+def another(x):
+    total = 0.0
+    for i in numba.prange(x.size):
+        total += max(x[i], 1.5)
+    return total
+
+print("result", another(x.ravel()))
 """
 # Empty settings are none: the cache is that beside the source, and Python keeps its own, so that
 # the first process compiles modules, and others read them.
@@ -240,12 +254,18 @@ needs_modes = pytest.mark.skipif(os.name != "posix", reason="needs POSIX file mo
 
 
 def test_only_loops_become_machine_code(core):
-    """Formulas and parts are compiled as ingredients, and the collector of garbage goes on."""
+    """The rest of a loop is compiled as its ingredients; what others compile is not."""
     if not pipeline.KNOWN:
         pytest.skip("this Numba compiles every function whole")
-    made = results_of(children.run(WATCH + CALL, core.parent, "half", **SETTINGS))
-    made = [line for line in made if line != "result nrt"]  # Numba's own runtime
-    assert made == ["result half_serial", *call(core, "half")[0], "result collects True"]
+    lines = results_of(children.run(WATCH + CALL + MORE, core.parent, "half", **SETTINGS))
+    (half,) = call(core, "half")[0]
+    expected = ["result half_serial", half, "result half_parallel", f"{half} True", "result 21.5"]
+    others = [line for line in lines if line not in expected]
+    assert [line for line in lines if line in expected] == expected
+    # Numba's runtime; and what is none of ours is compiled as ever, whatever came before.
+    assert "result nrt" in others
+    assert "result another" in others
+    assert not any("filled_with" in line or "half" in line for line in others)
 
 
 @needs_modes

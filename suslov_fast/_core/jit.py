@@ -10,7 +10,7 @@ from numba import config
 from numba.extending import register_jitable
 
 from .cache import KernelCache
-from .pipeline import Ingredients, Loops
+from .pipeline import Loops
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -23,8 +23,6 @@ _OPTIONS = {
     # Nothing calls a kernel from C.
     "no_cfunc_wrapper": True,
 }
-
-_INGREDIENT = _OPTIONS | {"pipeline_class": Ingredients}
 
 
 def _named_apart(function):
@@ -45,17 +43,17 @@ def formula(function):
     Without branches it serves NumPy arrays as it is.
     """
     # A call that is left standing keeps a loop from being vectorised.
-    return register_jitable(forceinline=True, **_INGREDIENT)(_named_apart(function))
+    return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
 
 
 def part(function):
     """Let loops call a part of a loop."""
-    return register_jitable(**_INGREDIENT)(_named_apart(function))
+    return register_jitable(**_OPTIONS)(_named_apart(function))
 
 
 def inlined_part(function):
     """A part that becomes source of its caller, where the compiler knows what local arrays are."""
-    return register_jitable(inline="always", **_INGREDIENT)(_named_apart(function))
+    return register_jitable(inline="always", **_OPTIONS)(_named_apart(function))
 
 
 class Loop:

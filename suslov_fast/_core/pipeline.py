@@ -1,4 +1,4 @@
-"""How Numba compiles the package: loops whole, their ingredients only as far as loops need them.
+"""How Numba compiles a loop: whole, and what it is made of only as far as the loop needs it.
 
 Numba optimises every function and makes machine code of it, and then again as a piece of each
 function that calls it. That was half of the time of a first call, for only loops are ever called.
@@ -7,16 +7,7 @@ function that calls it. That was half of the time of a first call, for only loop
 import gc
 from contextlib import contextmanager
 
-from numba.core import codegen, compiler, typed_passes, untyped_passes
-
-# What formulas and parts have no use for.
-_NEEDLESS = (
-    untyped_passes.WithLifting,
-    untyped_passes.FindLiterallyCalls,
-    untyped_passes.LiteralUnroll,
-    untyped_passes.LiteralPropagationSubPipelinePass,
-    typed_passes.DumpParforDiagnostics,
-)
+from numba.core import codegen, compiler
 
 
 class _Ingredient(codegen.JITCodeLibrary):
@@ -53,27 +44,26 @@ class _Ingredient(codegen.JITCodeLibrary):
 KNOWN = hasattr(codegen.CPUCodegen, "_pass_builder")
 
 
-class Ingredients(compiler.Compiler):
-    """Numba's compiler, for functions that others take in."""
-
-    def define_pipelines(self):
-        pipelines = super().define_pipelines()
-        for pipeline in pipelines:
-            pipeline.passes = [each for each in pipeline.passes if each[0] not in _NEEDLESS]
-        return pipelines
-
-    def compile_extra(self, func):
-        if KNOWN:
-            self.state.library = _Ingredient(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
-
-
 class Loops(compiler.Compiler):
     """Numba's compiler, for what Python calls."""
 
     def compile_extra(self, func):
-        with _uncollected():
+        generator = self.state.targetctx.codegen()
+        self.state.library = generator.create_library(func.__qualname__)
+        self.state.library.enable_object_caching()
+        with _uncollected(), _ingredients_only(generator):
             return super().compile_extra(func)
+
+
+@contextmanager
+def _ingredients_only(generator):
+    """All that is compiled meanwhile, what Numba itself brings too, becomes part of another."""
+    if KNOWN:
+        generator._library_class = _Ingredient
+    try:
+        yield
+    finally:
+        generator.__dict__.pop("_library_class", None)
 
 
 @contextmanager

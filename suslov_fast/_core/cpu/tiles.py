@@ -7,7 +7,7 @@ line   how many numbers lie before its first cache line.
 
 import numpy as np
 
-from ..jit import part
+from ..jit import inlined_part, part
 from .orbits import WIDTH
 from .vector import VECTOR, expect_store, store_at, store_pairs, stream, vector_at
 
@@ -17,7 +17,7 @@ TILE = 1024
 BEYOND_CACHES = 2**21
 
 
-@part
+@inlined_part
 def rows_of(room, first, rows):
     """Rows of WIDTH lanes, of all that a task works in."""
     return room[first * WIDTH : (first + rows) * WIDTH].reshape((rows, WIDTH))

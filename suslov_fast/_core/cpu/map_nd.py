@@ -335,9 +335,14 @@ def assemble(cells, sums, g, matrix):
 def step_by_elimination(cells, sums, g, matrix):
     assemble(cells, sums, g, matrix)
     eliminate(matrix, cells.shape[1])
+    p, square = splat(0.0), splat(0.0)
     for i in range(cells.shape[1]):
-        store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
-    take_next_states(cells, sums, g)
+        omega = load(matrix, i, cells.shape[1])
+        store(cells, g, i, OMEGA, omega)
+        p = p + load(cells, g, i, I_) * omega
+        square = square + omega * omega
+    store(sums, g, P, p)
+    store(sums, g, SQUARE, square)
 
 
 @inlined_part

@@ -14,6 +14,7 @@ cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega
          see of it. All but the last are in units of powers of two in which they are of the order of
          1; new ones where omega has left that.
 sums     (groups, SUMS, VECTOR): logarithms of these units, then what EPS and so on name.
+tile     flat, (trajectories, m): rows of the block, as they lie in arrays of users.
 
 Lanes that are not in use, and those of trajectories that have ended, rest at 0, in a unit that
 makes it NaN.
@@ -41,24 +42,28 @@ from ..formulas.rotation import mean
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
+from .tiles import BEYOND_CACHES, write_numbers
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     all_lanes,
     copy_transposed,
+    fence,
     larger,
     load,
+    scatter_pairs,
     select,
     smaller,
     splat,
     store,
+    to_cache_line,
 )
 
 GAUSS, RANK2 = range(2)
 
-LANES = 32
+LANES = 64
 # Components that the groups of a block have together, unless it is one group: cells that fit in L1.
-ROOM = 160
+ROOM = 128
 
 CELLS = 4
 J_, I_, OMEGA, WORK = range(CELLS)
@@ -137,7 +142,8 @@ class Kept(NamedTuple):
     """What is left at state stop; read where start is not 0.
 
     final         (B, m), the states, NaN where one does not exist.
-    status        (B,): OK, SINGULAR, NONFINITE, or NEEDS_ELIMINATION where all else is as it was.
+    status        (B,): OK, SINGULAR, NONFINITE, or NEEDS_ELIMINATION where all but `final` is as it
+                  was.
     failed_at     (B,), the first state that does not exist, or -1.
     state         (B, m), the states in units of 2**exponent; (0, m) if nobody will go on.
     exponent      (B,)
@@ -155,15 +161,18 @@ class Kept(NamedTuple):
 class Scratch(NamedTuple):
     """The first axis is that of tasks, of which each has several blocks.
 
-    cells    (tasks, groups, m, CELLS, VECTOR)
+    cells    (tasks, groups, m, CELLS, VECTOR), and the same as flat_cells, (tasks, their size).
     sums     (tasks, groups, SUMS, VECTOR)
+    tile     (tasks, room for a block, and a vector more)
     matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
-    before   (tasks, groups, m, VECTOR), the states before the step, if turns are wanted.
+    before   (tasks, trajectories, m), the states before the step, if turns are wanted.
     turning  (tasks, 2 n + 2, n), two matrices and two vectors, if turns are wanted.
     """
 
     cells: np.ndarray
+    flat_cells: np.ndarray
     sums: np.ndarray
+    tile: np.ndarray
     matrix: np.ndarray
     before: np.ndarray
     turning: np.ndarray
@@ -194,19 +203,46 @@ def unit_of(largest, before):
     return min(max(math.frexp(largest)[1] + before, -1022), 1023)
 
 
+# Rows of components become rows of lanes, and the reverse: in pairs where components are few, else
+# in squares of VECTOR. The last pair or square overlaps the one before.
+
+
 @part
-def gather(values, chosen, begin, end, cells, which):
+def gather(values, chosen, begin, end, cells, which, flat_cells, tile):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
-    m, alike = values.shape[1], values.shape[0] == 1
+    m = values.shape[1]
     for g in range(cells.shape[0]):
-        if alike:
+        if values.shape[0] == 1:
             for i in range(m):
                 store(cells, g, i, which, splat(values[0, i]))
-        else:
-            for l in range(VECTOR):
-                b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
+            continue
+        for l in range(VECTOR):
+            b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
+            if m < VECTOR:
                 for i in range(m):
                     cells[g, i, which, l] = values[b, i]
+            else:
+                for i in range(m):
+                    tile[l * m + i] = values[b, i]
+        if m >= VECTOR:
+            for i in range(0, m, VECTOR):
+                first = min(i, m - VECTOR)
+                row = ((g * m + first) * CELLS + which) * VECTOR
+                copy_transposed(flat_cells, row, CELLS * VECTOR, tile, first, m)
+
+
+@part
+def write(tile, chosen, begin, end, m, flat, target):
+    """Write the rows of a block to those of trajectories, of which that of 0 lies at `target`."""
+    if chosen.size == 0:
+        past_caches, line = flat.size >= BEYOND_CACHES, to_cache_line(flat, 0)
+        size = (end - begin) * m
+        write_numbers(tile, 0, flat, target + begin * m, size, line, past_caches)
+    else:
+        for k in range(end - begin):
+            row = target + trajectory(chosen, begin + k) * m
+            for i in range(m):
+                flat[row + i] = tile[k * m + i]
 
 
 @part
@@ -286,18 +322,19 @@ def end_undefined(omega, span, kept, begin, end):
 
 
 @part
-def start_block(bodies, omega, span, kept, begin, end, cells, sums):
-    chosen = span.chosen
-    gather(bodies.J, chosen, begin, end, cells, J_)
-    gather(bodies.I, chosen, begin, end, cells, I_)
+def start_block(bodies, omega, span, kept, begin, end, cells, flat_cells, sums, tile):
+    """Returns whether some trajectories never move."""
+    chosen, some_rest = span.chosen, False
+    gather(bodies.J, chosen, begin, end, cells, J_, flat_cells, tile)
+    gather(bodies.I, chosen, begin, end, cells, I_, flat_cells, tile)
     normalise(cells, sums, J_, bodies.J.shape[0] == 1)
     normalise(cells, sums, I_, bodies.I.shape[0] == 1)
     if span.start == 0:
         end_undefined(omega, span, kept, begin, end)
-        gather(omega, chosen, begin, end, cells, OMEGA)
+        gather(omega, chosen, begin, end, cells, OMEGA, flat_cells, tile)
         normalise(cells, sums, OMEGA, omega.shape[0] == 1)
     else:
-        gather(kept.state, chosen, begin, end, cells, OMEGA)
+        gather(kept.state, chosen, begin, end, cells, OMEGA, flat_cells, tile)
     for g in range(cells.shape[0]):
         coupled = splat(0.0)
         for i in range(cells.shape[1]):
@@ -307,11 +344,14 @@ def start_block(bodies, omega, span, kept, begin, end, cells, sums):
             position = begin + g * VECTOR + l
             b = trajectory(chosen, min(position, end - 1))
             eps = bodies.eps[b if bodies.eps.size > 1 else 0]
-            sums[g, RESTS, l] = 1.0 if eps == 0.0 or sums[g, RESTS, l] == 0.0 else 0.0
+            rests = eps == 0.0 or sums[g, RESTS, l] == 0.0
+            some_rest |= rests
+            sums[g, RESTS, l] = 1.0 if rests else 0.0
             sums[g, ENDED, l] = 1.0 if position >= end or kept.failed_at[b] >= 0 else 0.0
             if span.start > 0:
                 sums[g, OMEGA, l] = kept.exponent[b]
     settle(bodies.eps, chosen, begin, cells, sums, range(cells.shape[0]))
+    return some_rest
 
 
 @part
@@ -499,8 +539,8 @@ def units_serve(sums, g):
 def advance(cells, sums, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
-    Returns the number of the state, and whether the step from there, of which `sum_up` is done,
-    needs care.
+    Returns the number of the state, whether units serve, and whether the step from there, of which
+    `sum_up` is done, is accurate.
     """
     serve, accurate = True, True
     while n < stop and serve:
@@ -509,12 +549,24 @@ def advance(cells, sums, n, stop):
             sum_up(cells, sums, g)
             accurate &= all_accurate(sums, g)
         if not accurate:
-            return n, True
+            break
         for g in range(cells.shape[0]):
             step_all(cells, sums, g)
             serve &= units_serve(sums, g)
         n += 1
-    return n, False
+    return n, serve, accurate
+
+
+@part
+def advance_by_elimination(cells, sums, n, stop, matrix):
+    """The same by GAUSS; returns the number of the state, and whether units serve."""
+    serve = True
+    while n < stop and serve:
+        for g in range(cells.shape[0]):
+            step_by_elimination(cells, sums, g, matrix)
+            serve &= units_serve(sums, g)
+        n += 1
+    return n, serve
 
 
 @part
@@ -570,72 +622,60 @@ def renew(bodies, span, begin, width, cells, sums, g):
     settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
 
 
-@inlined_part
-def show(cells, sums, g):
-    """What users see of the states of a group, as work; but see `show_given`."""
-    unit = load(sums, g, UNIT)
-    for i in range(cells.shape[1]):
-        store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
-
-
-@inlined_part
-def all_move(sums, g):
-    return all_lanes(load(sums, g, RESTS) < 1.0)
-
-
 @part
-def show_given(omega, chosen, first, width, cells, sums, g, n):
-    """Where nothing has moved, users see what was given."""
-    for l in range(width):
-        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
-            b = trajectory(chosen, first + l)
-            for i in range(cells.shape[1]):
-                cells[g, i, WORK, l] = omega[b, i]
-
-
-@inlined_part
-def write(flat_cells, m, g, first, flat, begin):
-    """Write what is shown of a whole group to flat saved states; returns for how many components.
-
-    Those of trajectory 0 lie at `begin`.
-    """
-    in_squares = m - m % VECTOR
-    for i in range(0, in_squares, VECTOR):
-        row = ((g * m + i) * CELLS + WORK) * VECTOR
-        copy_transposed(flat, begin + first * m + i, m, flat_cells, row, CELLS * VECTOR)
-    return in_squares
-
-
-@inlined_part
-def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
-    """Write the other components, and those of groups that are not whole, one by one."""
+def show(cells, flat_cells, sums, tile):
+    """The states of a block in the unit of the user, in the tile; but see `show_given`."""
     m = cells.shape[1]
-    for l in range(width):
-        target = begin + trajectory(chosen, first + l) * m
-        for i in range(in_squares, m):
-            flat[target + i] = cells[g, i, WORK, l]
+    for g in range(cells.shape[0]):
+        begin, unit = g * VECTOR * m, load(sums, g, UNIT)
+        if m < VECTOR:
+            for i in range(0, m, 2):
+                first = max(min(i, m - 2), 0)
+                one = load(cells, g, first, OMEGA) * unit
+                other = load(cells, g, min(first + 1, m - 1), OMEGA) * unit
+                scatter_pairs(tile, begin + first, m, one, other)
+        else:
+            for i in range(m):
+                store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
+            for i in range(0, m, VECTOR):
+                first = min(i, m - VECTOR)
+                row = ((g * m + first) * CELLS + WORK) * VECTOR
+                copy_transposed(tile, begin + first, m, flat_cells, row, CELLS * VECTOR)
 
 
 @part
-def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
+def show_given(omega, chosen, begin, end, sums, tile, n):
+    """Where nothing has moved, users see what was given."""
+    m = omega.shape[1]
+    for k in range(end - begin):
+        g, l = k // VECTOR, k % VECTOR
+        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
+            b = trajectory(chosen, begin + k)
+            for i in range(m):
+                tile[k * m + i] = omega[b, i]
+
+
+@part
+def orient(bodies, span, kept, begin, end, sums, tile, turning, n):
     """Turn the orientations to state n, which is shown."""
     before, room = turning
-    size = cells.shape[1] + 1
+    size = kept.columns.shape[1]
+    m = size - 1
     gram, cleaned = room[:size], room[size : 2 * size]
-    image, middle = room[2 * size], room[2 * size + 1, : size - 1]
-    for l in range(width):
-        b = trajectory(span.chosen, first + l)
+    image, middle = room[2 * size], room[2 * size + 1, :m]
+    for k in range(end - begin):
+        b = trajectory(span.chosen, begin + k)
         if n > span.start:
-            for i in range(size - 1):
-                middle[i] = mean(before[g, i, l], cells[g, i, WORK, l])
+            for i in range(m):
+                middle[i] = mean(before[k, i], tile[k * m + i])
             step = bodies.time_step[b if bodies.time_step.size > 1 else 0]
             turn(kept.columns[b], middle, step, image)
             if n % CLEAN_EVERY == 0:
                 clean_up(kept.columns[b], gram, cleaned)
-        elif sums[g, ENDED, l] > 0.0:
+        elif sums[k // VECTOR, ENDED, k % VECTOR] > 0.0:
             kept.columns[b] = np.nan
-    for i in range(size - 1):
-        store(before, g, i, load(cells, g, i, WORK))
+        for i in range(m):
+            before[k, i] = tile[k * m + i]
 
 
 @part
@@ -648,72 +688,64 @@ def save_turns(chosen, columns, begin, end, row):
 
 
 @part
-def leave_block(omega, span, kept, begin, end, cells, sums):
+def leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile):
     """Write what is left at state stop."""
+    m = cells.shape[1]
+    show(cells, flat_cells, sums, tile)
+    show_given(omega, span.chosen, begin, end, sums, tile, span.stop)
+    write(tile, span.chosen, begin, end, m, kept.final.reshape(kept.final.size), 0)
     for g in range(cells.shape[0]):
-        show(cells, sums, g)
-        width = min(VECTOR, end - begin - g * VECTOR)
-        if span.stop == 0 or not all_move(sums, g):
-            first = begin + g * VECTOR
-            show_given(omega, span.chosen, first, width, cells, sums, g, span.stop)
-        for l in range(width):
-            b = trajectory(span.chosen, begin + g * VECTOR + l)
-            if kept.status[b] != NEEDS_ELIMINATION:
-                kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
-                for i in range(cells.shape[1]):
-                    kept.final[b, i] = cells[g, i, WORK, l]
-                kept.exponent[b] = sums[g, OMEGA, l]
-                for i in range(cells.shape[1]):
-                    kept.state[b, i] = cells[g, i, OMEGA, l]
+        store(sums, g, UNIT, splat(1.0))
+    show(cells, flat_cells, sums, tile)
+    for k in range(end - begin):
+        b, g, l = trajectory(span.chosen, begin + k), k // VECTOR, k % VECTOR
+        if kept.status[b] != NEEDS_ELIMINATION:
+            kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
+            kept.exponent[b] = sums[g, OMEGA, l]
+            for i in range(m):
+                kept.state[b, i] = tile[k * m + i]
 
 
 @part
-def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
+def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, rooms):
     """All steps of the trajectories at some positions."""
-    chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
-    flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
+    flat_cells, tile, matrix, before, room = rooms
+    chosen, m = span.chosen, cells.shape[1]
+    flat = saved.omega.reshape(saved.omega.size)
     turns, next_saved = kept.columns.shape[0] > 0, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
-    start_block(bodies, omega, span, kept, begin, end, cells, sums)
+    some_rest = start_block(bodies, omega, span, kept, begin, end, cells, flat_cells, sums, tile)
     n = span.start
     while True:
         if turns or n == next_saved:
-            for g in range(groups):
-                first = begin + g * VECTOR
-                width = min(VECTOR, end - first)
-                show(cells, sums, g)
-                if n == 0 or not all_move(sums, g):
-                    show_given(omega, chosen, first, width, cells, sums, g, n)
-                if turns:
-                    orient(bodies, span, kept, first, width, cells, sums, g, turning, n)
-                if n == next_saved:
-                    begin_of_row, written = row * omega.size, 0
-                    if width == VECTOR and chosen.size == 0:
-                        written = write(flat_cells, m, g, first, flat, begin_of_row)
-                    write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
-            if turns and n == next_saved:
-                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
+            show(cells, flat_cells, sums, tile)
+            if n == 0 or some_rest:
+                show_given(omega, chosen, begin, end, sums, tile, n)
+            if turns:
+                orient(bodies, span, kept, begin, end, sums, tile, (before, room), n)
         if n == next_saved:
+            write(tile, chosen, begin, end, m, flat, row * omega.size)
+            if turns:
+                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
             next_saved += span.every
             row += 1
         if n == span.stop:
             break
+        until = n + 1 if turns else span.stop
+        if next_saved > n:
+            until = min(until, next_saved)
         if method == GAUSS:
-            for g in range(groups):
-                step_by_elimination(cells, sums, g, matrix)
-            n += 1
+            n, serve = advance_by_elimination(cells, sums, n, until, matrix)
         else:
-            until = n + 1 if turns else span.stop
-            if next_saved > n:
-                until = min(until, next_saved)
-            n, needs_care = advance(cells, sums, n, until)
-            if needs_care:
+            n, serve, accurate = advance(cells, sums, n, until)
+            if not accurate:
                 advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
-                n += 1
-        see_to_units(bodies, span, kept, begin, end, cells, sums, n)
-    leave_block(omega, span, kept, begin, end, cells, sums)
+                n, serve = n + 1, False
+        if not serve:
+            see_to_units(bodies, span, kept, begin, end, cells, sums, n)
+    leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile)
 
 
 def _iterate(method, bodies, omega, span, saved, kept, scratch):
@@ -737,9 +769,15 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
                 end,
                 scratch.cells[task, :groups],
                 scratch.sums[task, :groups],
-                scratch.matrix[task],
-                (scratch.before[task], scratch.turning[task]),
+                (
+                    scratch.flat_cells[task],
+                    scratch.tile[task],
+                    scratch.matrix[task],
+                    scratch.before[task],
+                    scratch.turning[task],
+                ),
             )
+        fence()
 
 
 iterate = Loop(_iterate)

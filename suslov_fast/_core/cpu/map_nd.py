@@ -69,8 +69,9 @@ CELLS = 4
 J_, I_, OMEGA, WORK = range(CELLS)
 # eps; the unit of omega; bounds of |omega|**2 for steps to be small and for units to serve; p,
 # |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, where a
-# trajectory has ended, and where it never moves, else 0.
-SUMS = 16
+# trajectory has ended, and where it never moves, else 0; the sums over components, and how large
+# the determinant of the two unknowns must be.
+SUMS = 20
 (
     EPS,
     UNIT,
@@ -85,6 +86,10 @@ SUMS = 16
     ACCURATE,
     ENDED,
     RESTS,
+    ALPHA,
+    BETA,
+    GAMMA,
+    LEAST,
 ) = range(3, SUMS)
 
 # Where all |d_i| / J_i are above this, and the determinant of the two sums is above its square, the
@@ -387,26 +392,38 @@ def step_by_elimination(cells, sums, g, matrix):
 
 @inlined_part
 def sum_up(cells, sums, g):
-    """The sums of the O(n) step, with 1/d as work, and the two unknowns that follow."""
-    eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
-    half = 0.5 * eps * p
-    alpha, beta, gamma, margin = splat(0.0), splat(0.0), splat(0.0), splat(np.inf)
+    """The sums of the O(n) step, with 1/d as work."""
+    square, half = load(sums, g, SQUARE), 0.5 * load(sums, g, EPS) * load(sums, g, P)
+    alpha, beta, gamma = splat(0.0), splat(0.0), splat(0.0)
+    accurate = square < load(sums, g, SMALL_STEPS)
     for i in range(cells.shape[1]):
         J, I, omega = load(cells, g, i, J_), load(cells, g, i, I_), load(cells, g, i, OMEGA)
         d = J - half
         r = 1.0 / d
-        margin = smaller(abs(d) - FAR * J, margin)
+        accurate = accurate & (abs(d) > FAR * J)
         of_alpha, of_beta, of_gamma = summands(I, omega, r)
         alpha = alpha + of_alpha
         beta = beta + of_beta
         gamma = gamma + of_gamma
         store(cells, g, i, WORK, r)
-    of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
-    accurate = (margin > 0.0) & (det > FAR * FAR * size) & (square < load(sums, g, SMALL_STEPS))
     store(sums, g, HALF, half)
+    store(sums, g, ALPHA, alpha)
+    store(sums, g, BETA, beta)
+    store(sums, g, GAMMA, gamma)
+    store(sums, g, LEAST, select(accurate, splat(FAR * FAR), splat(np.inf)))
+
+
+@inlined_part
+def find_unknowns(sums, g):
+    """The two unknowns of the O(n) step, after `sum_up`; whether it is accurate in all lanes."""
+    eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
+    alpha, beta, gamma = load(sums, g, ALPHA), load(sums, g, BETA), load(sums, g, GAMMA)
+    of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
+    accurate = det > load(sums, g, LEAST) * size
     store(sums, g, OF_OMEGA, of_omega)
     store(sums, g, OF_I, of_I)
     store(sums, g, ACCURATE, select(accurate, splat(1.0), splat(0.0)))
+    return all_lanes(accurate)
 
 
 @part
@@ -525,11 +542,6 @@ def set_aside(bodies, span, kept, begin, width, cells, sums, g):
 
 
 @inlined_part
-def all_accurate(sums, g):
-    return all_lanes(load(sums, g, ACCURATE) > 0.0)
-
-
-@inlined_part
 def units_serve(sums, g):
     square = load(sums, g, SQUARE)
     return all_lanes((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
@@ -540,14 +552,15 @@ def advance(cells, sums, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
     Returns the number of the state, whether units serve, and whether the step from there, of which
-    `sum_up` is done, is accurate.
+    unknowns are found, is accurate.
     """
     serve, accurate = True, True
     while n < stop and serve:
-        # Of all groups first: one need not wait for the unknowns of the one before.
+        # Of all groups first, and little at a time: then what several groups wait for overlaps.
         for g in range(cells.shape[0]):
             sum_up(cells, sums, g)
-            accurate &= all_accurate(sums, g)
+        for g in range(cells.shape[0]):
+            accurate &= find_unknowns(sums, g)
         if not accurate:
             break
         for g in range(cells.shape[0]):
@@ -571,10 +584,10 @@ def advance_by_elimination(cells, sums, n, stop, matrix):
 
 @part
 def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
-    """The step of a block where some lane needs care, after `sum_up`."""
+    """The step of a block where some lane needs care, after `find_unknowns`."""
     for g in range(cells.shape[0]):
         width = min(VECTOR, end - begin - g * VECTOR)
-        if all_accurate(sums, g):
+        if all_lanes(load(sums, g, ACCURATE) > 0.0):
             step_all(cells, sums, g)
         elif step_each(cells, sums, g, width, matrix):
             set_aside(bodies, span, kept, begin, width, cells, sums, g)

@@ -20,7 +20,6 @@ Lanes that are not in use, and those of trajectories that have ended, rest at 0,
 makes it NaN.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +38,7 @@ from ..formulas.nd_map import (
     weights,
 )
 from ..formulas.rotation import mean
+from ..formulas.units import exponent, power
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
@@ -195,17 +195,18 @@ def trajectory(chosen, position):
 
 
 @part
-def scaled(number, exponent):
-    """2**exponent times a number, infinite beyond float64; exponents are those of three units."""
-    third = (exponent + 1) // 3
-    root = math.ldexp(1.0, third)
-    return number * root * root * math.ldexp(1.0, exponent - 2 * third)
+def scaled(number, k):
+    """2**k times a number, infinite beyond float64; k is a sum of the exponents of three units."""
+    third = (k + 1) // 3
+    root = power(third)
+    return number * root * root * power(k - 2 * third)
 
 
 @part
 def unit_of(largest, before):
     """The exponent of the unit for numbers up to this; it and its inverse are in range."""
-    return min(max(math.frexp(largest)[1] + before, -1022), 1023)
+    size = exponent(largest) + 1 if 0.0 < largest < np.inf else 0
+    return min(max(size + before, -1022), 1023)
 
 
 # Rows of components become rows of lanes, and the reverse: in pairs where components are few, else
@@ -253,7 +254,7 @@ def write(tile, chosen, begin, end, m, flat, target):
 @part
 def normalise(cells, sums, which, alike):
     """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
-    exponent = 0
+    number = 0
     for g in range(cells.shape[0]):
         largest = splat(0.0)
         for i in range(cells.shape[1]):
@@ -261,8 +262,8 @@ def normalise(cells, sums, which, alike):
         store(sums, g, UNIT, largest)
         for l in range(VECTOR):
             if g + l == 0 or not alike:
-                exponent = unit_of(sums[g, UNIT, l], 0)
-            sums[g, which, l], sums[g, UNIT, l] = exponent, math.ldexp(1.0, -exponent)
+                number = unit_of(sums[g, UNIT, l], 0)
+            sums[g, which, l], sums[g, UNIT, l] = number, 1.0 / power(number)
         inverse = load(sums, g, UNIT)
         for i in range(cells.shape[1]):
             store(cells, g, i, which, load(cells, g, i, which) * inverse)
@@ -291,10 +292,10 @@ def settle_lanes(eps, chosen, first, cells, sums, g):
         else:
             b = trajectory(chosen, first + l) if eps.size > 1 else 0
             # (dsn) keeps its form: only eps I omega / J counts.
-            exponent = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
+            of_eps = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
             moves = sums[g, RESTS, l] == 0.0
-            sums[g, EPS, l] = scaled(eps[b], exponent) if moves else 0.0
-            sums[g, UNIT, l] = math.ldexp(1.0, int(sums[g, OMEGA, l]))
+            sums[g, EPS, l] = scaled(eps[b], of_eps) if moves else 0.0
+            sums[g, UNIT, l] = power(int(sums[g, OMEGA, l]))
 
 
 @part
@@ -315,15 +316,17 @@ def settle(eps, chosen, begin, cells, sums, groups):
 
 
 @part
-def end_undefined(omega, span, kept, begin, end):
+def end_undefined(span, kept, begin, end, cells, sums):
     """NaN is no state: such a trajectory ends before it begins."""
-    for position in range(begin, end):
-        b = trajectory(span.chosen, position)
-        undefined = 0.0
-        for i in range(omega.shape[1]):
-            undefined += 0.0 * omega[b, i]
-        if np.isnan(undefined):
-            kept.status[b], kept.failed_at[b] = NONFINITE, 0
+    for g in range(cells.shape[0]):
+        undefined = splat(0.0)
+        for i in range(cells.shape[1]):
+            undefined = undefined + 0.0 * load(cells, g, i, OMEGA)
+        store(sums, g, UNIT, undefined)
+        for l in range(min(VECTOR, end - begin - g * VECTOR)):
+            if np.isnan(sums[g, UNIT, l]):
+                b = trajectory(span.chosen, begin + g * VECTOR + l)
+                kept.status[b], kept.failed_at[b] = NONFINITE, 0
 
 
 @part
@@ -335,8 +338,8 @@ def start_block(bodies, omega, span, kept, begin, end, cells, flat_cells, sums, 
     normalise(cells, sums, J_, bodies.J.shape[0] == 1)
     normalise(cells, sums, I_, bodies.I.shape[0] == 1)
     if span.start == 0:
-        end_undefined(omega, span, kept, begin, end)
         gather(omega, chosen, begin, end, cells, OMEGA, flat_cells, tile)
+        end_undefined(span, kept, begin, end, cells, sums)
         normalise(cells, sums, OMEGA, omega.shape[0] == 1)
     else:
         gather(kept.state, chosen, begin, end, cells, OMEGA, flat_cells, tile)
@@ -628,10 +631,10 @@ def renew(bodies, span, begin, width, cells, sums, g):
             largest, before = 0.0, int(sums[g, OMEGA, l])
             for i in range(cells.shape[1]):
                 largest = max(largest, abs(cells[g, i, OMEGA, l]))
-            exponent = unit_of(largest, before)
-            sums[g, OMEGA, l] = exponent
+            after = unit_of(largest, before)
+            sums[g, OMEGA, l] = after
             for i in range(cells.shape[1]):
-                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
+                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - after)
     settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
 
 

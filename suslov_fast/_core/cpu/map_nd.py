@@ -330,13 +330,16 @@ def end_undefined(span, kept, begin, end, cells, sums):
 
 
 @part
-def start_block(bodies, omega, span, kept, begin, end, cells, flat_cells, sums, tile):
-    """Returns whether some trajectories never move."""
+def start_block(bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile):
+    """Returns whether some trajectories never move.
+
+    is_first   Whether a body that serves all is not there yet.
+    """
     chosen, some_rest = span.chosen, False
-    gather(bodies.J, chosen, begin, end, cells, J_, flat_cells, tile)
-    gather(bodies.I, chosen, begin, end, cells, I_, flat_cells, tile)
-    normalise(cells, sums, J_, bodies.J.shape[0] == 1)
-    normalise(cells, sums, I_, bodies.I.shape[0] == 1)
+    for which, parameter in ((J_, bodies.J), (I_, bodies.I)):
+        if is_first or parameter.shape[0] > 1:
+            gather(parameter, chosen, begin, end, cells, which, flat_cells, tile)
+            normalise(cells, sums, which, parameter.shape[0] == 1)
     if span.start == 0:
         gather(omega, chosen, begin, end, cells, OMEGA, flat_cells, tile)
         end_undefined(span, kept, begin, end, cells, sums)
@@ -723,16 +726,21 @@ def leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile):
 
 
 @part
-def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, rooms):
+def run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch):
     """All steps of the trajectories at some positions."""
-    flat_cells, tile, matrix, before, room = rooms
-    chosen, m = span.chosen, cells.shape[1]
+    groups = (end - begin + VECTOR - 1) // VECTOR
+    cells, sums = scratch.cells[task, :groups], scratch.sums[task, :groups]
+    flat_cells, tile, matrix = scratch.flat_cells[task], scratch.tile[task], scratch.matrix[task]
+    turning = scratch.before[task], scratch.turning[task]
+    chosen, m = span.chosen, omega.shape[1]
     flat = saved.omega.reshape(saved.omega.size)
     turns, next_saved = kept.columns.shape[0] > 0, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
-    some_rest = start_block(bodies, omega, span, kept, begin, end, cells, flat_cells, sums, tile)
+    some_rest = start_block(
+        bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile
+    )
     n = span.start
     while True:
         if turns or n == next_saved:
@@ -740,7 +748,7 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums,
             if n == 0 or some_rest:
                 show_given(omega, chosen, begin, end, sums, tile, n)
             if turns:
-                orient(bodies, span, kept, begin, end, sums, tile, (before, room), n)
+                orient(bodies, span, kept, begin, end, sums, tile, turning, n)
         if n == next_saved:
             write(tile, chosen, begin, end, m, flat, row * omega.size)
             if turns:
@@ -770,29 +778,12 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
     blocks = (span.end - span.begin + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])
     for task in prange(tasks):
-        for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+        first_block = task * blocks // tasks
+        for block in range(first_block, (task + 1) * blocks // tasks):
             begin = span.begin + block * size
             end = min(begin + size, span.end)
-            groups = (end - begin + VECTOR - 1) // VECTOR
-            run_block(
-                method,
-                bodies,
-                omega,
-                span,
-                saved,
-                kept,
-                begin,
-                end,
-                scratch.cells[task, :groups],
-                scratch.sums[task, :groups],
-                (
-                    scratch.flat_cells[task],
-                    scratch.tile[task],
-                    scratch.matrix[task],
-                    scratch.before[task],
-                    scratch.turning[task],
-                ),
-            )
+            is_first = block == first_block
+            run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch)
         fence()
 
 

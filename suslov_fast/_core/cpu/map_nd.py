@@ -217,24 +217,25 @@ def unit_of(largest, before):
 def gather(values, chosen, begin, end, cells, which, flat_cells, tile):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
     m = values.shape[1]
-    for g in range(cells.shape[0]):
-        if values.shape[0] == 1:
+    if values.shape[0] == 1:
+        for g in range(cells.shape[0]):
             for i in range(m):
                 store(cells, g, i, which, splat(values[0, i]))
-            continue
-        for l in range(VECTOR):
-            b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
-            if m < VECTOR:
-                for i in range(m):
-                    cells[g, i, which, l] = values[b, i]
-            else:
-                for i in range(m):
-                    tile[l * m + i] = values[b, i]
-        if m >= VECTOR:
-            for i in range(0, m, VECTOR):
-                first = min(i, m - VECTOR)
-                row = ((g * m + first) * CELLS + which) * VECTOR
-                copy_transposed(flat_cells, row, CELLS * VECTOR, tile, first, m)
+        return
+    for k in range(cells.shape[0] * VECTOR):
+        b, g, l = trajectory(chosen, min(begin + k, end - 1)), k // VECTOR, k % VECTOR
+        if m < VECTOR:
+            for i in range(m):
+                cells[g, i, which, l] = values[b, i]
+        else:
+            for i in range(m):
+                tile[k * m + i] = values[b, i]
+            if l == VECTOR - 1:
+                for i in range(0, m, VECTOR):
+                    first = min(i, m - VECTOR)
+                    row = ((g * m + first) * CELLS + which) * VECTOR
+                    square = g * VECTOR * m + first
+                    copy_transposed(flat_cells, row, CELLS * VECTOR, tile, square, m)
 
 
 @part
@@ -323,10 +324,10 @@ def end_undefined(span, kept, begin, end, cells, sums):
         for i in range(cells.shape[1]):
             undefined = undefined + 0.0 * load(cells, g, i, OMEGA)
         store(sums, g, UNIT, undefined)
-        for l in range(min(VECTOR, end - begin - g * VECTOR)):
-            if np.isnan(sums[g, UNIT, l]):
-                b = trajectory(span.chosen, begin + g * VECTOR + l)
-                kept.status[b], kept.failed_at[b] = NONFINITE, 0
+    for k in range(end - begin):
+        if np.isnan(sums[k // VECTOR, UNIT, k % VECTOR]):
+            b = trajectory(span.chosen, begin + k)
+            kept.status[b], kept.failed_at[b] = NONFINITE, 0
 
 
 @part

@@ -375,6 +375,36 @@ def test_large_populations_and_dimensions(rng):
     assert np.ptp(sf.energy(single.body, single.omega)) < 1e-2
 
 
+@pytest.mark.parametrize("shift", [0, 1, 5])
+@pytest.mark.parametrize("batch", [1, 7, 64, 131])
+@pytest.mark.parametrize("m", [1, 2, 3, 7, 8, 11, 24])
+def test_memory_of_saved_states(rng, monkeypatch, m, batch, shift):
+    """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
+    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    J, I, eps, _ = random_problem(rng, m)
+    body, omega, steps = sf.SuslovND(J, I), rng.normal(size=(batch, m)) / m, 4
+    last = [sf.iterate(body, omega, eps, n, save_every=None).final for n in range(steps + 1)]
+    memory = np.full(batch * (steps + 1) * m + 16, 7.0)
+    out = memory[shift : shift + memory.size - 16].reshape((steps + 1, batch, m))
+    sf.iterate(body, omega, eps, steps, out=out)
+    assert np.array_equal(out, last)
+    assert (memory[:shift] == 7).all()
+    assert (memory[shift + out.size :] == 7).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("m", "batch"), [(3, 515), (8, 512), (11, 517)])
+def test_saved_states_beyond_the_caches(rng, m, batch):
+    J, I, eps, _ = random_problem(rng, m)
+    body, omega = sf.SuslovND(J, I), rng.normal(size=(batch, m)) / m
+    steps = loops.BEYOND_CACHES // (m * batch) + 9
+    states = sf.iterate(body, omega, eps, steps).omega
+    some = slice(61, 70)
+    few = sf.iterate(body, omega[some], eps, steps).omega
+    assert few.size < loops.BEYOND_CACHES <= states.size
+    assert np.array_equal(states[:, some], few)
+
+
 def test_n_3_is_the_three_dimensional_map(rng):
     """(Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1), I = (-I13, -I23)."""
     I1, I2, I13, I23 = 3.0, 2.0, -0.4, 0.7

@@ -47,8 +47,10 @@ def formula(function):
 
 
 def part(function):
-    """Let loops call a part of a loop."""
-    return register_jitable(**_OPTIONS)(_named_apart(function))
+    """Let loops call a part of a loop, which allocates nothing and returns no arrays."""
+    # References to arrays are not counted: the counts, one for each view and each call, took longer
+    # than the arithmetic of a small step.
+    return register_jitable(_nrt=False, **_OPTIONS)(_named_apart(function))
 
 
 def inlined_part(function):

@@ -64,15 +64,15 @@ class _Run:
         tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
         groups = -(-min(block, max(size, 1)) // VECTOR)
         oriented = self.problem.orientation is not None
-        return map_nd.Scratch(
-            *_rooms(
-                (tasks, groups, m, map_nd.CELLS, VECTOR),
-                (tasks, groups, map_nd.SUMS, VECTOR),
-                (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
-                (tasks, groups if oriented else 0, m, VECTOR),
-                (tasks, *((2 * m + 4, m + 1) if oriented else (0, 0))),
-            )
+        cells, *rooms = _rooms(
+            (tasks, groups, m, map_nd.CELLS, VECTOR),
+            (tasks, groups, map_nd.SUMS, VECTOR),
+            (tasks, groups * VECTOR * m + VECTOR),
+            (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
+            (tasks, groups * VECTOR if oriented else 0, m),
+            (tasks, *((2 * m + 4, m + 1) if oriented else (0, 0))),
         )
+        return map_nd.Scratch(cells, cells.reshape(tasks, -1), *rooms)
 
     def compute(self, part: Part) -> None:
         status = self.kept.status[part.begin : part.end]

@@ -177,6 +177,10 @@ def large(at_end):
                     body, omega, 0.2, every * (len(omega) - 1), save_every=every, out=out
                 ),
             )
+    in_nd = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+    omega = chance.uniform(-2, 2, (1037, 3))
+    out = empty((700, 1037, 3), at_end)
+    yield "out, n = 4", lambda: iterate(in_nd, omega, 0.1, 699, out=out)
 
 
 def main(end, count):

@@ -14,12 +14,12 @@ cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega
          see of it. All but the last are in units of powers of two in which they are of the order of
          1; new ones where omega has left that.
 sums     (groups, SUMS, VECTOR): logarithms of these units, then what EPS and so on name.
+tile     flat, (trajectories, m): rows of the block, as they lie in arrays of users.
 
 Lanes that are not in use, and those of trajectories that have ended, rest at 0, in a unit that
 makes it NaN.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,34 +38,40 @@ from ..formulas.nd_map import (
     weights,
 )
 from ..formulas.rotation import mean
+from ..formulas.units import exponent, power
 from ..jit import Loop, inlined_part, part
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
+from .tiles import BEYOND_CACHES, write_numbers
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     all_lanes,
     copy_transposed,
+    fence,
     larger,
     load,
+    scatter_pairs,
     select,
     smaller,
     splat,
     store,
+    to_cache_line,
 )
 
 GAUSS, RANK2 = range(2)
 
-LANES = 32
+LANES = 64
 # Components that the groups of a block have together, unless it is one group: cells that fit in L1.
-ROOM = 160
+ROOM = 128
 
 CELLS = 4
 J_, I_, OMEGA, WORK = range(CELLS)
 # eps; the unit of omega; bounds of |omega|**2 for steps to be small and for units to serve; p,
 # |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, where a
-# trajectory has ended, and where it never moves, else 0.
-SUMS = 16
+# trajectory has ended, and where it never moves, else 0; the sums over components, and how large
+# the determinant of the two unknowns must be.
+SUMS = 20
 (
     EPS,
     UNIT,
@@ -80,6 +86,10 @@ SUMS = 16
     ACCURATE,
     ENDED,
     RESTS,
+    ALPHA,
+    BETA,
+    GAMMA,
+    LEAST,
 ) = range(3, SUMS)
 
 # Where all |d_i| / J_i are above this, and the determinant of the two sums is above its square, the
@@ -137,7 +147,8 @@ class Kept(NamedTuple):
     """What is left at state stop; read where start is not 0.
 
     final         (B, m), the states, NaN where one does not exist.
-    status        (B,): OK, SINGULAR, NONFINITE, or NEEDS_ELIMINATION where all else is as it was.
+    status        (B,): OK, SINGULAR, NONFINITE, or NEEDS_ELIMINATION where all but `final` is as it
+                  was.
     failed_at     (B,), the first state that does not exist, or -1.
     state         (B, m), the states in units of 2**exponent; (0, m) if nobody will go on.
     exponent      (B,)
@@ -155,15 +166,18 @@ class Kept(NamedTuple):
 class Scratch(NamedTuple):
     """The first axis is that of tasks, of which each has several blocks.
 
-    cells    (tasks, groups, m, CELLS, VECTOR)
+    cells    (tasks, groups, m, CELLS, VECTOR), and the same as flat_cells, (tasks, their size).
     sums     (tasks, groups, SUMS, VECTOR)
+    tile     (tasks, room for a block, and a vector more)
     matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
-    before   (tasks, groups, m, VECTOR), the states before the step, if turns are wanted.
+    before   (tasks, trajectories, m), the states before the step, if turns are wanted.
     turning  (tasks, 2 n + 2, n), two matrices and two vectors, if turns are wanted.
     """
 
     cells: np.ndarray
+    flat_cells: np.ndarray
     sums: np.ndarray
+    tile: np.ndarray
     matrix: np.ndarray
     before: np.ndarray
     turning: np.ndarray
@@ -181,38 +195,67 @@ def trajectory(chosen, position):
 
 
 @part
-def scaled(number, exponent):
-    """2**exponent times a number, infinite beyond float64; exponents are those of three units."""
-    third = (exponent + 1) // 3
-    root = math.ldexp(1.0, third)
-    return number * root * root * math.ldexp(1.0, exponent - 2 * third)
+def scaled(number, k):
+    """2**k times a number, infinite beyond float64; k is a sum of the exponents of three units."""
+    third = (k + 1) // 3
+    root = power(third)
+    return number * root * root * power(k - 2 * third)
 
 
 @part
 def unit_of(largest, before):
     """The exponent of the unit for numbers up to this; it and its inverse are in range."""
-    return min(max(math.frexp(largest)[1] + before, -1022), 1023)
+    size = exponent(largest) + 1 if 0.0 < largest < np.inf else 0
+    return min(max(size + before, -1022), 1023)
+
+
+# Rows of components become rows of lanes, and the reverse: in pairs where components are few, else
+# in squares of VECTOR. The last pair or square overlaps the one before.
 
 
 @part
-def gather(values, chosen, begin, end, cells, which):
+def gather(values, chosen, begin, end, cells, which, flat_cells, tile):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
-    m, alike = values.shape[1], values.shape[0] == 1
-    for g in range(cells.shape[0]):
-        if alike:
+    m = values.shape[1]
+    if values.shape[0] == 1:
+        for g in range(cells.shape[0]):
             for i in range(m):
                 store(cells, g, i, which, splat(values[0, i]))
+        return
+    for k in range(cells.shape[0] * VECTOR):
+        b, g, l = trajectory(chosen, min(begin + k, end - 1)), k // VECTOR, k % VECTOR
+        if m < VECTOR:
+            for i in range(m):
+                cells[g, i, which, l] = values[b, i]
         else:
-            for l in range(VECTOR):
-                b = trajectory(chosen, min(begin + g * VECTOR + l, end - 1))
-                for i in range(m):
-                    cells[g, i, which, l] = values[b, i]
+            for i in range(m):
+                tile[k * m + i] = values[b, i]
+            if l == VECTOR - 1:
+                for i in range(0, m, VECTOR):
+                    first = min(i, m - VECTOR)
+                    row = ((g * m + first) * CELLS + which) * VECTOR
+                    square = g * VECTOR * m + first
+                    copy_transposed(flat_cells, row, CELLS * VECTOR, tile, square, m)
+
+
+@part
+def write(tile, chosen, begin, end, m, flat, target):
+    """Write the rows of a block to those of trajectories, of which that of 0 lies at `target`."""
+    if chosen.size == 0:
+        past_caches, line = flat.size >= BEYOND_CACHES, to_cache_line(flat, 0)
+        size = (end - begin) * m
+        write_numbers(tile, 0, flat, target + begin * m, size, line, past_caches)
+    else:
+        for k in range(end - begin):
+            row = target + trajectory(chosen, begin + k) * m
+            for i in range(m):
+                flat[row + i] = tile[k * m + i]
 
 
 @part
 def normalise(cells, sums, which, alike):
     """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
-    exponent = 0
+    number = 0
     for g in range(cells.shape[0]):
         largest = splat(0.0)
         for i in range(cells.shape[1]):
@@ -220,8 +263,8 @@ def normalise(cells, sums, which, alike):
         store(sums, g, UNIT, largest)
         for l in range(VECTOR):
             if g + l == 0 or not alike:
-                exponent = unit_of(sums[g, UNIT, l], 0)
-            sums[g, which, l], sums[g, UNIT, l] = exponent, math.ldexp(1.0, -exponent)
+                number = unit_of(sums[g, UNIT, l], 0)
+            sums[g, which, l], sums[g, UNIT, l] = number, 1.0 / power(number)
         inverse = load(sums, g, UNIT)
         for i in range(cells.shape[1]):
             store(cells, g, i, which, load(cells, g, i, which) * inverse)
@@ -250,10 +293,10 @@ def settle_lanes(eps, chosen, first, cells, sums, g):
         else:
             b = trajectory(chosen, first + l) if eps.size > 1 else 0
             # (dsn) keeps its form: only eps I omega / J counts.
-            exponent = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
+            of_eps = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
             moves = sums[g, RESTS, l] == 0.0
-            sums[g, EPS, l] = scaled(eps[b], exponent) if moves else 0.0
-            sums[g, UNIT, l] = math.ldexp(1.0, int(sums[g, OMEGA, l]))
+            sums[g, EPS, l] = scaled(eps[b], of_eps) if moves else 0.0
+            sums[g, UNIT, l] = power(int(sums[g, OMEGA, l]))
 
 
 @part
@@ -274,30 +317,36 @@ def settle(eps, chosen, begin, cells, sums, groups):
 
 
 @part
-def end_undefined(omega, span, kept, begin, end):
+def end_undefined(span, kept, begin, end, cells, sums):
     """NaN is no state: such a trajectory ends before it begins."""
-    for position in range(begin, end):
-        b = trajectory(span.chosen, position)
-        undefined = 0.0
-        for i in range(omega.shape[1]):
-            undefined += 0.0 * omega[b, i]
-        if np.isnan(undefined):
+    for g in range(cells.shape[0]):
+        undefined = splat(0.0)
+        for i in range(cells.shape[1]):
+            undefined = undefined + 0.0 * load(cells, g, i, OMEGA)
+        store(sums, g, UNIT, undefined)
+    for k in range(end - begin):
+        if np.isnan(sums[k // VECTOR, UNIT, k % VECTOR]):
+            b = trajectory(span.chosen, begin + k)
             kept.status[b], kept.failed_at[b] = NONFINITE, 0
 
 
 @part
-def start_block(bodies, omega, span, kept, begin, end, cells, sums):
-    chosen = span.chosen
-    gather(bodies.J, chosen, begin, end, cells, J_)
-    gather(bodies.I, chosen, begin, end, cells, I_)
-    normalise(cells, sums, J_, bodies.J.shape[0] == 1)
-    normalise(cells, sums, I_, bodies.I.shape[0] == 1)
+def start_block(bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile):
+    """Returns whether some trajectories never move.
+
+    is_first   Whether a body that serves all is not there yet.
+    """
+    chosen, some_rest = span.chosen, False
+    for which, parameter in ((J_, bodies.J), (I_, bodies.I)):
+        if is_first or parameter.shape[0] > 1:
+            gather(parameter, chosen, begin, end, cells, which, flat_cells, tile)
+            normalise(cells, sums, which, parameter.shape[0] == 1)
     if span.start == 0:
-        end_undefined(omega, span, kept, begin, end)
-        gather(omega, chosen, begin, end, cells, OMEGA)
+        gather(omega, chosen, begin, end, cells, OMEGA, flat_cells, tile)
+        end_undefined(span, kept, begin, end, cells, sums)
         normalise(cells, sums, OMEGA, omega.shape[0] == 1)
     else:
-        gather(kept.state, chosen, begin, end, cells, OMEGA)
+        gather(kept.state, chosen, begin, end, cells, OMEGA, flat_cells, tile)
     for g in range(cells.shape[0]):
         coupled = splat(0.0)
         for i in range(cells.shape[1]):
@@ -307,11 +356,14 @@ def start_block(bodies, omega, span, kept, begin, end, cells, sums):
             position = begin + g * VECTOR + l
             b = trajectory(chosen, min(position, end - 1))
             eps = bodies.eps[b if bodies.eps.size > 1 else 0]
-            sums[g, RESTS, l] = 1.0 if eps == 0.0 or sums[g, RESTS, l] == 0.0 else 0.0
+            rests = eps == 0.0 or sums[g, RESTS, l] == 0.0
+            some_rest |= rests
+            sums[g, RESTS, l] = 1.0 if rests else 0.0
             sums[g, ENDED, l] = 1.0 if position >= end or kept.failed_at[b] >= 0 else 0.0
             if span.start > 0:
                 sums[g, OMEGA, l] = kept.exponent[b]
     settle(bodies.eps, chosen, begin, cells, sums, range(cells.shape[0]))
+    return some_rest
 
 
 @part
@@ -335,33 +387,50 @@ def assemble(cells, sums, g, matrix):
 def step_by_elimination(cells, sums, g, matrix):
     assemble(cells, sums, g, matrix)
     eliminate(matrix, cells.shape[1])
+    p, square = splat(0.0), splat(0.0)
     for i in range(cells.shape[1]):
-        store(cells, g, i, WORK, load(matrix, i, cells.shape[1]))
-    take_next_states(cells, sums, g)
+        omega = load(matrix, i, cells.shape[1])
+        store(cells, g, i, OMEGA, omega)
+        p = p + load(cells, g, i, I_) * omega
+        square = square + omega * omega
+    store(sums, g, P, p)
+    store(sums, g, SQUARE, square)
 
 
 @inlined_part
 def sum_up(cells, sums, g):
-    """The sums of the O(n) step, with 1/d as work, and the two unknowns that follow."""
-    eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
-    half = 0.5 * eps * p
-    alpha, beta, gamma, margin = splat(0.0), splat(0.0), splat(0.0), splat(np.inf)
+    """The sums of the O(n) step, with 1/d as work."""
+    square, half = load(sums, g, SQUARE), 0.5 * load(sums, g, EPS) * load(sums, g, P)
+    alpha, beta, gamma = splat(0.0), splat(0.0), splat(0.0)
+    accurate = square < load(sums, g, SMALL_STEPS)
     for i in range(cells.shape[1]):
         J, I, omega = load(cells, g, i, J_), load(cells, g, i, I_), load(cells, g, i, OMEGA)
         d = J - half
         r = 1.0 / d
-        margin = smaller(abs(d) - FAR * J, margin)
+        accurate = accurate & (abs(d) > FAR * J)
         of_alpha, of_beta, of_gamma = summands(I, omega, r)
         alpha = alpha + of_alpha
         beta = beta + of_beta
         gamma = gamma + of_gamma
         store(cells, g, i, WORK, r)
-    of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
-    accurate = (margin > 0.0) & (det > FAR * FAR * size) & (square < load(sums, g, SMALL_STEPS))
     store(sums, g, HALF, half)
+    store(sums, g, ALPHA, alpha)
+    store(sums, g, BETA, beta)
+    store(sums, g, GAMMA, gamma)
+    store(sums, g, LEAST, select(accurate, splat(FAR * FAR), splat(np.inf)))
+
+
+@inlined_part
+def find_unknowns(sums, g):
+    """The two unknowns of the O(n) step, after `sum_up`; whether it is accurate in all lanes."""
+    eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
+    alpha, beta, gamma = load(sums, g, ALPHA), load(sums, g, BETA), load(sums, g, GAMMA)
+    of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
+    accurate = det > load(sums, g, LEAST) * size
     store(sums, g, OF_OMEGA, of_omega)
     store(sums, g, OF_I, of_I)
     store(sums, g, ACCURATE, select(accurate, splat(1.0), splat(0.0)))
+    return all_lanes(accurate)
 
 
 @part
@@ -480,11 +549,6 @@ def set_aside(bodies, span, kept, begin, width, cells, sums, g):
 
 
 @inlined_part
-def all_accurate(sums, g):
-    return all_lanes(load(sums, g, ACCURATE) > 0.0)
-
-
-@inlined_part
 def units_serve(sums, g):
     square = load(sums, g, SQUARE)
     return all_lanes((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
@@ -494,30 +558,43 @@ def units_serve(sums, g):
 def advance(cells, sums, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
-    Returns the number of the state, and whether the step from there, of which `sum_up` is done,
-    needs care.
+    Returns the number of the state, whether units serve, and whether the step from there, of which
+    unknowns are found, is accurate.
     """
     serve, accurate = True, True
     while n < stop and serve:
-        # Of all groups first: one need not wait for the unknowns of the one before.
+        # Of all groups first, and little at a time: then what several groups wait for overlaps.
         for g in range(cells.shape[0]):
             sum_up(cells, sums, g)
-            accurate &= all_accurate(sums, g)
+        for g in range(cells.shape[0]):
+            accurate &= find_unknowns(sums, g)
         if not accurate:
-            return n, True
+            break
         for g in range(cells.shape[0]):
             step_all(cells, sums, g)
             serve &= units_serve(sums, g)
         n += 1
-    return n, False
+    return n, serve, accurate
+
+
+@part
+def advance_by_elimination(cells, sums, n, stop, matrix):
+    """The same by GAUSS; returns the number of the state, and whether units serve."""
+    serve = True
+    while n < stop and serve:
+        for g in range(cells.shape[0]):
+            step_by_elimination(cells, sums, g, matrix)
+            serve &= units_serve(sums, g)
+        n += 1
+    return n, serve
 
 
 @part
 def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
-    """The step of a block where some lane needs care, after `sum_up`."""
+    """The step of a block where some lane needs care, after `find_unknowns`."""
     for g in range(cells.shape[0]):
         width = min(VECTOR, end - begin - g * VECTOR)
-        if all_accurate(sums, g):
+        if all_lanes(load(sums, g, ACCURATE) > 0.0):
             step_all(cells, sums, g)
         elif step_each(cells, sums, g, width, matrix):
             set_aside(bodies, span, kept, begin, width, cells, sums, g)
@@ -558,79 +635,67 @@ def renew(bodies, span, begin, width, cells, sums, g):
             largest, before = 0.0, int(sums[g, OMEGA, l])
             for i in range(cells.shape[1]):
                 largest = max(largest, abs(cells[g, i, OMEGA, l]))
-            exponent = unit_of(largest, before)
-            sums[g, OMEGA, l] = exponent
+            after = unit_of(largest, before)
+            sums[g, OMEGA, l] = after
             for i in range(cells.shape[1]):
-                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - exponent)
+                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - after)
     settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
 
 
-@inlined_part
-def show(cells, sums, g):
-    """What users see of the states of a group, as work; but see `show_given`."""
-    unit = load(sums, g, UNIT)
-    for i in range(cells.shape[1]):
-        store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
-
-
-@inlined_part
-def all_move(sums, g):
-    return all_lanes(load(sums, g, RESTS) < 1.0)
-
-
 @part
-def show_given(omega, chosen, first, width, cells, sums, g, n):
-    """Where nothing has moved, users see what was given."""
-    for l in range(width):
-        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
-            b = trajectory(chosen, first + l)
-            for i in range(cells.shape[1]):
-                cells[g, i, WORK, l] = omega[b, i]
-
-
-@inlined_part
-def write(flat_cells, m, g, first, flat, begin):
-    """Write what is shown of a whole group to flat saved states; returns for how many components.
-
-    Those of trajectory 0 lie at `begin`.
-    """
-    in_squares = m - m % VECTOR
-    for i in range(0, in_squares, VECTOR):
-        row = ((g * m + i) * CELLS + WORK) * VECTOR
-        copy_transposed(flat, begin + first * m + i, m, flat_cells, row, CELLS * VECTOR)
-    return in_squares
-
-
-@inlined_part
-def write_rest(cells, g, in_squares, chosen, first, width, flat, begin):
-    """Write the other components, and those of groups that are not whole, one by one."""
+def show(cells, flat_cells, sums, tile):
+    """The states of a block in the unit of the user, in the tile; but see `show_given`."""
     m = cells.shape[1]
-    for l in range(width):
-        target = begin + trajectory(chosen, first + l) * m
-        for i in range(in_squares, m):
-            flat[target + i] = cells[g, i, WORK, l]
+    for g in range(cells.shape[0]):
+        begin, unit = g * VECTOR * m, load(sums, g, UNIT)
+        if m < VECTOR:
+            for i in range(0, m, 2):
+                first = max(min(i, m - 2), 0)
+                one = load(cells, g, first, OMEGA) * unit
+                other = load(cells, g, min(first + 1, m - 1), OMEGA) * unit
+                scatter_pairs(tile, begin + first, m, one, other)
+        else:
+            for i in range(m):
+                store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
+            for i in range(0, m, VECTOR):
+                first = min(i, m - VECTOR)
+                row = ((g * m + first) * CELLS + WORK) * VECTOR
+                copy_transposed(tile, begin + first, m, flat_cells, row, CELLS * VECTOR)
 
 
 @part
-def orient(bodies, span, kept, first, width, cells, sums, g, turning, n):
+def show_given(omega, chosen, begin, end, sums, tile, n):
+    """Where nothing has moved, users see what was given."""
+    m = omega.shape[1]
+    for k in range(end - begin):
+        g, l = k // VECTOR, k % VECTOR
+        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
+            b = trajectory(chosen, begin + k)
+            for i in range(m):
+                tile[k * m + i] = omega[b, i]
+
+
+@part
+def orient(bodies, span, kept, begin, end, sums, tile, turning, n):
     """Turn the orientations to state n, which is shown."""
     before, room = turning
-    size = cells.shape[1] + 1
+    size = kept.columns.shape[1]
+    m = size - 1
     gram, cleaned = room[:size], room[size : 2 * size]
-    image, middle = room[2 * size], room[2 * size + 1, : size - 1]
-    for l in range(width):
-        b = trajectory(span.chosen, first + l)
+    image, middle = room[2 * size], room[2 * size + 1, :m]
+    for k in range(end - begin):
+        b = trajectory(span.chosen, begin + k)
         if n > span.start:
-            for i in range(size - 1):
-                middle[i] = mean(before[g, i, l], cells[g, i, WORK, l])
+            for i in range(m):
+                middle[i] = mean(before[k, i], tile[k * m + i])
             step = bodies.time_step[b if bodies.time_step.size > 1 else 0]
             turn(kept.columns[b], middle, step, image)
             if n % CLEAN_EVERY == 0:
                 clean_up(kept.columns[b], gram, cleaned)
-        elif sums[g, ENDED, l] > 0.0:
+        elif sums[k // VECTOR, ENDED, k % VECTOR] > 0.0:
             kept.columns[b] = np.nan
-    for i in range(size - 1):
-        store(before, g, i, load(cells, g, i, WORK))
+        for i in range(m):
+            before[k, i] = tile[k * m + i]
 
 
 @part
@@ -643,72 +708,69 @@ def save_turns(chosen, columns, begin, end, row):
 
 
 @part
-def leave_block(omega, span, kept, begin, end, cells, sums):
+def leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile):
     """Write what is left at state stop."""
+    m = cells.shape[1]
+    show(cells, flat_cells, sums, tile)
+    show_given(omega, span.chosen, begin, end, sums, tile, span.stop)
+    write(tile, span.chosen, begin, end, m, kept.final.reshape(kept.final.size), 0)
     for g in range(cells.shape[0]):
-        show(cells, sums, g)
-        width = min(VECTOR, end - begin - g * VECTOR)
-        if span.stop == 0 or not all_move(sums, g):
-            first = begin + g * VECTOR
-            show_given(omega, span.chosen, first, width, cells, sums, g, span.stop)
-        for l in range(width):
-            b = trajectory(span.chosen, begin + g * VECTOR + l)
-            if kept.status[b] != NEEDS_ELIMINATION:
-                kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
-                for i in range(cells.shape[1]):
-                    kept.final[b, i] = cells[g, i, WORK, l]
-                kept.exponent[b] = sums[g, OMEGA, l]
-                for i in range(cells.shape[1]):
-                    kept.state[b, i] = cells[g, i, OMEGA, l]
+        store(sums, g, UNIT, splat(1.0))
+    show(cells, flat_cells, sums, tile)
+    for k in range(end - begin):
+        b, g, l = trajectory(span.chosen, begin + k), k // VECTOR, k % VECTOR
+        if kept.status[b] != NEEDS_ELIMINATION:
+            kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
+            kept.exponent[b] = sums[g, OMEGA, l]
+            for i in range(m):
+                kept.state[b, i] = tile[k * m + i]
 
 
 @part
-def run_block(method, bodies, omega, span, saved, kept, begin, end, cells, sums, matrix, turning):
+def run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch):
     """All steps of the trajectories at some positions."""
-    chosen, m, groups = span.chosen, cells.shape[1], cells.shape[0]
-    flat, flat_cells = saved.omega.reshape(saved.omega.size), cells.reshape(cells.size)
+    groups = (end - begin + VECTOR - 1) // VECTOR
+    cells, sums = scratch.cells[task, :groups], scratch.sums[task, :groups]
+    flat_cells, tile, matrix = scratch.flat_cells[task], scratch.tile[task], scratch.matrix[task]
+    turning = scratch.before[task], scratch.turning[task]
+    chosen, m = span.chosen, omega.shape[1]
+    flat = saved.omega.reshape(saved.omega.size)
     turns, next_saved = kept.columns.shape[0] > 0, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
-    start_block(bodies, omega, span, kept, begin, end, cells, sums)
+    some_rest = start_block(
+        bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile
+    )
     n = span.start
     while True:
         if turns or n == next_saved:
-            for g in range(groups):
-                first = begin + g * VECTOR
-                width = min(VECTOR, end - first)
-                show(cells, sums, g)
-                if n == 0 or not all_move(sums, g):
-                    show_given(omega, chosen, first, width, cells, sums, g, n)
-                if turns:
-                    orient(bodies, span, kept, first, width, cells, sums, g, turning, n)
-                if n == next_saved:
-                    begin_of_row, written = row * omega.size, 0
-                    if width == VECTOR and chosen.size == 0:
-                        written = write(flat_cells, m, g, first, flat, begin_of_row)
-                    write_rest(cells, g, written, chosen, first, width, flat, begin_of_row)
-            if turns and n == next_saved:
-                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
+            show(cells, flat_cells, sums, tile)
+            if n == 0 or some_rest:
+                show_given(omega, chosen, begin, end, sums, tile, n)
+            if turns:
+                orient(bodies, span, kept, begin, end, sums, tile, turning, n)
         if n == next_saved:
+            write(tile, chosen, begin, end, m, flat, row * omega.size)
+            if turns:
+                save_turns(chosen, kept.columns, begin, end, saved.turns[row])
             next_saved += span.every
             row += 1
         if n == span.stop:
             break
+        until = n + 1 if turns else span.stop
+        if next_saved > n:
+            until = min(until, next_saved)
         if method == GAUSS:
-            for g in range(groups):
-                step_by_elimination(cells, sums, g, matrix)
-            n += 1
+            n, serve = advance_by_elimination(cells, sums, n, until, matrix)
         else:
-            until = n + 1 if turns else span.stop
-            if next_saved > n:
-                until = min(until, next_saved)
-            n, needs_care = advance(cells, sums, n, until)
-            if needs_care:
+            n, serve, accurate = advance(cells, sums, n, until)
+            if not accurate:
                 advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
-                n += 1
-        see_to_units(bodies, span, kept, begin, end, cells, sums, n)
-    leave_block(omega, span, kept, begin, end, cells, sums)
+                n, serve = n + 1, False
+        if not serve:
+            see_to_units(bodies, span, kept, begin, end, cells, sums, n)
+    leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile)
 
 
 def _iterate(method, bodies, omega, span, saved, kept, scratch):
@@ -717,24 +779,13 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
     blocks = (span.end - span.begin + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])
     for task in prange(tasks):
-        for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+        first_block = task * blocks // tasks
+        for block in range(first_block, (task + 1) * blocks // tasks):
             begin = span.begin + block * size
             end = min(begin + size, span.end)
-            groups = (end - begin + VECTOR - 1) // VECTOR
-            run_block(
-                method,
-                bodies,
-                omega,
-                span,
-                saved,
-                kept,
-                begin,
-                end,
-                scratch.cells[task, :groups],
-                scratch.sums[task, :groups],
-                scratch.matrix[task],
-                (scratch.before[task], scratch.turning[task]),
-            )
+            is_first = block == first_block
+            run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch)
+        fence()
 
 
 iterate = Loop(_iterate)

@@ -76,6 +76,11 @@ class Loop:
     def parallel(self):
         return _cached(self._function, "parallel", parallel=True)
 
+    @cached_property
+    def inner(self):
+        """Its body, for another loop to call from one of its threads."""
+        return register_jitable(**_OPTIONS)(self._function)
+
 
 def _cached(function, build, parallel):
     # Numba names a cache file after the function: two builds of one function need two names.

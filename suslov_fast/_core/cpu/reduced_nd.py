@@ -16,7 +16,8 @@ from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
 from ..jit import Loop, part
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import TASKS
-from .equal_steps import GROUP, _fill_run
+from .equal_steps import GROUP
+from .equal_steps import fill_run as fill_run_loop
 from .orbits import WIDTH
 from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
@@ -33,7 +34,7 @@ from .vector import (
 # and numbers of a row of a block in n dimensions, if it has more lanes than a vector.
 STATES, ROW = 2**15, 2**10
 
-fill_run = part(_fill_run)
+fill_run = fill_run_loop.inner
 
 # The largest exponents of states, of step sizes and of J over J that are taken here: nothing comes
 # near the ends of float64 then, at poles neither.

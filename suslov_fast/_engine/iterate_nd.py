@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import numba
 import numpy as np
@@ -17,12 +18,9 @@ from .._core.cpu.vector import VECTOR
 from . import threads
 from .problem import Outcome, Part, Problem, check_computed, not_computed, worst
 
-# Room for elimination is made beforehand where it takes at most so many bytes a thread: memory that
-# is never touched costs nothing. Where it takes more, trajectories that turn out to need it are
-# computed anew.
-_MATRIX = 2**26
-
 _ALL = np.empty(0, np.int64)
+# To work in: for all, for elimination, and for orientations.
+_Room: TypeAlias = tuple[map_nd.Scratch, FloatArray | None, map_nd.Turning | None]
 
 
 def run(problem: Problem) -> Outcome:
@@ -53,39 +51,44 @@ class _Run:
         self.bodies = map_nd.Bodies(J, I, problem.eps, problem.time_step)
         self.saved = map_nd.Saved(problem.saved, problem.turns)
         self.kept = _kept(problem)
-        matrix = 8 * math.prod(matrix_shape(m)) <= _MATRIX
-        oriented = problem.orientation is not None  # which takes as much
-        self.scratch = self._scratch(size, gauss or matrix or oriented)
+        # Few trajectories need elimination, which takes long to compile and much room: without
+        # orientations, which are turned in place, they are computed anew.
+        self.rooms = self._room(size, gauss or problem.orientation is not None)
 
-    def _scratch(self, size: int, matrix: bool) -> map_nd.Scratch:
+    def _room(self, size: int, eliminates: bool) -> _Room:
         """Room for so many trajectories, as much as threads can use at once."""
         m = self.problem.omega.shape[1]
         block = map_nd.block_size(m)
         tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
         groups = -(-min(block, max(size, 1)) // VECTOR)
-        oriented = self.problem.orientation is not None
-        cells, *rooms = _rooms(
+        shapes = [
             (tasks, groups, m, map_nd.CELLS, VECTOR),
             (tasks, groups, map_nd.SUMS, VECTOR),
             (tasks, groups * VECTOR * m + VECTOR),
-            (tasks, *(matrix_shape(m) if matrix else (0, 0, VECTOR))),
-            (tasks, groups * VECTOR if oriented else 0, m),
-            (tasks, *((2 * m + 4, m + 1) if oriented else (0, 0))),
+        ]
+        if eliminates:
+            shapes.append((tasks, *matrix_shape(m)))
+        if self.problem.orientation is not None:
+            shapes += [(tasks, groups * VECTOR, m), (tasks, 2 * m + 4, m + 1)]
+        cells, sums, tile, *others = _arrays(*shapes)
+        return (
+            map_nd.Scratch(cells, cells.reshape(tasks, -1), sums, tile),
+            others[0] if eliminates else None,
+            None if self.problem.orientation is None else map_nd.Turning(*others[1:]),
         )
-        return map_nd.Scratch(cells, cells.reshape(tasks, -1), *rooms)
 
     def compute(self, part: Part) -> None:
         status = self.kept.status[part.begin : part.end]
         status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
-        self._call(part, _ALL, self.scratch)
+        self._call(part, _ALL, self.rooms)
         if worst(status) == NEEDS_ELIMINATION:
             left = np.flatnonzero(status == NEEDS_ELIMINATION)
-            scratch = self._scratch(left.size, True)
             status[left] = NOT_COMPUTED
-            self._call(part._replace(begin=0, end=left.size), left + part.begin, scratch)
+            rooms = self._room(left.size, True)
+            self._call(part._replace(begin=0, end=left.size), left + part.begin, rooms)
         check_computed(status)
 
-    def _call(self, part: Part, chosen: NDArray[np.intp], scratch: map_nd.Scratch) -> None:
+    def _call(self, part: Part, chosen: NDArray[np.intp], rooms: _Room) -> None:
         every, first_row = self.problem.every, self.problem.first_row
         threads.run(
             map_nd.iterate,
@@ -97,7 +100,7 @@ class _Run:
             map_nd.Span(chosen, *part, every, first_row),
             self.saved,
             self.kept,
-            scratch,
+            *rooms,
         )
 
     def outcome(self) -> Outcome:
@@ -134,7 +137,7 @@ def _kept(problem: Problem) -> map_nd.Kept:
     return kept._replace(**{name: problem.resume[name].copy() for name in _names(problem)})
 
 
-def _rooms(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
+def _arrays(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
     """Arrays of zeros on cache lines: a vector across two lines costs a quarter and more."""
     sizes = [-(-math.prod(shape) // VECTOR) * VECTOR for shape in shapes]
     try:

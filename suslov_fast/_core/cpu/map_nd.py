@@ -169,18 +169,23 @@ class Scratch(NamedTuple):
     cells    (tasks, groups, m, CELLS, VECTOR), and the same as flat_cells, (tasks, their size).
     sums     (tasks, groups, SUMS, VECTOR)
     tile     (tasks, room for a block, and a vector more)
-    matrix   (tasks, rows, columns, VECTOR), see `elimination`; no rows if there is no room for it.
-    before   (tasks, trajectories, m), the states before the step, if turns are wanted.
-    turning  (tasks, 2 n + 2, n), two matrices and two vectors, if turns are wanted.
     """
 
     cells: np.ndarray
     flat_cells: np.ndarray
     sums: np.ndarray
     tile: np.ndarray
-    matrix: np.ndarray
+
+
+class Turning(NamedTuple):
+    """Room for orientations, a part for each task.
+
+    before   (tasks, trajectories, m), the states before the step.
+    room     (tasks, 2 n + 2, n), two matrices and two vectors.
+    """
+
     before: np.ndarray
-    turning: np.ndarray
+    room: np.ndarray
 
 
 @part
@@ -512,7 +517,7 @@ def step_with_care(cells, sums, g, l):
 
 
 @part
-def step_each(cells, sums, g, width, matrix):
+def step_each(cells, sums, g, width, task, matrices):
     """The step of a group where some lane needs care, by elimination where that is not enough.
 
     Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
@@ -527,15 +532,18 @@ def step_each(cells, sums, g, width, matrix):
         )
         sums[g, ACCURATE, l] = 0.0 if left else 1.0
         some_left |= left
-    if some_left and matrix.shape[0] > 0:
-        assemble(cells, sums, g, matrix)
-        eliminate(matrix, cells.shape[1])
-        for l in range(width):
-            if sums[g, ACCURATE, l] == 0.0:
-                for i in range(cells.shape[1]):
-                    cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
+    if matrices is not None:
+        if some_left:
+            matrix = matrices[task]
+            assemble(cells, sums, g, matrix)
+            eliminate(matrix, cells.shape[1])
+            for l in range(width):
+                if sums[g, ACCURATE, l] == 0.0:
+                    for i in range(cells.shape[1]):
+                        cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
+        some_left = False
     take_next_states(cells, sums, g)
-    return some_left and matrix.shape[0] == 0
+    return some_left
 
 
 @part
@@ -590,13 +598,13 @@ def advance_by_elimination(cells, sums, n, stop, matrix):
 
 
 @part
-def advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix):
+def advance_with_care(bodies, span, kept, begin, end, cells, sums, task, matrices):
     """The step of a block where some lane needs care, after `find_unknowns`."""
     for g in range(cells.shape[0]):
         width = min(VECTOR, end - begin - g * VECTOR)
         if all_lanes(load(sums, g, ACCURATE) > 0.0):
             step_all(cells, sums, g)
-        elif step_each(cells, sums, g, width, matrix):
+        elif step_each(cells, sums, g, width, task, matrices):
             set_aside(bodies, span, kept, begin, width, cells, sums, g)
 
 
@@ -676,9 +684,9 @@ def show_given(omega, chosen, begin, end, sums, tile, n):
 
 
 @part
-def orient(bodies, span, kept, begin, end, sums, tile, turning, n):
+def orient(bodies, span, kept, begin, end, sums, tile, task, turning, n):
     """Turn the orientations to state n, which is shown."""
-    before, room = turning
+    before, room = turning.before[task], turning.room[task]
     size = kept.columns.shape[1]
     m = size - 1
     gram, cleaned = room[:size], room[size : 2 * size]
@@ -727,15 +735,16 @@ def leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile):
 
 
 @part
-def run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch):
+def run_block(
+    method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch, matrices, turning
+):
     """All steps of the trajectories at some positions."""
     groups = (end - begin + VECTOR - 1) // VECTOR
     cells, sums = scratch.cells[task, :groups], scratch.sums[task, :groups]
-    flat_cells, tile, matrix = scratch.flat_cells[task], scratch.tile[task], scratch.matrix[task]
-    turning = scratch.before[task], scratch.turning[task]
+    flat_cells, tile = scratch.flat_cells[task], scratch.tile[task]
     chosen, m = span.chosen, omega.shape[1]
     flat = saved.omega.reshape(saved.omega.size)
-    turns, next_saved = kept.columns.shape[0] > 0, -1
+    turns, next_saved = turning is not None, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
@@ -748,11 +757,11 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, ta
             show(cells, flat_cells, sums, tile)
             if n == 0 or some_rest:
                 show_given(omega, chosen, begin, end, sums, tile, n)
-            if turns:
-                orient(bodies, span, kept, begin, end, sums, tile, turning, n)
+            if turning is not None:
+                orient(bodies, span, kept, begin, end, sums, tile, task, turning, n)
         if n == next_saved:
             write(tile, chosen, begin, end, m, flat, row * omega.size)
-            if turns:
+            if turning is not None:
                 save_turns(chosen, kept.columns, begin, end, saved.turns[row])
             next_saved += span.every
             row += 1
@@ -761,20 +770,26 @@ def run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, ta
         until = n + 1 if turns else span.stop
         if next_saved > n:
             until = min(until, next_saved)
-        if method == GAUSS:
-            n, serve = advance_by_elimination(cells, sums, n, until, matrix)
+        if method == GAUSS and matrices is not None:
+            n, serve = advance_by_elimination(cells, sums, n, until, matrices[task])
         else:
             n, serve, accurate = advance(cells, sums, n, until)
             if not accurate:
-                advance_with_care(bodies, span, kept, begin, end, cells, sums, matrix)
+                advance_with_care(bodies, span, kept, begin, end, cells, sums, task, matrices)
                 n, serve = n + 1, False
         if not serve:
             see_to_units(bodies, span, kept, begin, end, cells, sums, n)
     leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile)
 
 
-def _iterate(method, bodies, omega, span, saved, kept, scratch):
-    """Iterate from the states `omega`, (B, m), at step 0, or from what is kept of state start."""
+def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turning):
+    """Iterate from the states `omega`, (B, m), at step 0, or from what is kept of state start.
+
+    matrices   (tasks, rows, columns, VECTOR), see `elimination`; None if there is no room for it.
+    turning    a Turning, or None if no orientations are wanted.
+
+    What is None is not compiled: most calls want neither.
+    """
     size = block_size(omega.shape[1])
     blocks = (span.end - span.begin + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])
@@ -784,7 +799,21 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch):
             begin = span.begin + block * size
             end = min(begin + size, span.end)
             is_first = block == first_block
-            run_block(method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch)
+            run_block(
+                method,
+                bodies,
+                omega,
+                span,
+                saved,
+                kept,
+                begin,
+                end,
+                is_first,
+                task,
+                scratch,
+                matrices,
+                turning,
+            )
         fence()
 
 

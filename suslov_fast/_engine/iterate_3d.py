@@ -117,7 +117,7 @@ def _jump(problem: Problem) -> Outcome:
     if rows and problem.stop % problem.every == 0:
         final = saved[-1]
     else:
-        final = _last(problem, problem.omega, problem.stop, status)
+        final = last(problem, problem.omega, problem.stop, status)
     if check_computed(status):
         failed_at = failed_at.copy()
         unsafe = np.flatnonzero(status < 0)
@@ -148,7 +148,7 @@ def _past_poles(
         past = status[left] >= 0
         if ahead < problem.stop:
             ended = not_computed(left.size)
-            ends = _last(few, final[left], problem.stop - ahead, ended)
+            ends = last(few, final[left], problem.stop - ahead, ended)
             check_computed(ended)
             past &= ended >= 0
             if len(rows):
@@ -181,7 +181,7 @@ def _fill(
     closed.fill_run(run, False, parameters, omega, start, rows, status, missing, problem.threads)
 
 
-def _last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) -> FloatArray:
+def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) -> FloatArray:
     """State n, counted from omega; a status is negative where the closed form may not be used."""
     size = len(omega)
     final = np.empty((size, 2))

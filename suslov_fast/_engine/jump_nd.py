@@ -155,7 +155,7 @@ class _Reduced:
         if len(saved) and problem.stop % problem.every == 0:
             final = saved[-1]
         else:
-            last = iterate_3d._last(self.three, self.three.omega, problem.stop, status)
+            last = iterate_3d.last(self.three, self.three.omega, problem.stop, status)
             final = np.empty_like(problem.omega)
             together = max(_TOGETHER // final.shape[1], 1)
             for some in (slice(k, k + together) for k in range(0, size, together)):

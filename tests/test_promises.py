@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import suslov_fast as sf
 from suslov_fast._core.cpu import blocks
 from suslov_fast._core.cpu import map_3d as loops
-from suslov_fast._engine import threads
+from suslov_fast._engine import problem, threads
 
 METHODS = ("auto", "canonical", "ds2")
 LANES = blocks.LANES
@@ -112,33 +112,45 @@ def test_large_states_alone_or_beside_others(rng, method):
         assert alone.status == beside.status[i]
 
 
+@pytest.mark.parametrize("steps", [700, 701])  # the last state is saved, or not
 @pytest.mark.parametrize("attitude", [False, True])
 @pytest.mark.parametrize("method", METHODS)
-def test_parts(rng, request, method, attitude):
+def test_parts(rng, request, method, attitude, steps):
     """A run that is cut into parts, to look for Ctrl-C, goes on as if it were not."""
     body, omega, eps = mixed_batch(rng, 70)
     options = {"method": method, "attitude": attitude}
-    whole = run(body, omega, eps, 701, save_every=7, **options)
-    last = run(body, omega, eps, 701, save_every=None, **options)
+    whole = run(body, omega, eps, steps, save_every=7, **options)
+    last = run(body, omega, eps, steps, save_every=None, **options)
     request.getfixturevalue("small_parts")
     parts = []
     cut = run(
         body,
         omega,
         eps,
-        701,
+        steps,
         save_every=7,
         progress=lambda *seen: parts.append(seen),
         **options,
     )
     if method != "auto":
         assert len(parts) > 3
-    assert parts[-1] == (701, 701)
+    assert parts[-1] == (steps, steps)
     assert same(whole.omega, cut.omega)
     assert same(whole.final, cut.final)
     assert same(whole.status, cut.status)
     assert not attitude or same(whole.attitude, cut.attitude)
-    assert same(last.final, run(body, omega, eps, 701, save_every=None, **options).final)
+    assert same(last.final, run(body, omega, eps, steps, save_every=None, **options).final)
+
+
+@given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
+def test_parts_are_alike(size, most, lanes):
+    """As few as can be, but for whole lanes, and none of them much shorter than others."""
+    length = problem.alike(size, most, lanes)
+    count = -(-size // length)
+    assert length % lanes == 0
+    assert length < most + lanes
+    assert count <= -(-size // most)
+    assert size - (count - 1) * length > length - count * lanes
 
 
 @pytest.mark.parametrize("attitude", [False, True])

@@ -17,9 +17,10 @@ from .._core.cpu.blocks import TASKS
 from .._core.cpu.orbits import WIDTH
 from . import threads as _threads
 from .layout import flat_parameter, flat_vectors, for_kernel
+from .problem import alike
 
-# States of one call of a loop: some 10 ms.
-SLICE = 2**22
+# States of one call of a loop: some 10 ms. A quarter of them lost a twentieth to threads that wait.
+SLICE = 2**24
 # Fewer times than these are not worth a run: it has tables.
 SHORTEST = 32
 # Rows of one call, if there are as many: to enter a trajectory costs some 100 states.
@@ -47,12 +48,12 @@ def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
     """
     if 0 < batch * rows <= SLICE:
         return (((0, batch), (0, rows)),)
-    abreast = SLICE // max(min(rows, _WORTH_ENTERING), 1)
-    width = min(batch, max(abreast // WIDTH * WIDTH, WIDTH))
-    height = (SLICE // max(width, 1) // equal_steps.GROUP + 1) * equal_steps.GROUP
+    abreast = max(SLICE // max(min(rows, _WORTH_ENTERING), 1), 1)
+    width = alike(batch, abreast, WIDTH) if batch else 1
+    height = (SLICE // width // equal_steps.GROUP + 1) * equal_steps.GROUP
     return [
         ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
-        for lane in range(0, batch, max(width, 1))
+        for lane in range(0, batch, width)
         for row in range(0, rows, height)
     ]
 

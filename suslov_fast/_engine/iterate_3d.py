@@ -41,7 +41,7 @@ def _iterate(problem: Problem) -> Outcome:
     """Step by step."""
     size = problem.size
     arguments = _method(problem), *problem.parameters, problem.eps, problem.omega
-    final, status = np.empty((size, 2)), not_computed(size)
+    final, status = problem.room_for_last(), not_computed(size)
     state, turn = _taken_up(problem)
     R0 = _NOT_TURNED
     if problem.orientation is not None:
@@ -114,7 +114,7 @@ def _jump(problem: Problem) -> Outcome:
     rows, status, failed_at = len(saved), not_computed(size), never(size)
     if rows:
         _fill(problem, problem.omega, closed.NO_START, saved, problem.first_row, status)
-    if rows and problem.stop % problem.every == 0:
+    if problem.saves_last:
         final = saved[-1]
     else:
         final = last(problem, problem.omega, problem.stop, status)

@@ -121,7 +121,7 @@ def _kept(problem: Problem) -> map_nd.Kept:
     """What a run writes, with what it goes on from, which stays as it is."""
     size, m = problem.omega.shape
     kept = map_nd.Kept(
-        final=np.empty((size, m)),
+        final=problem.room_for_last(),
         status=not_computed(size),
         failed_at=np.full(size, -1),
         state=np.empty((size, m)),

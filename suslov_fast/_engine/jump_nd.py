@@ -152,7 +152,7 @@ class _Reduced:
         status, saved = np.full(size, codes.NOT_COMPUTED, np.int8), problem.saved
         if len(saved):
             self._fill(status)
-        if len(saved) and problem.stop % problem.every == 0:
+        if problem.saves_last:
             final = saved[-1]
         else:
             last = iterate_3d.last(self.three, self.three.omega, problem.stop, status)

@@ -107,6 +107,15 @@ class Problem:
         """The number of the saved state that the first row holds, in multiples of `every`."""
         return self.start // self.every + 1 if self.start else 0
 
+    @property
+    def saves_last(self) -> bool:
+        """Whether the last row that is saved holds the last states."""
+        return len(self.saved) > 0 and self.stop % self.every == 0
+
+    def room_for_last(self) -> FloatArray:
+        """Where the last states go. New memory takes longer to get than to fill."""
+        return self.saved[-1] if self.saves_last else np.empty_like(self.omega)
+
     def parts(self, work: float, lanes: int) -> Iterable[Part]:
         """What is computed at a time: some trajectories, and some of their steps.
 
@@ -123,17 +132,19 @@ class Problem:
             return (Part(0, size, self.start, self.stop),)
         return self._parts_of(
             room,
+            lanes,
             max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work)),
             max(1, int(_LENGTH / work)),
         )
 
-    def _parts_of(self, room: float, abreast: int, length: int) -> Iterator[Part]:
+    def _parts_of(self, room: float, lanes: int, abreast: int, length: int) -> Iterator[Part]:
         """Parts of about `room` steps, if there are so many trajectories and steps as is said."""
         steps = self.stop - self.start
         with reporter(self.progress, steps) as report:
             end = 0
             while end < self.size:
-                begin, end = end, min(end + max(abreast, int(room / steps)), self.size)
+                begin, left = end, self.size - end
+                end += min(alike(left, max(abreast, int(room / steps)), lanes), left)
                 stop = self.start
                 while stop < self.stop:
                     most = max(length, int(room / (end - begin)))
@@ -146,6 +157,15 @@ class Problem:
                     elif seconds > _LONG:
                         room *= 0.5
                     report((begin * steps + (end - begin) * (stop - self.start)) // self.size)
+
+
+def alike(size: int, most: int, lanes: int) -> int:
+    """The length of parts of about the same length, `most` at the most, that whole lanes make up.
+
+    A short part at the end would leave threads idle, and blocks of lanes lie where cache lines do.
+    """
+    parts = -(-size // most)
+    return -(-size // (parts * lanes)) * lanes
 
 
 class Part(NamedTuple):

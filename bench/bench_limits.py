@@ -6,7 +6,6 @@ import pytest
 from results import Limit, Table, Whose
 
 pytestmark = pytest.mark.other
-SIZE = 2**25  # doubles, 256 MiB
 
 
 @pytest.fixture
@@ -43,22 +42,23 @@ def bench_divisions(measure, threads):
 @pytest.mark.usefixtures("_gcc")
 @pytest.mark.parametrize("kind", [Limit.PLAIN, Limit.STREAMING])
 def bench_stores(measure, kind, threads):
-    to = limits.aligned((measure.size(SIZE, 2**10),))
+    to = limits.aligned((measure.size(limits.LARGE, 2**10),))
     try:
         limits.store(to, threads, kind is Limit.STREAMING)
     except ImportError as error:
         pytest.skip(str(error))
+    share = {"limit": (Limit.STREAMING, 1)} if kind is Limit.PLAIN else {}
     measure(
         lambda: limits.store(to, threads, kind is Limit.STREAMING),
         rounds=10,
-        **row(kind, f"{kind.value} stores", to.nbytes, threads=threads),
+        **row(kind, f"{kind.value} stores", to.nbytes, threads=threads, **share),
     )
 
 
 @pytest.mark.usefixtures("_gcc")
 def bench_copy(measure, threads):
     """Bytes read and written, into memory that is used again."""
-    source, to = (limits.aligned((measure.size(SIZE // 2, 2**10),)) for _ in range(2))
+    source, to = (limits.aligned((measure.size(limits.LARGE // 2, 2**10),)) for _ in range(2))
     measure(
         lambda: limits.copy(source, to, threads),
         rounds=10,
@@ -68,11 +68,13 @@ def bench_copy(measure, threads):
 
 def bench_new_copy(measure):
     """Bytes read and written, into new memory."""
-    source = np.ones(measure.size(SIZE // 2, 2**10))
+    source = np.ones(measure.size(limits.LARGE // 2, 2**10))
     work = 2 * source.nbytes
     measure(source.copy, rounds=3, **row(Limit.NEW_COPY, "`ndarray.copy`, new memory", work))
 
 
 def bench_new_memory(measure):
-    size = measure.size(SIZE, 2**10)
-    measure(lambda: np.ones(size), rounds=3, **row(Limit.NEW, "`np.ones`, new memory", 8 * size))
+    size = measure.size(limits.LARGE, 2**10)
+    share = {"threads": 1, "limit": (Limit.STREAMING, 1)}
+    new = row(Limit.NEW, "`np.ones`, new memory", 8 * size, **share)
+    measure(lambda: np.ones(size), rounds=3, **new)

@@ -1,13 +1,20 @@
 """How a benchmark is measured, and what is written beside its time."""
 
+import time
+from functools import cache
+from statistics import median
+
+import limits
 import numba
 import pytest
 from machine import describe
-from results import Whose
+from results import Limit, Whose
 
 import suslov_fast
 
 WRONG = 1e-9  # far above what rounding and the tolerances of integrators leave
+# How often stores and what they limit take turns.
+TURNS = 9
 
 
 def pytest_configure(config):
@@ -21,6 +28,17 @@ def pytest_report_header():
 
 def pytest_benchmark_generate_machine_info():
     return describe()
+
+
+@cache
+def _stored_to():
+    """Memory that streaming stores fill, or None where there are none."""
+    to = limits.aligned((limits.LARGE,))
+    try:
+        limits.store(to, 1, streaming=True)
+    except ImportError:
+        return None
+    return to
 
 
 class Measure:
@@ -38,7 +56,8 @@ class Measure:
         """Time `call`; `row` are fields of `results.Row`.
 
         `rounds` are as many as said, not as pytest-benchmark wants. `prepare` is called before each
-        of them, and nothing is called to warm up then.
+        of them, and nothing is called to warm up then. What stores limit takes turns with them:
+        the memory of a shared machine is fast and slow for seconds at a time.
         """
         # Who computes something else, and faster, is no peer.
         assert (row.get("error") or 0.0) < WRONG
@@ -47,10 +66,27 @@ class Measure:
             self._benchmark.pedantic(call, setup=prepare, rounds=rounds)
             return
         call()  # compiles, wakes threads, touches memory
-        if rounds:
+        what, count = row.get("limit") or (None, 0)
+        if self.full and what is Limit.STREAMING and _stored_to() is not None:
+            self._in_turns(call, row["work"] * count, row["threads"])
+        elif rounds:
             self._benchmark.pedantic(call, rounds=rounds)
         else:
             self._benchmark(call)
+
+    def _in_turns(self, call, nbytes, threads):
+        """Time `call`, which stores so much, and streaming stores; keep its median share."""
+        to, rates = _stored_to(), []
+
+        def store():
+            begin = time.perf_counter()
+            limits.store(to, threads, streaming=True)
+            rates.append(to.nbytes / (time.perf_counter() - begin))
+
+        self._benchmark.pedantic(call, setup=store, rounds=TURNS)
+        times = self._benchmark.stats.stats.data
+        shares = [nbytes / each / rate for each, rate in zip(times, rates, strict=True)]
+        self._benchmark.extra_info["share"] = median(shares)
 
 
 @pytest.fixture

@@ -5,6 +5,9 @@ import ctypes
 import numpy as np
 from gcc import library, pointer
 
+# Doubles of what is stored to: 256 MiB, far beyond the caches.
+LARGE = 2**25
+
 
 def aligned(shape):
     """A C-contiguous array of zeros, touched, at a multiple of 64 bytes for streaming stores."""

@@ -67,6 +67,8 @@ class Row:
         The largest relative error, if it was measured.
     limit
         (what, how much of it a unit needs), what being a `Limit`.
+    share
+        How much of the limit was reached in turns with it: the median, if that was measured.
     x
         Where it stands in a chart or a table with columns.
     """
@@ -82,6 +84,7 @@ class Row:
     threads: int = 1
     error: float | None = None
     limit: tuple[Limit, float] | None = None
+    share: float | None = None
     x: float | None = None
 
     @property
@@ -154,8 +157,8 @@ class Results:
 
     def share(self, row):
         """How much of its limit a row reaches, or None."""
-        if row.limit is None:
-            return None
+        if row.limit is None or row.share is not None:
+            return row.share
         what, count = row.limit
         limit = self.limit(what, row.threads)
         return limit and row.rate * count / limit

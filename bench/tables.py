@@ -85,22 +85,22 @@ def headline(results):
 
 def saved_states(results):
     """States per second, and what share of streaming stores they reach."""
-    streaming = results.limit(Limit.STREAMING, results.threads)
     lines = []
     for row in results.best(Table.SAVED):
         cells = [figure(row.rate / 1e9), figure(16 * row.rate / 1e9)]
         cells += [percent(results.share(row)), error(row.error)]
         lines.append((row.rate, [named(row, results.threads), *cells]))
-    limits = {
-        "streaming stores": streaming,
-        "plain stores": results.limit(Limit.PLAIN, results.threads),
-        "`np.ones`, new memory, one thread": results.limit(Limit.NEW, 1),
-    }
-    for name, bytes_per_second in limits.items():
-        if bytes_per_second:
-            share = percent(streaming and bytes_per_second / streaming)
-            cells = [figure(bytes_per_second / 16e9), figure(bytes_per_second / 1e9), share, ""]
-            lines.append((bytes_per_second / 16, [f"*limit: {name}*", *cells]))
+    for what, threads in (
+        (Limit.STREAMING, results.threads),
+        (Limit.PLAIN, results.threads),
+        (Limit.NEW, 1),
+    ):
+        row = results.one(Table.LIMITS, what, threads=threads)
+        if row:
+            share = "100 %" if what is Limit.STREAMING else percent(results.share(row))
+            cells = [figure(row.rate / 16e9), figure(row.rate / 1e9), share, ""]
+            label = f"*limit: {row.label}{', one thread' * (what is Limit.NEW)}*"
+            lines.append((row.rate / 16, [label, *cells]))
     return markdown(["", "1e9 states/s", "GB/s", "of streaming stores", "error"], ordered(lines))
 
 
@@ -228,7 +228,9 @@ def conditions(results):
         f"Measured on {caption(results)}. The best of each in {results.passes} "
         f"interleaved pass{'es' * (results.passes > 1)}. Errors are "
         "the largest relative ones of 64 trajectories (8 in n dimensions) against long doubles. A "
-        "limit is the most that its own benchmark, or any other, got of it. "
+        "limit is the most that its own benchmark, or any other, got of it; but a share of "
+        "streaming stores is the median of those of calls and stores that take turns, for the "
+        "memory of a shared machine is fast and slow for seconds at a time. "
         f"All rows on {spelled(results.threads)} unless they say otherwise."
     )
 

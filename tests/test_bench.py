@@ -98,6 +98,7 @@ def test_machines_are_not_mixed():
 
 
 MACHINE = {"whose": Whose.MACHINE, "table": Table.LIMITS}
+IN_TURNS = MACHINE | {"label": "less", "limit": (Limit.STREAMING, 1), "share": 0.75}
 SPLIT = {"table": Table.OBSERVABLES, "limit": (Limit.COPY, 24)}
 FULL = made(
     row("auto", 1e-4, limit=(Limit.DIVISIONS, 1)),
@@ -107,8 +108,8 @@ FULL = made(
     row("stored", 1e-3, Table.SAVED, limit=(Limit.STREAMING, 16), x=1),
     row(Limit.DIVISIONS, 1e-4, work=2_000_000, **MACHINE),
     row(Limit.DIVISIONS, 1e-4, threads=1, **MACHINE),
-    row(Limit.STREAMING, 1e-3, work=64_000_000, **MACHINE),
-    row(Limit.PLAIN, 1e-3, work=32_000_000, **MACHINE),
+    row(Limit.STREAMING, 1e-3, work=64_000_000, **MACHINE | {"label": "the most"}),
+    row(Limit.PLAIN, 1e-3, work=32_000_000, **IN_TURNS),
     row(Limit.COPY, 1e-3, work=48_000_000, **MACHINE),
     row(Limit.NEW_COPY, 1e-3, work=12_000_000, threads=1, **MACHINE),
     row("energy", 1e-3, **SPLIT),
@@ -163,7 +164,8 @@ def test_saved_states():
     text = tables.saved_states(FULL)
     # 1e9 states of 16 bytes, of 64e9 bytes.
     assert cells(text, "**suslov_fast**, stored") == ["1", "16", "25 %", "1e-15"]
-    assert cells(text, "*limit: plain stores*") == ["2", "32", "50 %", ""]
+    assert cells(text, "*limit: the most*") == ["4", "64", "100 %", ""]
+    assert cells(text, "*limit: less*") == ["2", "32", "75 %", ""], "measured in turns"
     assert cells(tables.few_orbits(FULL), "**suslov_fast**, auto") == ["25 %", "25 %"]
 
 

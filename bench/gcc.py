@@ -2,12 +2,16 @@
 
 import ctypes
 import functools
+import os
 import shutil
 import subprocess
 import tempfile
 from pathlib import Path
 
-FLAGS = ["-O3", "-march=native", "-fopenmp"]
+# C is compiled for the processor that Numba compiles for.
+PROCESSOR = os.environ.get("NUMBA_CPU_NAME")
+ARCHITECTURE = {None: "native", "generic": "x86-64"}.get(PROCESSOR, PROCESSOR)
+FLAGS = ["-O3", f"-march={ARCHITECTURE}", "-fopenmp"]
 
 
 @functools.cache

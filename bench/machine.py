@@ -26,8 +26,9 @@ def describe():
     versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))
     if gcc.version():
         versions["gcc"] = gcc.version()
+    compiled_for = f", compiled for {gcc.PROCESSOR}" if gcc.PROCESSOR else ""
     return {
-        "processor": processor(),
+        "processor": processor() + compiled_for,
         "cores": os.cpu_count(),
         "threads": int(numba.config.NUMBA_NUM_THREADS),
         "system": platform.system(),

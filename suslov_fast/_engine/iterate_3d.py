@@ -40,7 +40,7 @@ def jumps(problem: Problem) -> bool:
 def _iterate(problem: Problem) -> Outcome:
     """Step by step."""
     size = problem.size
-    arguments = _method(problem), *problem.parameters, problem.eps, problem.omega
+    arguments = _method(problem), *problem.parameters, problem.omega
     final, status = problem.room_for_last(), not_computed(size)
     state, turn = _taken_up(problem)
     R0 = _NOT_TURNED
@@ -173,12 +173,20 @@ def _fill(
     status: NDArray[np.int8],
 ) -> None:
     """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
-    run = closed.Run(
-        1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
+    count = len(rows)
+    closed.fill_run(
+        1.0,
+        (0.0, float(problem.every)),
+        (first_row, first_row + count, -first_row, 1),
+        False,
+        problem.parameters,
+        omega,
+        start,
+        rows,
+        status,
+        closed.none_missing(count * len(omega)),
+        problem.threads,
     )
-    parameters = [*problem.parameters, problem.eps]
-    missing = closed.none_missing(len(rows) * len(omega))
-    closed.fill_run(run, False, parameters, omega, start, rows, status, missing, problem.threads)
 
 
 def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) -> FloatArray:
@@ -190,7 +198,6 @@ def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) 
         size * closed_form.ENTERING if size > blocks.LANES else 0,
         problem.threads,
         *problem.parameters,
-        problem.eps,
         omega,
         float(n),
         final,

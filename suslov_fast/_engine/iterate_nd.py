@@ -47,8 +47,7 @@ class _Run:
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        J, I = problem.parameters
-        self.bodies = map_nd.Bodies(J, I, problem.eps, problem.time_step)
+        self.bodies = map_nd.Bodies(*problem.parameters, problem.time_step)
         self.saved = map_nd.Saved(problem.saved, problem.turns)
         self.kept = _kept(problem)
         # Few trajectories need elimination, which takes long to compile and much room: without

@@ -37,11 +37,10 @@ class Problem:
     omega
         (B, D), the states at step 0.
     parameters
-        Those of the body as loops take them, each for all trajectories or for one after the other.
-    eps
-        The step size that goes with them, (B,) or (1,).
+        Those of the body, and the step size that goes with them, as loops take them: each for all
+        trajectories or for one after the other.
     time_step
-        The step size in the unit of time of omega, likewise, if there is an orientation.
+        The step size in the unit of time of omega, (B,) or (1,), if there is an orientation.
     every
         States whose number is a multiple of this are saved.
     keeps
@@ -61,7 +60,6 @@ class Problem:
     method: str
     omega: FloatArray
     parameters: list[FloatArray]
-    eps: FloatArray
     time_step: FloatArray
     start: int
     stop: int
@@ -89,7 +87,6 @@ class Problem:
             self,
             omega=self.omega[chosen],
             parameters=[of(each) for each in self.parameters],
-            eps=of(self.eps),
             time_step=of(self.time_step),
             start=0,
             stop=stop,

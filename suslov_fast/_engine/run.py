@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -27,7 +26,8 @@ class Run:
     Attributes
     ----------
     omega0
-        (B, D), the states at step 0, in memory that nobody else writes to.
+        (B, D), the states at step 0; of a run that may be gone on with, in memory that nobody else
+        writes to.
     eps
         The step size, a number or of a shape that broadcasts to the batch.
     orientation
@@ -52,10 +52,14 @@ class Run:
     progress: Progress = None
 
     @property
+    def rows(self) -> int:
+        """How many states of each trajectory are kept."""
+        return 1 if self.save_every is None else self.steps // self.save_every + 1
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """The shape of the states that are kept."""
-        rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        return (rows, *self.batch, self.omega0.shape[1])
+        return (self.rows, *self.batch, self.omega0.shape[1])
 
     @property
     def rows_before(self) -> int:
@@ -93,9 +97,9 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
-    saved, turns = _room(run, run.shape, out)
-    begin = run.rows_before
-    if before is not None and begin:
+    saved, turns = _room(run, run.rows, out)
+    begin = 0
+    if before is not None and (begin := run.rows_before):
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
                 array[:begin] = kept
@@ -104,24 +108,27 @@ def execute(
 
 def go_on(run: Run) -> Results:
     """Make the steps of a run since its start; of the states that are kept, only those since."""
-    rows, *shape = run.shape
-    saved, turns = _room(run, (rows - run.rows_before, *shape))
+    saved, turns = _room(run, run.rows - run.rows_before)
     return _results(run, saved, turns, 0)
 
 
 def _room(
-    run: Run, shape: tuple[int, ...], out: FloatArray | None = None
+    run: Run, rows: int, out: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Arrays for states that are kept, and for the orientations, where they fit in memory."""
     saves = out is None and run.save_every is not None
-    turned = () if run.orientation is None else (*shape[:-1], *run.orientation.shape[1:])
     numbers = 4 * run.omega0.size  # in arrays beside them
     if saves:
-        numbers += math.prod(shape)
-    if turned:
-        numbers += math.prod(turned)
-    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", shape)
-    return np.empty(shape) if saves else out, np.empty(turned) if turned else None
+        numbers += rows * run.omega0.size
+    if run.orientation is not None:
+        numbers += rows * run.orientation.size
+    shape = (rows, *run.batch)
+    states = (*shape, run.omega0.shape[1])
+    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", states)
+    return (
+        np.empty(states) if saves else out,
+        None if run.orientation is None else np.empty((*shape, *run.orientation.shape[1:])),
+    )
 
 
 def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
@@ -136,14 +143,14 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
         final, status, failed_at, resume = iterate_3d.run(problem)
     else:
         final, status, failed_at, resume = jump_nd.run(problem, run.body, run.batch)
-    batch, every = run.batch, run.save_every
-    if saved is None or every is None or run.steps % every or not len(saved):
-        final = final.reshape((*batch, final.shape[1]))
-    else:
+    batch = run.batch
+    if saved is not None and problem.saves_last:
         final = saved[-1]
+    else:
+        final = final.reshape((*batch, final.shape[1]))
     if saved is None:
         saved = final[np.newaxis]
-    elif every is None:
+    elif run.save_every is None:
         saved[0] = final
     # What the loops left to go on from, with what the run began with.
     resume["omega0"] = run.omega0
@@ -157,15 +164,12 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Problem:
     """The flat problem."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
-    eps = time_step = flat_parameter(run.body.normalised_eps(run.eps), batch)
-    if run.orientation is not None:
-        time_step = flat_parameter(run.eps, batch)
+    parameters = run.body.for_loops(run.eps, batch)
     return Problem(
         run.method,
         run.omega0,
-        run.body.flat_normalised(batch),
-        eps,
-        time_step,
+        parameters,
+        parameters[-1] if run.orientation is None else flat_parameter(run.eps, batch),
         run.start,
         run.steps,
         every or run.steps + 1,

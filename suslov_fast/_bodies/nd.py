@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
-from .._engine.layout import flat_parameter, flat_rows
+from .._engine.layout import flat_parameter, flat_rows, for_kernel
 from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
 
 
@@ -78,6 +78,11 @@ class SuslovND:
     def parameters(self) -> tuple[FloatArray, FloatArray]:
         """J, I."""
         return self.J, self.I
+
+    @cached_property
+    def flat(self) -> list[FloatArray]:
+        """The parameters of a single body as loops take them."""
+        return [for_kernel(each).reshape(-1) for each in self.parameters]
 
     @cached_property
     def normalised(self) -> tuple[FloatArray, FloatArray]:

@@ -95,6 +95,11 @@ class Suslov3D:
         return self.I1, self.I2, self.I13, self.I23
 
     @cached_property
+    def flat(self) -> list[FloatArray]:
+        """The parameters of a single body as loops take them."""
+        return [flat_parameter(each, ()) for each in self.parameters]
+
+    @cached_property
     def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Parameters of the order of 1 that define the same map, with `normalised_eps`.
 

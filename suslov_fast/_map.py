@@ -54,7 +54,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     threads = thread_count(threads)
     states = flat_vectors(state, batch)
-    run = Run(body, batch, states, step_size, 1, None, "auto", threads=threads)
+    run = Run(body, batch, states, step_size, 1, None, "auto", threads=threads, single=True)
     results = execute(run)
     # A state that does not exist has no next one, and that is no news.
     report(run, results, "warn", 1, stacklevel=2)

@@ -20,8 +20,8 @@ _AHEAD = 256
 _TOGETHER = 2**20
 # Steps of all failed trajectories between two looks for Ctrl-C.
 _SEARCH = 2**24
-# Where no orientation is wanted.
-_NOT_TURNED, _NO_TURN = np.empty((3, 3, 0)), np.empty((4, 0))
+# Where no orientation is wanted, and nothing to go on from.
+_NOT_TURNED, _NO_TURN, _NO_STATE = np.empty((3, 3, 0)), np.empty((4, 0)), np.empty((2, 0))
 
 
 def run(problem: Problem) -> Outcome:
@@ -74,11 +74,12 @@ def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
     """The states (2, B) and the orientations (4, B), or (4, 0), as a run begins with them."""
     if problem.start:
         return problem.resume["state"].copy(), problem.resume["turn"].copy()
+    state = _NO_STATE if problem.single else np.empty((2, problem.size))
     if problem.orientation is None:
-        return np.empty((2, problem.size)), _NO_TURN
+        return state, _NO_TURN
     turn = np.zeros((4, problem.size))
     turn[0] = 1.0
-    return np.empty((2, problem.size)), turn
+    return state, turn
 
 
 def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> NDArray[np.int64]:  # type: ignore[type-arg]

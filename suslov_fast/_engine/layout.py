@@ -44,11 +44,10 @@ def own_parameter(value: float | FloatArray) -> float | FloatArray:
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """States (B, D) that nobody else writes to."""
-    D = state.shape[-1]
     if state.shape[:-1] != batch:
-        state = np.broadcast_to(state, (*batch, D))
+        state = np.broadcast_to(state, (*batch, state.shape[-1]))
     own = np.array(state, order="C", ndmin=2)
-    return own if own.ndim == 2 else own.reshape((math.prod(batch), D))
+    return own if own.ndim == 2 else own.reshape((math.prod(batch), own.shape[-1]))
 
 
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:

@@ -55,6 +55,8 @@ class Problem:
         (B, n, n), the orientation at step 0, or None if it is not wanted.
     resume
         What the run up to `start` left to go on from, as `Outcome.resume`.
+    single
+        Whether it is a single step that nobody goes on from: in three dimensions it leaves nothing.
     """
 
     method: str
@@ -71,6 +73,7 @@ class Problem:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    single: bool = False
 
     @property
     def size(self) -> int:

@@ -36,6 +36,8 @@ class Run:
         The number of steps that were made before.
     resume
         What they left.
+    single
+        Whether it is a single step that nobody goes on from.
     """
 
     body: Body
@@ -50,6 +52,7 @@ class Run:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    single: bool = False
 
     @property
     def rows(self) -> int:
@@ -116,19 +119,18 @@ def _room(
     run: Run, rows: int, out: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Arrays for states that are kept, and for the orientations, where they fit in memory."""
+    size, D = run.omega0.shape
+    shape, turns = (rows, *run.batch, D), None
     saves = out is None and run.save_every is not None
-    numbers = 4 * run.omega0.size  # in arrays beside them
+    numbers = 4 * size * D  # in arrays beside them
     if saves:
-        numbers += rows * run.omega0.size
+        numbers += rows * size * D
     if run.orientation is not None:
         numbers += rows * run.orientation.size
-    shape = (rows, *run.batch)
-    states = (*shape, run.omega0.shape[1])
-    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", states)
-    return (
-        np.empty(states) if saves else out,
-        None if run.orientation is None else np.empty((*shape, *run.orientation.shape[1:])),
-    )
+    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", shape)
+    if run.orientation is not None:
+        turns = np.empty((*shape[:-1], *run.orientation.shape[1:]))
+    return np.empty(shape) if saves else out, turns
 
 
 def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
@@ -143,14 +145,14 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
         final, status, failed_at, resume = iterate_3d.run(problem)
     else:
         final, status, failed_at, resume = jump_nd.run(problem, run.body, run.batch)
-    batch = run.batch
-    if saved is not None and problem.saves_last:
-        final = saved[-1]
-    else:
+    batch, every = run.batch, run.save_every
+    if saved is None or every is None or run.steps % every or not len(saved):
         final = final.reshape((*batch, final.shape[1]))
+    else:
+        final = saved[-1]
     if saved is None:
         saved = final[np.newaxis]
-    elif run.save_every is None:
+    elif every is None:
         saved[0] = final
     # What the loops left to go on from, with what the run began with.
     resume["omega0"] = run.omega0
@@ -165,28 +167,30 @@ def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     """The flat problem."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
     parameters = run.body.for_loops(run.eps, batch)
+    time_step, rows, turned = parameters[-1], _no_rows(D), _no_rows(D + 1, D + 1)
+    if saved is not None and every is not None:
+        rows = saved.reshape((len(saved), size, D))[begin:]
+    if run.orientation is not None:
+        time_step = flat_parameter(run.eps, batch)
+    if turns is not None:
+        turned = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
     return Problem(
         run.method,
         run.omega0,
         parameters,
-        parameters[-1] if run.orientation is None else flat_parameter(run.eps, batch),
+        time_step,
         run.start,
         run.steps,
         every or run.steps + 1,
         every is not None,
-        _no_rows(D) if saved is None or every is None else _rows(saved, begin, size, D),
-        _no_rows(D + 1, D + 1) if turns is None else _rows(turns, begin, size, D + 1, D + 1),
+        rows,
+        turned,
         run.orientation,
         run.resume,
         run.threads,
         run.progress,
+        run.single,
     )
-
-
-def _rows(kept: FloatArray, begin: int, *shape: int) -> FloatArray:
-    """What is kept as rows of this shape, from one on."""
-    rows = kept.reshape((len(kept), *shape))
-    return rows[begin:] if begin else rows
 
 
 @lru_cache

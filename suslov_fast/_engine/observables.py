@@ -235,8 +235,7 @@ def _without_leading_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _is_plain(array: FloatArray) -> bool:
-    flags = array.flags
-    return bool(flags.c_contiguous and flags.aligned and flags.writeable)
+    return bool(array.flags.carray)
 
 
 def _slabs(batch: tuple[int, ...], most: int) -> Iterator[tuple[Any, ...]]:

@@ -124,7 +124,7 @@ class Problem:
         The batch is cut first, so that what a part works on stays in the caches; time is only where
         few trajectories take long.
         """
-        size, steps = self.size, self.stop - self.start
+        size, steps = len(self.omega), self.stop - self.start
         if len(self.saved):
             work += _SAVING / self.every
         room = _PART / work

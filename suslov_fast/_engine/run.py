@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +48,10 @@ class Run:
     save_every: int | None
     method: str
     orientation: FloatArray | None = None
-    start: int = 0
-    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    start: int = 0
+    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     single: bool = False
 
     @property
@@ -79,7 +79,8 @@ def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     return np.arange(0, steps + 1, save_every)
 
 
-class Results(NamedTuple):
+@dataclass(slots=True)
+class Results:
     """Arrays over the batch; see `Trajectories`."""
 
     omega: FloatArray

@@ -17,8 +17,8 @@ FloatArray = NDArray[np.float64]
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
-# Two calls of NumPy take as long as so many numbers of Python.
-_FEW = 32
+# Two calls of NumPy take as long as the sum of so many numbers in Python.
+_FEW = 64
 # NumPy broadcasts no more axes than these.
 _AXES = 32
 
@@ -76,10 +76,9 @@ def _floats(array: NDArray[Any]) -> FloatArray:
 
 
 def _finite(array: FloatArray) -> bool:
-    if array.ndim == 0:
-        return math.isfinite(array)
-    if array.size <= _FEW:  # where it is faster to look at each number
-        return all(map(math.isfinite, array.ravel().tolist()))
+    """Whether all numbers are finite; those whose sum overflows may be too."""
+    if array.size <= _FEW:
+        return math.isfinite(sum(array.ravel().tolist()))
     return bool(np.isfinite(array).all())
 
 

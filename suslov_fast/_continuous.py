@@ -8,7 +8,7 @@ from ._bodies.nd import SuslovND
 from ._checks import FloatArray
 from ._core.cpu import observables, observables_nd
 from ._engine.arguments import Body, check
-from ._engine.layout import own_states
+from ._engine.layout import flat_vectors
 from ._engine.observables import by_slabs, of_state, of_state_nd
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
@@ -120,11 +120,12 @@ def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) ->
     run = Run(
         body=body,
         batch=batch,
-        omega0=own_states(omega, batch),
+        omega0=flat_vectors(omega, batch),
         eps=eps,
         steps=1,
         save_every=None,
         method="auto",
+        single=True,
     )
     following = execute(run).final
     loop, result = observables_nd.reaction, (body.dimension, body.dimension)

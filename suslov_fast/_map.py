@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer, one_of
 from ._engine.arguments import Body, check
-from ._engine.layout import checked_out, flat_matrices, own_parameter, own_states
+from ._engine.layout import checked_out, flat_matrices, flat_vectors, own_parameter, own_states
 from ._engine.progress import Progress, check_progress
 from ._engine.run import Run, execute
 from ._engine.threads import thread_count
@@ -53,8 +53,8 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     """
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     threads = thread_count(threads)
-    states = own_states(state, batch)
-    run = Run(body, batch, states, step_size, 1, None, "auto", threads=threads)
+    states = flat_vectors(state, batch)
+    run = Run(body, batch, states, step_size, 1, None, "auto", None, threads, single=True)
     results = execute(run)
     # A state that does not exist has no next one, and that is no news.
     report(run, results, "warn", 1, stacklevel=2)
@@ -171,8 +171,8 @@ def iterate(
         save_every,
         method,
         flat_matrices(turned[0], batch) if turned else None,
-        threads=threads,
-        progress=progress,
+        threads,
+        progress,
     )
     if out is not None:
         out = checked_out("out", out, run.shape)

@@ -1,10 +1,15 @@
-"""How much memory is available, as far as the system tells."""
+"""How much memory is available, as far as the system tells, and how much calls take."""
 
+import functools
 import sys
+import tracemalloc
 
 import children
+import numba
+import numpy as np
 import pytest
 
+import suslov_fast as sf
 from suslov_fast._engine import memory
 
 GB = 2**30
@@ -95,6 +100,23 @@ def test_what_is_unknown_is_allowed(monkeypatch):
 def test_small_needs_cost_nothing(monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: pytest.fail("was asked"))
     memory.require(memory.SMALL, "")
+
+
+@pytest.mark.parametrize("function", [sf.step, functools.partial(sf.exact, n=7)])
+def test_large_calls_make_no_copies(body, rng, function):
+    """Beside the result some bytes for each state: new memory takes longer than a step."""
+    if numba.config.DISABLE_JIT:
+        pytest.skip("the rooms of loops are no arrays where they are compiled")
+    omega = rng.normal(size=(20_000, 2))
+    function(body, omega[:1], 0.2, threads=1)
+    tracemalloc.start()
+    try:
+        result = function(body, omega, 0.2, threads=1)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert np.isfinite(result).all()
+    assert peak < 1.3 * result.nbytes
 
 
 def test_the_limits_of_this_system():

@@ -239,8 +239,7 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
     return Problem(
         method=method,
         omega=omega,
-        parameters=body.flat_normalised((size,)),
-        eps=flat_parameter(body.normalised_eps(eps), (size,)),
+        parameters=body.for_loops(eps, (size,)),
         time_step=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,

@@ -711,11 +711,10 @@ def test_rows_before_the_start_stay(body, rng):
     omega, start = rng.normal(size=(70, 2)), rng.integers(0, 150, 70).astype(float)
     out = np.full((200, 70, 2), 7.0)
     missing = closed_form.none_missing()
-    parameters = [*body.flat_normalised(()), np.array([0.2])]
-    parameters[-1] = body.normalised_eps(parameters[-1])
-    run = closed_form.Run(1.0, 0.0, 1.0, 0, 200, 0, 1)
+    parameters = body.for_loops(0.2, ())
+    run = closed_form.Run(1.0, (0.0, 1.0), (0, 200, 0, 1))
     closed_form.fill_run(
-        run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None
+        *run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None
     )
     for k, begin in enumerate(start.astype(int)):
         assert (out[:begin, k] == 7.0).all()

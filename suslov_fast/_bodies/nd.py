@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
-from .._engine.layout import flat_rows
+from .._engine.layout import flat_parameter, flat_rows, for_kernel
 from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
 
 
@@ -80,6 +80,11 @@ class SuslovND:
         return self.J, self.I
 
     @cached_property
+    def flat(self) -> list[FloatArray]:
+        """The parameters of a single body as loops take them."""
+        return [for_kernel(each).reshape(-1) for each in self.parameters]
+
+    @cached_property
     def normalised(self) -> tuple[FloatArray, FloatArray]:
         """J and I over powers of two, which define the same map with `normalised_eps`."""
         moments, couplings = self.exponents
@@ -88,13 +93,14 @@ class SuslovND:
             np.ldexp(self.I, -couplings[..., np.newaxis]),
         )
 
-    def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
-        """Them as loops take them."""
-        return self._one_normalised or [flat_rows(each, batch) for each in self.normalised]
+    def for_loops(self, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
+        """J, I and eps as loops take them, normalised."""
+        own = self._one_normalised or [flat_rows(each, batch) for each in self.normalised]
+        return [*own, flat_parameter(self.normalised_eps(eps), batch)]
 
     @cached_property
     def _one_normalised(self) -> list[FloatArray]:
-        """The same for all batches, if this is a single body."""
+        """What `for_loops` has of the body, the same for all batches, if this is a single one."""
         return [] if self.shape else [flat_rows(each, ()) for each in self.normalised]
 
     def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:

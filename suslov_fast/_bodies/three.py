@@ -95,6 +95,11 @@ class Suslov3D:
         return self.I1, self.I2, self.I13, self.I23
 
     @cached_property
+    def flat(self) -> list[FloatArray]:
+        """The parameters of a single body as loops take them."""
+        return [flat_parameter(each, ()) for each in self.parameters]
+
+    @cached_property
     def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Parameters of the order of 1 that define the same map, with `normalised_eps`.
 
@@ -109,13 +114,14 @@ class Suslov3D:
             np.ldexp(self.I23, -products),
         )
 
-    def flat_normalised(self, batch: tuple[int, ...]) -> list[FloatArray]:
-        """Them as loops take them."""
-        return self._one_normalised or [flat_parameter(each, batch) for each in self.normalised]
+    def for_loops(self, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
+        """I1, I2, I13, I23 and eps as loops take them, normalised."""
+        own = self._one_normalised or [flat_parameter(each, batch) for each in self.normalised]
+        return [*own, flat_parameter(self.normalised_eps(eps), batch)]
 
     @cached_property
     def _one_normalised(self) -> list[FloatArray]:
-        """The same for all batches, if this is a single body."""
+        """What `for_loops` has of the body, the same for all batches, if this is a single one."""
         return [] if self.shape else [np.array([each]) for each in self.normalised]
 
     def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:

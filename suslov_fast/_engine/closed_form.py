@@ -16,7 +16,7 @@ from .._core.cpu import equal_steps
 from .._core.cpu.blocks import TASKS
 from .._core.cpu.orbits import WIDTH
 from . import threads as _threads
-from .layout import flat_parameter, flat_vectors, for_kernel
+from .layout import flat_vectors, for_kernel
 from .problem import alike
 
 # States of one call of a loop: some 10 ms. A quarter of them lost a twentieth to threads that wait.
@@ -77,15 +77,14 @@ class Run(NamedTuple):
     """States at equal steps: n = sign (first + every i) for begin <= i < end, first and every >= 0.
 
     Row i of them goes to row origin + direction i of the result.
+
+    steps   first, every.
+    rows    begin, end, origin, direction.
     """
 
     sign: float
-    first: float
-    every: float
-    begin: int
-    end: int
-    origin: int
-    direction: int
+    steps: tuple[float, float]
+    rows: tuple[int, int, int, int]
 
 
 # Numbers of states, or times, () or (N,): floats, or integers that make up runs; and those runs.
@@ -105,11 +104,11 @@ def states_at(
     values, runs = times
     out = _new((*values.shape, *batch, 2))
     states, moments = flat_vectors(state, batch), values.reshape(-1)
-    parameters = [*body.flat_normalised(batch), flat_parameter(body.normalised_eps(eps), batch)]
+    parameters = body.for_loops(eps, batch)
     size, rows = len(states), moments.size
     flat, missing = out.reshape((rows, size, 2)), none_missing(rows * size)
     for run in runs:
-        fill_run(run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
+        fill_run(*run, flow, parameters, states, NO_START, flat, NO_STATUS, missing, threads)
     for lanes, (begin, end) in slices(size, rows) if not runs else ():
         _threads.run(
             loops.fill,
@@ -127,7 +126,9 @@ def states_at(
 
 
 def fill_run(
-    run: Run,
+    sign: float,
+    steps: tuple[float, float],
+    rows: tuple[int, int, int, int],
     flow: bool,
     parameters: list[FloatArray],
     states: FloatArray,
@@ -137,28 +138,28 @@ def fill_run(
     missing: NDArray[np.int64],
     threads: int | None,
 ) -> None:
-    """Fill the rows of `out`, (N, B, 2), that belong to a run.
+    """Fill the rows of `out`, (N, B, 2), that belong to a `Run`.
 
     start    (1,) or (B,): the number n of each of the given states; rows of smaller n stay.
     status   (B,), receives how trajectories end, or (0,); negative where the closed form may not be
              used.
     """
-    begin, end = run.begin, run.end
-    for lanes, rows in slices(len(states), end - begin // equal_steps.GROUP * equal_steps.GROUP):
-        low = begin // equal_steps.GROUP * equal_steps.GROUP
-        top, bottom = max(low + rows[0], begin), low + rows[1]
+    begin, end, origin, direction = rows
+    low = begin // equal_steps.GROUP * equal_steps.GROUP
+    for lanes, (upper, lower) in slices(len(states), end - low):
+        top, bottom = max(low + upper, begin), low + lower
         _threads.run(
             equal_steps.fill_run,
             (lanes[1] - lanes[0]) * (loops.ENTERING + bottom - top),
             threads,
             flow,
-            run.sign,
+            sign,
             *parameters,
             states,
             start,
-            (run.first, run.every),
+            steps,
             lanes,
-            (top, bottom, run.origin, run.direction),
+            (top, bottom, origin, direction),
             out,
             status,
             missing,
@@ -195,12 +196,13 @@ def runs_of(times: NDArray[Any], flow: bool) -> list[Run]:
             begin, end = skipped, skipped + outward.size
             first = nearest - skipped * every
             origin -= sign * skipped
-            runs.append(Run(float(sign), first, every, begin, end, origin, sign))
+            runs.append(Run(float(sign), (first, every), (begin, end, origin, sign)))
     return runs
 
 
 def _turned(run: Run, size: int) -> Run:
-    return run._replace(origin=size - 1 - run.origin, direction=-run.direction)
+    begin, end, origin, direction = run.rows
+    return run._replace(rows=(begin, end, size - 1 - origin, -direction))
 
 
 def _equal_steps(times: NDArray[Any], every: float) -> bool:

@@ -20,8 +20,8 @@ _AHEAD = 256
 _TOGETHER = 2**20
 # Steps of all failed trajectories between two looks for Ctrl-C.
 _SEARCH = 2**24
-# Where no orientation is wanted.
-_NOT_TURNED, _NO_TURN = np.empty((3, 3, 0)), np.empty((4, 0))
+# Where no orientation is wanted, and nothing to go on from.
+_NOT_TURNED, _NO_TURN, _NO_STATE = np.empty((3, 3, 0)), np.empty((4, 0)), np.empty((2, 0))
 
 
 def run(problem: Problem) -> Outcome:
@@ -40,7 +40,7 @@ def jumps(problem: Problem) -> bool:
 def _iterate(problem: Problem) -> Outcome:
     """Step by step."""
     size = problem.size
-    arguments = _method(problem), *problem.parameters, problem.eps, problem.omega
+    arguments = _method(problem), *problem.parameters, problem.omega
     final, status = problem.room_for_last(), not_computed(size)
     state, turn = _taken_up(problem)
     R0 = _NOT_TURNED
@@ -74,11 +74,12 @@ def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
     """The states (2, B) and the orientations (4, B), or (4, 0), as a run begins with them."""
     if problem.start:
         return problem.resume["state"].copy(), problem.resume["turn"].copy()
+    state = _NO_STATE if problem.single else np.empty((2, problem.size))
     if problem.orientation is None:
-        return np.empty((2, problem.size)), _NO_TURN
+        return state, _NO_TURN
     turn = np.zeros((4, problem.size))
     turn[0] = 1.0
-    return np.empty((2, problem.size)), turn
+    return state, turn
 
 
 def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> NDArray[np.int64]:  # type: ignore[type-arg]
@@ -173,12 +174,20 @@ def _fill(
     status: NDArray[np.int8],
 ) -> None:
     """The rows from `first_row` on, by the closed form from states omega numbered `start`."""
-    run = closed.Run(
-        1.0, 0.0, float(problem.every), first_row, first_row + len(rows), -first_row, 1
+    count = len(rows)
+    closed.fill_run(
+        1.0,
+        (0.0, float(problem.every)),
+        (first_row, first_row + count, -first_row, 1),
+        False,
+        problem.parameters,
+        omega,
+        start,
+        rows,
+        status,
+        closed.none_missing(count * len(omega)),
+        problem.threads,
     )
-    parameters = [*problem.parameters, problem.eps]
-    missing = closed.none_missing(len(rows) * len(omega))
-    closed.fill_run(run, False, parameters, omega, start, rows, status, missing, problem.threads)
 
 
 def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) -> FloatArray:
@@ -190,7 +199,6 @@ def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) 
         size * closed_form.ENTERING if size > blocks.LANES else 0,
         problem.threads,
         *problem.parameters,
-        problem.eps,
         omega,
         float(n),
         final,

@@ -16,11 +16,11 @@ from .._core.cpu import map_nd
 from .._core.cpu.elimination import matrix_shape
 from .._core.cpu.vector import VECTOR
 from . import threads
-from .problem import Outcome, Part, Problem, check_computed, not_computed, worst
+from .problem import Outcome, Part, Problem, check_computed, never, not_computed, worst
 
 _ALL = np.empty(0, np.int64)
-# To work in: for all, for elimination, and for orientations.
-_Room: TypeAlias = tuple[map_nd.Scratch, FloatArray | None, map_nd.Turning | None]
+# To work in: for all, as `map_nd.Scratch`, for elimination, and for orientations.
+_Room: TypeAlias = tuple[tuple[FloatArray, ...], FloatArray | None, map_nd.Turning | None]
 
 
 def run(problem: Problem) -> Outcome:
@@ -32,7 +32,7 @@ def run(problem: Problem) -> Outcome:
         If there is no room to work in.
     """
     run = _Run(problem)
-    for part in problem.parts(run.work, map_nd.block_size(problem.omega.shape[1])):
+    for part in problem.parts(run.work, run.block):
         run.compute(part)
     return run.outcome()
 
@@ -46,10 +46,10 @@ class _Run:
         # The O(n) step may have to eliminate each time: then the first part takes some 0.3 s.
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
+        self.block = map_nd.block_size(m)
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        J, I = problem.parameters
-        self.bodies = map_nd.Bodies(J, I, problem.eps, problem.time_step)
-        self.saved = map_nd.Saved(problem.saved, problem.turns)
+        self.bodies = (*problem.parameters, problem.time_step)  # as `map_nd.Bodies`
+        self.saved = (problem.saved, problem.turns)  # as `map_nd.Saved`
         self.kept = _kept(problem)
         # Few trajectories need elimination, which takes long to compile and much room: without
         # orientations, which are turned in place, they are computed anew.
@@ -57,10 +57,9 @@ class _Run:
 
     def _room(self, size: int, eliminates: bool) -> _Room:
         """Room for so many trajectories, as much as threads can use at once."""
-        m = self.problem.omega.shape[1]
-        block = map_nd.block_size(m)
-        tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
-        groups = -(-min(block, max(size, 1)) // VECTOR)
+        m, blocks = self.problem.omega.shape[1], -(-size // self.block)
+        tasks = min(self.problem.threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
+        groups = -(-min(self.block, max(size, 1)) // VECTOR)
         shapes = [
             (tasks, groups, m, map_nd.CELLS, VECTOR),
             (tasks, groups, map_nd.SUMS, VECTOR),
@@ -72,14 +71,15 @@ class _Run:
             shapes += [(tasks, groups * VECTOR, m), (tasks, 2 * m + 4, m + 1)]
         cells, sums, tile, *others = _arrays(*shapes)
         return (
-            map_nd.Scratch(cells, cells.reshape(tasks, -1), sums, tile),
+            (cells, cells.reshape(tasks, -1), sums, tile),
             others[0] if eliminates else None,
             None if self.problem.orientation is None else map_nd.Turning(*others[1:]),
         )
 
     def compute(self, part: Part) -> None:
         status = self.kept.status[part.begin : part.end]
-        status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
+        if part.start:  # else they are new
+            status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
         self._call(part, _ALL, self.rooms)
         if worst(status) == NEEDS_ELIMINATION:
             left = np.flatnonzero(status == NEEDS_ELIMINATION)
@@ -92,14 +92,14 @@ class _Run:
         every, first_row = self.problem.every, self.problem.first_row
         threads.run(
             map_nd.iterate,
-            part.work(map_nd.block_size(self.problem.omega.shape[1]), self.work),
+            part.work(self.block, self.work),
             self.problem.threads,
             self.method,
             self.bodies,
             self.problem.omega,
-            map_nd.Span(chosen, *part, every, first_row),
+            (chosen, *part, every, first_row),
             self.saved,
-            self.kept,
+            tuple(self.kept),
             *rooms,
         )
 
@@ -123,7 +123,7 @@ def _kept(problem: Problem) -> map_nd.Kept:
     kept = map_nd.Kept(
         final=problem.room_for_last(),
         status=not_computed(size),
-        failed_at=np.full(size, -1),
+        failed_at=never(size).copy(),
         state=np.empty((size, m)),
         exponent=np.empty(size),
         columns=(
@@ -149,5 +149,5 @@ def _arrays(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
         ) from error
     begin = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
     for shape, size in zip(shapes, sizes, strict=True):
-        yield buffer[begin : begin + math.prod(shape)].reshape(shape)
+        yield np.ndarray(shape, np.float64, buffer, buffer.itemsize * begin)
         begin += size

@@ -46,8 +46,8 @@ def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
 
 def _in_three(problem: Problem) -> Problem:
     """Of n = 3, with J = (I1, I2) and I = (I23, -I13): e1 and e2 are turned to fit."""
-    J, I = problem.parameters
-    given = [for_kernel(each) for each in (J[:, 0], J[:, 1], -I[:, 1], I[:, 0])]
+    J, I, eps = problem.parameters
+    given = [for_kernel(each) for each in (J[:, 0], J[:, 1], -I[:, 1], I[:, 0], eps)]
     return replace(problem, parameters=given, resume={}, progress=None)
 
 
@@ -109,7 +109,6 @@ class _Reduced:
 
     def __init__(self, problem: Problem) -> None:
         size, m = problem.omega.shape
-        J, I = problem.parameters
         self.problem = problem
         self.given, state = np.empty((5, size)), np.empty((size, 2))
         self.along, self.across = np.empty((size, m)), np.empty((size, m))
@@ -118,9 +117,7 @@ class _Reduced:
             reduced_nd.reduce,
             size * (closed_form.ENTERING + 8 * m) if size > 1 else 0,
             problem.threads,
-            J,
-            I,
-            problem.eps,
+            *problem.parameters,
             problem.omega,
             self.given,
             state,
@@ -131,8 +128,7 @@ class _Reduced:
         self.three = Problem(
             method=problem.method,
             omega=state,
-            parameters=list(self.given[:4]),
-            eps=self.given[4],
+            parameters=list(self.given),
             time_step=self.given[4],
             start=problem.start,
             stop=problem.stop,

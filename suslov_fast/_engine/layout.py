@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,7 @@ def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     D = array.shape[-1]
     if array.shape[:-1] != batch:
         array = np.broadcast_to(array, (*batch, D))
-    return for_kernel(array.reshape((math.prod(batch), D)))
+    return for_kernel(array.reshape((-1, D)))
 
 
 def own_parameter(value: float | FloatArray) -> float | FloatArray:
@@ -44,11 +43,10 @@ def own_parameter(value: float | FloatArray) -> float | FloatArray:
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """States (B, D) that nobody else writes to."""
-    D = state.shape[-1]
     if state.shape[:-1] != batch:
-        state = np.broadcast_to(state, (*batch, D))
+        state = np.broadcast_to(state, (*batch, state.shape[-1]))
     own = np.array(state, order="C", ndmin=2)
-    return own if own.ndim == 2 else own.reshape((math.prod(batch), D))
+    return own if own.ndim == 2 else own.reshape((-1, own.shape[-1]))
 
 
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
@@ -56,15 +54,12 @@ def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     n = array.shape[-1]
     if array.shape[:-2] != batch:
         array = np.broadcast_to(array, (*batch, n, n))
-    return for_kernel(array.reshape((math.prod(batch), n, n)))
+    return for_kernel(array.reshape((-1, n, n)))
 
 
 def for_kernel(array: FloatArray) -> FloatArray:
     """The array as the one type that loops are compiled for, a copy only if it must be."""
-    flags = array.flags
-    if flags.c_contiguous and flags.aligned and flags.writeable:
-        return array
-    return np.require(array, np.float64, ["C", "A", "W"])
+    return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
 
 
 def checked_out(name: str, out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -17,7 +17,7 @@ from .._core.jit import Loop
 from .._status import SingularStepWarning
 from . import threads as _threads
 from .arguments import Body
-from .layout import for_kernel, spell
+from .layout import flat_parameter, for_kernel, spell
 
 # What a state costs, in steps of the map.
 WORK = 4
@@ -26,7 +26,6 @@ SLAB, LARGE_SLAB = 2**15, 2**18
 # Bodies that repeat at each time of a run are repeated until they are so many: whole blocks.
 REPEATED = 8 * observables.LANES
 
-_ONE = np.ones(1)
 # How many axes of components the parameters have.
 _SCALARS, _VECTORS = (0, 0, 0, 0, 0), (1, 1, 0)
 
@@ -37,7 +36,7 @@ def of_state(
     loop: Loop,
     body: Suslov3D,
     omega: FloatArray,
-    eps: FloatArray | None,
+    eps: float | FloatArray | None,
     batch: tuple[int, ...],
     threads: int | None,
     size: int = 0,
@@ -51,8 +50,7 @@ def of_state(
     out = np.empty((*batch, size) if size else batch)
     flat, size = out.reshape(-1), size or 1
     missing: list[Any] = []
-    parameters = (*body.parameters, _ONE if eps is None else eps)
-    for begin, arrays, states, period in _parts(parameters, _SCALARS, (omega,), batch):
+    for begin, arrays, states, period in _parts(body, eps, _SCALARS, (omega,), batch):
         count = states[0].size // 2
         tasks = _tasks(count, period, observables.LANES, observables.TASKS)
         report = np.zeros((tasks, 3), np.int64)
@@ -80,7 +78,7 @@ def of_state_nd(
     loop: Loop,
     body: SuslovND,
     omega: FloatArray,
-    eps: FloatArray | None,
+    eps: float | FloatArray | None,
     batch: tuple[int, ...],
     threads: int | None,
     result: tuple[int, ...] = (),
@@ -89,9 +87,8 @@ def of_state_nd(
     """A quantity of states of an n-dimensional body, of shape (..., *result)."""
     out = np.empty((*batch, *result))
     flat, size, m = out.reshape(-1), math.prod(result), body.dimension
-    parameters = (body.J, body.I, _ONE if eps is None else eps)
     vectors = (omega,) if following is None else (omega, following)
-    for begin, arrays, states, period in _parts(parameters, _VECTORS, vectors, batch):
+    for begin, arrays, states, period in _parts(body, eps, _VECTORS, vectors, batch):
         count = states[0].size // m
         tasks = _tasks(count, period, observables_nd.LANES, observables_nd.TASKS)
         infinite = np.empty(tasks, np.bool_)
@@ -165,23 +162,27 @@ _Part = tuple[int, Sequence[FloatArray], Sequence[FloatArray], int]
 
 
 def _parts(
-    parameters: Sequence[Any],
+    body: Body,
+    eps: float | FloatArray | None,
     trailing: Sequence[int],
     vectors: Sequence[FloatArray],
     batch: tuple[int, ...],
 ) -> Iterator[_Part]:
     """Flat arrays as loops take them: the first state, parameters, states, and the period.
 
-    All at once where the arrays serve as they are or copies are small; else slab after slab.
+    The last parameter is eps, or 1 where none is needed. All at once where the arrays serve as they
+    are or copies are small; else slab after slab.
     """
+    if eps is None:
+        eps = 1.0
     if not batch:  # one state: most of the time of a call would go into what follows
-        one = [np.array([p]) if type(p) is float else for_kernel(p).reshape(-1) for p in parameters]
+        one = [*body.flat, flat_parameter(eps, ())]
         yield 0, one, [for_kernel(v).reshape(-1) for v in vectors], 1
         return
     size = math.prod(batch)
     if not size:
         return
-    given = [np.asarray(each) for each in parameters]
+    given = [np.asarray(each) for each in (*body.parameters, eps)]
     own = [each.shape[each.ndim - k :] for each, k in zip(given, trailing, strict=True)]
     varying = [
         _without_leading_ones(each.shape[: each.ndim - k])
@@ -234,8 +235,7 @@ def _without_leading_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _is_plain(array: FloatArray) -> bool:
-    flags = array.flags
-    return bool(flags.c_contiguous and flags.aligned and flags.writeable)
+    return bool(array.flags.carray)
 
 
 def _slabs(batch: tuple[int, ...], most: int) -> Iterator[tuple[Any, ...]]:

@@ -37,11 +37,10 @@ class Problem:
     omega
         (B, D), the states at step 0.
     parameters
-        Those of the body as loops take them, each for all trajectories or for one after the other.
-    eps
-        The step size that goes with them, (B,) or (1,).
+        Those of the body, and the step size that goes with them, as loops take them: each for all
+        trajectories or for one after the other.
     time_step
-        The step size in the unit of time of omega, likewise, if there is an orientation.
+        The step size in the unit of time of omega, (B,) or (1,), if there is an orientation.
     every
         States whose number is a multiple of this are saved.
     keeps
@@ -56,12 +55,13 @@ class Problem:
         (B, n, n), the orientation at step 0, or None if it is not wanted.
     resume
         What the run up to `start` left to go on from, as `Outcome.resume`.
+    single
+        Whether it is a single step that nobody goes on from: in three dimensions it leaves nothing.
     """
 
     method: str
     omega: FloatArray
     parameters: list[FloatArray]
-    eps: FloatArray
     time_step: FloatArray
     start: int
     stop: int
@@ -73,6 +73,7 @@ class Problem:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    single: bool = False
 
     @property
     def size(self) -> int:
@@ -89,7 +90,6 @@ class Problem:
             self,
             omega=self.omega[chosen],
             parameters=[of(each) for each in self.parameters],
-            eps=of(self.eps),
             time_step=of(self.time_step),
             start=0,
             stop=stop,
@@ -124,7 +124,7 @@ class Problem:
         The batch is cut first, so that what a part works on stays in the caches; time is only where
         few trajectories take long.
         """
-        size, steps = self.size, self.stop - self.start
+        size, steps = len(self.omega), self.stop - self.start
         if len(self.saved):
             work += _SAVING / self.every
         room = _PART / work

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,8 @@ class Run:
     Attributes
     ----------
     omega0
-        (B, D), the states at step 0, in memory that nobody else writes to.
+        (B, D), the states at step 0; of a run that may be gone on with, in memory that nobody else
+        writes to.
     eps
         The step size, a number or of a shape that broadcasts to the batch.
     orientation
@@ -36,6 +36,8 @@ class Run:
         The number of steps that were made before.
     resume
         What they left.
+    single
+        Whether it is a single step that nobody goes on from.
     """
 
     body: Body
@@ -46,16 +48,21 @@ class Run:
     save_every: int | None
     method: str
     orientation: FloatArray | None = None
-    start: int = 0
-    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     threads: int | None = None
     progress: Progress = None
+    start: int = 0
+    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
+    single: bool = False
+
+    @property
+    def rows(self) -> int:
+        """How many states of each trajectory are kept."""
+        return 1 if self.save_every is None else self.steps // self.save_every + 1
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of the states that are kept."""
-        rows = 1 if self.save_every is None else self.steps // self.save_every + 1
-        return (rows, *self.batch, self.omega0.shape[1])
+        return (self.rows, *self.batch, self.omega0.shape[1])
 
     @property
     def rows_before(self) -> int:
@@ -72,7 +79,8 @@ def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     return np.arange(0, steps + 1, save_every)
 
 
-class Results(NamedTuple):
+@dataclass(slots=True)
+class Results:
     """Arrays over the batch; see `Trajectories`."""
 
     omega: FloatArray
@@ -93,9 +101,9 @@ def execute(
     `out` receives the states that are kept, if it is given. Those that were kept before, and the
     orientations, are copied from `before`.
     """
-    saved, turns = _room(run, run.shape, out)
-    begin = run.rows_before
-    if before is not None and begin:
+    saved, turns = _room(run, run.rows, out)
+    begin = 0
+    if before is not None and (begin := run.rows_before):
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None:
                 array[:begin] = kept
@@ -104,24 +112,26 @@ def execute(
 
 def go_on(run: Run) -> Results:
     """Make the steps of a run since its start; of the states that are kept, only those since."""
-    rows, *shape = run.shape
-    saved, turns = _room(run, (rows - run.rows_before, *shape))
+    saved, turns = _room(run, run.rows - run.rows_before)
     return _results(run, saved, turns, 0)
 
 
 def _room(
-    run: Run, shape: tuple[int, ...], out: FloatArray | None = None
+    run: Run, rows: int, out: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Arrays for states that are kept, and for the orientations, where they fit in memory."""
+    size, D = run.omega0.shape
+    shape, turns = (rows, *run.batch, D), None
     saves = out is None and run.save_every is not None
-    turned = () if run.orientation is None else (*shape[:-1], *run.orientation.shape[1:])
-    numbers = 4 * run.omega0.size  # in arrays beside them
+    numbers = 4 * size * D  # in arrays beside them
     if saves:
-        numbers += math.prod(shape)
-    if turned:
-        numbers += math.prod(turned)
+        numbers += rows * size * D
+    if run.orientation is not None:
+        numbers += rows * run.orientation.size
     require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", shape)
-    return np.empty(shape) if saves else out, np.empty(turned) if turned else None
+    if run.orientation is not None:
+        turns = np.empty((*shape[:-1], *run.orientation.shape[1:]))
+    return np.empty(shape) if saves else out, turns
 
 
 def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
@@ -157,32 +167,31 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Problem:
     """The flat problem."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
-    eps = time_step = flat_parameter(run.body.normalised_eps(run.eps), batch)
+    parameters = run.body.for_loops(run.eps, batch)
+    time_step, rows, turned = parameters[-1], _no_rows(D), _no_rows(D + 1, D + 1)
+    if saved is not None and every is not None:
+        rows = saved.reshape((len(saved), size, D))[begin:]
     if run.orientation is not None:
         time_step = flat_parameter(run.eps, batch)
+    if turns is not None:
+        turned = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
     return Problem(
         run.method,
         run.omega0,
-        run.body.flat_normalised(batch),
-        eps,
+        parameters,
         time_step,
         run.start,
         run.steps,
         every or run.steps + 1,
         every is not None,
-        _no_rows(D) if saved is None or every is None else _rows(saved, begin, size, D),
-        _no_rows(D + 1, D + 1) if turns is None else _rows(turns, begin, size, D + 1, D + 1),
+        rows,
+        turned,
         run.orientation,
         run.resume,
         run.threads,
         run.progress,
+        run.single,
     )
-
-
-def _rows(kept: FloatArray, begin: int, *shape: int) -> FloatArray:
-    """What is kept as rows of this shape, from one on."""
-    rows = kept.reshape((len(kept), *shape))
-    return rows[begin:] if begin else rows
 
 
 @lru_cache

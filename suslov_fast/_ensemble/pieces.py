@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -113,7 +113,7 @@ def _piece(
     if job.reductions and len(results.omega):
         first = np.broadcast_to(tile.starts, (*tile.shape, job.body.dimension))
         values = reduced(job.reductions, job.body, job.eps, results.omega, first)
-    return Piece(tile, segment, rows, results._replace(resume=resume), values)
+    return Piece(tile, segment, rows, replace(results, resume=resume), values)
 
 
 def write(piece: Piece, group: Arrays, settled: Settled = "replacing") -> None:

@@ -51,6 +51,7 @@ from .orbits import (
     count_missing,
     enter_block,
     enter_orbits,
+    in_whole,
     lanes_at,
     states_at,
     store_lanes,
@@ -378,6 +379,8 @@ def _fill_run(
     first_block, last_block = blocks_of(lanes_asked, shift, batch)
     chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
     chunks = (end + chunk - 1) // chunk - begin // chunk
+    # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
+    groups = in_whole((end + GROUP - 1) // GROUP - begin // GROUP)
     n_parts = (last_block - first_block) * chunks
     n_tasks = min(n_parts, missing.shape[0])
     for task in prange(n_tasks):
@@ -392,7 +395,7 @@ def _fill_run(
             block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks
             top, bottom = max(begin, part_of_rows * chunk), min(end, (part_of_rows + 1) * chunk)
             lane, width = first_and_width(block, shift, batch)
-            abreast = WIDTH // width // VECTOR * VECTOR if width < VECTOR else 1
+            abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
             if block != entered:
                 lanes, step_of_body = enter_block(bodies, states, lane, width, entered, given, body)
                 entered = block

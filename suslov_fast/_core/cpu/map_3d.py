@@ -332,7 +332,8 @@ def _iterate(
 
     out           (rows, B, 2), the saved states, those whose number is a multiple of `every`, from
                   the one numbered first_row * every on; rows may be 0.
-    resume        (2, B), the states as they are held: read where start > 0, and written.
+    resume        (2, B), the states as they are held: read where start > 0, and written; (2, 0) if
+                  nobody goes on from them.
     time_step     (B,) or (1,), the step size in the unit of time of omega, for the orientation.
     R0            (3, 3, B), the orientations at step 0.
     quaternions   (4, B), those since then: read and written; (4, 0) if they are not wanted.
@@ -341,7 +342,7 @@ def _iterate(
     final         (B, 2), state `stop`, NaN if it does not exist.
     status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist.
     """
-    saves, turning = out.shape[0] > 0, quaternions.shape[1] > 0
+    saves, turning, goes_on = out.shape[0] > 0, quaternions.shape[1] > 0, resume.shape[1] > 0
     flat, flat_final = out.reshape(out.size), final.reshape(final.size)
     states = omega.reshape(omega.size)
     stride = 2 * out.shape[1]
@@ -448,7 +449,9 @@ def _iterate(
             for l in range(width):
                 code = SUPERCRITICAL if limits[BEYOND, l] != 0.0 else OK
                 status[first + l] = NONFINITE if np.isnan(shown[0, l]) else code
-                resume[0, first + l], resume[1, first + l] = state[FIRST, l], state[SECOND, l]
+            if goes_on:
+                for l in range(width):
+                    resume[0, first + l], resume[1, first + l] = state[FIRST, l], state[SECOND, l]
             if turning:
                 for l in range(width):
                     for k in range(4):

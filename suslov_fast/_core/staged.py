@@ -7,11 +7,12 @@ one.
 
 What can be read: assignments, `for` over `range` without `break`, `while`, `if`, `continue`, and
 one `return`, at the end. A name that is given several values has numbers of one type; one that is
-given its values in branches or loops, and is used after them, has one before. Indices count from
-the beginning. Both sides of a conditional expression are computed. Functions that are called are
-read if they are staged, or formulas, or else called.
+given its values in branches or loops, and is used after them, has one before. Indices and bounds
+of slices count from the beginning. Both sides of a conditional expression are computed. Functions
+that are called are read if they are staged, or formulas, or else called.
 
-Numba would take twenty times as long, for each part by itself, before LLVM sees any of it.
+Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
+source must be at hand.
 """
 
 import ast
@@ -127,7 +128,7 @@ class _Reading:
 
     def __init__(self, builder, function, arguments):
         tree, self.varying = _parsed(function)
-        self.builder, self.result, self.again = builder, None, []
+        self.builder, self.again = builder, []
         free = (cell.cell_contents for cell in function.__closure__ or ())
         self.known = {
             **vars(builtins),
@@ -137,7 +138,9 @@ class _Reading:
         self.names = {}
         for parameter, value in zip(tree.args.args, arguments, strict=True):
             self.set_name(parameter.arg, value)
-        self.do(tree.body)
+        *statements, last = tree.body
+        self.do(statements)
+        self.result = self.value(last.value) if isinstance(last, ast.Return) else self.do([last])
 
     def do(self, statements):
         for each in statements:
@@ -184,8 +187,7 @@ class _Reading:
 
     def For(self, node):
         call = node.iter
-        counts = isinstance(call, ast.Call) and self.value(call.func) is range
-        if counts:
+        if isinstance(call, ast.Call) and self.value(call.func) is range:
             bounds = [self.value(each) for each in call.args]
             if len(bounds) == 1:
                 bounds = [0, *bounds]
@@ -194,10 +196,7 @@ class _Reading:
             values = self.value(call)
         for value in values:
             self.set(node.target, value)
-            if counts:
-                self.repeat(node.body)
-            else:
-                self.do(node.body)
+            self.repeat(node.body)
 
     def repeat(self, statements):
         """Do what is repeated, of which a `continue` ends one turn."""
@@ -237,9 +236,6 @@ class _Reading:
             self.do(statements)
             self.go_to(after)
         self.builder.position_at_end(after)
-
-    def Return(self, node):
-        self.result = self.value(node.value)
 
     # Expressions.
 
@@ -310,12 +306,14 @@ class _Reading:
         return self.value(node.value)[self.value(node.slice)]
 
     def Slice(self, node):
-        return slice(*(each and self.value(each) for each in (node.lower, node.upper)))
+        bounds = node.lower, node.upper, node.step
+        return slice(*(each and self.value(each) for each in bounds))
 
     def Call(self, node):
         function = self.value(node.func)
         arguments = self.values(node.args)
+        named = {each.arg: self.value(each.value) for each in node.keywords}
         for known in (_STAGED, EMITTERS, _INSTEAD):
             if function in known:
-                return known[function](self.builder, *arguments)
-        return function(*arguments)
+                return known[function](self.builder, *arguments, **named)
+        return function(*arguments, **named)

@@ -277,6 +277,7 @@ class EmittedArray:
 
     def __getitem__(self, part):
         if isinstance(part, slice):
+            assert part.step is None
             start = 0 if part.start is None else part.start
             size = None if part.stop is None else part.stop - start
             return EmittedArray(self.builder, self._place((start,)), (size,))

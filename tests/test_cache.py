@@ -113,7 +113,7 @@ def core(tmp_path):
     for name, text in (("formulas/small", FORMULAS), ("cpu/loops", LOOPS)):
         (path := folder / f"{name}.py").parent.mkdir(parents=True)
         path.write_text(text)
-    for name in ("jit.py", "pipeline.py", "cache.py"):
+    for name in ("jit.py", "pipeline.py", "cache.py", "staged.py", "stand_ins.py"):
         shutil.copy(CORE / name, folder)
     return folder
 

@@ -27,6 +27,8 @@ MODULES = [
 STANDARD = {
     "jit": {"contextlib", "functools", "types"},
     "pipeline": {"contextlib", "gc"},
+    "staged": {"ast", "builtins", "functools", "pathlib"},
+    "stand_ins": {"functools"},
     "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
 }
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]

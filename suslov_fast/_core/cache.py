@@ -24,6 +24,8 @@ from numba.core.runtime import rtsys
 _DIGEST = hashlib.sha256
 _DIGEST_SIZE = 32
 _CORE = Path(__file__).parent
+# All files of the core as they were imported; they may be others when a loop is compiled.
+SOURCES = {str(path): path.read_bytes() for path in sorted(_CORE.rglob("*.py"))}
 
 
 def _source_stamp():
@@ -34,8 +36,8 @@ def _source_stamp():
     versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
     options = (config.BOUNDSCHECK, config.OPT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE)
     digest = _DIGEST(repr((versions, options)).encode())
-    for path in sorted(_CORE.rglob("*.py")):
-        digest.update(path.read_bytes())
+    for source in SOURCES.values():
+        digest.update(source)
     return digest.hexdigest()
 
 

@@ -11,6 +11,7 @@ from numba.extending import register_jitable
 
 from .cache import KernelCache
 from .pipeline import Loops
+from .staged import readable
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -43,6 +44,7 @@ def formula(function):
     Without branches it serves NumPy arrays as it is.
     """
     # A call that is left standing keeps a loop from being vectorised.
+    readable(function)
     return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
 
 

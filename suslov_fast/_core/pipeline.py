@@ -40,7 +40,21 @@ class _Ingredient(codegen.JITCodeLibrary):
         pass
 
 
-# Numbas whose passes are run in another way compile ingredients as any function.
+class _Whole(codegen.JITCodeLibrary):
+    """The code of a loop with all that it calls: optimised once, as it is complete.
+
+    Numba optimises each function first, and then whatever brings references of arrays together.
+    """
+
+    def _optimize_functions(self, ll_module):
+        ll_module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self):
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+
+# Numbas whose passes are run in another way compile all of them as any function.
 KNOWN = hasattr(codegen.CPUCodegen, "_pass_builder")
 
 
@@ -49,7 +63,9 @@ class Loops(compiler.Compiler):
 
     def compile_extra(self, func):
         generator = self.state.targetctx.codegen()
-        self.state.library = generator.create_library(func.__qualname__)
+        name = func.__qualname__
+        library = _Whole(generator, name) if KNOWN else generator.create_library(name)
+        self.state.library = library
         self.state.library.enable_object_caching()
         with _uncollected(), _ingredients_only(generator):
             return super().compile_extra(func)

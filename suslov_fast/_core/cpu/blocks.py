@@ -6,7 +6,7 @@ stack: nothing is allocated while a loop runs, and the compiler knows that no tw
 """
 
 from ..formulas.units import own_unit
-from ..jit import part
+from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .vector import VECTOR, pairs_at, store_at, store_pairs, vector_at
 
@@ -20,13 +20,19 @@ I1_, I2_, I13_, I23_, EPS, OMEGA1, OMEGA2, STATE1, STATE2, UNIT = range(10)
 GIVEN = 10
 
 
-@part
+@staged
+def tasks_for(blocks):
+    """How many tasks some blocks are."""
+    return min(blocks, TASKS)
+
+
+@staged
 def in_whole_vectors(width):
     """The lanes in use for so many trajectories."""
     return (width + VECTOR - 1) // VECTOR * VECTOR
 
 
-@part
+@staged
 def spread(parameter, first, width, lanes, row):
     """A parameter of the trajectories of a block; 1 in the lanes beyond its width."""
     one_for_all = parameter.size == 1
@@ -40,7 +46,7 @@ def spread(parameter, first, width, lanes, row):
             row[l] = numbers[l]
 
 
-@part
+@staged
 def gather_pairs(pairs, first, width, row1, row2):
     """Pairs of numbers, one after the other, into two rows."""
     whole = width // VECTOR * VECTOR
@@ -52,7 +58,7 @@ def gather_pairs(pairs, first, width, row1, row2):
         row1[l], row2[l] = pairs[2 * (first + l)], pairs[2 * (first + l) + 1]
 
 
-@part
+@staged
 def scatter_pairs(row1, row2, first, width, pairs):
     """The reverse of `gather_pairs`."""
     whole = width // VECTOR * VECTOR
@@ -62,17 +68,14 @@ def scatter_pairs(row1, row2, first, width, pairs):
         pairs[2 * (first + l)], pairs[2 * (first + l) + 1] = row1[l], row2[l]
 
 
-@part
-def gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given):
+@staged
+def gather_bodies(bodies, first, width, lanes, given):
     """The bodies and step sizes of a block."""
-    spread(I1, first, width, lanes, given[I1_])
-    spread(I2, first, width, lanes, given[I2_])
-    spread(I13, first, width, lanes, given[I13_])
-    spread(I23, first, width, lanes, given[I23_])
-    spread(eps, first, width, lanes, given[EPS])
+    for row, parameter in zip((I1_, I2_, I13_, I23_, EPS), bodies, strict=True):
+        spread(parameter, first, width, lanes, given[row])
 
 
-@part
+@staged
 def gather_states(states, first, width, lanes, given):
     """The states of a block; `states` is flat."""
     gather_pairs(states, first, width, given[OMEGA1], given[OMEGA2])
@@ -80,7 +83,7 @@ def gather_states(states, first, width, lanes, given):
         given[OMEGA1, l], given[OMEGA2, l] = 1.0, 1.0
 
 
-@part
+@staged
 def take_units_out(given, lanes):
     """Find units, powers of two, in which the states of a block are of the order of 1.
 

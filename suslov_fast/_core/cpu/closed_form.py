@@ -15,9 +15,10 @@ Arrays of a block are those of `orbits` and `tiles`.
 import numpy as np
 from numba import prange
 
-from ..jit import Loop, part
+from ..jit import Loop
 from ..lanewise import lanewise, select
-from .blocks import TASKS, scatter_pairs
+from ..staged import staged
+from .blocks import scatter_pairs, tasks_for
 from .orbits import (
     ABREAST,
     BODY,
@@ -48,7 +49,7 @@ from .tiles import (
     write_codes,
     write_rows,
 )
-from .vector import VECTOR, borrowed, fence, on_stack, to_cache_line
+from .vector import VECTOR, fence, on_stack, to_cache_line
 
 # What it costs to enter an orbit, and a state of it at any time, in steps of the map.
 ENTERING, EVALUATING = 64, 8
@@ -63,7 +64,7 @@ TILE_AT = SPREAD_AT + ORBIT
 ROOM = TILE_AT + TILE
 
 
-@part
+@staged
 def fill_across(given, orbits, work, times, tile, width, lanes, missing):
     """Rows of a tile: the states of a block at some times."""
     for j in range(times.size):
@@ -78,16 +79,16 @@ def fill_across(given, orbits, work, times, tile, width, lanes, missing):
             put_pairs(work, OMEGA1, tile, 2 * j * width, width)
 
 
-@part
+@staged
 def any_time(times, side):
     """Whether any time is on a side: 0 where they are >= 0, 1 where they are negative."""
     found = False
     for j in range(times.size):
-        found |= (times[j] < 0.0) if side else (times[j] >= 0.0)
+        found |= (times[j] < 0.0) == (side == 1)
     return found
 
 
-@part
+@staged
 def fill_along(given, orbits, spread, work, times, tile, width, missing):
     """The same where lanes are times."""
     size = times.size
@@ -114,45 +115,60 @@ def fill_along(given, orbits, spread, work, times, tile, width, missing):
                 count_missing(spread, work, size, missing)
 
 
+@staged
+def parts_of_times(omega, times, lanes_asked, out):
+    """The parts that tasks share: some times of a block each.
+
+    Returns the first block, how many times a part has, how many parts a block has, and all of them.
+    """
+    batch = omega.shape[0]
+    first_block, last_block = blocks_of(lanes_asked, shift_of_blocks(to_cache_line(out, 0)), batch)
+    chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
+    chunks = (times.size + chunk - 1) // chunk
+    return first_block, chunk, chunks, (last_block - first_block) * chunks
+
+
+@staged
+def fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
+    """What one task of `fill` does."""
+    room = on_stack(ROOM)
+    given, body, orbits = room[:BODY_AT], room[BODY_AT:ORBIT_AT], room[ORBIT_AT:WORK_AT]
+    work, spread, tile = room[WORK_AT:SPREAD_AT], room[SPREAD_AT:TILE_AT], room[TILE_AT:]
+    states, batch, line = omega.reshape(omega.size), omega.shape[0], to_cache_line(out, 0)
+    flat, counts = out.reshape(out.size), missing[task]
+    n_tasks = missing.shape[0]
+    first_block, chunk, chunks, n_parts = parts_of_times(omega, times, lanes_asked, out)
+    entered, lanes, step = -1, 0, 0
+    for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
+        block, begin = first_block + k // chunks, k % chunks * chunk
+        first, width = first_and_width(block, shift_of_blocks(line), batch)
+        if block != entered:
+            bodies = I1, I2, I13, I23, eps
+            lanes, step = enter_block(bodies, states, first, width, entered, given, body)
+            entered = block
+            for side in range(2):
+                if any_time(times, side):
+                    orbit, back = orbits[ORBIT * side :], 1.0 - 2.0 * side
+                    enter_orbits(flow, back, given, body, orbit, lanes, step)
+        end = min(begin + chunk, times.size)
+        height = max(min(TILE // (2 * width), WIDTH), 1)
+        for j in range(begin, end, height):
+            some = times[j : min(j + height, end)]
+            if width < VECTOR:
+                fill_along(given, orbits, spread, work, some, tile, width, counts)
+            else:
+                fill_across(given, orbits, work, some, tile, width, lanes, counts)
+            write_rows(tile, 0, some.size, width, flat, j, batch, first, line)
+    fence()
+
+
 def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
     """States of the map at step numbers `times`, or of the flow at times `times`, (N,).
 
     lanes_asked   the first trajectory wanted, a multiple of WIDTH, and the one after the last.
     """
-    batch, line = omega.shape[0], to_cache_line(borrowed(out), 0)
-    shift = shift_of_blocks(line)
-    first_block, last_block = blocks_of(lanes_asked, shift, batch)
-    chunk = min(max(FEW_STATES // min(batch, WIDTH), VECTOR), times.size)
-    chunks = (times.size + chunk - 1) // chunk
-    n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, missing.shape[0])
-    for task in prange(n_tasks):
-        room, flat, states = on_stack(1, ROOM)[0], borrowed(out), borrowed(omega)
-        bodies = borrowed(I1), borrowed(I2), borrowed(I13), borrowed(I23), borrowed(eps)
-        given, body, orbits = room[:BODY_AT], room[BODY_AT:ORBIT_AT], room[ORBIT_AT:WORK_AT]
-        work, spread, tile = room[WORK_AT:SPREAD_AT], room[SPREAD_AT:TILE_AT], room[TILE_AT:]
-        moments, counts = borrowed(times), borrowed(missing[task])
-        entered = -1
-        for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
-            block, begin = first_block + k // chunks, k % chunks * chunk
-            first, width = first_and_width(block, shift, batch)
-            if block != entered:
-                lanes, step = enter_block(bodies, states, first, width, entered, given, body)
-                entered = block
-                for side in range(2):
-                    if any_time(moments, side):
-                        orbit, back = orbits[ORBIT * side :], 1.0 - 2.0 * side
-                        enter_orbits(flow, back, given, body, orbit, lanes, step)
-            end = min(begin + chunk, times.size)
-            height = max(min(TILE // (2 * width), WIDTH), 1)
-            for j in range(begin, end, height):
-                some = moments[j : min(j + height, end)]
-                if width < VECTOR:
-                    fill_along(given, orbits, spread, work, some, tile, width, counts)
-                else:
-                    fill_across(given, orbits, work, some, tile, width, lanes, counts)
-                write_rows(tile, 0, some.size, width, flat, j, batch, first, line)
-        fence()
+    for task in prange(missing.shape[0]):
+        fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing)
 
 
 @lanewise
@@ -163,34 +179,39 @@ def nowhere_unless_safe(orbit, work, l):
         store_lanes(work, row + l, select(safe, lanes_at(work, row + l), np.nan))
 
 
+@staged
+def jump_blocks(task, n_tasks, I1, I2, I13, I23, eps, omega, n, final, status):
+    """What one task of `jump` does."""
+    room = on_stack(ROOM)
+    given, body = room[:BODY_AT], room[BODY_AT:ORBIT_AT]
+    orbit, work = room[ORBIT_AT:WORK_AT], room[WORK_AT:SPREAD_AT]
+    states, batch, results = omega.reshape(omega.size), omega.shape[0], final.reshape(final.size)
+    n_blocks = (batch + WIDTH - 1) // WIDTH
+    entered = -1
+    for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
+        first, width = first_and_width(block, 0, batch)
+        bodies = I1, I2, I13, I23, eps
+        lanes, step = enter_block(bodies, states, first, width, entered, given, body)
+        entered = block
+        enter_orbits(False, 1.0, given, body, orbit, lanes, step)
+        work[N : N + lanes] = n
+        states_at(orbit, work, lanes)
+        for l in range(0, lanes, ABREAST):
+            nowhere_unless_safe(orbit, work, l)
+        omega1, omega2 = work[OMEGA1 : OMEGA1 + WIDTH], work[OMEGA2 : OMEGA2 + WIDTH]
+        scatter_pairs(omega1, omega2, first, width, results)
+        write_codes(orbit, first, width, status)
+
+
 def _jump(I1, I2, I13, I23, eps, omega, n, final, status):
     """State n > 0 of the map, of each orbit that cannot meet a pole on its way there.
 
     final    (B, 2), the states; NaN for the other orbits.
     status   (B,): OK or SUPERCRITICAL; NONFINITE for the other orbits.
     """
-    batch = omega.shape[0]
-    n_blocks = (batch + WIDTH - 1) // WIDTH
-    n_tasks = min(n_blocks, TASKS)
+    n_tasks = tasks_for((omega.shape[0] + WIDTH - 1) // WIDTH)
     for task in prange(n_tasks):
-        room, states = on_stack(1, ROOM)[0], borrowed(omega)
-        bodies = borrowed(I1), borrowed(I2), borrowed(I13), borrowed(I23), borrowed(eps)
-        results, codes = borrowed(final), borrowed(status)
-        given, body = room[:BODY_AT], room[BODY_AT:ORBIT_AT]
-        orbit, work = room[ORBIT_AT:WORK_AT], room[WORK_AT:SPREAD_AT]
-        entered = -1
-        for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-            first, width = first_and_width(block, 0, batch)
-            lanes, step = enter_block(bodies, states, first, width, entered, given, body)
-            entered = block
-            enter_orbits(False, 1.0, given, body, orbit, lanes, step)
-            work[N : N + lanes] = n
-            states_at(orbit, work, lanes)
-            for l in range(0, lanes, ABREAST):
-                nowhere_unless_safe(orbit, work, l)
-            omega1, omega2 = work[OMEGA1 : OMEGA1 + WIDTH], work[OMEGA2 : OMEGA2 + WIDTH]
-            scatter_pairs(omega1, omega2, first, width, results)
-            write_codes(orbit, first, width, codes)
+        jump_blocks(task, n_tasks, I1, I2, I13, I23, eps, omega, n, final, status)
 
 
 fill = Loop(_fill)

@@ -20,8 +20,9 @@ from ..formulas.closed_form import (
     sign_of_power,
 )
 from ..formulas.elementary import scaled, two_to_the
-from ..jit import Loop, part
+from ..jit import Loop
 from ..lanewise import lanewise, larger, select, smaller
+from ..staged import staged
 from .blocks import spread as spread_numbers
 from .closed_form import FEW_STATES
 from .orbits import (
@@ -69,7 +70,6 @@ from .tiles import (
 )
 from .vector import (
     VECTOR,
-    borrowed,
     fence,
     on_stack,
     scatter_pairs,
@@ -151,7 +151,7 @@ def enter_seed(orbit, work, tables, l):
     store_lanes(tables, SLOW + l, select(slow, 1.0, 0.0))
 
 
-@part
+@staged
 def make_lanes_of_seeds(orbit, tables, along, width, abreast):
     """Spread few trajectories over the lanes of the seeds of groups of rows.
 
@@ -174,7 +174,7 @@ def make_lanes_of_seeds(orbit, tables, along, width, abreast):
             along[VECTOR + j], along[NUMBERS + j] = along[j], j
 
 
-@part
+@staged
 def enter_group(orbit, work, tables, first, every, group, width, lanes, abreast):
     """The seeds of a group of rows; of few trajectories, those of `abreast` groups."""
     if abreast == 1:
@@ -187,7 +187,7 @@ def enter_group(orbit, work, tables, first, every, group, width, lanes, abreast)
         enter_seed(orbit, work, tables, l)
 
 
-@part
+@staged
 def any_is(value, tables, index, stride, width):
     """Whether any of some numbers of the tables has a value."""
     found = False
@@ -220,7 +220,7 @@ def state_across(orbit, tables, b, l):
     return near_state(half, vector_at(tables, KAPPA_U + l), a1, b1, a2, b2)
 
 
-@part
+@staged
 def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
     """Rows 8 a ... 8 stop - 1 after a seed, of vectors of trajectories.
 
@@ -254,7 +254,7 @@ def enter_along(orbit, tables, along, l, lane, held):
     store_at(tables, KAPPA_U + 8, 4.0 * kappa)
 
 
-@part
+@staged
 def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreast, among):
     """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
@@ -274,7 +274,7 @@ def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreas
             target += VECTOR * stride
 
 
-@part
+@staged
 def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, held):
     """The same of a single trajectory to their last place, past the caches.
 
@@ -295,7 +295,7 @@ def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, 
         if held > 0:
             begin = a - 1
         else:
-            half, kappa = tables[HALF_U + 8 + a], tables[KAPPA_U + 8 + a]
+            half, kappa = splat(tables[HALF_U + 8 + a]), splat(tables[KAPPA_U + 8 + a])
             omega1, omega2 = near_state(half * vector_at(along, 0), kappa, a1, b1, a2, b2)
             store_pairs(tile, 0, omega1, omega2)
             write_numbers(tile, 0, flat, target, 2 * head, line, True)
@@ -313,7 +313,7 @@ def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, 
     return 7 + stop if head > 0 else 0
 
 
-@part
+@staged
 def rest_of_one(orbit, tables, along, tile, flat, target, line, held):
     """What `rows_of_one` left of the eighth that ends where row `target` begins."""
     a1, b1 = splat(orbit[A1]), splat(orbit[B1])
@@ -325,7 +325,7 @@ def rest_of_one(orbit, tables, along, tile, flat, target, line, held):
     write_numbers(tile, head, flat, target - 2 * VECTOR + head, 2 * VECTOR - head, line, True)
 
 
-@part
+@staged
 def one_by_one(
     given, orbit, spread, work, tables, l, lane, n, every, rows, tile, place, stride, missing
 ):
@@ -341,19 +341,200 @@ def one_by_one(
         if b < rows[0] or b >= rows[1] or since <= 0.0:
             work[OMEGA1 + b], work[OMEGA2 + b] = given[GIVEN1 + l], given[GIVEN2 + l]
         if since >= 0.0:
-            tile[place + b * stride + 2 * l] = work[OMEGA1 + b]
-            tile[place + b * stride + 2 * l + 1] = work[OMEGA2 + b]
+            tile[place + b * stride] = work[OMEGA1 + b]
+            tile[place + b * stride + 1] = work[OMEGA2 + b]
     if any_missing:
         count_missing(spread, work, VECTOR, missing)
 
 
-@part
-def keep_rows(start, l, n, every, rows, tile, place, stride, flat, target, step):
-    """Put the rows of a trajectory before its start into a tile as they are."""
-    for b in range(rows[0], rows[1]):
-        if n + every * b < start:
-            for k in range(2):
-                tile[place + b * stride + 2 * l + k] = flat[target + b * step + k]
+@staged
+def eight_apart(arrays, lanes, numbers, asked, tile_place, stride, flat, flat_place, step, missing):
+    """Eight rows, of which some trajectories are taken by themselves.
+
+    numbers   that of the first row, and by how much they grow.
+    """
+    given, orbit, spread, work, tables, tile, _ = arrays
+    (width, abreast, among), (n, every) = lanes, numbers
+    for l in range(width):
+        one, place = abreast * l + among, tile_place + 2 * l
+        if tables[SLOW + one] != 0.0:
+            one_by_one(
+                given,
+                orbit,
+                spread,
+                work,
+                tables,
+                l,
+                one,
+                n,
+                every,
+                asked,
+                tile,
+                place,
+                stride,
+                missing,
+            )
+        if n < tables[START + one]:
+            for b in range(asked[0], asked[1]):
+                if n + every * b < tables[START + one]:
+                    for k in range(2):
+                        tile[place + b * stride + k] = flat[flat_place + 2 * l + b * step + k]
+
+
+@staged
+def parts_of_run(omega, lanes_asked, rows, out):
+    """The parts that tasks share: some rows of a block each.
+
+    Returns the first block, how many rows a part has, how many parts a block has, and all of them.
+    """
+    batch, (begin, end, _, _) = omega.shape[0], rows
+    first_block, last_block = blocks_of(lanes_asked, shift_of_blocks(to_cache_line(out, 0)), batch)
+    chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
+    chunks = (end + chunk - 1) // chunk - begin // chunk
+    return first_block, chunk, chunks, (last_block - first_block) * chunks
+
+
+@staged
+def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
+    """Some rows of a block that is entered, from one on and below another: `part`."""
+    (given, orbit, _, work, tables, tile, along), (lane, width, abreast, lanes) = arrays, block
+    (first, every), (top, bottom), (_, _, origin, direction) = run, part, rows
+    height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
+    large = flat.size >= BEYOND_CACHES
+    in_line = large and batch % (VECTOR // 2) == 0 and width % VECTOR == 0
+    in_line = in_line and (line - 2 * lane) % VECTOR == 0
+    alone = large and batch == 1 and direction > 0 and line % 2 == 0
+    step = 2 * direction * batch
+    seeded, among, held, filled, slow, begins = -1, 0, 0, 0, False, False
+    row = top // 8 * 8
+    while row < bottom:
+        n, group = first + every * row, row // GROUP
+        if group != seeded:
+            among = group % abreast
+            if seeded < 0 or among == 0:
+                enter_group(orbit, work, tables, first, every, group, width, lanes, abreast)
+            seeded = group
+            slow = any_is(1.0, tables, SLOW + among, abreast, width)
+            begins = any_is(n, tables, START, abreast, width)
+        a = row % GROUP // 8
+        target = 2 * ((origin + direction * row) * batch + lane)
+        straight = (in_line or alone) and row >= top and bottom - row >= 8
+        if straight and not slow and not (a == 0 and begins):
+            stop = a + min(8 - a, (bottom - row) // 8)
+            if alone:
+                held = rows_of_one(
+                    orbit, tables, along, a, stop, tile, flat, target, line, among, held
+                )
+            else:
+                rows_across(True, orbit, tables, a, stop, flat, target, step, width)
+            row += 8 * (stop - a)
+            continue
+        if held > 0:
+            rest_of_one(orbit, tables, along, tile, flat, target, line, held)
+            held = 0
+        if filled == 0 and width != batch and not in_line:
+            upper = max(row, top)
+            ahead, place = min(height, bottom - upper), origin + direction * upper
+            expect_rows(flat, place, direction, ahead, batch, lane, width)
+        stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
+        stop = a + 1 if in_line or alone else stop
+        place = 2 * width * (filled if direction > 0 else height - 1 - filled)
+        stride = 2 * width * direction
+        if width < VECTOR:
+            rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreast, among)
+        else:
+            rows_across(False, orbit, tables, a, stop, tile, place, stride, width)
+        if a == 0:
+            for l in range(width):
+                if n == tables[START + abreast * l]:
+                    tile[place + 2 * l] = given[GIVEN1 + l]
+                    tile[place + 2 * l + 1] = given[GIVEN2 + l]
+        for later in range(row, row + 8 * (stop - a) if slow else row, 8):
+            asked = max(top - later, 0), min(bottom - later, 8)
+            in_tile, in_flat = place + (later - row) * stride, target + (later - row) * step
+            eight_apart(
+                arrays,
+                (width, abreast, among),
+                (first + every * later, every),
+                asked,
+                in_tile,
+                stride,
+                flat,
+                in_flat,
+                step,
+                missing,
+            )
+        filled, row = filled + 8 * (stop - a), row + 8 * (stop - a)
+        if filled == height or row >= bottom or in_line or alone:
+            upper, lower = max(row - filled, top), min(row, bottom)
+            in_tile, in_out = upper - (row - filled), origin + upper
+            if direction < 0:
+                in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
+            write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
+            filled = 0
+    if held > 0:
+        rest_of_one(orbit, tables, along, tile, flat, 2 * (origin + row), line, held)
+
+
+@staged
+def fill_parts(
+    task,
+    flow,
+    back,
+    I1,
+    I2,
+    I13,
+    I23,
+    eps,
+    omega,
+    start,
+    run,
+    lanes_asked,
+    rows,
+    out,
+    status,
+    missing,
+):
+    """What one task of `fill_run` does."""
+    room, (first, every) = on_stack(ROOM), run
+    given, body, orbit = room[:BODY_AT], room[BODY_AT:ORBIT_AT], room[ORBIT_AT:SPREAD_AT]
+    spread, work, tables = room[SPREAD_AT:WORK_AT], room[WORK_AT:TABLES_AT], room[TABLES_AT:]
+    tile, along = room[TILE_AT:ALONG_AT], room[ALONG_AT:]
+    states, batch, line = omega.reshape(omega.size), omega.shape[0], to_cache_line(out, 0)
+    n_tasks = missing.shape[0]
+    first_block, chunk, chunks, n_parts = parts_of_run(omega, lanes_asked, rows, out)
+    # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
+    groups = in_whole((rows[1] + GROUP - 1) // GROUP - rows[0] // GROUP)
+    entered, lanes, step_of_body = -1, 0, 0
+    for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
+        block, part_of_rows = first_block + k // chunks, rows[0] // chunk + k % chunks
+        lane, width = first_and_width(block, shift_of_blocks(line), batch)
+        abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
+        if block != entered:
+            bodies = I1, I2, I13, I23, eps
+            lanes, step_of_body = enter_block(bodies, states, lane, width, entered, given, body)
+            entered = block
+            enter_orbits(flow, back, given, body, orbit, lanes, step_of_body)
+            if status.size > 0:
+                write_codes(orbit, lane, width, status)
+            spread_numbers(start, lane, width, lanes, tables[START:])
+            whole = (np.floor(first) == first) & (np.floor(every) == every)
+            for l in range(0, lanes, ABREAST):
+                enter_run(every, whole, orbit, tables, l)
+            if width < VECTOR:
+                make_lanes_of_seeds(orbit, tables, along, width, abreast)
+        fill_part(
+            (given, orbit, spread, work, tables, tile, along),
+            (lane, width, abreast, lanes),
+            run,
+            (max(rows[0], part_of_rows * chunk), min(rows[1], (part_of_rows + 1) * chunk)),
+            rows,
+            out.reshape(out.size),
+            batch,
+            line,
+            missing[task],
+        )
+    fence()
 
 
 def _fill_run(
@@ -372,168 +553,25 @@ def _fill_run(
     rows          begin, end, origin and direction: the rows begin <= i < end go to those numbered
                   origin + direction i of `out`, direction being 1 or -1.
     """
-    first, every = run
-    begin, end, origin, direction = rows
-    batch, line = omega.shape[0], to_cache_line(borrowed(out), 0)
-    shift = shift_of_blocks(line)
-    first_block, last_block = blocks_of(lanes_asked, shift, batch)
-    chunk = max(FEW_STATES // max(min(batch, WIDTH), 1), GROUP)
-    chunks = (end + chunk - 1) // chunk - begin // chunk
-    # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
-    groups = in_whole((end + GROUP - 1) // GROUP - begin // GROUP)
-    n_parts = (last_block - first_block) * chunks
-    n_tasks = min(n_parts, missing.shape[0])
-    for task in prange(n_tasks):
-        room, flat, states = on_stack(1, ROOM)[0], borrowed(out), borrowed(omega)
-        bodies = borrowed(I1), borrowed(I2), borrowed(I13), borrowed(I23), borrowed(eps)
-        codes, starts, counts = borrowed(status), borrowed(start), borrowed(missing[task])
-        given, body, orbit = room[:BODY_AT], room[BODY_AT:ORBIT_AT], room[ORBIT_AT:SPREAD_AT]
-        spread, work, tables = room[SPREAD_AT:WORK_AT], room[WORK_AT:TABLES_AT], room[TABLES_AT:]
-        tile, along = room[TILE_AT:ALONG_AT], room[ALONG_AT:]
-        entered = -1
-        for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
-            block, part_of_rows = first_block + k // chunks, begin // chunk + k % chunks
-            top, bottom = max(begin, part_of_rows * chunk), min(end, (part_of_rows + 1) * chunk)
-            lane, width = first_and_width(block, shift, batch)
-            abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
-            if block != entered:
-                lanes, step_of_body = enter_block(bodies, states, lane, width, entered, given, body)
-                entered = block
-                enter_orbits(flow, back, given, body, orbit, lanes, step_of_body)
-                if codes.size > 0:
-                    write_codes(orbit, lane, width, codes)
-                spread_numbers(starts, lane, width, lanes, tables[START:])
-                whole = (np.floor(first) == first) & (np.floor(every) == every)
-                for l in range(0, lanes, ABREAST):
-                    enter_run(every, whole, orbit, tables, l)
-                if width < VECTOR:
-                    make_lanes_of_seeds(orbit, tables, along, width, abreast)
-            height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
-            in_line = flat.size >= BEYOND_CACHES and batch % (VECTOR // 2) == 0
-            in_line = in_line and width % VECTOR == 0 and (line - 2 * lane) % VECTOR == 0
-            alone = batch == 1 and direction > 0 and flat.size >= BEYOND_CACHES and line % 2 == 0
-            seeded, among, held, filled, slow, begins = -1, 0, 0, 0, False, False
-            row = top // 8 * 8
-            while row < bottom:
-                n = first + every * row
-                if row // GROUP != seeded:
-                    among = row // GROUP % abreast
-                    if seeded < 0 or among == 0:
-                        group = row // GROUP
-                        enter_group(orbit, work, tables, first, every, group, width, lanes, abreast)
-                    seeded = row // GROUP
-                    slow = any_is(1.0, tables, SLOW + among, abreast, width)
-                    begins = any_is(n, tables, START, abreast, width)
-                a = row % GROUP // 8
-                stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
-                if filled == 0 and width != batch and not in_line:
-                    upper = max(row, top)
-                    ahead = min(height, bottom - upper)
-                    place = origin + direction * upper
-                    expect_rows(flat, place, direction, ahead, batch, lane, width)
-                place = 2 * width * (filled if direction > 0 else height - 1 - filled)
-                stride = 2 * width * direction
-                straight = (in_line or alone) and row >= top and bottom - row >= 8
-                if straight and not slow and not (a == 0 and begins):
-                    stop = a + min(8 - a, (bottom - row) // 8)
-                    target = 2 * ((origin + direction * row) * batch + lane)
-                    step = 2 * direction * batch
-                    if alone:
-                        held = rows_of_one(
-                            orbit,
-                            tables,
-                            along,
-                            a,
-                            stop,
-                            tile,
-                            flat,
-                            target,
-                            line,
-                            among,
-                            held,
-                        )
-                    else:
-                        rows_across(True, orbit, tables, a, stop, flat, target, step, width)
-                    row += 8 * (stop - a)
-                    continue
-                if held > 0:
-                    target = 2 * (origin + row)
-                    rest_of_one(orbit, tables, along, tile, flat, target, line, held)
-                    held = 0
-                if in_line or alone:
-                    stop = a + 1
-                if width < VECTOR:
-                    rows_along(
-                        orbit,
-                        tables,
-                        along,
-                        a,
-                        stop,
-                        tile,
-                        place,
-                        stride,
-                        width,
-                        abreast,
-                        among,
-                    )
-                else:
-                    rows_across(False, orbit, tables, a, stop, tile, place, stride, width)
-                if a == 0:
-                    for l in range(width):
-                        if n == tables[START + abreast * l]:
-                            tile[place + 2 * l] = given[GIVEN1 + l]
-                            tile[place + 2 * l + 1] = given[GIVEN2 + l]
-                for later in range(row, row + 8 * (stop - a) if slow else row, 8):
-                    n = first + every * later
-                    eight = place + (later - row) * stride
-                    asked = max(top - later, 0), min(bottom - later, 8)
-                    for l in range(width):
-                        one = abreast * l + among
-                        if tables[SLOW + one] != 0.0:
-                            one_by_one(
-                                given,
-                                orbit,
-                                spread,
-                                work,
-                                tables,
-                                l,
-                                one,
-                                n,
-                                every,
-                                asked,
-                                tile,
-                                eight,
-                                stride,
-                                counts,
-                            )
-                        if n < tables[START + one]:
-                            target = 2 * ((origin + direction * later) * batch + lane + l)
-                            step = 2 * direction * batch
-                            keep_rows(
-                                tables[START + one],
-                                l,
-                                n,
-                                every,
-                                asked,
-                                tile,
-                                eight,
-                                stride,
-                                flat,
-                                target,
-                                step,
-                            )
-                filled, row = filled + 8 * (stop - a), row + 8 * (stop - a)
-                if filled == height or row >= bottom or in_line or alone:
-                    upper, lower = max(row - filled, top), min(row, bottom)
-                    in_tile, in_out = upper - (row - filled), origin + upper
-                    if direction < 0:
-                        in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
-                    write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
-                    filled = 0
-            if held > 0:
-                target = 2 * (origin + row)
-                rest_of_one(orbit, tables, along, tile, flat, target, line, held)
-        fence()
+    for task in prange(missing.shape[0]):
+        fill_parts(
+            task,
+            flow,
+            back,
+            I1,
+            I2,
+            I13,
+            I23,
+            eps,
+            omega,
+            start,
+            run,
+            lanes_asked,
+            rows,
+            out,
+            status,
+            missing,
+        )
 
 
 fill_run = Loop(_fill_run)

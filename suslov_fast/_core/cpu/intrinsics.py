@@ -4,15 +4,28 @@ Loops over lanes would be left to LLVM to make vectors of, and it often does not
 that rows do not overlap, and it keeps sums over components in memory.
 """
 
+import math
 import operator
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, overload
+from numba.extending import lower_builtin
 
-from ..lanewise import CONDITIONS, DOUBLES, IN_LLVM, VECTOR, spread
+from ..lanewise import any_lane, lanewise
+from ..stand_ins import (
+    CONDITIONS,
+    DOUBLE,
+    DOUBLES,
+    IN_LLVM,
+    VECTOR,
+    Emitted,
+    EmittedArray,
+    emits,
+    emitted,
+    spread,
+)
 from .vector import (
     all_lanes,
     borrowed,
@@ -80,15 +93,14 @@ def _abs(context, builder, signature, arguments):
     return builder.call(fabs, arguments)
 
 
-@_define(splat, DOUBLES, types.float64)
-def _splat(context, builder, signature, arguments):
-    return spread(builder, *arguments)
+@emits(splat)
+def _splat(builder, number):
+    return Emitted(builder, spread(builder, emitted(builder, number).value))
 
 
-@_define(all_lanes, types.boolean, CONDITIONS)
-def _all_lanes(context, builder, signature, arguments):
-    bits = ir.IntType(VECTOR)
-    return builder.icmp_unsigned("==", builder.bitcast(*arguments, bits), bits(-1))
+@emits(all_lanes)
+def _all_lanes(builder, conditions):
+    return ~any_lane(~conditions)
 
 
 def _row(builder, indices, lengths):
@@ -128,91 +140,52 @@ _define_access(3)
 _define_access(4)
 
 
-_FLAT, _INDEX = types.Array(types.float64, 1, "C"), types.intp
+for _each in (vector_at, pairs_at, store_at):
+    lanewise(_each)
 
 
-def _element(context, builder, array, index, kind):
-    """Where an element of a flat array lies."""
-    data = context.make_array(_FLAT)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), kind.as_pointer())
+@emits(stream)
+def _stream(builder, array, index, vector):
+    _past_caches(builder, vector.value, array[index:].as_vector(VECTOR))
 
 
-@_define(vector_at, DOUBLES, _FLAT, _INDEX)
-def _vector_at(context, builder, signature, arguments):
-    return builder.load(_element(context, builder, *arguments, IN_LLVM[DOUBLES]), align=8)
-
-
-@_define(pairs_at, types.UniTuple(DOUBLES, 2), _FLAT, _INDEX)
-def _pairs_at(context, builder, signature, arguments):
-    place = _element(context, builder, *arguments, IN_LLVM[DOUBLES])
-    first, second = (
-        builder.load(builder.gep(place, [ir.IntType(32)(half)]), align=8) for half in range(2)
-    )
-    kind = ir.VectorType(ir.IntType(32), VECTOR)
-    lanes = (ir.Constant(kind, [2 * k + of_pair for k in range(VECTOR)]) for of_pair in range(2))
-    vectors = [builder.shuffle_vector(first, second, mask) for mask in lanes]
-    return context.make_tuple(builder, signature.return_type, vectors)
-
-
-@_define(store_at, types.void, _FLAT, _INDEX, DOUBLES)
-def _store_at(context, builder, signature, arguments):
-    array, index, vector = arguments
-    builder.store(vector, _element(context, builder, array, index, IN_LLVM[DOUBLES]), align=8)
-    return context.get_dummy_value()
-
-
-def _stream(builder, vector, place):
+def _past_caches(builder, vector, place):
     store = builder.store(vector, place, align=64)
     one = ir.Constant(ir.IntType(32), 1)
     store.set_metadata("nontemporal", builder.module.add_metadata([one]))
 
 
-@_define(stream, types.void, _FLAT, _INDEX, DOUBLES)
-def _stream_vector(context, builder, signature, arguments):
-    array, index, vector = arguments
-    _stream(builder, vector, _element(context, builder, array, index, IN_LLVM[DOUBLES]))
-    return context.get_dummy_value()
-
-
 def _define_pairs(function, write):
     """Two shuffles of two vectors give two whole cache lines of pairs."""
 
-    @_define(function, types.void, _FLAT, _INDEX, DOUBLES, DOUBLES)
-    def _pairs(context, builder, signature, arguments):
-        array, index, first, second = arguments
-        place = _element(context, builder, array, index, IN_LLVM[DOUBLES])
+    @emits(function)
+    def _pairs(builder, array, index, first, second):
         for half in range(2):
             lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
             mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
-            line = builder.gep(place, [ir.IntType(32)(half)])
-            write(builder, builder.shuffle_vector(first, second, mask), line)
-        return context.get_dummy_value()
+            line = array[index + half * VECTOR :].as_vector(VECTOR)
+            write(builder, builder.shuffle_vector(first.value, second.value, mask), line)
 
 
 _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
-_define_pairs(stream_pairs, _stream)
+_define_pairs(stream_pairs, _past_caches)
 
 
-@_define(scatter_pairs, types.void, _FLAT, _INDEX, _INDEX, DOUBLES, DOUBLES)
-def _scatter_pairs(context, builder, signature, arguments):
-    array, index, stride, first, second = arguments
-    pair = ir.VectorType(ir.DoubleType(), 2)
+@emits(scatter_pairs)
+def _scatter_pairs(builder, array, index, stride, first, second):
     for k in range(VECTOR):
         mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [k, VECTOR + k])
-        place = _element(context, builder, array, index, pair)
-        builder.store(builder.shuffle_vector(first, second, mask), place, align=8)
-        index = builder.add(index, stride)
-    return context.get_dummy_value()
+        pair = builder.shuffle_vector(first.value, second.value, mask)
+        builder.store(pair, array[index:].as_vector(2), align=8)
+        index = index + stride
 
 
-@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
-def _copy_transposed(context, builder, signature, arguments):
-    array, index, stride, source, first, distance = arguments
+@emits(copy_transposed)
+def _copy_transposed(builder, array, index, stride, source, first, distance):
     rows = []
     for _ in range(VECTOR):
-        place = _element(context, builder, source, first, IN_LLVM[DOUBLES])
-        rows.append(builder.load(place, align=8))
-        first = builder.add(first, distance)
+        rows.append(vector_at(source, first).value)
+        first = first + distance
     # Squares of 1, 2 and 4 numbers change places with their mirror images.
     for size in (1, 2, 4):
         upper, lower = (
@@ -229,61 +202,31 @@ def _copy_transposed(context, builder, signature, arguments):
             for i in range(VECTOR)
         ]
     for row in rows:
-        builder.store(row, _element(context, builder, array, index, IN_LLVM[DOUBLES]), align=8)
-        index = builder.add(index, stride)
-    return context.get_dummy_value()
+        store_at(array, index, Emitted(builder, row))
+        index = index + stride
 
 
-@_define(expect_store, types.void, _FLAT, _INDEX)
-def _expect_store(context, builder, signature, arguments):
+@emits(expect_store)
+def _expect_store(builder, array, index):
     integer = ir.IntType(32)
-    place = _element(context, builder, *arguments, ir.IntType(8))
+    place = builder.bitcast(array[index:].pointer, ir.IntType(8).as_pointer())
     kind = ir.FunctionType(ir.VoidType(), [place.type, integer, integer, integer])
     prefetch = builder.module.declare_intrinsic("llvm.prefetch", [place.type], kind)
     for_writing, near, data = integer(1), integer(3), integer(1)
     builder.call(prefetch, [place, for_writing, near, data])
-    return context.get_dummy_value()
 
 
-@_define(fence, types.void)
-def _fence(context, builder, signature, arguments):
+@emits(fence)
+def _fence(builder):
     builder.fence("seq_cst")
-    return context.get_dummy_value()
 
 
-@intrinsic(prefer_literal=True)
-def _on_stack(typing_context, rows, lanes):
-    if not (isinstance(rows, types.IntegerLiteral) and isinstance(lanes, types.IntegerLiteral)):
-        return None
-    shape = rows.literal_value, lanes.literal_value
-    array_type = types.Array(types.float64, 2, "C")
-
-    def generate(context, builder, signature, arguments):
-        memory = ir.ArrayType(ir.DoubleType(), shape[0] * shape[1])
-        with builder.goto_entry_block():
-            place = builder.alloca(memory)
-            place.align = 64
-
-        def integers(*values):
-            return cgutils.pack_array(builder, [ir.IntType(64)(value) for value in values])
-
-        array = context.make_array(array_type)(context, builder)
-        context.populate_array(
-            array,
-            data=builder.bitcast(place, ir.DoubleType().as_pointer()),
-            shape=integers(*shape),
-            strides=integers(8 * shape[1], 8),
-            itemsize=ir.IntType(64)(8),
-            meminfo=None,
-        )
-        return array._getvalue()
-
-    return array_type(rows, lanes), generate
-
-
-@overload(on_stack, inline="always", prefer_literal=True)
-def _overload_on_stack(rows, lanes):
-    return lambda rows, lanes: _on_stack(rows, lanes)
+@emits(on_stack)
+def _on_stack(builder, *shape):
+    with builder.goto_entry_block():
+        memory = builder.alloca(ir.ArrayType(DOUBLE, math.prod(shape)))
+        memory.align = 64
+    return EmittedArray(builder, builder.bitcast(memory, DOUBLE.as_pointer()), shape)
 
 
 @infer_global(borrowed)

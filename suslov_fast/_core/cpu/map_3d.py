@@ -31,7 +31,8 @@ from ..formulas.canonical_map import canonical_step, denominator, guarded_step, 
 from ..formulas.coordinates import angular_velocity, at_rest, from_canonical, to_canonical
 from ..formulas.printed_map import printed_coefficients, printed_denominator, printed_step
 from ..formulas.rotation import row_times_matrix, turn_between, turned
-from ..jit import Loop, formula, part
+from ..jit import Loop
+from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import (
     EPS,
@@ -45,7 +46,6 @@ from .blocks import (
     OMEGA2,
     STATE1,
     STATE2,
-    TASKS,
     UNIT,
     gather_bodies,
     gather_states,
@@ -53,6 +53,7 @@ from .blocks import (
     scatter_pairs,
     spread,
     take_units_out,
+    tasks_for,
 )
 from .vector import (
     VECTOR,
@@ -86,7 +87,7 @@ FLUSH_EVERY = 256
 # Short passes with few results each: one loop over all of this would not be vectorised.
 
 
-@part
+@staged
 def enter_canonical(given, state, frame, limits, lanes):
     for l in range(lanes):
         state[FIRST, l], state[SECOND, l], limits[SHIFT, l] = to_canonical(
@@ -130,7 +131,7 @@ def enter_canonical(given, state, frame, limits, lanes):
         frame[M12, l], frame[M22, l] = -frame[M12, l], -frame[M22, l]
 
 
-@part
+@staged
 def enter_printed(given, state, frame, limits, coefficients, lanes):
     for l in range(lanes):
         still = given[EPS, l] == 0.0 or (given[I13_, l] == 0.0 and given[I23_, l] == 0.0)
@@ -148,7 +149,7 @@ def enter_printed(given, state, frame, limits, coefficients, lanes):
         )
 
 
-@part
+@staged
 def any_wild(limits, lanes):
     wild = False
     for l in range(lanes):
@@ -156,7 +157,7 @@ def any_wild(limits, lanes):
     return wild
 
 
-@part
+@staged
 def advance_printed(state, coefficients, bound, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
@@ -171,7 +172,7 @@ def advance_printed(state, coefficients, bound, steps, lanes):
             )
 
 
-@part
+@staged
 def advance_guarded(state, shift, bound, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
@@ -180,7 +181,7 @@ def advance_guarded(state, shift, bound, steps, lanes):
             )
 
 
-@part
+@staged
 def advance_tame(state, steps, lanes):
     for _ in range(steps):
         for l in range(lanes):
@@ -189,14 +190,14 @@ def advance_tame(state, steps, lanes):
             )
 
 
-@part
+@staged
 def flush_negligible(state, shift, lanes):
     for l in range(lanes):
         X = state[FIRST, l]
         state[FIRST, l] = 0.0 if abs(X) < NEGLIGIBLE and state[SECOND, l] > shift[l] else X
 
 
-@part
+@staged
 def show(frame, state, shown, lanes):
     """The angular velocities of a block."""
     for l in range(lanes):
@@ -213,7 +214,7 @@ def show(frame, state, shown, lanes):
         )
 
 
-@formula
+@staged
 def vector_of_velocities(frame, g, X, Z):
     """The angular velocities of a vector of states."""
     return angular_velocity(
@@ -229,7 +230,7 @@ def vector_of_velocities(frame, g, X, Z):
     )
 
 
-@part
+@staged
 def write(frame, state, shown, flat, index, width, past_caches):
     """Write the angular velocities of a block side by side, pair by pair, from `index` on.
 
@@ -255,7 +256,7 @@ def write(frame, state, shown, flat, index, width, past_caches):
             flat[index + 2 * (whole * VECTOR + l) + 1] = shown[1, whole, l]
 
 
-@part
+@staged
 def advance_and_write(frame, state, flat, index, stride, steps, past_caches):
     """Steps of a block of LANES tame trajectories, each state saved, a row `stride` after the last.
 
@@ -273,7 +274,7 @@ def advance_and_write(frame, state, flat, index, stride, steps, past_caches):
                 store_pairs(flat, index + n * stride + 2 * VECTOR * g, omega1, omega2)
 
 
-@part
+@staged
 def turn_on(time_step, frame, state, shown, turn, lanes):
     """Turn the body from the angular velocities `shown` to those of the state, which are shown."""
     for l in range(lanes):
@@ -295,7 +296,7 @@ def turn_on(time_step, frame, state, shown, turn, lanes):
         shown[0, l], shown[1, l] = next1, next2
 
 
-@part
+@staged
 def write_turns(R0, turn, turns, row, first, width):
     for l in range(width):
         i, w, x, y, z = first + l, turn[0, l], turn[1, l], turn[2, l], turn[3, l]
@@ -303,6 +304,156 @@ def write_turns(R0, turn, turns, row, first, width):
             turns[row, i, r, 0], turns[row, i, r, 1], turns[row, i, r, 2] = row_times_matrix(
                 R0[r, 0, i], R0[r, 1, i], R0[r, 2, i], w, x, y, z
             )
+
+
+@staged
+def blocks_between(begin, end, out):
+    """How many blocks some trajectories make, and whether they begin where cache lines do.
+
+    They do, by what the first block lacks, if all rows of the saved states lie alike.
+    """
+    to_line, stride = to_cache_line(out, 2 * begin), 2 * out.shape[1]
+    lined_up = out.size >= BEYOND_CACHES and stride % VECTOR == 0 and to_line % 2 == 0
+    pad = -(to_line // 2) % (VECTOR // 2) if lined_up else 0
+    return (end - begin + pad + LANES - 1) // LANES, lined_up, pad
+
+
+@staged
+def iterate_blocks(
+    task,
+    n_tasks,
+    method,
+    I1,
+    I2,
+    I13,
+    I23,
+    eps,
+    omega,
+    begin,
+    end,
+    start,
+    stop,
+    every,
+    first_row,
+    out,
+    resume,
+    time_step,
+    R0,
+    quaternions,
+    turns,
+    final,
+    status,
+):
+    """What one task of `iterate` does."""
+    saves, turning, goes_on = out.shape[0] > 0, quaternions.shape[1] > 0, resume.shape[1] > 0
+    flat, flat_final = out.reshape(out.size), final.reshape(final.size)
+    states = omega.reshape(omega.size)
+    stride = 2 * out.shape[1]
+    n_blocks, lined_up, pad = blocks_between(begin, end, out)
+    given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
+    state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
+    coefficients, turn = on_stack(4, LANES), on_stack(4, LANES)
+    step_row = on_stack(LANES)
+    state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
+    shown_vectors = shown.reshape((2, LANES // VECTOR, VECTOR))
+    frame_vectors = frame.reshape((7, LANES // VECTOR, VECTOR))
+    for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
+        first = begin + max(block * LANES - pad, 0)
+        width = min(begin + (block + 1) * LANES - pad, end) - first
+        lanes = in_whole_vectors(width)
+        past_caches = lined_up and (block > 0 or pad == 0)
+
+        gather_bodies((I1, I2, I13, I23, eps), first, width, lanes, given)
+        gather_states(states, first, width, lanes, given)
+        if start == 0 and saves:
+            scatter_pairs(given[OMEGA1], given[OMEGA2], first, width, flat)
+        take_units_out(given, lanes)
+        enter_canonical(given, state, frame, limits, lanes)
+        wild = any_wild(limits, lanes)
+        if method == PRINTED:
+            enter_printed(given, state, frame, limits, coefficients, lanes)
+        if start > 0:
+            for l in range(width):
+                state[FIRST, l], state[SECOND, l] = resume[0, first + l], resume[1, first + l]
+        if turning:
+            spread(time_step, first, width, lanes, step_row)
+            for l in range(width):
+                for k in range(4):
+                    turn[k, l] = quaternions[k, first + l]
+            if start > 0:
+                show(frame, state, shown, lanes)
+            else:
+                for l in range(lanes):
+                    shown[0, l], shown[1, l] = given[OMEGA1, l], given[OMEGA2, l]
+                if saves:
+                    write_turns(R0, turn, turns, 0, first, width)
+
+        straight = method == CANONICAL and width == LANES and every == 1 and saves
+        straight = straight and not (wild or turning)
+        row = start // every + 1 - first_row
+        # Steps to go; divisions in each turn would cost as much as a step.
+        to_stop, to_save = stop - start, every - start % every
+        to_flush = FLUSH_EVERY - start % FLUSH_EVERY
+        while to_stop > 0:
+            steps = min(to_stop, to_flush)
+            if straight:
+                index = row * stride + 2 * first
+                advance_and_write(
+                    frame_vectors, state_vectors, flat, index, stride, steps, past_caches
+                )
+                row, to_save = row + steps, to_save + steps
+            else:
+                steps = min(steps, 1 if turning else to_save)
+                if method == PRINTED:
+                    advance_printed(state, coefficients, limits[BOUND], steps, lanes)
+                elif wild:
+                    # A guard changes nothing in a tame lane: neighbours do not matter.
+                    advance_guarded(state, limits[SHIFT], limits[BOUND], steps, lanes)
+                else:
+                    advance_tame(state, steps, lanes)
+                if turning:
+                    turn_on(step_row, frame, state, shown, turn, lanes)
+            to_stop, to_save, to_flush = to_stop - steps, to_save - steps, to_flush - steps
+            if to_flush == 0:
+                to_flush = FLUSH_EVERY
+                if method != PRINTED:
+                    flush_negligible(state, limits[SHIFT], lanes)
+            if to_save == 0:
+                to_save = every
+                if saves:
+                    index = row * stride + 2 * first
+                    write(
+                        frame_vectors,
+                        state_vectors,
+                        shown_vectors,
+                        flat,
+                        index,
+                        width,
+                        past_caches,
+                    )
+                    if turning:
+                        write_turns(R0, turn, turns, row, first, width)
+                    row += 1
+
+        if stop > 0:
+            show(frame, state, shown, lanes)
+        else:
+            for l in range(lanes):
+                shown[0, l], shown[1, l] = given[OMEGA1, l], given[OMEGA2, l]
+        scatter_pairs(shown[0], shown[1], first, width, flat_final)
+        for l in range(width):
+            code = SUPERCRITICAL if limits[BEYOND, l] != 0.0 else OK
+            status[first + l] = NONFINITE if np.isnan(shown[0, l]) else code
+        if goes_on:
+            for l in range(width):
+                resume[0, first + l], resume[1, first + l] = state[FIRST, l], state[SECOND, l]
+        if turning:
+            for l in range(width):
+                for k in range(4):
+                    quaternions[k, first + l] = turn[k, l]
+            if not saves and turns.shape[0] > 0:
+                write_turns(R0, turn, turns, 0, first, width)
+    fence()
 
 
 def _iterate(
@@ -342,123 +493,70 @@ def _iterate(
     final         (B, 2), state `stop`, NaN if it does not exist.
     status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist.
     """
-    saves, turning, goes_on = out.shape[0] > 0, quaternions.shape[1] > 0, resume.shape[1] > 0
-    flat, flat_final = out.reshape(out.size), final.reshape(final.size)
-    states = omega.reshape(omega.size)
-    stride = 2 * out.shape[1]
-    # Blocks begin where cache lines of the saved states do, if they do so in all rows alike.
-    to_line = to_cache_line(flat, 2 * begin)
-    lined_up = flat.size >= BEYOND_CACHES and stride % VECTOR == 0 and to_line % 2 == 0
-    pad = -(to_line // 2) % (VECTOR // 2) if lined_up else 0
-    n_blocks = (end - begin + pad + LANES - 1) // LANES
+    n_blocks, _, _ = blocks_between(begin, end, out)
     # Each task goes through several blocks.
-    n_tasks = min(n_blocks, TASKS)
+    n_tasks = tasks_for(n_blocks)
     for task in prange(n_tasks):
-        given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
-        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
-        coefficients, turn = on_stack(4, LANES), on_stack(4, LANES)
-        step_row = on_stack(1, LANES)[0]
-        state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
-        shown_vectors = shown.reshape((2, LANES // VECTOR, VECTOR))
-        frame_vectors = frame.reshape((7, LANES // VECTOR, VECTOR))
-        for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-            first = begin + max(block * LANES - pad, 0)
-            width = min(begin + (block + 1) * LANES - pad, end) - first
-            lanes = in_whole_vectors(width)
-            past_caches = lined_up and (block > 0 or pad == 0)
+        iterate_blocks(
+            task,
+            n_tasks,
+            method,
+            I1,
+            I2,
+            I13,
+            I23,
+            eps,
+            omega,
+            begin,
+            end,
+            start,
+            stop,
+            every,
+            first_row,
+            out,
+            resume,
+            time_step,
+            R0,
+            quaternions,
+            turns,
+            final,
+            status,
+        )
 
-            gather_bodies(I1, I2, I13, I23, eps, first, width, lanes, given)
-            gather_states(states, first, width, lanes, given)
-            if start == 0 and saves:
-                scatter_pairs(given[OMEGA1], given[OMEGA2], first, width, flat)
-            take_units_out(given, lanes)
-            enter_canonical(given, state, frame, limits, lanes)
-            wild = any_wild(limits, lanes)
-            if method == PRINTED:
-                enter_printed(given, state, frame, limits, coefficients, lanes)
-            if start > 0:
-                for l in range(width):
-                    state[FIRST, l], state[SECOND, l] = resume[0, first + l], resume[1, first + l]
-            if turning:
-                spread(time_step, first, width, lanes, step_row)
-                for l in range(width):
-                    for k in range(4):
-                        turn[k, l] = quaternions[k, first + l]
-                if start > 0:
-                    show(frame, state, shown, lanes)
-                else:
-                    for l in range(lanes):
-                        shown[0, l], shown[1, l] = given[OMEGA1, l], given[OMEGA2, l]
-                    if saves:
-                        write_turns(R0, turn, turns, 0, first, width)
 
-            straight = method == CANONICAL and width == LANES and every == 1 and saves
-            straight = straight and not (wild or turning)
-            row = start // every + 1 - first_row
-            # Steps to go; divisions in each turn would cost as much as a step.
-            to_stop, to_save = stop - start, every - start % every
-            to_flush = FLUSH_EVERY - start % FLUSH_EVERY
-            while to_stop > 0:
-                steps = min(to_stop, to_flush)
-                if straight:
-                    index = row * stride + 2 * first
-                    # No function around these calls: it would count references at each step.
-                    advance_and_write(
-                        frame_vectors, state_vectors, flat, index, stride, steps, past_caches
-                    )
-                    row, to_save = row + steps, to_save + steps
-                else:
-                    steps = min(steps, 1 if turning else to_save)
-                    if method == PRINTED:
-                        advance_printed(state, coefficients, limits[BOUND], steps, lanes)
-                    elif wild:
-                        # A guard changes nothing in a tame lane: neighbours do not matter.
-                        advance_guarded(state, limits[SHIFT], limits[BOUND], steps, lanes)
-                    else:
-                        advance_tame(state, steps, lanes)
-                    if turning:
-                        turn_on(step_row, frame, state, shown, turn, lanes)
-                to_stop, to_save, to_flush = to_stop - steps, to_save - steps, to_flush - steps
-                if to_flush == 0:
-                    to_flush = FLUSH_EVERY
-                    if method != PRINTED:
-                        flush_negligible(state, limits[SHIFT], lanes)
-                if to_save == 0:
-                    to_save = every
-                    if saves:
-                        index = row * stride + 2 * first
-                        write(
-                            frame_vectors,
-                            state_vectors,
-                            shown_vectors,
-                            flat,
-                            index,
-                            width,
-                            past_caches,
-                        )
-                        if turning:
-                            write_turns(R0, turn, turns, row, first, width)
-                        row += 1
-
-            if stop > 0:
-                show(frame, state, shown, lanes)
-            else:
-                for l in range(lanes):
-                    shown[0, l], shown[1, l] = given[OMEGA1, l], given[OMEGA2, l]
-            scatter_pairs(shown[0], shown[1], first, width, flat_final)
-            for l in range(width):
-                code = SUPERCRITICAL if limits[BEYOND, l] != 0.0 else OK
-                status[first + l] = NONFINITE if np.isnan(shown[0, l]) else code
-            if goes_on:
-                for l in range(width):
-                    resume[0, first + l], resume[1, first + l] = state[FIRST, l], state[SECOND, l]
-            if turning:
-                for l in range(width):
-                    for k in range(4):
-                        quaternions[k, first + l] = turn[k, l]
-                if not saves and turns.shape[0] > 0:
-                    write_turns(R0, turn, turns, 0, first, width)
-        fence()
+@staged
+def locate(method, I1, I2, I13, I23, eps, omega, failed, start, stop, resume, status, failed_at, k):
+    """What `locate_failure` does for one trajectory."""
+    i, states = failed[k], omega.reshape(omega.size)
+    given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
+    state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
+    coefficients = on_stack(4, LANES)
+    d, regular = 1.0, True
+    gather_bodies((I1, I2, I13, I23, eps), i, 1, 1, given)
+    gather_states(states, i, 1, 1, given)
+    take_units_out(given, 1)
+    enter_canonical(given, state, frame, limits, 1)
+    if method == PRINTED:
+        enter_printed(given, state, frame, limits, coefficients, 1)
+    if start > 0:
+        state[FIRST, 0], state[SECOND, 0] = resume[0, k], resume[1, k]
+    n = start
+    shown[0, 0] = omega[i, 0] + 0.0 * omega[i, 1] if start == 0 else 0.0
+    while n < stop and np.isfinite(shown[0, 0]):
+        first, second = state[FIRST, 0], state[SECOND, 0]
+        if method == PRINTED:
+            c = coefficients
+            d, regular = printed_denominator(c[0, 0], c[1, 0], c[2, 0], c[3, 0], first, second)
+            advance_printed(state, coefficients, limits[BOUND], 1, 1)
+        else:
+            d, regular = denominator(first, second, limits[SHIFT, 0])
+            advance_guarded(state, limits[SHIFT], limits[BOUND], 1, 1)
+        n += 1
+        show(frame, state, shown, 1)
+    resume[0, k], resume[1, k] = state[FIRST, 0], state[SECOND, 0]
+    if failed_at[i] < 0 and not np.isfinite(shown[0, 0]):
+        status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE
+        failed_at[i] = n
 
 
 def _locate_failure(
@@ -470,38 +568,10 @@ def _locate_failure(
     resume      (2, F), the states as they are held: read where start > 0, and written.
     failed_at   (B,), -1 where it is not known yet; those between `start` and `stop` are found.
     """
-    states = omega.reshape(omega.size)
     for k in prange(failed.size):
-        i = failed[k]
-        given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
-        state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
-        coefficients = on_stack(4, LANES)
-        d, regular = 1.0, True
-        gather_bodies(I1, I2, I13, I23, eps, i, 1, 1, given)
-        gather_states(states, i, 1, 1, given)
-        take_units_out(given, 1)
-        enter_canonical(given, state, frame, limits, 1)
-        if method == PRINTED:
-            enter_printed(given, state, frame, limits, coefficients, 1)
-        if start > 0:
-            state[FIRST, 0], state[SECOND, 0] = resume[0, k], resume[1, k]
-        c = coefficients[:, 0]
-        n = start
-        shown[0, 0] = omega[i, 0] + 0.0 * omega[i, 1] if start == 0 else 0.0
-        while n < stop and np.isfinite(shown[0, 0]):
-            first, second = state[FIRST, 0], state[SECOND, 0]
-            if method == PRINTED:
-                d, regular = printed_denominator(c[0], c[1], c[2], c[3], first, second)
-                advance_printed(state, coefficients, limits[BOUND], 1, 1)
-            else:
-                d, regular = denominator(first, second, limits[SHIFT, 0])
-                advance_guarded(state, limits[SHIFT], limits[BOUND], 1, 1)
-            n += 1
-            show(frame, state, shown, 1)
-        resume[0, k], resume[1, k] = state[FIRST, 0], state[SECOND, 0]
-        if failed_at[i] < 0 and not np.isfinite(shown[0, 0]):
-            status[i] = SINGULAR if np.isfinite(d) and not regular else NONFINITE
-            failed_at[i] = n
+        locate(
+            method, I1, I2, I13, I23, eps, omega, failed, start, stop, resume, status, failed_at, k
+        )
 
 
 iterate = Loop(_iterate)

@@ -29,8 +29,8 @@ from ..formulas.closed_form import (
 )
 from ..formulas.coordinates import at_rest, canonical_body, canonical_state, from_canonical
 from ..formulas.elementary import exponent, two_to_the, within
-from ..jit import part
 from ..lanewise import any_lane, lanewise, larger, select, smaller
+from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_pairs, spread
 from .vector import VECTOR
@@ -82,13 +82,13 @@ def enter_body(given, body, l):
         store_lanes(body, row + l, value)
 
 
-@part
+@staged
 def in_whole(width):
     """The lanes in use for so many trajectories or times."""
     return (width + ABREAST - 1) // ABREAST * ABREAST
 
 
-@part
+@staged
 def enter_block(bodies, states, first, width, entered, given, body):
     """Gather the trajectories of a block; lanes beyond its width hold harmless numbers.
 
@@ -201,7 +201,7 @@ def _entering(flow):
 enter_orbit_of_map, enter_orbit_of_flow = _entering(False), _entering(True)
 
 
-@part
+@staged
 def enter_orbits(flow, back, given, body, orbit, lanes, step):
     """All that is known of the orbits before any time is: forward, or back in time."""
     for l in range(0, lanes, ABREAST):
@@ -251,7 +251,7 @@ def far_state_at(orbit, work, l):
     return put_state(A, B, orbit, work, l)
 
 
-@part
+@staged
 def states_at(orbit, work, lanes):
     """The states of a block at the numbers of steps |n| in its row N, one for each lane.
 
@@ -266,7 +266,7 @@ def states_at(orbit, work, lanes):
     return found
 
 
-@part
+@staged
 def count_missing(orbit, work, lanes, missing):
     """Count states that are NaN without a reason before time 0.
 

@@ -7,7 +7,7 @@ line   how many numbers lie before its first cache line.
 
 import numpy as np
 
-from ..jit import part
+from ..staged import staged
 from .orbits import CODE, WIDTH
 from .vector import VECTOR, expect_store, store_at, store_pairs, stream, vector_at
 
@@ -17,7 +17,7 @@ TILE = 1024
 BEYOND_CACHES = 2**21
 
 
-@part
+@staged
 def write_numbers(source, begin, flat, target, size, line, past_caches):
     """Write numbers of a tile from `begin` on to `target`, whole lines past the caches if asked."""
     head = min((line - target) % VECTOR, size) if past_caches else 0
@@ -34,7 +34,7 @@ def write_numbers(source, begin, flat, target, size, line, past_caches):
         flat[target + k] = source[begin + k]
 
 
-@part
+@staged
 def write_rows(tile, row, rows, width, flat, place, batch, first, line):
     """Write rows of a tile from `row` on to the rows of the result from `place` on."""
     past_caches = flat.size >= BEYOND_CACHES
@@ -42,13 +42,13 @@ def write_rows(tile, row, rows, width, flat, place, batch, first, line):
         write_numbers(
             tile, 2 * row * width, flat, 2 * place * batch, 2 * rows * width, line, past_caches
         )
-        return
-    for k in range(rows):
-        begin, target = 2 * (row + k) * width, 2 * ((place + k) * batch + first)
-        write_numbers(tile, begin, flat, target, 2 * width, line, past_caches)
+    else:
+        for k in range(rows):
+            begin, target = 2 * (row + k) * width, 2 * ((place + k) * batch + first)
+            write_numbers(tile, begin, flat, target, 2 * width, line, past_caches)
 
 
-@part
+@staged
 def expect_rows(flat, place, direction, rows, batch, first, width):
     """Fetch the lines at the ends of rows: a store to part of a line waits for it."""
     for k in range(rows):
@@ -57,7 +57,7 @@ def expect_rows(flat, place, direction, rows, batch, first, width):
         expect_store(flat, begin + 2 * width - 1)
 
 
-@part
+@staged
 def put_pairs(rows, row, tile, place, width):
     """Write VECTOR or more lanes of two rows, one after the other, to a tile as pairs."""
     for k in range(0, width, VECTOR):
@@ -66,27 +66,27 @@ def put_pairs(rows, row, tile, place, width):
         store_pairs(tile, place + 2 * l, *pair)
 
 
-@part
+@staged
 def shift_of_blocks(line):
     """Trajectories that the first block lacks, for the others to begin where cache lines do."""
     return -(line // 2) % (VECTOR // 2)
 
 
-@part
+@staged
 def blocks_of(lanes, shift, batch):
     """The blocks of some lanes, which begin at a multiple of WIDTH."""
     begin, end = lanes
     return begin // WIDTH, end // WIDTH if end < batch else (batch + shift + WIDTH - 1) // WIDTH
 
 
-@part
+@staged
 def first_and_width(block, shift, batch):
     """Blocks begin where cache lines do, if those of all rows lie alike."""
     first = max(block * WIDTH - shift, 0)
     return first, min((block + 1) * WIDTH - shift, batch) - first
 
 
-@part
+@staged
 def write_codes(orbit, first, width, status):
     """Statuses of the trajectories of a block."""
     some, codes = status[first : first + width], orbit[CODE : CODE + WIDTH]

@@ -4,6 +4,8 @@ Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy
 +, -, *, /, abs and comparisons work lane by lane, so that a formula of numbers serves vectors too.
 """
 
+import math
+
 import numpy as np
 
 from ..jit import part
@@ -11,6 +13,7 @@ from ..lanewise import VECTOR as VECTOR
 from ..lanewise import larger as larger
 from ..lanewise import select as select
 from ..lanewise import smaller as smaller
+from ..staged import staged
 
 
 @part
@@ -21,13 +24,12 @@ def aligned(size):
     return buffer[offset : offset + size]
 
 
-def on_stack(rows, lanes):
-    """An array (rows, lanes) of doubles on a cache line, for as long as the calling loop runs.
+def on_stack(*shape):
+    """An array of doubles on a cache line, for as long as the loop runs that a staged part is of.
 
-    Both numbers are constants. A part of a loop must not call this: what it gets is gone when the
-    part returns.
+    Its lengths are constants.
     """
-    return aligned(rows * lanes).reshape((rows, lanes))
+    return aligned(math.prod(shape)).reshape(shape)
 
 
 def borrowed(array):
@@ -38,7 +40,7 @@ def borrowed(array):
     return array.reshape(array.size)
 
 
-@part
+@staged
 def to_cache_line(array, index):
     """How many elements lie between array[index] and the next start of a cache line."""
     return -(array.ctypes.data // array.itemsize + index) % VECTOR
@@ -79,7 +81,7 @@ def store_at(array, index, vector):
 
 def pairs_at(array, index):
     """The firsts and the seconds of VECTOR pairs of numbers that start at an element."""
-    pairs = array[index : index + 2 * VECTOR].copy()
+    pairs = array[index:][: 2 * VECTOR].copy()
     return pairs[0::2], pairs[1::2]
 
 

@@ -1,0 +1,319 @@
+"""Parts of loops, with branches and loops of their own, compiled by being read.
+
+A part made `staged` is gone through statement by statement where it is called, with stand-ins for
+what is not known beforehand. What is known is done at once: a branch whose condition is `True` or
+`False` is taken or left out, and a loop over a tuple is written out. A loop over `range` becomes
+one.
+
+What can be read: assignments, `for` over `range` without `break`, `while`, `if`, `continue`, and
+one `return`, at the end. A name that is given several values has numbers of one type; one that is
+given its values in branches or loops, and is used after them, has one before. Indices and bounds
+of slices count from the beginning. Both sides of a conditional expression are computed. Functions
+that are called are read if they are staged, or formulas, or else called.
+
+Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
+source must be at hand.
+"""
+
+import ast
+import builtins
+import functools
+import operator
+from pathlib import Path
+
+import numpy as np
+
+from .cache import SOURCES
+from .stand_ins import EMITTERS, Emitted, compiled_by, emitted, loop
+
+_OPERATORS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.USub: operator.neg,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Is: operator.is_,
+    ast.IsNot: operator.is_not,
+}
+_STAGED = {}
+
+
+def staged(function):
+    """Compile a part of a loop by reading it, as the head of this file says."""
+    readable(function)
+    compiled_by(function, _STAGED[function], lambda: _returns(function))
+    return function
+
+
+def _returns(function):
+    tree, _ = _parsed(function)
+    return isinstance(tree.body[-1], ast.Return)
+
+
+def readable(function):
+    """Let staged parts read a function that they call."""
+    _STAGED[function] = lambda builder, *arguments: _Reading(builder, function, arguments).result
+
+
+def _pick(compare, builder, first, second):
+    """The second of two numbers where it compares so with the first."""
+    if isinstance(first, Emitted) or isinstance(second, Emitted):
+        return compare(second, first).choose(second, first)
+    return second if compare(second, first) else first
+
+
+_INSTEAD = {
+    min: functools.partial(_pick, operator.lt),
+    max: functools.partial(_pick, operator.gt),
+    np.int8: lambda builder, number: emitted(builder, number).to_integer(),
+    np.int64: lambda builder, number: emitted(builder, number),
+    np.float64: lambda builder, number: emitted(builder, number),
+}
+
+
+@functools.cache
+def _functions_of(path):
+    """The syntax trees of the functions of a file, by their first lines."""
+    tree = ast.parse(SOURCES.get(path) or Path(path).read_bytes())
+    functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+    return {min(each.lineno for each in (node, *node.decorator_list)): node for node in functions}
+
+
+@functools.cache
+def _parsed(function):
+    """The syntax tree of a function, and the names that are given a value more than once."""
+    code = function.__code__
+    tree = _functions_of(code.co_filename)[code.co_firstlineno]
+    counts = dict.fromkeys((each.arg for each in tree.args.args), 1)
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Assign, ast.AugAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target] * 2
+            for target in targets:
+                for each in ast.walk(target):
+                    if isinstance(each, ast.Name) and isinstance(each.ctx, ast.Store):
+                        counts[each.id] = counts.get(each.id, 0) + 1
+    return tree, frozenset(name for name, count in counts.items() if count > 1) - {"_"}
+
+
+class _Variable:
+    """The place of the numbers that a name is given one after the other."""
+
+    def __init__(self, builder, value):
+        self.builder = builder
+        with builder.goto_entry_block():
+            self.place = builder.alloca(value.type)
+
+    def set(self, value):
+        self.builder.store(value, self.place)
+
+    def get(self):
+        return Emitted(self.builder, self.builder.load(self.place))
+
+
+class _Reading:
+    """One passage through a function; methods are named after the nodes that they are for."""
+
+    def __init__(self, builder, function, arguments):
+        tree, self.varying = _parsed(function)
+        self.builder, self.again = builder, []
+        free = (cell.cell_contents for cell in function.__closure__ or ())
+        self.known = {
+            **vars(builtins),
+            **function.__globals__,
+            **dict(zip(function.__code__.co_freevars, free, strict=True)),
+        }
+        self.names = {}
+        for parameter, value in zip(tree.args.args, arguments, strict=True):
+            self.set_name(parameter.arg, value)
+        *statements, last = tree.body
+        self.do(statements)
+        self.result = self.value(last.value) if isinstance(last, ast.Return) else self.do([last])
+
+    def do(self, statements):
+        for each in statements:
+            getattr(self, type(each).__name__)(each)
+
+    def value(self, node):
+        return getattr(self, type(node).__name__)(node)
+
+    # Statements.
+
+    def Expr(self, node):
+        self.value(node.value)
+
+    def Assign(self, node):
+        (target,) = node.targets
+        self.set(target, self.value(node.value))
+
+    def AugAssign(self, node):
+        target = node.target
+        if isinstance(target, ast.Name):
+            old = self.Name(target)
+            self.set_name(target.id, self.operate(node.op, old, self.value(node.value)))
+        else:
+            array, index = self.value(target.value), self.value(target.slice)
+            array[index] = self.operate(node.op, array[index], self.value(node.value))
+
+    def set(self, target, value):
+        if isinstance(target, ast.Name):
+            self.set_name(target.id, value)
+        elif isinstance(target, ast.Subscript):
+            self.value(target.value)[self.value(target.slice)] = value
+        else:
+            for each, part in zip(target.elts, value, strict=True):
+                self.set(each, part)
+
+    def set_name(self, name, value):
+        if name in self.varying:
+            value = emitted(self.builder, value).value
+            if name not in self.names:
+                self.names[name] = _Variable(self.builder, value)
+            self.names[name].set(value)
+        else:
+            self.names[name] = value
+
+    def For(self, node):
+        call = node.iter
+        if isinstance(call, ast.Call) and self.value(call.func) is range:
+            bounds = [self.value(each) for each in call.args]
+            if len(bounds) == 1:
+                bounds = [0, *bounds]
+            values = loop(self.builder, *bounds[:2], *(bounds[2:] or [1]))
+        else:
+            values = self.value(call)
+        for value in values:
+            self.set(node.target, value)
+            self.repeat(node.body)
+
+    def repeat(self, statements):
+        """Do what is repeated, of which a `continue` ends one turn."""
+        end = self.builder.append_basic_block()
+        self.again.append(end)
+        self.do(statements)
+        self.again.pop()
+        self.go_to(end)
+        self.builder.position_at_end(end)
+
+    def go_to(self, block):
+        if not self.builder.block.is_terminated:
+            self.builder.branch(block)
+
+    def Continue(self, node):
+        self.builder.branch(self.again[-1])
+
+    def While(self, node):
+        test, body, after = (self.builder.append_basic_block() for _ in range(3))
+        self.builder.branch(test)
+        self.builder.position_at_end(test)
+        self.builder.cbranch(self.value(node.test).value, body, after)
+        self.builder.position_at_end(body)
+        self.repeat(node.body)
+        self.builder.branch(test)
+        self.builder.position_at_end(after)
+
+    def If(self, node):
+        condition = self.value(node.test)
+        if not isinstance(condition, Emitted):
+            self.do(node.body if condition else node.orelse)
+            return
+        then, otherwise, after = (self.builder.append_basic_block() for _ in range(3))
+        self.builder.cbranch(condition.value, then, otherwise)
+        for block, statements in ((then, node.body), (otherwise, node.orelse)):
+            self.builder.position_at_end(block)
+            self.do(statements)
+            self.go_to(after)
+        self.builder.position_at_end(after)
+
+    # Expressions.
+
+    def Constant(self, node):
+        return node.value
+
+    def Name(self, node):
+        value = self.names[node.id] if node.id in self.names else self.known[node.id]
+        return value.get() if isinstance(value, _Variable) else value
+
+    def Attribute(self, node):
+        return getattr(self.value(node.value), node.attr)
+
+    def Tuple(self, node):
+        return tuple(self.values(node.elts))
+
+    def values(self, nodes):
+        for node in nodes:
+            if isinstance(node, ast.Starred):
+                yield from self.value(node.value)
+            else:
+                yield self.value(node)
+
+    def operate(self, operation, *values):
+        return _OPERATORS[type(operation)](*values)
+
+    def BinOp(self, node):
+        return self.operate(node.op, self.value(node.left), self.value(node.right))
+
+    def UnaryOp(self, node):
+        value = self.value(node.operand)
+        if isinstance(node.op, ast.Not):
+            return ~value if isinstance(value, Emitted) else not value
+        return self.operate(node.op, value)
+
+    def Compare(self, node):
+        values = [self.value(each) for each in (node.left, *node.comparators)]
+        results = map(self.operate, node.ops, values, values[1:])
+        return functools.reduce(operator.and_, results)
+
+    def BoolOp(self, node):
+        """What need not be known is not looked at."""
+        first, *others = node.values
+        value = self.value(first)
+        for other in others:
+            decided = isinstance(node.op, ast.Or)
+            if not isinstance(value, Emitted):
+                value = value if bool(value) is decided else self.value(other)
+                continue
+            found = _Variable(self.builder, value.value)
+            found.set(value.value)
+            look, after = (self.builder.append_basic_block() for _ in range(2))
+            self.builder.cbranch(value.value, *((after, look) if decided else (look, after)))
+            self.builder.position_at_end(look)
+            found.set(emitted(self.builder, self.value(other)).value)
+            self.builder.branch(after)
+            self.builder.position_at_end(after)
+            value = found.get()
+        return value
+
+    def IfExp(self, node):
+        condition = self.value(node.test)
+        if not isinstance(condition, Emitted):
+            return self.value(node.body if condition else node.orelse)
+        return condition.choose(self.value(node.body), self.value(node.orelse))
+
+    def Subscript(self, node):
+        return self.value(node.value)[self.value(node.slice)]
+
+    def Slice(self, node):
+        bounds = node.lower, node.upper, node.step
+        return slice(*(each and self.value(each) for each in bounds))
+
+    def Call(self, node):
+        function = self.value(node.func)
+        arguments = self.values(node.args)
+        named = {each.arg: self.value(each.value) for each in node.keywords}
+        for known in (_STAGED, EMITTERS, _INSTEAD):
+            if function in known:
+                return known[function](self.builder, *arguments, **named)
+        return function(*arguments, **named)

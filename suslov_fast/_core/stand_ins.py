@@ -1,0 +1,432 @@
+"""Stand-ins for numbers, vectors and arrays: what is done to them is written down for LLVM.
+
+Code that is gone through with them, once, is compiled. So Numba need not read, type and compile it,
+which takes most of the time of a first use; and all of it is inlined.
+"""
+
+import math
+from functools import partial
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import AbstractTemplate, builtin_registry, signature
+from numba.extending import lower_builtin, models, register_model
+
+# Doubles in the widest registers; the compiler splits them where registers are narrower.
+VECTOR = 8
+
+
+class Lanes(types.Type):
+    """VECTOR values of one type."""
+
+    def __init__(self, element):
+        super().__init__(f"lanes({element})")
+
+
+DOUBLES, CONDITIONS = Lanes(types.float64), Lanes(types.boolean)
+DOUBLE, INTEGER, CONDITION = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+IN_LLVM = {
+    DOUBLES: ir.VectorType(DOUBLE, VECTOR),
+    CONDITIONS: ir.VectorType(CONDITION, VECTOR),
+}
+_OF_NUMBERS = {types.float64: DOUBLE, types.intp: INTEGER, types.boolean: CONDITION}
+_NUMBA = {kind: of for of, kind in (IN_LLVM | _OF_NUMBERS).items()}
+# What arrays hold.
+_ELEMENTS = {types.float64: DOUBLE, types.int64: INTEGER, types.int8: ir.IntType(8)}
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager, lanes):
+        super().__init__(manager, lanes, IN_LLVM[lanes])
+
+
+def spread(builder, value, size=VECTOR):
+    """A vector as it is, a number in all lanes."""
+    if isinstance(value.type, ir.VectorType):
+        return value
+    kind, index = ir.VectorType(value.type, size), ir.IntType(32)
+    if isinstance(value, ir.Constant):
+        return ir.Constant(kind, [value.constant] * size)
+    vector = builder.insert_element(kind(ir.Undefined), value, index(0))
+    return builder.shuffle_vector(vector, vector, ir.VectorType(index, size)(None))
+
+
+def _alike(builder, *values):
+    """Numbers as vectors, if others are."""
+    sizes = {value.type.count for value in values if isinstance(value.type, ir.VectorType)}
+    return [spread(builder, value, *sizes) for value in values] if sizes else values
+
+
+def _element(kind):
+    return kind.element if isinstance(kind, ir.VectorType) else kind
+
+
+def emitted(builder, value):
+    """A number of Python as one that is compiled."""
+    if isinstance(value, Emitted):
+        return value
+    kinds = {bool: CONDITION, int: INTEGER}
+    return Emitted(builder, ir.Constant(kinds.get(type(value), DOUBLE), value))
+
+
+def as_double(builder, value):
+    """An integer, or a condition, as a number, and numbers as they are."""
+    if _element(value.type) == DOUBLE:
+        return value
+    return (builder.uitofp if value.type == CONDITION else builder.sitofp)(value, DOUBLE)
+
+
+def _binary(of_doubles, of_integers, reverse=False):
+    def operate(self, other):
+        a, b = self.beside(other)
+        emit = of_doubles if _element(a.type) == DOUBLE else of_integers
+        return Emitted(self.builder, emit(self.builder, *((b, a) if reverse else (a, b))))
+
+    return operate
+
+
+def _comparison(how):
+    def operate(self, other):
+        a, b = self.beside(other)
+        if _element(a.type) != DOUBLE:
+            emit = self.builder.icmp_signed
+        else:
+            emit = self.builder.fcmp_unordered if how == "!=" else self.builder.fcmp_ordered
+        return Emitted(self.builder, emit(how, a, b))
+
+    return operate
+
+
+class Emitted:
+    """A number, an integer, a condition, or a vector of them, in code that is compiled."""
+
+    __hash__ = None
+    __bool__ = None  # no branch is known beforehand
+
+    def __init__(self, builder, value):
+        self.builder, self.value = builder, value
+
+    def beside(self, other):
+        """The values of this and of another, as of one type."""
+        kind = _element(self.value.type)
+        if isinstance(other, Emitted):
+            values = self.value, other.value
+        else:
+            of = DOUBLE if isinstance(other, float) else kind
+            number = float(other) if of == DOUBLE else other
+            values = self.value, ir.Constant(of, number)
+        if _element(values[0].type) != _element(values[1].type):
+            values = [as_double(self.builder, each) for each in values]
+        return _alike(self.builder, *values)
+
+    __add__ = __radd__ = _binary(ir.IRBuilder.fadd, ir.IRBuilder.add)
+    __sub__ = _binary(ir.IRBuilder.fsub, ir.IRBuilder.sub)
+    __rsub__ = _binary(ir.IRBuilder.fsub, ir.IRBuilder.sub, reverse=True)
+    __mul__ = __rmul__ = _binary(ir.IRBuilder.fmul, ir.IRBuilder.mul)
+    __truediv__ = _binary(ir.IRBuilder.fdiv, None)
+    __rtruediv__ = _binary(ir.IRBuilder.fdiv, None, reverse=True)
+    __lshift__ = _binary(None, ir.IRBuilder.shl)
+    __rshift__ = _binary(None, ir.IRBuilder.ashr)
+    __and__ = __rand__ = _binary(None, ir.IRBuilder.and_)
+    __or__ = __ror__ = _binary(None, ir.IRBuilder.or_)
+    __xor__ = _binary(None, ir.IRBuilder.xor)
+    __lt__, __le__, __gt__, __ge__ = map(_comparison, ("<", "<=", ">", ">="))
+    __eq__, __ne__ = map(_comparison, ("==", "!="))
+
+    def __floordiv__(self, divisor):
+        if isinstance(divisor, int) and divisor & (divisor - 1) == 0:
+            return self >> (divisor.bit_length() - 1)
+        a, b = self.beside(divisor)
+        quotient = Emitted(self.builder, self.builder.sdiv(a, b))
+        return self._rounded_up(a, b).choose(quotient - 1, quotient)
+
+    def __mod__(self, divisor):
+        if isinstance(divisor, int) and divisor & (divisor - 1) == 0:
+            return self & (divisor - 1)
+        a, b = self.beside(divisor)
+        rest = Emitted(self.builder, self.builder.srem(a, b))
+        return self._rounded_up(a, b).choose(rest + divisor, rest)
+
+    def __rfloordiv__(self, number):
+        return emitted(self.builder, number) // self
+
+    def __rmod__(self, number):
+        return emitted(self.builder, number) % self
+
+    def _rounded_up(self, a, b):
+        """Whether a division of integers rounds up, which it does towards zero."""
+        rest = Emitted(self.builder, self.builder.srem(a, b))
+        return (rest != 0) & ((rest ^ Emitted(self.builder, b)) < 0)
+
+    def copy(self):
+        return self
+
+    def __getitem__(self, part):
+        """Some lanes."""
+        lanes = range(self.value.type.count)[part]
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
+        return Emitted(self.builder, self.builder.shuffle_vector(self.value, self.value, mask))
+
+    def __neg__(self):
+        emit = self.builder.fneg if _element(self.value.type) == DOUBLE else self.builder.neg
+        return Emitted(self.builder, emit(self.value))
+
+    def __invert__(self):
+        return Emitted(self.builder, self.builder.not_(self.value))
+
+    def __abs__(self):
+        return self.call("fabs")
+
+    def __array_ufunc__(self, function, method, *arguments):
+        """A function of NumPy."""
+        first, *others = (emitted(self.builder, each) for each in arguments)
+        if function.__name__ == "isnan":
+            return first != first
+        if function.__name__ == "isfinite":
+            return abs(first) < math.inf
+        return first.call(function.__name__, *others)
+
+    def call(self, name, *others):
+        """What an intrinsic function of LLVM returns."""
+        values = _alike(self.builder, self.value, *(each.value for each in others))
+        kind = values[0].type
+        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
+        declared = self.builder.module.declare_intrinsic(
+            f"llvm.{name}.{suffix}", fnty=ir.FunctionType(kind, [kind] * len(values))
+        )
+        return Emitted(self.builder, self.builder.call(declared, values))
+
+    def view(self, of):
+        return self.cast({np.int64: INTEGER, np.float64: DOUBLE}[of])
+
+    def cast(self, element):
+        """The same bits as numbers of another type."""
+        kind = self.value.type
+        kind = ir.VectorType(element, kind.count) if isinstance(kind, ir.VectorType) else element
+        return Emitted(self.builder, self.builder.bitcast(self.value, kind))
+
+    def to_integer(self):
+        """A number as an integer."""
+        if self.value.type == INTEGER:
+            return self
+        return Emitted(self.builder, self.builder.fptosi(self.value, INTEGER))
+
+    def choose(self, first, second):
+        """The first where this condition holds, the second elsewhere."""
+        if isinstance(second, Emitted):
+            second, first = second.beside(first)
+        else:
+            first, second = emitted(self.builder, first).beside(second)
+        return Emitted(
+            self.builder, self.builder.select(*_alike(self.builder, self.value, first, second))
+        )
+
+    def any_lane(self):
+        bits = ir.IntType(self.value.type.count)
+        value = self.builder.bitcast(self.value, bits)
+        return Emitted(self.builder, self.builder.icmp_unsigned("!=", value, bits(0)))
+
+
+class EmittedArray:
+    """A C-contiguous array in code that is compiled. Slices are of flat arrays."""
+
+    def __init__(self, builder, pointer, shape):
+        self.builder, self.pointer, self.shape = builder, pointer, shape
+
+    @property
+    def size(self):
+        return math.prod(self.shape)
+
+    @property
+    def itemsize(self):
+        kind = self.pointer.type.pointee
+        return 8 if kind == DOUBLE else kind.width // 8
+
+    @property
+    def ctypes(self):
+        return self
+
+    @property
+    def data(self):
+        """The address, as NumPy calls it."""
+        return Emitted(self.builder, self.builder.ptrtoint(self.pointer, INTEGER))
+
+    def reshape(self, shape):
+        shape = shape if isinstance(shape, tuple) else (shape,)
+        return EmittedArray(self.builder, self.pointer, shape)
+
+    def copy(self):
+        """A vector of all numbers."""
+        return Emitted(self.builder, self.builder.load(self.as_vector(self.size), align=8))
+
+    def as_vector(self, size):
+        """Where a vector of the first numbers lies."""
+        return self.builder.bitcast(self.pointer, ir.VectorType(DOUBLE, size).as_pointer())
+
+    def fill(self, value):
+        value = emitted(self.builder, value).value
+        if isinstance(value.type, ir.VectorType) or isinstance(self.size, int):
+            value = spread(self.builder, value, self.size)
+            self.builder.store(value, self.as_vector(value.type.count), align=8)
+        else:
+            for index in loop(self.builder, 0, self.size, 1):
+                self[index] = Emitted(self.builder, value)
+
+    def __getitem__(self, part):
+        if isinstance(part, slice):
+            assert part.step is None
+            start = 0 if part.start is None else part.start
+            size = None if part.stop is None else part.stop - start
+            return EmittedArray(self.builder, self._place((start,)), (size,))
+        indices = part if isinstance(part, tuple) else (part,)
+        place, shape = self._place(indices), self.shape[len(indices) :]
+        if shape:
+            return EmittedArray(self.builder, place, shape)
+        value = self.builder.load(place)
+        if value.type != DOUBLE and value.type != INTEGER:
+            value = self.builder.sext(value, INTEGER)
+        return Emitted(self.builder, value)
+
+    def __setitem__(self, part, value):
+        indices = part if isinstance(part, tuple) else (part,)
+        if isinstance(part, slice) or len(indices) < len(self.shape):
+            self[part].fill(value)
+            return
+        place = self._place(indices)
+        value, kind = emitted(self.builder, value).value, place.type.pointee
+        if kind == DOUBLE:
+            value = as_double(self.builder, value)
+        elif value.type != kind:
+            value = self.builder.trunc(value, kind)
+        self.builder.store(value, place)
+
+    def _place(self, indices):
+        """Where the part with these first indices begins."""
+        index = indices[0]
+        for axis, length in enumerate(self.shape[1:], 1):
+            index = index * length + (indices[axis] if axis < len(indices) else 0)
+        return self.builder.gep(self.pointer, [emitted(self.builder, index).value])
+
+
+def loop(builder, start, stop, step):
+    """`range` in code that is compiled: goes once through what is done with the index it yields.
+
+    A step that is not known beforehand is positive.
+    """
+    before = "<" if isinstance(step, Emitted) or step > 0 else ">"
+    start, stop, step = (emitted(builder, each).value for each in (start, stop, step))
+    entry = builder.block
+    test, body, after = (builder.append_basic_block() for _ in range(3))
+    builder.branch(test)
+    builder.position_at_end(test)
+    index = builder.phi(INTEGER)
+    index.add_incoming(start, entry)
+    builder.cbranch(builder.icmp_signed(before, index, stop), body, after)
+    builder.position_at_end(body)
+    yield Emitted(builder, index)
+    index.add_incoming(builder.add(index, step, flags=("nsw",)), builder.block)
+    builder.branch(test)
+    builder.position_at_end(after)
+
+
+# How calls are compiled of functions that do more than can be seen from their arguments.
+EMITTERS = {}
+
+
+def emits(function):
+    """Compile calls of a function by the decorated one, which is given a builder too."""
+
+    def decorate(emit):
+        EMITTERS[function] = emit
+        compiled_by(function, emit)
+        return emit
+
+    return decorate
+
+
+def compiled_by(function, emit, returns=lambda: True):
+    """Let Numba compile a call of a function by `emit(builder, *stand_ins)`, which returns others.
+
+    Arguments may be arrays, and tuples; results may be tuples.
+
+    returns   tells whether there are any.
+    """
+    signatures = {}
+
+    class _Called(AbstractTemplate):
+        key = function
+
+        def generic(self, arguments, options):
+            accepts = tuple(map(_accepted, arguments))
+            if None in accepts:
+                return None
+            if accepts not in signatures:
+                result = _returned(emit, accepts) if returns() else types.void
+                signatures[accepts] = signature(result, *accepts)
+            return signatures[accepts]
+
+    builtin_registry.register_global(function, types.Function(_Called))
+
+    @lower_builtin(function, types.VarArg(types.Any))
+    def _generate(context, builder, signature, arguments):
+        given = [
+            _stand_in(context, builder, kind, value)
+            for kind, value in zip(signature.args, arguments, strict=True)
+        ]
+        result = emit(builder, *given)
+        if signature.return_type == types.void:
+            return context.get_dummy_value()
+        if not isinstance(result, tuple):
+            return emitted(builder, result).value
+        values = [emitted(builder, each).value for each in result]
+        return context.make_tuple(builder, signature.return_type, values)
+
+
+def _returned(emit, accepts):
+    """The type of what is returned, by a trial."""
+    tried = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), ()), "tried")
+    builder = ir.IRBuilder(tried.append_basic_block())
+    result = emit(builder, *(_on_trial(builder, kind) for kind in accepts))
+    if result is None:
+        return types.void
+    if not isinstance(result, tuple):
+        return _NUMBA[emitted(builder, result).value.type]
+    return types.Tuple([_NUMBA[emitted(builder, each).value.type] for each in result])
+
+
+def _accepted(kind):
+    """The type that an argument is taken as, or None where it is not."""
+    if isinstance(kind, types.Array):
+        return kind if kind.layout == "C" else None
+    if isinstance(kind, types.BaseTuple):
+        return None if None in map(_accepted, kind) else kind
+    if isinstance(kind, Lanes) or kind == types.none:
+        return kind
+    if isinstance(kind, types.Boolean):
+        return types.boolean
+    return types.intp if isinstance(kind, types.Integer) else types.float64
+
+
+def _stand_in(context, builder, kind, value):
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        lengths = (Emitted(builder, each) for each in cgutils.unpack_tuple(builder, array.shape))
+        return EmittedArray(builder, array.data, tuple(lengths))
+    if isinstance(kind, types.BaseTuple):
+        values = cgutils.unpack_tuple(builder, value, len(kind))
+        return tuple(map(partial(_stand_in, context, builder), kind, values))
+    return None if kind == types.none else Emitted(builder, value)
+
+
+def _on_trial(builder, kind):
+    if isinstance(kind, types.Array):
+        length = Emitted(builder, builder.load(builder.alloca(INTEGER)))
+        return EmittedArray(builder, builder.alloca(_ELEMENTS[kind.dtype]), (length,) * kind.ndim)
+    if isinstance(kind, types.BaseTuple):
+        return tuple(_on_trial(builder, each) for each in kind)
+    if kind == types.none:
+        return None
+    return Emitted(builder, builder.load(builder.alloca((IN_LLVM | _OF_NUMBERS)[kind])))

@@ -62,8 +62,8 @@ class _Run:
         tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
         groups = -(-min(block, max(size, 1)) // VECTOR)
         shapes = [
-            (tasks, groups, m, map_nd.CELLS, VECTOR),
-            (tasks, groups, map_nd.SUMS, VECTOR),
+            (tasks, (groups * m + VECTOR) * map_nd.CELL),
+            (tasks, groups * map_nd.GROUP),
             (tasks, groups * VECTOR * m + VECTOR),
         ]
         if eliminates:
@@ -72,7 +72,7 @@ class _Run:
             shapes += [(tasks, groups * VECTOR, m), (tasks, 2 * m + 4, m + 1)]
         cells, sums, tile, *others = _arrays(*shapes)
         return (
-            map_nd.Scratch(cells, cells.reshape(tasks, -1), sums, tile),
+            map_nd.Scratch(cells, sums, tile),
             others[0] if eliminates else None,
             None if self.problem.orientation is None else map_nd.Turning(*others[1:]),
         )

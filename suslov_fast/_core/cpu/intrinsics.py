@@ -27,6 +27,7 @@ from .vector import (
     store,
     store_at,
     store_pairs,
+    store_rows,
     stream,
     stream_pairs,
     vector_at,
@@ -125,7 +126,6 @@ def _define_access(dimension):
 
 
 _define_access(3)
-_define_access(4)
 
 
 _FLAT, _INDEX = types.Array(types.float64, 1, "C"), types.intp
@@ -193,6 +193,31 @@ _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, 
 _define_pairs(stream_pairs, _stream)
 
 
+def _define_rows(size):
+    """Each line is that of the first two vectors, where numbers of the others take their places."""
+
+    @_define(store_rows, types.void, _FLAT, _INDEX, *[DOUBLES] * size)
+    def _rows(context, builder, signature, arguments):
+        array, index, *vectors = arguments
+        first = _element(context, builder, array, index, IN_LLVM[DOUBLES])
+        for k in range(size):
+            line = vectors[0]
+            for i in range(1, size):
+                numbers = (divmod(k * VECTOR + j, size) for j in range(VECTOR))
+                lanes = [
+                    VECTOR + lane if which == i else lane if i == 1 else j
+                    for j, (lane, which) in enumerate(numbers)
+                ]
+                mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
+                line = builder.shuffle_vector(line, vectors[i], mask)
+            builder.store(line, builder.gep(first, [ir.IntType(32)(k)]), align=8)
+        return context.get_dummy_value()
+
+
+_define_rows(2)
+_define_rows(3)
+
+
 @_define(scatter_pairs, types.void, _FLAT, _INDEX, _INDEX, DOUBLES, DOUBLES)
 def _scatter_pairs(context, builder, signature, arguments):
     array, index, stride, first, second = arguments
@@ -205,13 +230,13 @@ def _scatter_pairs(context, builder, signature, arguments):
     return context.get_dummy_value()
 
 
-@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX)
+@_define(copy_transposed, types.void, _FLAT, _INDEX, _INDEX, _FLAT, _INDEX, _INDEX, DOUBLES)
 def _copy_transposed(context, builder, signature, arguments):
-    array, index, stride, source, first, distance = arguments
+    array, index, stride, source, first, distance, factors = arguments
     rows = []
     for _ in range(VECTOR):
         place = _element(context, builder, source, first, IN_LLVM[DOUBLES])
-        rows.append(builder.load(place, align=8))
+        rows.append(builder.fmul(factors, builder.load(place, align=8)))
         first = builder.add(first, distance)
     # Squares of 1, 2 and 4 numbers change places with their mirror images.
     for size in (1, 2, 4):

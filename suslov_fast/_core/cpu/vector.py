@@ -96,6 +96,11 @@ def store_pairs(array, index, first, second):
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
+def store_rows(array, index, *vectors):
+    """Write vectors lane by lane side by side, a row of numbers for each lane."""
+    array[index : index + len(vectors) * VECTOR] = np.column_stack(vectors).reshape(-1)
+
+
 def scatter_pairs(array, index, stride, first, second):
     """Write two vectors as pairs, at index, index + stride, ..."""
     for k in range(VECTOR):
@@ -107,13 +112,14 @@ def stream_pairs(array, index, first, second):
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
-def copy_transposed(array, index, stride, source, first, distance):
+def copy_transposed(array, index, stride, source, first, distance, factors):
     """A square of VECTOR**2 numbers, whose rows start at first, first + distance, ... in `source`.
 
-    Its columns are written at index, index + stride, ...
+    Its columns, each times a factor, are written at index, index + stride, ... one after the other.
     """
-    i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
-    array[index + stride * i + j] = source[first + distance * i + j].T
+    rows = [factors * vector_at(source, first + distance * i) for i in range(VECTOR)]
+    for k in range(VECTOR):
+        store_at(array, index + stride * k, np.array([row[k] for row in rows]))
 
 
 def expect_store(array, index):

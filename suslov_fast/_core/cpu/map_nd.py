@@ -62,9 +62,7 @@ from .vector import (
 
 GAUSS, RANK2 = range(2)
 
-LANES = 64
-# Components that the groups of a block have together, unless it is one group: cells that fit in L1.
-ROOM = 128
+LANES = 128
 
 # Where the rows of a component lie.
 CELL = 4 * VECTOR
@@ -72,8 +70,8 @@ J_, I_, OMEGA, WORK = range(0, CELL, VECTOR)
 # Those of a group: the logarithms of units, in the places of what has them; eps in the unit of the
 # user, and in those of the lane; the unit of omega; bounds of |omega|**2 for steps to be small and
 # for units to serve; p, |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is
-# accurate, where a trajectory has ended, and where it never moves, else 0; the sums over components,
-# and how large the determinant of the two unknowns must be; how a trajectory ends now.
+# accurate, where a trajectory has ended, and where it never moves, else 0; the sums over
+# components, and how large the determinant of the two unknowns must be; how a trajectory ends now.
 GROUP = 22 * VECTOR
 (
     GIVEN_EPS,
@@ -96,6 +94,9 @@ GROUP = 22 * VECTOR
     LEAST,
     CODE,
 ) = range(3 * VECTOR, GROUP, VECTOR)
+# Numbers that the groups of a block have together, unless it is one group: they stay in L1.
+ROOM = 688 * VECTOR
+
 # Where all |d_i| / J_i are above this, and the determinant of the two sums is above its square, the
 # O(n) step loses less than two digits.
 FAR = 0.25
@@ -206,7 +207,7 @@ class Turning(NamedTuple):
 @part
 def block_size(m):
     """The trajectories that share a block, in whole groups."""
-    return max(VECTOR, min(LANES, ROOM // m * VECTOR))
+    return max(VECTOR, min(LANES, ROOM // (m * CELL + GROUP) * VECTOR))
 
 
 @part

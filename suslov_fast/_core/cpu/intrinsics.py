@@ -27,7 +27,6 @@ from .vector import (
     store,
     store_at,
     store_pairs,
-    store_rows,
     stream,
     stream_pairs,
     vector_at,
@@ -191,31 +190,6 @@ def _define_pairs(function, write):
 
 _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
 _define_pairs(stream_pairs, _stream)
-
-
-def _define_rows(size):
-    """Each line is that of the first two vectors, where numbers of the others take their places."""
-
-    @_define(store_rows, types.void, _FLAT, _INDEX, *[DOUBLES] * size)
-    def _rows(context, builder, signature, arguments):
-        array, index, *vectors = arguments
-        first = _element(context, builder, array, index, IN_LLVM[DOUBLES])
-        for k in range(size):
-            line = vectors[0]
-            for i in range(1, size):
-                numbers = (divmod(k * VECTOR + j, size) for j in range(VECTOR))
-                lanes = [
-                    VECTOR + lane if which == i else lane if i == 1 else j
-                    for j, (lane, which) in enumerate(numbers)
-                ]
-                mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
-                line = builder.shuffle_vector(line, vectors[i], mask)
-            builder.store(line, builder.gep(first, [ir.IntType(32)(k)]), align=8)
-        return context.get_dummy_value()
-
-
-_define_rows(2)
-_define_rows(3)
 
 
 @_define(scatter_pairs, types.void, _FLAT, _INDEX, _INDEX, DOUBLES, DOUBLES)

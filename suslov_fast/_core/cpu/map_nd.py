@@ -755,9 +755,17 @@ def see_to_units(span, kept, block, n):
             settle(cells, sums, first, last, s)
 
 
-@lanewise
-def shown(cells, c, unit):
-    return vector_at(cells, c + OMEGA) * unit
+def _showing(m):
+    @lanewise
+    def show_few(cells, c, unit, tile, place):
+        """The states of a group of few components."""
+        rows = rows_at(cells, c + OMEGA, *range(0, m * CELL, CELL))
+        store_rows(tile, place, [omega * unit for omega in rows])
+
+    return show_few
+
+
+show2, show3, show4 = map(_showing, (2, 3, 4))
 
 
 @part
@@ -767,15 +775,11 @@ def show(block):
     for g in range(block.groups):
         c, place, unit = g * m * CELL, g * VECTOR * m, vector_at(block.sums, g * GROUP + UNIT)
         if m == 2:
-            store_rows(tile, place, shown(cells, c, unit), shown(cells, c + CELL, unit))
+            show2(cells, c, unit, tile, place)
         elif m == 3:
-            store_rows(
-                tile,
-                place,
-                shown(cells, c, unit),
-                shown(cells, c + CELL, unit),
-                shown(cells, c + 2 * CELL, unit),
-            )
+            show3(cells, c, unit, tile, place)
+        elif m == 4:
+            show4(cells, c, unit, tile, place)
         else:
             for i in range((m - 1) // VECTOR * VECTOR, -1, -VECTOR):
                 row = c + i * CELL + OMEGA

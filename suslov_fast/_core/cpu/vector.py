@@ -5,9 +5,11 @@ Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy
 """
 
 import numpy as np
+from llvmlite import ir
 
 from ..jit import part
 from ..lanewise import VECTOR as VECTOR
+from ..lanewise import Emitted
 from ..lanewise import larger as larger
 from ..lanewise import select as select
 from ..lanewise import smaller as smaller
@@ -64,6 +66,31 @@ def all_lanes(conditions):
     return bool(conditions.all())
 
 
+# What follows up to the next remark is called by formulas that are `lanewise`.
+
+
+def shuffled(first, second, places):
+    """The numbers of two vectors at some places, as a vector."""
+    if not isinstance(first, Emitted):
+        return np.concatenate((first, second))[places]
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), places)
+    builder = first.builder
+    return Emitted(builder, builder.shuffle_vector(first.value, second.value, mask))
+
+
+def store_rows(array, index, vectors):
+    """Write vectors lane by lane side by side, a row of numbers for each lane."""
+    size = len(vectors)
+    for k in range(size):
+        numbers = [divmod(k * VECTOR + j, size) for j in range(VECTOR)]
+        # The numbers of one vector after the other take their places.
+        line = shuffled(vectors[0], vectors[0], [lane for lane, _ in numbers])
+        for i in range(1, size):
+            places = [VECTOR + l if which == i else j for j, (l, which) in enumerate(numbers)]
+            line = shuffled(line, vectors[i], places)
+        store_at(array, index + k * VECTOR, line)
+
+
 # Ways to read and write memory; arrays are flat, indices those of elements.
 
 
@@ -94,11 +121,6 @@ def stream(array, index, vector):
 def store_pairs(array, index, first, second):
     """Write two vectors lane by lane side by side, as pairs of numbers."""
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
-
-
-def store_rows(array, index, *vectors):
-    """Write vectors lane by lane side by side, a row of numbers for each lane."""
-    array[index : index + len(vectors) * VECTOR] = np.column_stack(vectors).reshape(-1)
 
 
 def scatter_pairs(array, index, stride, first, second):

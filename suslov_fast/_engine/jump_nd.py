@@ -189,7 +189,7 @@ class _Reduced:
         problem = self.problem
         rows, size, m = problem.saved.shape
         states = min(size * rows, reduced_nd.STATES)
-        length = -(-(reduced_nd.room_of(m) + 2 * states) // VECTOR) * VECTOR
+        length = -(-(reduced_nd.room_of(m) + 2 * (states + VECTOR)) // VECTOR) * VECTOR
         tasks = (
             1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
         )

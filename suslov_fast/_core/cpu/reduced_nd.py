@@ -14,6 +14,7 @@ from ..formulas.coordinates import sum_of_products
 from ..formulas.elementary import exponent, scaled
 from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
 from ..jit import Loop, part
+from ..lanewise import lanewise
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import TASKS
 from .equal_steps import GROUP
@@ -24,6 +25,7 @@ from .vector import (
     VECTOR,
     borrowed,
     fence,
+    shuffled,
     splat,
     store_at,
     to_cache_line,
@@ -152,14 +154,14 @@ def lanes_of(m):
 
 @part
 def padded(m):
-    """The components of a trajectory and what fills their last vector."""
-    return (m + VECTOR - 1) // VECTOR * VECTOR
+    """The components of a trajectory and what fills their last vector, if they fill one."""
+    return (m + VECTOR - 1) // VECTOR * VECTOR if m >= VECTOR else m
 
 
 @part
 def length_of_row(m):
-    """The numbers of a row at most, and a vector that its last components may reach beyond it."""
-    return max(lanes_of(m) * m, ROW) + VECTOR
+    """The numbers of a row at most, and what its last vectors may reach beyond it."""
+    return max(lanes_of(m) * m, ROW) + VECTOR * VECTOR
 
 
 @part
@@ -170,12 +172,18 @@ def room_of(m):
 
 @part
 def take_coefficients(along, across, first, width, coefficients):
-    """Those of each trajectory, along before across."""
+    """Those of each trajectory, along before across; of few components, those of a block.
+
+    A single trajectory is there as often as a vector has lanes.
+    """
     m, step = along.shape[1], padded(along.shape[1])
-    for l in range(width):
+    lanes = (width + VECTOR - 1) // VECTOR * VECTOR
+    apart, other = (2 * step, step) if m >= VECTOR else (m, lanes * m)
+    for l in range(lanes):
+        b = first + min(l, width - 1)
         for i in range(step):
-            coefficients[2 * step * l + i] = along[first + l, i] if i < m else 0.0
-            coefficients[2 * step * l + step + i] = across[first + l, i] if i < m else 0.0
+            coefficients[apart * l + i] = along[b, i] if i < m else 0.0
+            coefficients[apart * l + other + i] = across[b, i] if i < m else 0.0
 
 
 @part
@@ -200,6 +208,52 @@ def expand(states, begin, rows, width, m, coefficients, row):
                 place += m
 
 
+def _expanding(m):
+    places = [[2 * ((VECTOR * k + j) // m) for j in range(VECTOR)] for k in range(m)]
+
+    @lanewise
+    def expand_group(states, begin, coefficients, c, other, row, place):
+        """VECTOR states of few components, from those of 3D; `other` of c is across, c along."""
+        pairs = vector_at(states, begin), vector_at(states, begin + VECTOR)
+        for k, firsts in enumerate(places):
+            omega1 = shuffled(*pairs, firsts)
+            omega2 = shuffled(*pairs, [each + 1 for each in firsts])
+            along = vector_at(coefficients, c + k * VECTOR)
+            across = vector_at(coefficients, c + other + k * VECTOR)
+            store_at(row, place + k * VECTOR, state_nd(along, across, omega1, omega2))
+
+    return expand_group
+
+
+expand1, expand3, expand4, expand5, expand6, expand7 = map(_expanding, (1, 3, 4, 5, 6, 7))
+
+
+@part
+def expand_few(states, begin, rows, width, m, coefficients, row):
+    """`expand` of fewer components than a vector has lanes; what a group has beyond the last
+    trajectory is written over.
+    """
+    other = (width + VECTOR - 1) // VECTOR * VECTOR * m
+    apart = VECTOR * m if width > 1 else 0
+    if width == 1:
+        rows, width = 1, rows
+    for r in range(rows):
+        for l in range(0, width, VECTOR):
+            k, c, place = begin + 2 * (r * width + l), l // VECTOR * apart, (r * width + l) * m
+            if m == 3:
+                expand3(states, k, coefficients, c, other, row, place)
+            elif m == 4:
+                expand4(states, k, coefficients, c, other, row, place)
+            elif m == 5:
+                expand5(states, k, coefficients, c, other, row, place)
+            elif m == 6:
+                expand6(states, k, coefficients, c, other, row, place)
+            elif m == 7:
+                expand7(states, k, coefficients, c, other, row, place)
+            else:
+                expand1(states, k, coefficients, c, other, row, place)
+
+
 def _fill(three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room):
     """States of n dimensions at the steps of rows begin to end, each `every` after the last.
 
@@ -208,7 +262,8 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
     rows          begin, end, origin: row i goes to row i - origin of `out`, (rows, B, m).
     status        (B,), as in `equal_steps`.
     missing       (tasks, 2), counts what nobody reads.
-    room          (tasks, `room_of(m)` and two numbers for each state of a part), on cache lines.
+    room          (tasks, `room_of(m)` and two numbers for each state of a part and VECTOR more), on
+                  cache lines.
     """
     batch, m = along.shape
     begin, end, origin = rows
@@ -254,7 +309,10 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
             abreast = max(ROW // (width * m), 1) if width == batch else 1
             for r in range(0, bottom - top, abreast):
                 count = min(abreast, bottom - top - r)
-                expand(states, 2 * width * r, count, width, m, coefficients, row)
+                if m < VECTOR:
+                    expand_few(states, 2 * width * r, count, width, m, coefficients, row)
+                else:
+                    expand(states, 2 * width * r, count, width, m, coefficients, row)
                 target = ((top + r - origin) * batch + first) * m
                 write_numbers(row, 0, flat, target, count * width * m, line, past_caches)
         fence()

@@ -54,7 +54,7 @@ def rows_of(m):
 
 @part
 def room_to_reduce(m):
-    """The numbers that a task works in: these rows, the same as they lie in arrays, and three vectors."""
+    """The numbers that a task works in: these rows, room to turn them, and three vectors."""
     return 4 * rows_of(m) + 3 * VECTOR
 
 
@@ -293,40 +293,44 @@ def room_of(m):
 
 @part
 def take_coefficients(along, across, first, width, coefficients):
-    """Those of each trajectory, along before across; of few components, those of a block.
+    """Those of each trajectory, a vector of along before one of across; of few components, those of
+    all trajectories.
 
     A single trajectory is there as often as a vector has lanes.
     """
     m, step = along.shape[1], padded(along.shape[1])
     lanes = (width + VECTOR - 1) // VECTOR * VECTOR
-    apart, other = (2 * step, step) if m >= VECTOR else (m, lanes * m)
     for l in range(lanes):
         b = first + min(l, width - 1)
         for i in range(step):
-            coefficients[apart * l + i] = along[b, i] if i < m else 0.0
-            coefficients[apart * l + other + i] = across[b, i] if i < m else 0.0
+            if m < VECTOR:
+                place, other = l * m + i, lanes * m
+            else:
+                place, other = 2 * step * l + i + i // VECTOR * VECTOR, VECTOR
+            coefficients[place] = along[b, i] if i < m else 0.0
+            coefficients[place + other] = across[b, i] if i < m else 0.0
+
+
+@lanewise
+def expand_vector(omega1, omega2, coefficients, c, row, place):
+    along, across = vector_at(coefficients, c), vector_at(coefficients, c + VECTOR)
+    store_at(row, place, state_nd(along, across, omega1, omega2))
 
 
 @part
 def expand(states, begin, rows, width, m, coefficients, row):
-    """States of some rows, from those of 3D.
-
-    Vectors of the last components come first: what they write beyond them is written over.
+    """States of some rows, from those of 3D; what vectors of the last components have beyond them
+    is written over.
     """
-    step = padded(m)
-    apart = 2 * step if width > 1 else 0
-    if width == 1:  # its rows are as trajectories that are all alike
-        rows, width = 1, rows
-    for i in range(step - VECTOR, -1, -VECTOR):
-        place = i
-        for k in range(begin, begin + 2 * rows * width, 2 * width):
-            omega = states[k : k + 2 * width]
-            for l in range(width):
-                along = vector_at(coefficients, apart * l + i)
-                across = vector_at(coefficients, apart * l + step + i)
-                state = state_nd(along, across, splat(omega[2 * l]), splat(omega[2 * l + 1]))
-                store_at(row, place, state)
-                place += m
+    place, whole = 0, 2 * padded(m)
+    apart = whole if width > 1 else 0  # rows of a single one are as trajectories all alike
+    for r in range(rows):
+        omega = states[begin + 2 * r * width : begin + 2 * (r + 1) * width]
+        for l in range(width):
+            omega1, omega2 = omega[2 * l], omega[2 * l + 1]
+            for k in range(0, whole, 2 * VECTOR):
+                expand_vector(omega1, omega2, coefficients, apart * l + k, row, place + k // 2)
+            place += m
 
 
 def _expanding(m):

@@ -59,9 +59,10 @@ class _Run:
         """Room for so many trajectories, as much as threads can use at once."""
         m = self.problem.omega.shape[1]
         block = map_nd.block_size(m)
-        tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // block)), 1)
+        shared = min(block, map_nd.SHARED)
+        tasks = max(min(self.problem.threads or numba.get_num_threads(), -(-size // shared)), 1)
         groups = -(-min(block, max(size, 1)) // VECTOR)
-        shapes = [
+        shapes: list[tuple[int, ...]] = [
             (tasks, (groups * m + VECTOR) * map_nd.CELL),
             (tasks, groups * map_nd.GROUP),
             (tasks, groups * VECTOR * m + VECTOR),
@@ -90,9 +91,10 @@ class _Run:
 
     def _call(self, part: Part, chosen: NDArray[np.intp], rooms: _Room) -> None:
         every, first_row = self.problem.every, self.problem.first_row
+        m = self.problem.omega.shape[1]
         threads.run(
             map_nd.iterate,
-            part.work(map_nd.block_size(self.problem.omega.shape[1]), self.work),
+            part.work(min(map_nd.block_size(m), map_nd.SHARED), self.work),
             self.problem.threads,
             self.method,
             self.bodies,

@@ -217,7 +217,8 @@ def _room(problem: Problem | None, length: int) -> FloatArray:
     """So many numbers for each task of a run, or for a single one, on cache lines."""
     tasks = 1 if problem is None else problem.threads or numba.get_num_threads()
     length = -(-length // VECTOR) * VECTOR
-    return aligned(tasks * length).reshape(tasks, length)
+    room: FloatArray = aligned(tasks * length).reshape(tasks, length)
+    return room
 
 
 def _slices(size: int, rows: int, m: int) -> Iterator[tuple[closed.Range, closed.Range]]:

@@ -62,7 +62,8 @@ from .vector import (
 
 GAUSS, RANK2 = range(2)
 
-LANES = 128
+# Trajectories of a block at most, and of one that is made smaller for threads to share the work.
+LANES, SHARED = 128, 64
 
 # Where the rows of a component lie.
 CELL = 4 * VECTOR
@@ -902,8 +903,11 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turnin
 
     What is None is not compiled: most calls want neither.
     """
-    size = block_size(omega.shape[1])
-    blocks = (span.end - span.begin + size - 1) // size
+    size, count = block_size(omega.shape[1]), span.end - span.begin
+    groups = (count + VECTOR - 1) // VECTOR
+    share = (groups + scratch.cells.shape[0] - 1) // scratch.cells.shape[0] * VECTOR
+    size = min(size, max(share, SHARED))
+    blocks = (count + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])
     for task in prange(tasks):
         first_block = task * blocks // tasks

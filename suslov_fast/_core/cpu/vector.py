@@ -66,7 +66,7 @@ def all_lanes(conditions):
     return bool(conditions.all())
 
 
-# What follows up to the next remark is called by formulas that are `lanewise`.
+# Ways to move numbers between lanes, which formulas that are `lanewise` call.
 
 
 def shuffled(first, second, places):

@@ -6,7 +6,7 @@ are cut into calls.
 
 GAUSS solves A(omega) omega_next = omega, equation (dsn). RANK2 solves for the increment in O(n):
 then little is rounded while steps are small. Where they are not, where a d_i nearly vanishes or
-omega shrinks by orders of magnitude, it goes over to other ways, a lane at a time.
+omega shrinks by orders of magnitude, it goes over to other ways, in the lanes concerned.
 
 Arrays of a block are flat, with rows of VECTOR lanes:
 

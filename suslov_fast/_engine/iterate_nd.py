@@ -122,11 +122,14 @@ def _names(problem: Problem) -> list[str]:
 def _kept(problem: Problem) -> map_nd.Kept:
     """What a run writes, with what it goes on from, which stays as it is."""
     size, m = problem.omega.shape
+    # In one piece: of several, glibc gives memory back at the end of each call, and to get it anew
+    # takes as long as some steps.
+    state, *last = np.empty((1 if problem.saves_last else 2, size, m))
     kept = map_nd.Kept(
-        final=problem.room_for_last(),
+        final=last[0] if last else problem.saved[-1],
         status=not_computed(size),
         failed_at=np.full(size, -1),
-        state=np.empty((size, m)),
+        state=state,
         exponent=np.empty(size),
         columns=(
             np.empty((0, m + 1, m + 1))

@@ -56,8 +56,8 @@ def part(function):
 
 
 def inlined_part(function):
-    """A part that becomes source of its caller, where the compiler knows what local arrays are."""
-    return register_jitable(inline="always", **_OPTIONS)(_named_apart(function))
+    """A part that each of its callers takes in: a call would take as long as what it does."""
+    return register_jitable(forceinline=True, _nrt=False, **_OPTIONS)(_named_apart(function))
 
 
 class Loop:

@@ -36,6 +36,13 @@ def any_lane(conditions):
     return bool(conditions.any())
 
 
+def shuffled(first, second, places):
+    """The numbers of two vectors at some places, as a vector."""
+    if isinstance(first, Emitted):
+        return first.shuffled(second, places)
+    return np.concatenate((first, second))[places]
+
+
 def split(v):
     """v as a sum of two numbers of 26 bits, whose products are exact (Veltkamp)."""
     c = 134217729.0 * v

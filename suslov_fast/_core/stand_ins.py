@@ -224,6 +224,11 @@ class Emitted:
             self.builder, self.builder.select(*_alike(self.builder, self.value, first, second))
         )
 
+    def shuffled(self, other, places):
+        """The numbers at some places of two vectors."""
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), places)
+        return Emitted(self.builder, self.builder.shuffle_vector(self.value, other.value, mask))
+
     def any_lane(self):
         bits = ir.IntType(self.value.type.count)
         value = self.builder.bitcast(self.value, bits)

@@ -32,7 +32,7 @@ def run(problem: Problem) -> Outcome:
         If there is no room to work in.
     """
     run = _Run(problem)
-    for part in problem.parts(run.work, run.block):
+    for part in problem.parts(run.work, map_nd.block_size(problem.omega.shape[1])):
         run.compute(part)
     return run.outcome()
 
@@ -46,7 +46,8 @@ class _Run:
         # The O(n) step may have to eliminate each time: then the first part takes some 0.3 s.
         self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
         self.problem = problem
-        self.block = map_nd.block_size(m)
+        # Trajectories of the blocks that threads share out.
+        self.shared = min(map_nd.block_size(m), map_nd.SHARED)
         self.method = map_nd.GAUSS if gauss else map_nd.RANK2
         self.bodies = (*problem.parameters, problem.time_step)  # as `map_nd.Bodies`
         self.saved = (problem.saved, problem.turns)  # as `map_nd.Saved`
@@ -57,12 +58,12 @@ class _Run:
 
     def _room(self, size: int, eliminates: bool) -> _Room:
         """Room for so many trajectories, as much as threads can use at once."""
-        m, blocks = self.problem.omega.shape[1], -(-size // self.block)
+        m, blocks = self.problem.omega.shape[1], -(-size // self.shared)
         tasks = min(self.problem.threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
-        groups = -(-min(self.block, max(size, 1)) // VECTOR)
-        shapes = [
-            (tasks, groups, m, map_nd.CELLS, VECTOR),
-            (tasks, groups, map_nd.SUMS, VECTOR),
+        groups = -(-min(map_nd.block_size(m), max(size, 1)) // VECTOR)
+        shapes: list[tuple[int, ...]] = [
+            (tasks, (groups * m + VECTOR) * map_nd.CELL),
+            (tasks, groups * map_nd.GROUP),
             (tasks, groups * VECTOR * m + VECTOR),
         ]
         if eliminates:
@@ -71,7 +72,7 @@ class _Run:
             shapes += [(tasks, groups * VECTOR, m), (tasks, 2 * m + 4, m + 1)]
         cells, sums, tile, *others = _arrays(*shapes)
         return (
-            (cells, cells.reshape(tasks, -1), sums, tile),
+            (cells, sums, tile),
             others[0] if eliminates else None,
             None if self.problem.orientation is None else map_nd.Turning(*others[1:]),
         )
@@ -92,7 +93,7 @@ class _Run:
         every, first_row = self.problem.every, self.problem.first_row
         threads.run(
             map_nd.iterate,
-            part.work(self.block, self.work),
+            part.work(self.shared, self.work),
             self.problem.threads,
             self.method,
             self.bodies,
@@ -120,11 +121,14 @@ def _names(problem: Problem) -> list[str]:
 def _kept(problem: Problem) -> map_nd.Kept:
     """What a run writes, with what it goes on from, which stays as it is."""
     size, m = problem.omega.shape
+    # In one piece: of several, glibc gives memory back at the end of each call, and to get it anew
+    # takes as long as some steps.
+    state, *last = np.empty((1 if problem.saves_last else 2, size, m))
     kept = map_nd.Kept(
-        final=problem.room_for_last(),
+        final=last[0] if last else problem.saved[-1],
         status=not_computed(size),
         failed_at=never(size).copy(),
-        state=np.empty((size, m)),
+        state=state,
         exponent=np.empty(size),
         columns=(
             np.empty((0, m + 1, m + 1))

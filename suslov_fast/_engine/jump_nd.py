@@ -124,6 +124,7 @@ class _Reduced:
             self.along,
             self.across,
             self.fits,
+            _room(problem if size > VECTOR else None, reduced_nd.room_to_reduce(m)),
         )
         self.three = Problem(
             method=problem.method,
@@ -185,11 +186,8 @@ class _Reduced:
         problem = self.problem
         rows, size, m = problem.saved.shape
         states = min(size * rows, reduced_nd.STATES)
-        length = -(-(reduced_nd.room_of(m) + 2 * states) // VECTOR) * VECTOR
-        tasks = (
-            1 if size * rows <= reduced_nd.STATES else problem.threads or numba.get_num_threads()
-        )
-        room = aligned(tasks * length).reshape(tasks, length)
+        length = reduced_nd.room_of(m) + 2 * (states + VECTOR)
+        room = _room(problem if size * rows > reduced_nd.STATES else None, length)
         missing = closed.none_missing()
         for lanes, (begin, end) in _slices(size, rows, m):
             threads.run(
@@ -209,6 +207,14 @@ class _Reduced:
                 missing,
                 room,
             )
+
+
+def _room(problem: Problem | None, length: int) -> FloatArray:
+    """So many numbers for each task of a run, or for a single one, on cache lines."""
+    tasks = 1 if problem is None else problem.threads or numba.get_num_threads()
+    length = -(-length // VECTOR) * VECTOR
+    room: FloatArray = aligned(tasks * length).reshape(tasks, length)
+    return room
 
 
 def _slices(size: int, rows: int, m: int) -> Iterator[tuple[closed.Range, closed.Range]]:

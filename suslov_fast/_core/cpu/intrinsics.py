@@ -137,7 +137,6 @@ def _define_access(dimension):
 
 
 _define_access(3)
-_define_access(4)
 
 
 for _each in (vector_at, pairs_at, store_at):
@@ -162,9 +161,8 @@ def _define_pairs(function, write):
     def _pairs(builder, array, index, first, second):
         for half in range(2):
             lanes = [half * VECTOR // 2 + k // 2 + (VECTOR if k % 2 else 0) for k in range(VECTOR)]
-            mask = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), lanes)
             line = array[index + half * VECTOR :].as_vector(VECTOR)
-            write(builder, builder.shuffle_vector(first.value, second.value, mask), line)
+            write(builder, first.shuffled(second, lanes).value, line)
 
 
 _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, place, align=8))
@@ -174,35 +172,29 @@ _define_pairs(stream_pairs, _past_caches)
 @emits(scatter_pairs)
 def _scatter_pairs(builder, array, index, stride, first, second):
     for k in range(VECTOR):
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), 2), [k, VECTOR + k])
-        pair = builder.shuffle_vector(first.value, second.value, mask)
-        builder.store(pair, array[index:].as_vector(2), align=8)
+        pair = first.shuffled(second, [k, VECTOR + k])
+        builder.store(pair.value, array[index:].as_vector(2), align=8)
         index = index + stride
 
 
 @emits(copy_transposed)
-def _copy_transposed(builder, array, index, stride, source, first, distance):
+def _copy_transposed(builder, array, index, stride, source, first, distance, factors):
     rows = []
     for _ in range(VECTOR):
-        rows.append(vector_at(source, first).value)
+        rows.append(factors * vector_at(source, first))
         first = first + distance
     # Squares of 1, 2 and 4 numbers change places with their mirror images.
     for size in (1, 2, 4):
-        upper, lower = (
-            ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), places)
-            for places in (
-                [VECTOR + j - size if j & size else j for j in range(VECTOR)],
-                [VECTOR + j if j & size else j + size for j in range(VECTOR)],
-            )
-        )
+        upper = [VECTOR + j - size if j & size else j for j in range(VECTOR)]
+        lower = [VECTOR + j if j & size else j + size for j in range(VECTOR)]
         rows = [
-            builder.shuffle_vector(rows[i - size], rows[i], lower)
+            rows[i - size].shuffled(rows[i], lower)
             if i & size
-            else builder.shuffle_vector(rows[i], rows[i + size], upper)
+            else rows[i].shuffled(rows[i + size], upper)
             for i in range(VECTOR)
         ]
     for row in rows:
-        store_at(array, index, Emitted(builder, row))
+        store_at(array, index, row)
         index = index + stride
 
 

@@ -6,15 +6,15 @@ are cut into calls.
 
 GAUSS solves A(omega) omega_next = omega, equation (dsn). RANK2 solves for the increment in O(n):
 then little is rounded while steps are small. Where they are not, where a d_i nearly vanishes or
-omega shrinks by orders of magnitude, it goes over to other ways, a lane at a time.
+omega shrinks by orders of magnitude, it goes over to other ways, in the lanes concerned.
 
-The arrays of a group are vectors of lanes:
+Arrays of a block are flat, with rows of VECTOR lanes:
 
-cells    (groups, m, 4, VECTOR): J, I, omega, and work: 1/d, then the next omega, then what users
-         see of it. All but the last are in units of powers of two in which they are of the order of
-         1; new ones where omega has left that.
-sums     (groups, SUMS, VECTOR): logarithms of these units, then what EPS and so on name.
-tile     flat, (trajectories, m): rows of the block, as they lie in arrays of users.
+cells   group by group and component by component, four rows: J, I, omega, and work: 1/d, then the
+        next omega. All but the last are in units of powers of two in which they are of the order
+        of 1; new ones where omega has left that.
+sums    group by group, what the rows named below hold of each trajectory.
+tile    rows of the components of a trajectory, as they lie in arrays of users.
 
 Lanes that are not in use, and those of trajectories that have ended, rest at 0, in a unit that
 makes it NaN.
@@ -26,6 +26,7 @@ import numpy as np
 from numba import prange
 
 from ..codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
+from ..formulas.elementary import TO_INTEGER, exponent, two_to_the
 from ..formulas.nd_map import (
     bordered,
     column_of_coupling,
@@ -38,8 +39,8 @@ from ..formulas.nd_map import (
     weights,
 )
 from ..formulas.rotation import mean
-from ..formulas.units import exponent, power
-from ..jit import Loop, inlined_part, part
+from ..jit import Loop, part
+from ..lanewise import any_lane, lanewise, larger, select, smaller
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate
 from .tiles import BEYOND_CACHES, write_numbers
@@ -47,32 +48,34 @@ from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     all_lanes,
+    borrowed,
     copy_transposed,
     fence,
-    larger,
     load,
-    scatter_pairs,
-    select,
-    smaller,
     splat,
     store,
+    store_at,
+    store_rows,
     to_cache_line,
+    vector_at,
 )
 
 GAUSS, RANK2 = range(2)
 
-LANES = 64
-# Components that the groups of a block have together, unless it is one group: cells that fit in L1.
-ROOM = 128
+# Trajectories of a block at most, and of one that is made smaller for threads to share the work.
+LANES, SHARED = 128, 64
 
-CELLS = 4
-J_, I_, OMEGA, WORK = range(CELLS)
-# eps; the unit of omega; bounds of |omega|**2 for steps to be small and for units to serve; p,
-# |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is accurate, where a
-# trajectory has ended, and where it never moves, else 0; the sums over components, and how large
-# the determinant of the two unknowns must be.
-SUMS = 20
+# Where the rows of a component lie.
+CELL = 4 * VECTOR
+J_, I_, OMEGA, WORK = range(0, CELL, VECTOR)
+# Those of a group: the logarithms of units, in the places of what has them; eps in the unit of the
+# user, and in those of the lane; the unit of omega; bounds of |omega|**2 for steps to be small and
+# for units to serve; p, |omega|**2, eps p / 2; what `increment` needs; 1 where the O(n) step is
+# accurate, where a trajectory has ended, and where it never moves, else 0; the sums over
+# components, and how large the determinant of the two unknowns must be; how a trajectory ends now.
+GROUP = 22 * VECTOR
 (
+    GIVEN_EPS,
     EPS,
     UNIT,
     SMALL_STEPS,
@@ -90,7 +93,10 @@ SUMS = 20
     BETA,
     GAMMA,
     LEAST,
-) = range(3, SUMS)
+    CODE,
+) = range(3 * VECTOR, GROUP, VECTOR)
+# Numbers that the groups of a block have together, unless it is one group: they stay in L1.
+ROOM = 688 * VECTOR
 
 # Where all |d_i| / J_i are above this, and the determinant of the two sums is above its square, the
 # O(n) step loses less than two digits.
@@ -166,15 +172,26 @@ class Kept(NamedTuple):
 class Scratch(NamedTuple):
     """The first axis is that of tasks, of which each has several blocks.
 
-    cells    (tasks, groups, m, CELLS, VECTOR), and the same as flat_cells, (tasks, their size).
-    sums     (tasks, groups, SUMS, VECTOR)
+    cells    (tasks, room for a block, and VECTOR components more)
+    sums     (tasks, room for a block)
     tile     (tasks, room for a block, and a vector more)
     """
 
     cells: np.ndarray
-    flat_cells: np.ndarray
     sums: np.ndarray
     tile: np.ndarray
+
+
+class Block(NamedTuple):
+    """Trajectories that advance together, at positions begin to end, in so many groups."""
+
+    cells: np.ndarray
+    sums: np.ndarray
+    tile: np.ndarray
+    m: int
+    begin: int
+    end: int
+    groups: int
 
 
 class Turning(NamedTuple):
@@ -191,7 +208,7 @@ class Turning(NamedTuple):
 @part
 def block_size(m):
     """The trajectories that share a block, in whole groups."""
-    return max(VECTOR, min(LANES, ROOM // m * VECTOR))
+    return max(VECTOR, min(LANES, ROOM // (m * CELL + GROUP) * VECTOR))
 
 
 @part
@@ -199,48 +216,40 @@ def trajectory(chosen, position):
     return chosen[position] if chosen.size > 0 else position
 
 
-@part
+def rows_at(array, index, *rows):
+    return (vector_at(array, index + row) for row in rows)
+
+
 def scaled(number, k):
     """2**k times a number, infinite beyond float64; k is a sum of the exponents of three units."""
-    third = (k + 1) // 3
-    root = power(third)
-    return number * root * root * power(k - 2 * third)
+    third = (k * (1.0 / 3.0) + TO_INTEGER) - TO_INTEGER
+    root = two_to_the(third)
+    return number * root * root * two_to_the(k - 2.0 * third)
 
 
-@part
 def unit_of(largest, before):
     """The exponent of the unit for numbers up to this; it and its inverse are in range."""
-    size = exponent(largest) + 1 if 0.0 < largest < np.inf else 0
-    return min(max(size + before, -1022), 1023)
+    size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
+    return larger(smaller(size + before, 1023.0), -1022.0)
 
 
-# Rows of components become rows of lanes, and the reverse: in pairs where components are few, else
-# in squares of VECTOR. The last pair or square overlaps the one before.
+# Rows of components become rows of lanes, and the reverse, in squares of VECTOR. What a square has
+# beyond the last component is written over by what follows.
 
 
 @part
-def gather(values, chosen, begin, end, cells, which, flat_cells, tile):
+def gather(values, chosen, block, which):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
-    m = values.shape[1]
-    if values.shape[0] == 1:
-        for g in range(cells.shape[0]):
+    m, tile = block.m, block.tile
+    for g in range(block.groups):
+        for l in range(VECTOR):
+            position = min(block.begin + g * VECTOR + l, block.end - 1)
+            b = trajectory(chosen, position) if values.shape[0] > 1 else 0
             for i in range(m):
-                store(cells, g, i, which, splat(values[0, i]))
-        return
-    for k in range(cells.shape[0] * VECTOR):
-        b, g, l = trajectory(chosen, min(begin + k, end - 1)), k // VECTOR, k % VECTOR
-        if m < VECTOR:
-            for i in range(m):
-                cells[g, i, which, l] = values[b, i]
-        else:
-            for i in range(m):
-                tile[k * m + i] = values[b, i]
-            if l == VECTOR - 1:
-                for i in range(0, m, VECTOR):
-                    first = min(i, m - VECTOR)
-                    row = ((g * m + first) * CELLS + which) * VECTOR
-                    square = g * VECTOR * m + first
-                    copy_transposed(flat_cells, row, CELLS * VECTOR, tile, square, m)
+                tile[l * m + i] = values[b, i]
+        for i in range(0, m, VECTOR):
+            row = (g * m + i) * CELL + which
+            copy_transposed(block.cells, row, CELL, tile, i, m, splat(1.0))
 
 
 @part
@@ -257,441 +266,549 @@ def write(tile, chosen, begin, end, m, flat, target):
                 flat[row + i] = tile[k * m + i]
 
 
+@lanewise
+def largest_yet(cells, place, largest):
+    return larger(abs(vector_at(cells, place)), largest)
+
+
+@lanewise
+def find_unit(sums, place, largest):
+    """Keep its logarithm; returns its inverse."""
+    number = unit_of(largest, 0.0)
+    store_at(sums, place, number)
+    return 1.0 / two_to_the(number)
+
+
+@lanewise
+def multiply(cells, place, factor):
+    store_at(cells, place, vector_at(cells, place) * factor)
+
+
 @part
-def normalise(cells, sums, which, alike):
-    """Find units; their logarithms go to `sums`. `alike`: all lanes are."""
-    number = 0
-    for g in range(cells.shape[0]):
+def enter(values, chosen, block, which):
+    """Gather numbers and find units of them."""
+    gather(values, chosen, block, which)
+    cells, size = block.cells, block.m * CELL
+    for g in range(block.groups):
         largest = splat(0.0)
-        for i in range(cells.shape[1]):
-            largest = larger(abs(load(cells, g, i, which)), largest)
-        store(sums, g, UNIT, largest)
-        for l in range(VECTOR):
-            if g + l == 0 or not alike:
-                number = unit_of(sums[g, UNIT, l], 0)
-            sums[g, which, l], sums[g, UNIT, l] = number, 1.0 / power(number)
-        inverse = load(sums, g, UNIT)
-        for i in range(cells.shape[1]):
-            store(cells, g, i, which, load(cells, g, i, which) * inverse)
+        for c in range(g * size, (g + 1) * size, CELL):
+            largest = largest_yet(cells, c + which, largest)
+        inverse = find_unit(block.sums, g * GROUP + which, largest)
+        for c in range(g * size, (g + 1) * size, CELL):
+            multiply(cells, c + which, inverse)
+
+
+@lanewise
+def settle_units(sums, s):
+    """eps in the units of a lane, and that of omega; whether the trajectory goes on."""
+    of_J, of_I, of_omega, eps, ended, rests = rows_at(
+        sums, s, J_, I_, OMEGA, GIVEN_EPS, ENDED, RESTS
+    )
+    # (dsn) keeps its form: only eps I omega / J counts.
+    own_eps = scaled(eps, of_omega + of_I - of_J)
+    goes_on = ended == 0.0
+    store_at(sums, s + EPS, select(goes_on & (rests == 0.0), own_eps, 0.0))
+    store_at(sums, s + UNIT, select(goes_on, two_to_the(of_omega), np.nan))
+    return goes_on
+
+
+@lanewise
+def settle_component(cells, c, goes_on, smallest, coupling, p, square):
+    J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
+    omega = select(goes_on, omega, 0.0)
+    store_at(cells, c + OMEGA, omega)
+    return smaller(J, smallest), coupling + I * I, p + I * omega, square + omega * omega
+
+
+@lanewise
+def settle_bounds(sums, s, smallest, coupling, p, square):
+    eps, unit = rows_at(sums, s, EPS, UNIT)
+    longest, largest = SMALL * smallest / eps, LARGEST / unit
+    store_at(sums, s + SMALL_STEPS, longest * longest / coupling)
+    store_at(sums, s + LOW, select(square > 0.0, 1.0 / SPREAD, -1.0))
+    store_at(sums, s + HIGH, smaller(largest * largest, SPREAD))
+    take_norms(sums, s, p, square)
 
 
 @part
-def add_up(cells, sums, g):
-    """p and |omega|**2 of each lane."""
-    p, square = splat(0.0), splat(0.0)
-    for i in range(cells.shape[1]):
-        I, omega = load(cells, g, i, I_), load(cells, g, i, OMEGA)
-        p = p + I * omega
-        square = square + omega * omega
-    store(sums, g, P, p)
-    store(sums, g, SQUARE, square)
+def settle(cells, sums, first, last, s):
+    """What depends on the units of omega, and on which lanes have ended, in a group."""
+    goes_on = settle_units(sums, s)
+    smallest, coupling, p, square = splat(np.inf), splat(0.0), splat(0.0), splat(0.0)
+    for c in range(first, last, CELL):
+        smallest, coupling, p, square = settle_component(
+            cells, c, goes_on, smallest, coupling, p, square
+        )
+    settle_bounds(sums, s, smallest, coupling, p, square)
+
+
+@lanewise
+def look_through(cells, c, coupled, undefined):
+    """Whether I is not 0, and whether some component is no number."""
+    I, omega = rows_at(cells, c, I_, OMEGA)
+    return larger(abs(I), coupled), undefined + 0.0 * omega
 
 
 @part
-def settle_lanes(eps, chosen, first, cells, sums, g):
-    """eps in the units of a lane, that of omega, and rest where the trajectory has ended."""
-    for l in range(VECTOR):
-        if sums[g, ENDED, l] > 0.0:
-            sums[g, EPS, l], sums[g, UNIT, l] = 0.0, np.nan
-            for i in range(cells.shape[1]):
-                cells[g, i, OMEGA, l] = 0.0
-        else:
-            b = trajectory(chosen, first + l) if eps.size > 1 else 0
-            # (dsn) keeps its form: only eps I omega / J counts.
-            of_eps = int(sums[g, OMEGA, l] + sums[g, I_, l] - sums[g, J_, l])
-            moves = sums[g, RESTS, l] == 0.0
-            sums[g, EPS, l] = scaled(eps[b], of_eps) if moves else 0.0
-            sums[g, UNIT, l] = power(int(sums[g, OMEGA, l]))
-
-
-@part
-def settle(eps, chosen, begin, cells, sums, groups):
-    """What depends on the units of omega, and on which lanes have ended."""
-    for g in groups:
-        settle_lanes(eps, chosen, begin + g * VECTOR, cells, sums, g)
-        smallest, coupling = splat(np.inf), splat(0.0)
-        for i in range(cells.shape[1]):
-            smallest = smaller(load(cells, g, i, J_), smallest)
-            coupling = coupling + load(cells, g, i, I_) * load(cells, g, i, I_)
-        longest, largest = SMALL * smallest / load(sums, g, EPS), LARGEST / load(sums, g, UNIT)
-        store(sums, g, SMALL_STEPS, longest * longest / coupling)
-        add_up(cells, sums, g)
-        moves = load(sums, g, SQUARE) > 0.0
-        store(sums, g, LOW, select(moves, splat(1.0 / SPREAD), splat(-1.0)))
-        store(sums, g, HIGH, smaller(largest * largest, splat(SPREAD)))
-
-
-@part
-def end_undefined(span, kept, begin, end, cells, sums):
-    """NaN is no state: such a trajectory ends before it begins."""
-    for g in range(cells.shape[0]):
-        undefined = splat(0.0)
-        for i in range(cells.shape[1]):
-            undefined = undefined + 0.0 * load(cells, g, i, OMEGA)
-        store(sums, g, UNIT, undefined)
-    for k in range(end - begin):
-        if np.isnan(sums[k // VECTOR, UNIT, k % VECTOR]):
-            b = trajectory(span.chosen, begin + k)
-            kept.status[b], kept.failed_at[b] = NONFINITE, 0
-
-
-@part
-def start_block(bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile):
+def start_block(bodies, omega, span, kept, block, is_first):
     """Returns whether some trajectories never move.
 
     is_first   Whether a body that serves all is not there yet.
     """
-    chosen, some_rest = span.chosen, False
+    chosen, cells, sums, some_rest = span.chosen, block.cells, block.sums, False
     for which, parameter in ((J_, bodies.J), (I_, bodies.I)):
         if is_first or parameter.shape[0] > 1:
-            gather(parameter, chosen, begin, end, cells, which, flat_cells, tile)
-            normalise(cells, sums, which, parameter.shape[0] == 1)
+            enter(parameter, chosen, block, which)
     if span.start == 0:
-        gather(omega, chosen, begin, end, cells, OMEGA, flat_cells, tile)
-        end_undefined(span, kept, begin, end, cells, sums)
-        normalise(cells, sums, OMEGA, omega.shape[0] == 1)
+        enter(omega, chosen, block, OMEGA)
     else:
-        gather(kept.state, chosen, begin, end, cells, OMEGA, flat_cells, tile)
-    for g in range(cells.shape[0]):
-        coupled = splat(0.0)
-        for i in range(cells.shape[1]):
-            coupled = larger(abs(load(cells, g, i, I_)), coupled)
-        store(sums, g, RESTS, coupled)
-        for l in range(VECTOR):
-            position = begin + g * VECTOR + l
-            b = trajectory(chosen, min(position, end - 1))
+        gather(kept.state, chosen, block, OMEGA)
+    for g in range(block.groups):
+        first, last, s = g * block.m * CELL, (g + 1) * block.m * CELL, g * GROUP
+        coupled, undefined = splat(0.0), splat(0.0)
+        for c in range(first, last, CELL):
+            coupled, undefined = look_through(cells, c, coupled, undefined)
+        store_at(sums, s + RESTS, coupled)
+        store_at(sums, s + UNIT, undefined)
+        for l in range(s, s + VECTOR):
+            position = block.begin + g * VECTOR + l - s
+            b = trajectory(chosen, min(position, block.end - 1))
+            # NaN is no state: such a trajectory ends before it begins.
+            if span.start == 0 and position < block.end and np.isnan(sums[l + UNIT]):
+                kept.status[b], kept.failed_at[b] = NONFINITE, 0
             eps = bodies.eps[b if bodies.eps.size > 1 else 0]
-            rests = eps == 0.0 or sums[g, RESTS, l] == 0.0
+            rests = eps == 0.0 or sums[l + RESTS] == 0.0
             some_rest |= rests
-            sums[g, RESTS, l] = 1.0 if rests else 0.0
-            sums[g, ENDED, l] = 1.0 if position >= end or kept.failed_at[b] >= 0 else 0.0
+            sums[l + GIVEN_EPS], sums[l + RESTS] = eps, 1.0 if rests else 0.0
+            sums[l + ENDED] = 1.0 if position >= block.end or kept.failed_at[b] >= 0 else 0.0
             if span.start > 0:
-                sums[g, OMEGA, l] = kept.exponent[b]
-    settle(bodies.eps, chosen, begin, cells, sums, range(cells.shape[0]))
+                sums[l + OMEGA] = kept.exponent[b]
+        settle(cells, sums, first, last, s)
     return some_rest
 
 
+@lanewise
+def find_half(sums, s):
+    """eps p / 2"""
+    eps, p = rows_at(sums, s, EPS, P)
+    half = 0.5 * eps * p
+    store_at(sums, s + HALF, half)
+    return half
+
+
+@lanewise
+def row_of_matrix(cells, c, eps, half):
+    """What row i of A is made of: its diagonal, two columns, and the right side."""
+    J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
+    of_omega, of_I = column_of_omega(J, I, eps), column_of_coupling(J, omega, eps)
+    return entry(1.0 - half / J, of_omega, of_I, I, omega), of_omega, of_I, omega
+
+
+@lanewise
+def entry_of_matrix(cells, c, of_omega, of_I):
+    I, omega = rows_at(cells, c, I_, OMEGA)
+    return entry(0.0, of_omega, of_I, I, omega)
+
+
 @part
-def assemble(cells, sums, g, matrix):
-    """A and its right side."""
-    m = cells.shape[1]
-    eps = load(sums, g, EPS)
-    half = 0.5 * eps * load(sums, g, P)
-    store(sums, g, HALF, half)
+def solve(cells, sums, first, m, s, matrix):
+    """The next states of a group, as column m of the matrix."""
+    half, eps = find_half(sums, s), vector_at(sums, s + EPS)
     for i in range(m):
-        J_i, I_i, omega_i = load(cells, g, i, J_), load(cells, g, i, I_), load(cells, g, i, OMEGA)
-        of_omega, of_I = column_of_omega(J_i, I_i, eps), column_of_coupling(J_i, omega_i, eps)
+        diagonal, of_omega, of_I, omega = row_of_matrix(cells, first + i * CELL, eps, half)
         for j in range(m):
-            I_j, omega_j = load(cells, g, j, I_), load(cells, g, j, OMEGA)
-            store(matrix, i, j, entry(0.0, of_omega, of_I, I_j, omega_j))
-        store(matrix, i, i, entry(1.0 - half / J_i, of_omega, of_I, I_i, omega_i))
-        store(matrix, i, m, omega_i)
+            store(matrix, i, j, entry_of_matrix(cells, first + j * CELL, of_omega, of_I))
+        store(matrix, i, i, diagonal)
+        store(matrix, i, m, omega)
+    eliminate(matrix, m)
+
+
+@lanewise
+def take_component(cells, c, omega, p, square):
+    store_at(cells, c + OMEGA, omega)
+    return p + vector_at(cells, c + I_) * omega, square + omega * omega
+
+
+@lanewise
+def take_norms(sums, s, p, square):
+    """p and |omega|**2 of each lane; whether units serve."""
+    store_at(sums, s + P, p)
+    store_at(sums, s + SQUARE, square)
+    return serving(sums, s)
+
+
+def serving(sums, s):
+    low, square, high = rows_at(sums, s, LOW, SQUARE, HIGH)
+    return (square > low) & (square < high)
 
 
 @part
-def step_by_elimination(cells, sums, g, matrix):
-    assemble(cells, sums, g, matrix)
-    eliminate(matrix, cells.shape[1])
+def step_by_elimination(cells, sums, first, m, s, matrix):
+    """Returns whether units serve."""
+    solve(cells, sums, first, m, s, matrix)
     p, square = splat(0.0), splat(0.0)
-    for i in range(cells.shape[1]):
-        omega = load(matrix, i, cells.shape[1])
-        store(cells, g, i, OMEGA, omega)
-        p = p + load(cells, g, i, I_) * omega
-        square = square + omega * omega
-    store(sums, g, P, p)
-    store(sums, g, SQUARE, square)
+    for i in range(m):
+        p, square = take_component(cells, first + i * CELL, load(matrix, i, m), p, square)
+    return all_lanes(take_norms(sums, s, p, square))
 
 
-@inlined_part
-def sum_up(cells, sums, g):
+@lanewise
+def begin_sums(sums, s):
+    """eps p / 2, and whether the step is small."""
+    square, bound = rows_at(sums, s, SQUARE, SMALL_STEPS)
+    return find_half(sums, s), square < bound
+
+
+@lanewise
+def sum_up(cells, c, half, alpha, beta, gamma, accurate):
     """The sums of the O(n) step, with 1/d as work."""
-    square, half = load(sums, g, SQUARE), 0.5 * load(sums, g, EPS) * load(sums, g, P)
-    alpha, beta, gamma = splat(0.0), splat(0.0), splat(0.0)
-    accurate = square < load(sums, g, SMALL_STEPS)
-    for i in range(cells.shape[1]):
-        J, I, omega = load(cells, g, i, J_), load(cells, g, i, I_), load(cells, g, i, OMEGA)
-        d = J - half
-        r = 1.0 / d
-        accurate = accurate & (abs(d) > FAR * J)
-        of_alpha, of_beta, of_gamma = summands(I, omega, r)
-        alpha = alpha + of_alpha
-        beta = beta + of_beta
-        gamma = gamma + of_gamma
-        store(cells, g, i, WORK, r)
-    store(sums, g, HALF, half)
-    store(sums, g, ALPHA, alpha)
-    store(sums, g, BETA, beta)
-    store(sums, g, GAMMA, gamma)
-    store(sums, g, LEAST, select(accurate, splat(FAR * FAR), splat(np.inf)))
+    J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
+    d = J - half
+    r = 1.0 / d
+    of_alpha, of_beta, of_gamma = summands(I, omega, r)
+    store_at(cells, c + WORK, r)
+    accurate = accurate & (abs(d) > FAR * J)
+    return alpha + of_alpha, beta + of_beta, gamma + of_gamma, accurate
 
 
-@inlined_part
-def find_unknowns(sums, g):
-    """The two unknowns of the O(n) step, after `sum_up`; whether it is accurate in all lanes."""
-    eps, p, square = load(sums, g, EPS), load(sums, g, P), load(sums, g, SQUARE)
-    alpha, beta, gamma = load(sums, g, ALPHA), load(sums, g, BETA), load(sums, g, GAMMA)
-    of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
-    accurate = det > load(sums, g, LEAST) * size
-    store(sums, g, OF_OMEGA, of_omega)
-    store(sums, g, OF_I, of_I)
-    store(sums, g, ACCURATE, select(accurate, splat(1.0), splat(0.0)))
-    return all_lanes(accurate)
+@lanewise
+def keep_sums(sums, s, alpha, beta, gamma, accurate):
+    least = select(accurate, FAR * FAR, np.inf)
+    for row, value in ((ALPHA, alpha), (BETA, beta), (GAMMA, gamma), (LEAST, least)):
+        store_at(sums, s + row, value)
 
 
-@part
-def next_component(cells, g, i, of_omega, of_I):
-    I, omega, r = load(cells, g, i, I_), load(cells, g, i, OMEGA), load(cells, g, i, WORK)
+@lanewise
+def find_unknowns(sums, s):
+    """The two unknowns of the O(n) step, after `keep_sums`; whether it is accurate."""
+    eps, p, square, *of_components = rows_at(sums, s, EPS, P, SQUARE, ALPHA, BETA, GAMMA)
+    of_omega, of_I, det, size = solve2(eps, p, square, *of_components)
+    accurate = det > vector_at(sums, s + LEAST) * size
+    store_at(sums, s + OF_OMEGA, of_omega)
+    store_at(sums, s + OF_I, of_I)
+    store_at(sums, s + ACCURATE, select(accurate, 1.0, 0.0))
+    return accurate
+
+
+def next_component(cells, c, of_omega, of_I):
+    I, omega, r = rows_at(cells, c, I_, OMEGA, WORK)
     return omega + increment(I, omega, of_omega, of_I, r)
 
 
-@part
-def next_states(cells, sums, g):
-    of_omega, of_I = load(sums, g, OF_OMEGA), load(sums, g, OF_I)
-    for i in range(cells.shape[1]):
-        store(cells, g, i, WORK, next_component(cells, g, i, of_omega, of_I))
+@lanewise
+def step_component(cells, c, of_omega, of_I, p, square):
+    return take_component(cells, c, next_component(cells, c, of_omega, of_I), p, square)
 
 
 @part
-def take_next_states(cells, sums, g):
-    for i in range(cells.shape[1]):
-        store(cells, g, i, OMEGA, load(cells, g, i, WORK))
-    add_up(cells, sums, g)
-
-
-@inlined_part
-def step_all(cells, sums, g):
-    """`next_states` and `take_next_states` at once, where no lane needs care."""
-    of_omega, of_I = load(sums, g, OF_OMEGA), load(sums, g, OF_I)
+def step(cells, sums, first, last, s):
+    """The O(n) step of a group whose unknowns are accurate; returns whether units serve."""
+    of_omega, of_I = vector_at(sums, s + OF_OMEGA), vector_at(sums, s + OF_I)
     p, square = splat(0.0), splat(0.0)
-    for i in range(cells.shape[1]):
-        omega = next_component(cells, g, i, of_omega, of_I)
-        store(cells, g, i, OMEGA, omega)
-        p = p + load(cells, g, i, I_) * omega
-        square = square + omega * omega
-    store(sums, g, P, p)
-    store(sums, g, SQUARE, square)
+    for c in range(first, last, CELL):
+        p, square = step_component(cells, c, of_omega, of_I, p, square)
+    return all_lanes(take_norms(sums, s, p, square))
 
 
-@part
-def step_bordered(cells, sums, g, l, k):
-    """The O(n) step of lane l with the increment of component k, whose d is small, as an unknown.
+@lanewise
+def find_small(cells, c, half, number, k, smallest, second, J_k, I_k, omega_k):
+    """The component of the smallest |d_i| / J_i so far, what it is, and the second smallest."""
+    J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
+    ratio = abs(1.0 - half / J)
+    found = ratio < smallest
+    return (
+        select(found, number, k),
+        select(found, ratio, smallest),
+        select(found, smallest, smaller(ratio, second)),
+        select(found, J, J_k),
+        select(found, I, I_k),
+        select(found, omega, omega_k),
+    )
 
-    Returns whether it is accurate.
+
+@lanewise
+def sum_others(cells, c, number, k, alpha, beta, gamma):
+    """The sums without component k."""
+    I, omega, r = rows_at(cells, c, I_, OMEGA, WORK)
+    sums = zip((alpha, beta, gamma), summands(I, omega, r), strict=True)
+    return tuple(select(number == k, total, total + each) for total, each in sums)
+
+
+@lanewise
+def find_three_unknowns(sums, s, k, second, J_k, I_k, omega_k, alpha, beta, gamma):
+    """The increment of component k, whose d is small, as an unknown, in lanes that need it.
+
+    Returns k in these lanes, and its increment; and whether some lanes are left, which are not
+    ACCURATE.
     """
-    eps, p, square = sums[g, EPS, l], sums[g, P, l], sums[g, SQUARE, l]
-    alpha, beta, gamma = 0.0, 0.0, 0.0
-    for i in range(cells.shape[1]):
-        if i != k:
-            r = 1.0 / (cells[g, i, J_, l] - sums[g, HALF, l])
-            of_alpha, of_beta, of_gamma = summands(cells[g, i, I_, l], cells[g, i, OMEGA, l], r)
-            alpha += of_alpha
-            beta += of_beta
-            gamma += of_gamma
-            cells[g, i, WORK, l] = r
-    J_k, I_k, omega_k = cells[g, k, J_, l], cells[g, k, I_, l], cells[g, k, OMEGA, l]
-    first, second, third = bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma)
-    I_delta, omega_delta, delta_k, pivot1, pivot2, pivot3 = solve3(first, second, third)
-    of_omega, of_I = weights(eps, p, square, I_delta, omega_delta)
-    for i in range(cells.shape[1]):
-        cells[g, i, WORK, l] = cells[g, i, OMEGA, l] + increment(
-            cells[g, i, I_, l], cells[g, i, OMEGA, l], of_omega, of_I, cells[g, i, WORK, l]
-        )
-    cells[g, k, WORK, l] = omega_k + delta_k
-    return pivot2 > TOO_SMALL * pivot1 and pivot3 > TOO_SMALL * max(pivot1, pivot2)
+    eps, p, square, bound, accurate, ended, of_omega, of_I = rows_at(
+        sums, s, EPS, P, SQUARE, SMALL_STEPS, ACCURATE, ENDED, OF_OMEGA, OF_I
+    )
+    equations = bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma)
+    I_delta, omega_delta, delta_k, pivot1, pivot2, pivot3 = solve3(*equations)
+    serve = (square < bound) & (second > FAR_ENOUGH)
+    serve = serve & (pivot2 > TOO_SMALL * pivot1) & (pivot3 > TOO_SMALL * larger(pivot1, pivot2))
+    needed = (accurate == 0.0) & (ended == 0.0)
+    taken, left = needed & serve, select(serve, 0.0, 1.0) * select(needed, 1.0, 0.0)
+    of_three = weights(eps, p, square, I_delta, omega_delta)
+    store_at(sums, s + OF_OMEGA, select(taken, of_three[0], of_omega))
+    store_at(sums, s + OF_I, select(taken, of_three[1], of_I))
+    store_at(sums, s + ACCURATE, 1.0 - left)
+    return select(taken, k, -1.0), delta_k, any_lane(left > 0.0)
+
+
+@lanewise
+def find_next(cells, c, number, k, of_omega, of_I, delta_k):
+    """The next component, as work."""
+    omega = next_component(cells, c, of_omega, of_I)
+    omega = select(number == k, vector_at(cells, c + OMEGA) + delta_k, omega)
+    store_at(cells, c + WORK, omega)
+
+
+@lanewise
+def take_next(cells, c, p, square):
+    return take_component(cells, c, vector_at(cells, c + WORK), p, square)
+
+
+@lanewise
+def replace_next(cells, c, sums, s, omega):
+    """Take what elimination gives where the O(n) step is not accurate."""
+    accurate, others = vector_at(sums, s + ACCURATE), vector_at(cells, c + WORK)
+    store_at(cells, c + WORK, select(accurate == 0.0, omega, others))
 
 
 @part
-def step_with_care(cells, sums, g, l):
-    """The step of a lane where one d may be small; whether it is accurate."""
-    if not sums[g, SQUARE, l] < sums[g, SMALL_STEPS, l]:
-        return False
-    half = sums[g, HALF, l]
-    k, smallest, second = 0, np.inf, np.inf
-    for i in range(cells.shape[1]):
-        ratio = abs(1.0 - half / cells[g, i, J_, l])
-        if ratio < smallest:
-            k, smallest, second = i, ratio, smallest
-        elif ratio < second:
-            second = ratio
-    return second > FAR_ENOUGH and step_bordered(cells, sums, g, l, k)
-
-
-@part
-def step_each(cells, sums, g, width, task, matrices):
+def step_with_care(cells, sums, first, last, s, task, matrices):
     """The step of a group where some lane needs care, by elimination where that is not enough.
 
     Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
     """
-    next_states(cells, sums, g)
-    some_left = False
-    for l in range(width):
-        left = (
-            sums[g, ACCURATE, l] == 0.0
-            and sums[g, ENDED, l] == 0.0
-            and not step_with_care(cells, sums, g, l)
+    half, zero, number = vector_at(sums, s + HALF), splat(0.0), 0.0
+    k, smallest, second, J_k, I_k, omega_k = zero, splat(np.inf), splat(np.inf), zero, zero, zero
+    for c in range(first, last, CELL):
+        k, smallest, second, J_k, I_k, omega_k = find_small(
+            cells, c, half, number, k, smallest, second, J_k, I_k, omega_k
         )
-        sums[g, ACCURATE, l] = 0.0 if left else 1.0
-        some_left |= left
+        number += 1.0
+    alpha, beta, gamma, number = zero, zero, zero, 0.0
+    for c in range(first, last, CELL):
+        alpha, beta, gamma = sum_others(cells, c, number, k, alpha, beta, gamma)
+        number += 1.0
+    k, delta_k, some_left = find_three_unknowns(
+        sums, s, k, second, J_k, I_k, omega_k, alpha, beta, gamma
+    )
+    of_omega, of_I, number = vector_at(sums, s + OF_OMEGA), vector_at(sums, s + OF_I), 0.0
+    for c in range(first, last, CELL):
+        find_next(cells, c, number, k, of_omega, of_I, delta_k)
+        number += 1.0
     if matrices is not None:
         if some_left:
-            matrix = matrices[task]
-            assemble(cells, sums, g, matrix)
-            eliminate(matrix, cells.shape[1])
-            for l in range(width):
-                if sums[g, ACCURATE, l] == 0.0:
-                    for i in range(cells.shape[1]):
-                        cells[g, i, WORK, l] = matrix[i, cells.shape[1], l]
+            m = (last - first) // CELL
+            solve(cells, sums, first, m, s, matrices[task])
+            for i in range(m):
+                omega = load(matrices[task], i, m)
+                replace_next(cells, first + i * CELL, sums, s, omega)
         some_left = False
-    take_next_states(cells, sums, g)
+    p, square = zero, zero
+    for c in range(first, last, CELL):
+        p, square = take_next(cells, c, p, square)
+    take_norms(sums, s, p, square)
     return some_left
 
 
-@part
-def set_aside(bodies, span, kept, begin, width, cells, sums, g):
-    """Leave the lanes that are not ACCURATE to a call that has room for their elimination."""
-    for l in range(width):
-        if sums[g, ACCURATE, l] == 0.0:
-            sums[g, ENDED, l] = 1.0
-            kept.status[trajectory(span.chosen, begin + g * VECTOR + l)] = NEEDS_ELIMINATION
-    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
-
-
-@inlined_part
-def units_serve(sums, g):
-    square = load(sums, g, SQUARE)
-    return all_lanes((square > load(sums, g, LOW)) & (square < load(sums, g, HIGH)))
+@lanewise
+def end_inaccurate(sums, s):
+    """End the lanes that are not ACCURATE."""
+    accurate, ended = rows_at(sums, s, ACCURATE, ENDED)
+    code = select(accurate == 0.0, float(NEEDS_ELIMINATION), 0.0)
+    store_at(sums, s + CODE, code)
+    store_at(sums, s + ENDED, select(accurate == 0.0, 1.0, ended))
 
 
 @part
-def advance(cells, sums, n, stop):
+def write_codes(sums, s, chosen, position, kept, n):
+    """How trajectories have ended, from `position` on, of which state n does not exist."""
+    for l in range(VECTOR):
+        code = sums[s + CODE + l]
+        if code != 0.0:
+            b = trajectory(chosen, position + l)
+            kept.status[b] = np.int8(code)
+            kept.failed_at[b] = kept.failed_at[b] if code == NEEDS_ELIMINATION else n
+
+
+@part
+def advance(block, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
     Returns the number of the state, whether units serve, and whether the step from there, of which
     unknowns are found, is accurate.
     """
+    cells, sums, groups, size = block.cells, block.sums, block.groups, block.m * CELL
     serve, accurate = True, True
     while n < stop and serve:
         # Of all groups first, and little at a time: then what several groups wait for overlaps.
-        for g in range(cells.shape[0]):
-            sum_up(cells, sums, g)
-        for g in range(cells.shape[0]):
-            accurate &= find_unknowns(sums, g)
+        for g in range(groups):
+            alpha, beta, gamma = splat(0.0), splat(0.0), splat(0.0)
+            half, far = begin_sums(sums, g * GROUP)
+            for c in range(g * size, (g + 1) * size, CELL):
+                alpha, beta, gamma, far = sum_up(cells, c, half, alpha, beta, gamma, far)
+            keep_sums(sums, g * GROUP, alpha, beta, gamma, far)
+        for g in range(groups):
+            accurate &= all_lanes(find_unknowns(sums, g * GROUP))
         if not accurate:
             break
-        for g in range(cells.shape[0]):
-            step_all(cells, sums, g)
-            serve &= units_serve(sums, g)
+        for g in range(groups):
+            serve &= step(cells, sums, g * size, (g + 1) * size, g * GROUP)
         n += 1
     return n, serve, accurate
 
 
 @part
-def advance_by_elimination(cells, sums, n, stop, matrix):
+def advance_by_elimination(block, n, stop, matrix):
     """The same by GAUSS; returns the number of the state, and whether units serve."""
-    serve = True
+    m, serve = block.m, True
     while n < stop and serve:
-        for g in range(cells.shape[0]):
-            step_by_elimination(cells, sums, g, matrix)
-            serve &= units_serve(sums, g)
+        for g in range(block.groups):
+            serve &= step_by_elimination(
+                block.cells, block.sums, g * m * CELL, m, g * GROUP, matrix
+            )
         n += 1
     return n, serve
 
 
+@lanewise
+def is_accurate(sums, s):
+    return vector_at(sums, s + ACCURATE) > 0.0
+
+
 @part
-def advance_with_care(bodies, span, kept, begin, end, cells, sums, task, matrices):
+def advance_with_care(span, kept, block, n, task, matrices):
     """The step of a block where some lane needs care, after `find_unknowns`."""
-    for g in range(cells.shape[0]):
-        width = min(VECTOR, end - begin - g * VECTOR)
-        if all_lanes(load(sums, g, ACCURATE) > 0.0):
-            step_all(cells, sums, g)
-        elif step_each(cells, sums, g, width, task, matrices):
-            set_aside(bodies, span, kept, begin, width, cells, sums, g)
+    cells, sums, size = block.cells, block.sums, block.m * CELL
+    for g in range(block.groups):
+        first, last, s = g * size, (g + 1) * size, g * GROUP
+        if all_lanes(is_accurate(sums, s)):
+            step(cells, sums, first, last, s)
+        elif step_with_care(cells, sums, first, last, s, task, matrices):
+            # A call that has room for elimination takes them.
+            end_inaccurate(sums, s)
+            write_codes(sums, s, span.chosen, block.begin + g * VECTOR, kept, n)
+            settle(cells, sums, first, last, s)
+
+
+@lanewise
+def units_serve(sums, s):
+    return serving(sums, s)
+
+
+@lanewise
+def examine(cells, c, unit, infinite, undefined, largest):
+    """Whether users see a number that is not finite, and whether it is NaN; and how large all are.
+
+    Both are NaN where it is so.
+    """
+    omega = vector_at(cells, c + OMEGA)
+    infinite = infinite + 0.0 * (omega * unit)
+    undefined = undefined + select(omega == omega, 0.0, omega)
+    return infinite, undefined, larger(abs(omega), largest)
+
+
+@lanewise
+def end_and_renew(sums, s, infinite, undefined, largest):
+    """End the lanes whose state is not finite in the unit of the user; find new units.
+
+    Returns the logarithms of those before over the new ones.
+    """
+    half, ended, before = rows_at(sums, s, HALF, ENDED, OMEGA)
+    code = select(
+        (undefined != undefined) & (half - half == 0.0), float(SINGULAR), float(NONFINITE)
+    )
+    ends = (infinite != infinite) & (ended == 0.0)
+    ended = select(ends, 1.0, ended)
+    store_at(sums, s + CODE, select(ends, code, 0.0))
+    store_at(sums, s + ENDED, ended)
+    kept = select(serving(sums, s), 1.0, ended) != 0.0
+    after = select(kept, before, unit_of(largest, before))
+    store_at(sums, s + OMEGA, after)
+    return before - after
+
+
+@lanewise
+def take_unit(cells, c, k):
+    store_at(cells, c + OMEGA, scaled(vector_at(cells, c + OMEGA), k))
 
 
 @part
-def see_to_units(bodies, span, kept, begin, end, cells, sums, n):
+def see_to_units(span, kept, block, n):
     """After the step to state n: end what is not finite, and find new units."""
-    for g in range(cells.shape[0]):
-        width = min(VECTOR, end - begin - g * VECTOR)
-        if not units_serve(sums, g):
-            end_lanes(span, kept, begin, width, cells, sums, g, n)
-            renew(bodies, span, begin, width, cells, sums, g)
+    cells, sums, size = block.cells, block.sums, block.m * CELL
+    for g in range(block.groups):
+        first, last, s = g * size, (g + 1) * size, g * GROUP
+        if not all_lanes(units_serve(sums, s)):
+            infinite, undefined, largest = splat(0.0), splat(0.0), splat(0.0)
+            unit = vector_at(sums, s + UNIT)
+            for c in range(first, last, CELL):
+                infinite, undefined, largest = examine(cells, c, unit, infinite, undefined, largest)
+            k = end_and_renew(sums, s, infinite, undefined, largest)
+            write_codes(sums, s, span.chosen, block.begin + g * VECTOR, kept, n)
+            for c in range(first, last, CELL):
+                take_unit(cells, c, k)
+            settle(cells, sums, first, last, s)
+
+
+def _showing(m):
+    @lanewise
+    def show_few(cells, c, unit, tile, place):
+        """The states of a group of few components."""
+        rows = rows_at(cells, c + OMEGA, *range(0, m * CELL, CELL))
+        store_rows(tile, place, [omega * unit for omega in rows])
+
+    return show_few
+
+
+show2, show3, show4 = map(_showing, (2, 3, 4))
 
 
 @part
-def end_lanes(span, kept, begin, width, cells, sums, g, n):
-    """End the trajectories whose state n is not finite in the unit of the user."""
-    for l in range(width):
-        finite, undefined = True, False
-        for i in range(cells.shape[1]):
-            finite &= np.isfinite(cells[g, i, OMEGA, l] * sums[g, UNIT, l])
-            undefined |= np.isnan(cells[g, i, OMEGA, l])
-        if not finite and sums[g, ENDED, l] == 0.0:
-            sums[g, ENDED, l] = 1.0
-            b = trajectory(span.chosen, begin + g * VECTOR + l)
-            in_range = np.isfinite(sums[g, HALF, l])
-            kept.status[b] = SINGULAR if undefined and in_range else NONFINITE
-            kept.failed_at[b] = n
-
-
-@part
-def renew(bodies, span, begin, width, cells, sums, g):
-    """Find new units where they do not serve any more."""
-    for l in range(width):
-        serves = sums[g, LOW, l] < sums[g, SQUARE, l] < sums[g, HIGH, l]
-        if not serves and sums[g, ENDED, l] == 0.0:
-            largest, before = 0.0, int(sums[g, OMEGA, l])
-            for i in range(cells.shape[1]):
-                largest = max(largest, abs(cells[g, i, OMEGA, l]))
-            after = unit_of(largest, before)
-            sums[g, OMEGA, l] = after
-            for i in range(cells.shape[1]):
-                cells[g, i, OMEGA, l] = scaled(cells[g, i, OMEGA, l], before - after)
-    settle(bodies.eps, span.chosen, begin, cells, sums, range(g, g + 1))
-
-
-@part
-def show(cells, flat_cells, sums, tile):
+def show(block):
     """The states of a block in the unit of the user, in the tile; but see `show_given`."""
-    m = cells.shape[1]
-    for g in range(cells.shape[0]):
-        begin, unit = g * VECTOR * m, load(sums, g, UNIT)
-        if m < VECTOR:
-            for i in range(0, m, 2):
-                first = max(min(i, m - 2), 0)
-                one = load(cells, g, first, OMEGA) * unit
-                other = load(cells, g, min(first + 1, m - 1), OMEGA) * unit
-                scatter_pairs(tile, begin + first, m, one, other)
+    cells, tile, m = block.cells, block.tile, block.m
+    for g in range(block.groups):
+        c, place, unit = g * m * CELL, g * VECTOR * m, vector_at(block.sums, g * GROUP + UNIT)
+        if m == 2:
+            show2(cells, c, unit, tile, place)
+        elif m == 3:
+            show3(cells, c, unit, tile, place)
+        elif m == 4:
+            show4(cells, c, unit, tile, place)
         else:
-            for i in range(m):
-                store(cells, g, i, WORK, load(cells, g, i, OMEGA) * unit)
-            for i in range(0, m, VECTOR):
-                first = min(i, m - VECTOR)
-                row = ((g * m + first) * CELLS + WORK) * VECTOR
-                copy_transposed(tile, begin + first, m, flat_cells, row, CELLS * VECTOR)
+            for i in range((m - 1) // VECTOR * VECTOR, -1, -VECTOR):
+                row = c + i * CELL + OMEGA
+                copy_transposed(tile, place + i, m, cells, row, CELL, unit)
 
 
 @part
-def show_given(omega, chosen, begin, end, sums, tile, n):
+def show_given(omega, chosen, block, n):
     """Where nothing has moved, users see what was given."""
-    m = omega.shape[1]
-    for k in range(end - begin):
-        g, l = k // VECTOR, k % VECTOR
-        if sums[g, ENDED, l] == 0.0 and (n == 0 or sums[g, RESTS, l] > 0.0):
-            b = trajectory(chosen, begin + k)
+    m, tile = block.m, block.tile
+    for k in range(block.end - block.begin):
+        l = k // VECTOR * GROUP + k % VECTOR
+        if block.sums[l + ENDED] == 0.0 and (n == 0 or block.sums[l + RESTS] > 0.0):
+            b = trajectory(chosen, block.begin + k)
             for i in range(m):
                 tile[k * m + i] = omega[b, i]
 
 
 @part
-def orient(bodies, span, kept, begin, end, sums, tile, task, turning, n):
+def orient(bodies, span, kept, block, task, turning, n):
     """Turn the orientations to state n, which is shown."""
+    begin, tile = block.begin, block.tile
     before, room = turning.before[task], turning.room[task]
     size = kept.columns.shape[1]
     m = size - 1
     gram, cleaned = room[:size], room[size : 2 * size]
     image, middle = room[2 * size], room[2 * size + 1, :m]
-    for k in range(end - begin):
+    for k in range(block.end - begin):
         b = trajectory(span.chosen, begin + k)
         if n > span.start:
             for i in range(m):
@@ -700,7 +817,7 @@ def orient(bodies, span, kept, begin, end, sums, tile, task, turning, n):
             turn(kept.columns[b], middle, step, image)
             if n % CLEAN_EVERY == 0:
                 clean_up(kept.columns[b], gram, cleaned)
-        elif sums[k // VECTOR, ENDED, k % VECTOR] > 0.0:
+        elif block.sums[k // VECTOR * GROUP + ENDED + k % VECTOR] > 0.0:
             kept.columns[b] = np.nan
         for i in range(m):
             before[k, i] = tile[k * m + i]
@@ -716,20 +833,20 @@ def save_turns(chosen, columns, begin, end, row):
 
 
 @part
-def leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile):
+def leave_block(omega, span, kept, block):
     """Write what is left at state stop."""
-    m = cells.shape[1]
-    show(cells, flat_cells, sums, tile)
-    show_given(omega, span.chosen, begin, end, sums, tile, span.stop)
-    write(tile, span.chosen, begin, end, m, kept.final.reshape(kept.final.size), 0)
-    for g in range(cells.shape[0]):
-        store(sums, g, UNIT, splat(1.0))
-    show(cells, flat_cells, sums, tile)
+    begin, end, m, sums, tile = block.begin, block.end, block.m, block.sums, block.tile
+    show(block)
+    show_given(omega, span.chosen, block, span.stop)
+    write(tile, span.chosen, begin, end, m, borrowed(kept.final), 0)
+    for g in range(block.groups):
+        store_at(sums, g * GROUP + UNIT, splat(1.0))
+    show(block)
     for k in range(end - begin):
-        b, g, l = trajectory(span.chosen, begin + k), k // VECTOR, k % VECTOR
+        b, l = trajectory(span.chosen, begin + k), k // VECTOR * GROUP + k % VECTOR
         if kept.status[b] != NEEDS_ELIMINATION:
-            kept.status[b] = kept.status[b] if sums[g, ENDED, l] > 0.0 else OK
-            kept.exponent[b] = sums[g, OMEGA, l]
+            kept.status[b] = kept.status[b] if sums[l + ENDED] > 0.0 else OK
+            kept.exponent[b] = sums[l + OMEGA]
             for i in range(m):
                 kept.state[b, i] = tile[k * m + i]
 
@@ -739,26 +856,22 @@ def run_block(
     method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch, matrices, turning
 ):
     """All steps of the trajectories at some positions."""
-    groups = (end - begin + VECTOR - 1) // VECTOR
-    cells, sums = scratch.cells[task, :groups], scratch.sums[task, :groups]
-    flat_cells, tile = scratch.flat_cells[task], scratch.tile[task]
-    chosen, m = span.chosen, omega.shape[1]
-    flat = saved.omega.reshape(saved.omega.size)
+    m, tile, groups = omega.shape[1], scratch.tile[task], (end - begin + VECTOR - 1) // VECTOR
+    block = Block(scratch.cells[task], scratch.sums[task], tile, m, begin, end, groups)
+    chosen, flat = span.chosen, borrowed(saved.omega)
     turns, next_saved = turning is not None, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
-    some_rest = start_block(
-        bodies, omega, span, kept, begin, end, is_first, cells, flat_cells, sums, tile
-    )
+    some_rest = start_block(bodies, omega, span, kept, block, is_first)
     n = span.start
     while True:
         if turns or n == next_saved:
-            show(cells, flat_cells, sums, tile)
+            show(block)
             if n == 0 or some_rest:
-                show_given(omega, chosen, begin, end, sums, tile, n)
+                show_given(omega, chosen, block, n)
             if turning is not None:
-                orient(bodies, span, kept, begin, end, sums, tile, task, turning, n)
+                orient(bodies, span, kept, block, task, turning, n)
         if n == next_saved:
             write(tile, chosen, begin, end, m, flat, row * omega.size)
             if turning is not None:
@@ -771,15 +884,15 @@ def run_block(
         if next_saved > n:
             until = min(until, next_saved)
         if method == GAUSS and matrices is not None:
-            n, serve = advance_by_elimination(cells, sums, n, until, matrices[task])
+            n, serve = advance_by_elimination(block, n, until, matrices[task])
         else:
-            n, serve, accurate = advance(cells, sums, n, until)
+            n, serve, accurate = advance(block, n, until)
             if not accurate:
-                advance_with_care(bodies, span, kept, begin, end, cells, sums, task, matrices)
                 n, serve = n + 1, False
+                advance_with_care(span, kept, block, n, task, matrices)
         if not serve:
-            see_to_units(bodies, span, kept, begin, end, cells, sums, n)
-    leave_block(omega, span, kept, begin, end, cells, flat_cells, sums, tile)
+            see_to_units(span, kept, block, n)
+    leave_block(omega, span, kept, block)
 
 
 def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turning):
@@ -795,8 +908,11 @@ def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turnin
     """
     bodies, span, saved = Bodies(*bodies), Span(*span), Saved(*saved)
     kept, scratch = Kept(*kept), Scratch(*scratch)
-    size = block_size(omega.shape[1])
-    blocks = (span.end - span.begin + size - 1) // size
+    size, count = block_size(omega.shape[1]), span.end - span.begin
+    groups = (count + VECTOR - 1) // VECTOR
+    share = (groups + scratch.cells.shape[0] - 1) // scratch.cells.shape[0] * VECTOR
+    size = min(size, max(share, SHARED))
+    blocks = (count + size - 1) // size
     tasks = min(blocks, scratch.cells.shape[0])
     for task in prange(tasks):
         first_block = task * blocks // tasks

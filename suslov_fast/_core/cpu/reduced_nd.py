@@ -11,11 +11,11 @@ import numpy as np
 from numba import prange
 
 from ..formulas.coordinates import sum_of_products
-from ..formulas.elementary import exponent, scaled
+from ..formulas.elementary import exponent, scaled, within
 from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
 from ..jit import Loop, part
+from ..lanewise import lanewise, larger, select
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .blocks import TASKS
 from .equal_steps import GROUP
 from .equal_steps import fill_run as fill_run_loop
 from .orbits import WIDTH
@@ -23,7 +23,9 @@ from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
     VECTOR,
     borrowed,
+    copy_transposed,
     fence,
+    shuffled,
     splat,
     store_at,
     to_cache_line,
@@ -41,106 +43,227 @@ fill_run = fill_run_loop.inner
 LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
 
 
-@part
-def largest_of(row):
-    """The largest |number|; NaN if one is."""
-    largest = 0.0
-    for i in range(row.size):
-        largest = max(largest, abs(row[i]))
-        if row[i] != row[i]:
-            return np.nan
-    return largest
+# Rows of a group of VECTOR trajectories, one for each component: omega; I, then along; across.
 
 
 @part
-def rest(p, omega, b, three, state, along, across):
-    """A state that does not move, as itself."""
-    three[3, b], state[b, 0], state[b, 1] = p, 1.0, 0.0
-    for i in range(omega.size):
-        along[b, i], across[b, i] = omega[i], 0.0
+def rows_of(m):
+    """The numbers of such rows, and of what squares have beyond the last component."""
+    return (m + VECTOR) * VECTOR
 
 
 @part
-def split(I, omega, own, k, b, three, state, along, across):
-    """The parts of omega along I and orthogonal to it, where I_k is the largest component of I.
-
-    The second is made of I_k omega_i - I_i omega_k, which are accurate next to the steady states,
-    where all of them vanish.
-    """
-    m, omega_k = I.size, scaled(omega[k], -own)
-    p, p_lost, square, of_differences, coupled = 0.0, 0.0, 0.0, 0.0, 0
-    for i in range(m):
-        w = scaled(omega[i], -own)
-        p, p_lost = sum_in_two(p, p_lost, I[i], w)
-        across[b, i] = sum_of_products(I[k], w, -I[i], omega_k)
-        square += I[i] * I[i]
-        of_differences += I[i] * across[b, i]
-        coupled += I[i] != 0.0
-    if coupled == 0:
-        rest(0.0, omega, b, three, state, along, across)
-        return
-    for i in range(m):
-        across[b, i] = orthogonal(across[b, i], I[i], of_differences / square, I[k])
-    unit = exponent(largest_of(across[b]))
-    length = 0.0
-    for i in range(m):
-        across[b, i] = scaled(across[b, i], -unit)
-        length += across[b, i] * across[b, i]
-    if length == 0.0 or three[4, b] == 0.0:
-        rest(p, omega, b, three, state, along, across)
-        return
-    length, norm = np.sqrt(length), np.sqrt(square)
-    total = p + p_lost
-    omega1, I23 = as_product(total, p_lost - (total - p))
-    if coupled == 1:
-        omega1, I23 = omega_k, I[k]
-    three[3, b], state[b, 0] = I23, omega1
-    state[b, 1] = scaled(norm * length / I23, unit)
-    for i in range(m):
-        along[b, i] = scaled(I23 * I[i] / square, own)
-        across[b, i] = scaled(across[b, i] / length * (I23 / norm), own)
+def room_to_reduce(m):
+    """The numbers that a task works in: these rows, room to turn them, and three vectors."""
+    return 4 * rows_of(m) + 3 * VECTOR
 
 
 @part
-def reduce_one(J, I, eps, omega, b, three, state, along, across):
-    """A trajectory; returns whether its numbers are in a range that is taken here."""
-    m, k = J.size, 0
-    for i in range(m):
-        k = i if abs(I[i]) > abs(I[k]) else k
-    largest = largest_of(omega)
-    own = exponent(largest) if largest > 0.0 else 0.0
-    step = scaled(eps, max(min(own, 1000.0), -1000.0))
-    three[4, b] = step
-    three[0, b], three[1, b], three[2, b] = J[k], J[0 if k > 0 else m - 1], 0.0
-    if m != 2:
-        split(I, omega, own, k, b, three, state, along, across)
-    apart = abs(exponent(three[0, b]) - exponent(three[1, b]))
+def take_rows(values, first, width, room, place):
+    """Rows of values, or one row for all; lanes beyond the width repeat the last."""
+    m = values.shape[1]
+    tile = room[3 * rows_of(m) :]
+    for l in range(VECTOR):
+        b = first + min(l, width - 1) if values.shape[0] > 1 else 0
+        for i in range(m):
+            tile[l * m + i] = values[b, i]
+    for i in range(0, m, VECTOR):
+        copy_transposed(room, place + i * VECTOR, VECTOR, tile, i, m, splat(1.0))
+
+
+@part
+def give_rows(values, first, width, room, place):
+    """The reverse."""
+    m = values.shape[1]
+    tile = room[3 * rows_of(m) :]
+    for i in range((m - 1) // VECTOR * VECTOR, -1, -VECTOR):
+        copy_transposed(tile, i, m, room, place + i * VECTOR, VECTOR, splat(1.0))
+    for l in range(width):
+        for i in range(m):
+            values[first + l, i] = tile[l * m + i]
+
+
+def rows_at(room, r, size):
+    return (vector_at(room, r + k * size) for k in range(3))
+
+
+@lanewise
+def look_through(room, r, size, number, k, I_k, omega_k, largest, undefined):
+    """The largest component of I so far, with that of omega; and of omega, NaN if one is."""
+    omega, I, _ = rows_at(room, r, size)
+    found = abs(I) > abs(I_k)
+    undefined = undefined + select(omega == omega, 0.0, omega)
+    largest = larger(abs(omega), largest)
+    k, I_k, omega_k = (select(found, *pair) for pair in ((number, k), (I, I_k), (omega, omega_k)))
+    return k, I_k, omega_k, largest, undefined
+
+
+@lanewise
+def find_units(eps, largest):
+    """The exponent of the unit of omega, and the step size in that of time."""
+    own = select(largest > 0.0, exponent(largest), 0.0)
+    return own, scaled(eps, within(own, 1000.0))
+
+
+@lanewise
+def is_in_range(own, step, largest, of_k, of_others):
+    """Whether numbers are in a range that is taken here: 1, or 0."""
+    apart = abs(exponent(of_k) - exponent(of_others))
     in_range = (apart <= FARTHEST) & (abs(own) + apart <= LARGEST) & (largest == largest)
-    return in_range & (exponent(step) <= LONGEST)
+    return select(in_range & (exponent(step) <= LONGEST), 1.0, 0.0)
 
 
-def _reduce(J, I, eps, omega, three, state, along, across, fits):
+@lanewise
+def take_differences(room, r, size, own, I_k, omega_k, p, p_lost, square, of_differences, coupled):
+    """I_k omega_i - I_i omega_k, accurate next to the steady states, where all of them vanish."""
+    omega, I, _ = rows_at(room, r, size)
+    w, w_k = scaled(omega, -own), scaled(omega_k, -own)
+    p, p_lost = sum_in_two(p, p_lost, I, w)
+    difference = sum_of_products(I_k, w, -I, w_k)
+    store_at(room, r + 2 * size, difference)
+    coupled = coupled + select(I == 0.0, 0.0, 1.0)
+    return p, p_lost, square + I * I, of_differences + I * difference, coupled
+
+
+@lanewise
+def take_orthogonal(room, r, size, I_k, square, of_differences, largest, undefined):
+    """The part of omega orthogonal to I, and its largest component, NaN if one is."""
+    _, I, across = rows_at(room, r, size)
+    across = orthogonal(across, I, of_differences / square, I_k)
+    store_at(room, r + 2 * size, across)
+    undefined = undefined + select(across == across, 0.0, across)
+    return larger(abs(across), largest), undefined
+
+
+@lanewise
+def take_unit(room, place, largest, length):
+    across = scaled(vector_at(room, place), -exponent(largest))
+    store_at(room, place, across)
+    return length + across * across
+
+
+@lanewise
+def split(p, p_lost, coupled, own, step, omega_k, I_k, largest, length, square):
+    """I23 and the state of the 3D body; the factors of I and of across; where nothing moves: 1."""
+    alone = coupled == 0.0
+    rests = alone | (length == 0.0) | (step == 0.0)
+    length, norm, total = np.sqrt(length), np.sqrt(square), p + p_lost
+    omega1, I23 = as_product(total, p_lost - (total - p))
+    omega1 = select(coupled == 1.0, scaled(omega_k, -own), omega1)
+    I23 = select(coupled == 1.0, I_k, I23)
+    omega2 = scaled(norm * length / I23, exponent(largest))
+    return (
+        select(rests, select(alone, 0.0, p), I23),
+        select(rests, 1.0, omega1),
+        select(rests, 0.0, omega2),
+        I23,
+        length,
+        norm,
+        select(rests, 1.0, 0.0),
+    )
+
+
+@lanewise
+def take_parts(room, r, size, own, square, I23, length, norm, rests):
+    """Along and across; a state that does not move is along as itself."""
+    omega, I, across = rows_at(room, r, size)
+    along = scaled(I23 * I / square, own)
+    across = scaled(across / length * (I23 / norm), own)
+    store_at(room, r + size, select(rests == 1.0, omega, along))
+    store_at(room, r + 2 * size, select(rests == 1.0, 0.0, across))
+
+
+@part
+def give_numbers(numbers, first, width, row, room):
+    """Write a vector, but for lanes beyond the width."""
+    place = room.size - VECTOR
+    store_at(room, place, numbers)
+    for l in range(width):
+        row[first + l] = room[place + l]
+
+
+@part
+def reduce_group(J, I, eps, omega, first, width, three, state, along, across, fits, room):
+    """VECTOR trajectories, or fewer at the end."""
+    m, zero = omega.shape[1], splat(0.0)
+    size, end = rows_of(m), m * VECTOR
+    take_rows(omega, first, width, room, 0)
+    take_rows(I, first, width, room, size)
+    place = 4 * size
+    for l in range(VECTOR):
+        b = first + min(l, width - 1)
+        room[place + l] = eps[b if eps.size > 1 else 0]
+    k, I_k, omega_k, largest, undefined, number = zero, zero, vector_at(room, 0), zero, zero, 0.0
+    for r in range(0, end, VECTOR):
+        k, I_k, omega_k, largest, undefined = look_through(
+            room, r, size, number, k, I_k, omega_k, largest, undefined
+        )
+        number += 1.0
+    largest = largest + undefined
+    own, step = find_units(vector_at(room, place), largest)
+    store_at(room, place, k)
+    for l in range(VECTOR):
+        b = first + min(l, width - 1)
+        of_body = J[b if J.shape[0] > 1 else 0]
+        coupled = int(room[place + l])
+        room[place + l] = of_body[coupled]
+        room[place + VECTOR + l] = of_body[0 if coupled > 0 else m - 1]
+    of_k, of_others = vector_at(room, place), vector_at(room, place + VECTOR)
+    in_range = is_in_range(own, step, largest, of_k, of_others)
+    give_numbers(of_k, first, width, three[0], room)
+    give_numbers(of_others, first, width, three[1], room)
+    give_numbers(zero, first, width, three[2], room)
+    give_numbers(step, first, width, three[4], room)
+    store_at(room, place, in_range)
+    for l in range(width):
+        fits[first + l] = room[place + l] != 0.0
+    if m == 2:
+        return
+    p, p_lost, square, of_differences, coupled = zero, zero, zero, zero, zero
+    for r in range(0, end, VECTOR):
+        p, p_lost, square, of_differences, coupled = take_differences(
+            room, r, size, own, I_k, omega_k, p, p_lost, square, of_differences, coupled
+        )
+    largest, undefined, length = zero, zero, zero
+    for r in range(0, end, VECTOR):
+        largest, undefined = take_orthogonal(
+            room, r, size, I_k, square, of_differences, largest, undefined
+        )
+    largest = largest + undefined
+    for r in range(2 * size, 2 * size + end, VECTOR):
+        length = take_unit(room, r, largest, length)
+    given, omega1, omega2, I23, length, norm, rests = split(
+        p, p_lost, coupled, own, step, omega_k, I_k, largest, length, square
+    )
+    for r in range(0, end, VECTOR):
+        take_parts(room, r, size, own, square, I23, length, norm, rests)
+    give_numbers(given, first, width, three[3], room)
+    store_at(room, place, omega1)
+    store_at(room, place + VECTOR, omega2)
+    for l in range(width):
+        state[first + l, 0], state[first + l, 1] = room[place + l], room[place + VECTOR + l]
+    give_rows(along, first, width, room, size)
+    give_rows(across, first, width, room, 2 * size)
+
+
+def _reduce(J, I, eps, omega, three, state, along, across, fits, room):
     """The 3D problem of trajectories of bodies whose problem is solved; of n = 3, only `fits`.
 
     J, I    (B, m), or (1, m) where one body serves all.
     eps     (B,) or (1,)
     omega   (B, m), the states at step 0.
     fits    (B,), receives whether the trajectory is in a range that is taken here.
+    room    (tasks, `room_to_reduce(m)`)
     """
     batch = omega.shape[0]
-    n_tasks = min((batch + WIDTH - 1) // WIDTH, TASKS)
-    for task in prange(n_tasks):
-        for b in range(task * batch // n_tasks, (task + 1) * batch // n_tasks):
-            fits[b] = reduce_one(
-                J[b if J.shape[0] > 1 else 0],
-                I[b if I.shape[0] > 1 else 0],
-                eps[b if eps.size > 1 else 0],
-                omega[b],
-                b,
-                three,
-                state,
-                along,
-                across,
+    groups = (batch + VECTOR - 1) // VECTOR
+    tasks = min(groups, room.shape[0])
+    for task in prange(tasks):
+        for g in range(task * groups // tasks, (task + 1) * groups // tasks):
+            first = g * VECTOR
+            width = min(VECTOR, batch - first)
+            reduce_group(
+                J, I, eps, omega, first, width, three, state, along, across, fits, room[task]
             )
 
 
@@ -152,14 +275,14 @@ def lanes_of(m):
 
 @part
 def padded(m):
-    """The components of a trajectory and what fills their last vector."""
-    return (m + VECTOR - 1) // VECTOR * VECTOR
+    """The components of a trajectory and what fills their last vector, if they fill one."""
+    return (m + VECTOR - 1) // VECTOR * VECTOR if m >= VECTOR else m
 
 
 @part
 def length_of_row(m):
-    """The numbers of a row at most, and a vector that its last components may reach beyond it."""
-    return max(lanes_of(m) * m, ROW) + VECTOR
+    """The numbers of a row at most, and what its last vectors may reach beyond it."""
+    return max(lanes_of(m) * m, ROW) + VECTOR * VECTOR
 
 
 @part
@@ -170,34 +293,90 @@ def room_of(m):
 
 @part
 def take_coefficients(along, across, first, width, coefficients):
-    """Those of each trajectory, along before across."""
+    """Those of each trajectory, a vector of along before one of across; of few components, those of
+    all trajectories.
+
+    A single trajectory is there as often as a vector has lanes.
+    """
     m, step = along.shape[1], padded(along.shape[1])
-    for l in range(width):
+    lanes = (width + VECTOR - 1) // VECTOR * VECTOR
+    for l in range(lanes):
+        b = first + min(l, width - 1)
         for i in range(step):
-            coefficients[2 * step * l + i] = along[first + l, i] if i < m else 0.0
-            coefficients[2 * step * l + step + i] = across[first + l, i] if i < m else 0.0
+            if m < VECTOR:
+                place, other = l * m + i, lanes * m
+            else:
+                place, other = 2 * step * l + i + i // VECTOR * VECTOR, VECTOR
+            coefficients[place] = along[b, i] if i < m else 0.0
+            coefficients[place + other] = across[b, i] if i < m else 0.0
+
+
+@lanewise
+def expand_vector(omega1, omega2, coefficients, c, row, place):
+    along, across = vector_at(coefficients, c), vector_at(coefficients, c + VECTOR)
+    store_at(row, place, state_nd(along, across, omega1, omega2))
 
 
 @part
 def expand(states, begin, rows, width, m, coefficients, row):
-    """States of some rows, from those of 3D.
-
-    Vectors of the last components come first: what they write beyond them is written over.
+    """States of some rows, from those of 3D; what vectors of the last components have beyond them
+    is written over.
     """
-    step = padded(m)
-    apart = 2 * step if width > 1 else 0
-    if width == 1:  # its rows are as trajectories that are all alike
+    place, whole = 0, 2 * padded(m)
+    apart = whole if width > 1 else 0  # rows of a single one are as trajectories all alike
+    for r in range(rows):
+        omega = states[begin + 2 * r * width : begin + 2 * (r + 1) * width]
+        for l in range(width):
+            omega1, omega2 = omega[2 * l], omega[2 * l + 1]
+            for k in range(0, whole, 2 * VECTOR):
+                expand_vector(omega1, omega2, coefficients, apart * l + k, row, place + k // 2)
+            place += m
+
+
+def _expanding(m):
+    places = [[2 * ((VECTOR * k + j) // m) for j in range(VECTOR)] for k in range(m)]
+
+    @lanewise
+    def expand_group(states, begin, coefficients, c, other, row, place):
+        """VECTOR states of few components, from those of 3D; `other` of c is across, c along."""
+        pairs = vector_at(states, begin), vector_at(states, begin + VECTOR)
+        for k, firsts in enumerate(places):
+            omega1 = shuffled(*pairs, firsts)
+            omega2 = shuffled(*pairs, [each + 1 for each in firsts])
+            along = vector_at(coefficients, c + k * VECTOR)
+            across = vector_at(coefficients, c + other + k * VECTOR)
+            store_at(row, place + k * VECTOR, state_nd(along, across, omega1, omega2))
+
+    return expand_group
+
+
+expand1, expand3, expand4, expand5, expand6, expand7 = map(_expanding, (1, 3, 4, 5, 6, 7))
+
+
+@part
+def expand_few(states, begin, rows, width, m, coefficients, row):
+    """`expand` of fewer components than a vector has lanes; what a group has beyond the last
+    trajectory is written over.
+    """
+    other = (width + VECTOR - 1) // VECTOR * VECTOR * m
+    apart = VECTOR * m if width > 1 else 0
+    if width == 1:
         rows, width = 1, rows
-    for i in range(step - VECTOR, -1, -VECTOR):
-        place = i
-        for k in range(begin, begin + 2 * rows * width, 2 * width):
-            omega = states[k : k + 2 * width]
-            for l in range(width):
-                along = vector_at(coefficients, apart * l + i)
-                across = vector_at(coefficients, apart * l + step + i)
-                state = state_nd(along, across, splat(omega[2 * l]), splat(omega[2 * l + 1]))
-                store_at(row, place, state)
-                place += m
+    for r in range(rows):
+        for l in range(0, width, VECTOR):
+            k, c, place = begin + 2 * (r * width + l), l // VECTOR * apart, (r * width + l) * m
+            if m == 3:
+                expand3(states, k, coefficients, c, other, row, place)
+            elif m == 4:
+                expand4(states, k, coefficients, c, other, row, place)
+            elif m == 5:
+                expand5(states, k, coefficients, c, other, row, place)
+            elif m == 6:
+                expand6(states, k, coefficients, c, other, row, place)
+            elif m == 7:
+                expand7(states, k, coefficients, c, other, row, place)
+            else:
+                expand1(states, k, coefficients, c, other, row, place)
 
 
 def _fill(three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room):
@@ -208,7 +387,8 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
     rows          begin, end, origin: row i goes to row i - origin of `out`, (rows, B, m).
     status        (B,), as in `equal_steps`.
     missing       (tasks, 2), counts what nobody reads.
-    room          (tasks, `room_of(m)` and two numbers for each state of a part), on cache lines.
+    room          (tasks, `room_of(m)` and two numbers for each state of a part and VECTOR more), on
+                  cache lines.
     """
     batch, m = along.shape
     begin, end, origin = rows
@@ -254,7 +434,10 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
             abreast = max(ROW // (width * m), 1) if width == batch else 1
             for r in range(0, bottom - top, abreast):
                 count = min(abreast, bottom - top - r)
-                expand(states, 2 * width * r, count, width, m, coefficients, row)
+                if m < VECTOR:
+                    expand_few(states, 2 * width * r, count, width, m, coefficients, row)
+                else:
+                    expand(states, 2 * width * r, count, width, m, coefficients, row)
                 target = ((top + r - origin) * batch + first) * m
                 write_numbers(row, 0, flat, target, count * width * m, line, past_caches)
         fence()

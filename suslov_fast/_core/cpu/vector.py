@@ -12,6 +12,7 @@ from ..jit import part
 from ..lanewise import VECTOR as VECTOR
 from ..lanewise import larger as larger
 from ..lanewise import select as select
+from ..lanewise import shuffled as shuffled
 from ..lanewise import smaller as smaller
 from ..staged import staged
 
@@ -79,6 +80,19 @@ def store_at(array, index, vector):
     array[index:][:VECTOR] = vector
 
 
+def store_rows(array, index, vectors):
+    """Write vectors lane by lane side by side, a row of numbers for each lane."""
+    size = len(vectors)
+    for k in range(size):
+        numbers = [divmod(k * VECTOR + j, size) for j in range(VECTOR)]
+        # The numbers of one vector after the other take their places.
+        line = shuffled(vectors[0], vectors[0], [lane for lane, _ in numbers])
+        for i in range(1, size):
+            places = [VECTOR + l if which == i else j for j, (l, which) in enumerate(numbers)]
+            line = shuffled(line, vectors[i], places)
+        store_at(array, index + k * VECTOR, line)
+
+
 def pairs_at(array, index):
     """The firsts and the seconds of VECTOR pairs of numbers that start at an element."""
     pairs = array[index:][: 2 * VECTOR].copy()
@@ -109,13 +123,14 @@ def stream_pairs(array, index, first, second):
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
-def copy_transposed(array, index, stride, source, first, distance):
+def copy_transposed(array, index, stride, source, first, distance, factors):
     """A square of VECTOR**2 numbers, whose rows start at first, first + distance, ... in `source`.
 
-    Its columns are written at index, index + stride, ...
+    Its columns, each times a factor, are written at index, index + stride, ... one after the other.
     """
-    i, j = np.arange(VECTOR)[:, np.newaxis], np.arange(VECTOR)
-    array[index + stride * i + j] = source[first + distance * i + j].T
+    rows = [factors * vector_at(source, first + distance * i) for i in range(VECTOR)]
+    for k in range(VECTOR):
+        store_at(array, index + stride * k, np.array([row[k] for row in rows]))
 
 
 def expect_store(array, index):

@@ -5,6 +5,7 @@ omega_next - omega.
 """
 
 from ..jit import formula
+from ..lanewise import select
 
 
 @formula
@@ -89,25 +90,20 @@ def bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
     )
 
 
-@formula
 def leading(row, other, k):
     """Two rows, that with the larger number in column k first."""
-    return (other, row) if abs(other[k]) > abs(row[k]) else (row, other)
+    swapped = abs(other[k]) > abs(row[k])
+    pairs = list(zip(row, other, strict=True))
+    first = [select(swapped, theirs, own) for own, theirs in pairs]
+    return first, [select(swapped, own, theirs) for own, theirs in pairs]
 
 
-@formula
 def reduced(row, pivot, k):
     """A row less that multiple of another which leaves 0 in column k."""
     factor = row[k] / pivot[k]
-    return (
-        row[0] - factor * pivot[0],
-        row[1] - factor * pivot[1],
-        row[2] - factor * pivot[2],
-        row[3] - factor * pivot[3],
-    )
+    return [own - factor * other for own, other in zip(row, pivot, strict=True)]
 
 
-@formula
 def solve3(a, b, c):
     """The solution of three equations, with partial pivoting; the pivots' sizes."""
     a, b = leading(a, b, 0)

@@ -8,6 +8,7 @@ I23 Omega2 = |I| |across|.
 import numpy as np
 
 from ..jit import formula
+from ..lanewise import larger, select
 from .coordinates import two_product, two_sum
 from .elementary import TO_INTEGER, exponent, scaled
 
@@ -34,19 +35,19 @@ def as_product(p, lost):
     """
     half = 2.0 * np.floor(0.5 * exponent(p))
     whole = scaled(abs(p), -half)
-    more = scaled(lost if p > 0.0 else -lost, -half)
+    more = scaled(select(p > 0.0, lost, -lost), -half)
     S = (np.sqrt(whole) + 2.0) - 2.0
     square, square_lost = two_product(S, S)
     unit = S * _LAST_PLACE
     rest = whole - square
     k = np.ceil((rest + (more - square_lost)) / unit)
     rest = (rest - k * unit) + (more - square_lost)
-    root = np.sqrt(max(k * k - 4.0 * (rest / _LAST_PLACE) / _LAST_PLACE, 0.0))
+    root = np.sqrt(larger(k * k - 4.0 * (rest / _LAST_PLACE) / _LAST_PLACE, 0.0))
     i = (0.5 * (k + root) + TO_INTEGER) - TO_INTEGER
     A = scaled(S + i * _LAST_PLACE, half)
     B = S + (k - i) * _LAST_PLACE
-    A, B = A if p > 0.0 else -A, B
-    return p if lost == 0.0 else A, 1.0 if lost == 0.0 else B
+    A = select(p > 0.0, A, -A)
+    return select(lost == 0.0, p, A), select(lost == 0.0, 1.0, B)
 
 
 @formula

@@ -79,8 +79,8 @@ _INSTEAD = {
     min: functools.partial(_pick, operator.lt),
     max: functools.partial(_pick, operator.gt),
     np.int8: lambda builder, number: emitted(builder, number).to_integer(),
-    np.int64: lambda builder, number: emitted(builder, number),
-    np.float64: lambda builder, number: emitted(builder, number),
+    np.int64: lambda builder, number: emitted(builder, number).to_integer(),
+    np.float64: lambda builder, number: emitted(builder, number).to_double(),
 }
 
 

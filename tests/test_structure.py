@@ -27,7 +27,7 @@ MODULES = [
 STANDARD = {
     "jit": {"contextlib", "functools", "types"},
     "pipeline": {"contextlib", "gc"},
-    "staged": {"ast", "builtins", "functools", "pathlib"},
+    "staged": {"ast", "builtins", "collections", "contextlib", "functools", "pathlib"},
     "stand_ins": {"functools"},
     "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
 }

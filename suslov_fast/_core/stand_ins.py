@@ -155,6 +155,9 @@ class Emitted:
     def __init__(self, builder, value):
         self.builder, self.value = builder, value
 
+    def __repr__(self):
+        return f"<{self.value.type}>"
+
     def beside(self, other):
         """The values of this and of another, as of one type."""
         if _element(self.value.type) == DOUBLE and isinstance(other, int):
@@ -195,12 +198,15 @@ class Emitted:
         return self._rounded_up(a, b).choose(rest + divisor, rest)
 
     def _and_divisor(self, divisor):
-        """Two integers, the second of which is not known to be 0."""
-        if not isinstance(divisor, Emitted) and divisor == 0:
+        """Two integers. What is not asked for is divided too, and a divisor of 0 is an abort."""
+        a, b = self.beside(divisor)
+        _require(INTEGER, a, b)
+        if isinstance(divisor, Emitted):
+            is_zero = self.builder.icmp_signed("==", b, b.type(0))
+            return a, self.builder.or_(b, self.builder.zext(is_zero, b.type))
+        if divisor == 0:
             raise ZeroDivisionError("division by zero")
-        values = self.beside(divisor)
-        _require(INTEGER, *values)
-        return values
+        return a, b
 
     def __rfloordiv__(self, number):
         return emitted(self.builder, number) // self
@@ -279,10 +285,8 @@ class Emitted:
     def choose(self, first, second):
         """The first where this condition holds, the second elsewhere."""
         _require(CONDITION, self.value)
-        if isinstance(second, Emitted):
-            second, first = second.beside(first)
-        else:
-            first, second = emitted(self.builder, first).beside(second)
+        first, second = (emitted(self.builder, each).value for each in (first, second))
+        _require(_element(first.type), second)  # an integer has no -0
         return Emitted(
             self.builder, self.builder.select(*_alike(self.builder, self.value, first, second))
         )

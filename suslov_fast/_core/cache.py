@@ -134,7 +134,7 @@ class _Files(IndexDataCacheFile):
 
 
 def _held_by(function):
-    """The names of what a closure holds, and of what that holds."""
+    """The names of what a closure holds, and of what that holds: staged parts are named alike."""
     cells = getattr(function, "__closure__", None) or ()
     held = [cell.cell_contents for cell in cells]
     return tuple(

@@ -6,10 +6,19 @@ what is not known beforehand. What is known is done at once: a branch whose cond
 one.
 
 What can be read: assignments, `for` over `range` without `break`, `while`, `if`, `continue`, and
-one `return`, at the end. A name that is given several values has numbers of one type; one that is
-given its values in branches or loops, and is used after them, has one before. Indices and bounds
-of slices count from the beginning. Both sides of a conditional expression are computed. Functions
-that are called are read if they are staged, or formulas, or else called.
+one `return`, at the end. Functions that are called are read if they are staged, or formulas, or
+else called. What is read means what it means to Python; anything else is `Unreadable`:
+
+names          One that is assigned in several places holds numbers of one type, in memory which
+               LLVM takes away again. Any other stands for what it was given, which may be an array
+               or a tuple, and is forgotten at the end of the branch or the turn it was given it in.
+conditions     are no integers, and integers no conditions.
+expressions    What Python would leave out of `a if c else b` and `a < b < c` is computed, and so
+               may read, but neither write nor branch. `and` and `or` look at what Python looks at.
+
+What cannot be seen while reading is the caller's to keep: indices and bounds of slices lie within
+arrays and count from their beginning, also in what is not chosen of `a if c else b`; integers do
+not overflow, and are not divided by 0; a step of `range` that is not known is positive.
 
 Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
 source must be at hand.
@@ -19,7 +28,7 @@ import ast
 import builtins
 import functools
 import operator
-from collections import Counter
+from collections import ChainMap, Counter
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -87,7 +96,7 @@ _INSTEAD = {
 
 
 class Unreadable(Exception):
-    """A part has what cannot be read, in the line told."""
+    """A part cannot be read; the message says where."""
 
 
 @functools.cache
@@ -104,9 +113,9 @@ def _functions_of(path):
 
 @functools.cache
 def _parsed(function):
-    """The syntax tree of a function, and the names that are given a value more than once.
+    """The syntax tree of a function, and the names that are assigned in several places.
 
-    Being what several loops go over counts as one value: no loop sees that of another.
+    All loops whose index has a name are one place: none sees the index of another.
     """
     code = function.__code__
     tree = _functions_of(code.co_filename).get(code.co_firstlineno)
@@ -122,7 +131,7 @@ def _parsed(function):
         elif isinstance(node, ast.For):
             of_loops.update(_stored(node.target))
     counts.update(of_loops)
-    return tree, frozenset(name for name, count in counts.items() if count > 1) - {"_"}
+    return tree, frozenset(name for name, count in counts.items() if count > 1)
 
 
 def _stored(target):
@@ -132,7 +141,7 @@ def _stored(target):
 
 
 class _Variable:
-    """The place of the numbers that a name is given one after the other."""
+    """The memory of the numbers that a varying name is given one after the other."""
 
     def __init__(self, builder, value):
         self.builder = builder
@@ -147,18 +156,21 @@ class _Variable:
 
 
 class _Reading:
-    """One passage through a function; methods are named after the nodes that they are for."""
+    """One passage through a function; methods are named after the nodes that they are for.
+
+    known     what names outside the function stand for.
+    names     what names of the function stand for: a `_Variable` for those that are `varying`.
+    again     where a `continue` goes, the innermost loop last.
+    result    what the function returns.
+    """
 
     def __init__(self, builder, function, arguments):
         tree, self.varying = _parsed(function)
         self.builder, self.again = builder, []
         self.code = function.__code__
         free = (cell.cell_contents for cell in function.__closure__ or ())
-        self.known = {
-            **vars(builtins),
-            **function.__globals__,
-            **dict(zip(function.__code__.co_freevars, free, strict=True)),
-        }
+        held = dict(zip(function.__code__.co_freevars, free, strict=True))
+        self.known = ChainMap(held, function.__globals__, vars(builtins))
         self.names = {}
         for parameter, value in zip(tree.args.args, arguments, strict=True):
             self.set_name(parameter.arg, value)
@@ -206,7 +218,7 @@ class _Reading:
 
     @contextmanager
     def perhaps(self):
-        """Of what is done once, several times, or not at all, only varying names keep values."""
+        """What is done once, several times, or not at all: only varying names keep values."""
         before = self.names.copy()
         yield
         self.names = {
@@ -253,6 +265,8 @@ class _Reading:
         return array, self.value(target.slice)
 
     def set_name(self, name, value):
+        if name == "_":
+            return
         if name in self.varying:
             value = emitted(self.builder, value).value
             if name not in self.names:

@@ -2,6 +2,10 @@
 
 Code that is gone through with them, once, is compiled. So Numba need not read, type and compile it,
 which takes most of the time of a first use; and all of it is inlined.
+
+Numbers are doubles, integers of 64 bits, and conditions, or vectors of them. Beside a double the
+others are made doubles; an integer and a condition do not go together. What LLVM would take in
+another sense than Python, or than NumPy, is an error as soon as it is done to a stand-in.
 """
 
 import math
@@ -150,7 +154,9 @@ class Emitted:
     """A number, an integer, a condition, or a vector of them, in code that is compiled."""
 
     __hash__ = None
-    __bool__ = None  # no branch is known beforehand
+
+    def __bool__(self):
+        raise TypeError("a condition that is not known: only staged parts branch on one")
 
     def __init__(self, builder, value):
         self.builder, self.value = builder, value
@@ -364,9 +370,9 @@ class EmittedArray:
             if part.step is not None or len(self.shape) > 1:
                 raise IndexError("a slice with a step, or of an array that is not flat")
             start = 0 if part.start is None else part.start
-            for bound in (start, part.stop):
-                _within(bound, self.shape[0], last=0)
             size = None if part.stop is None else part.stop - start
+            for each in (start, part.stop, size):
+                _within(each, self.shape[0], last=0)
             return EmittedArray(self.builder, self._place((start,)), (size,))
         indices = part if isinstance(part, tuple) else (part,)
         place, shape = self._place(indices), self.shape[len(indices) :]
@@ -408,7 +414,7 @@ class EmittedArray:
 
 
 def _within(index, length, last=-1):
-    """An index that is known, and beyond an array, is an error; and so is a negative one."""
+    """Refuse an index that is known to be negative or beyond the last one, length + last."""
     if isinstance(index, int):
         end = length + last if isinstance(length, int) else index
         if not 0 <= index <= end:

@@ -21,7 +21,7 @@ arrays and count from their beginning, also in what is not chosen of `a if c els
 not overflow, and are not divided by 0; a step of `range` that is not known is positive.
 
 Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
-source must be at hand.
+source must be at hand, and is read once: modules that are edited and reloaded are not read anew.
 """
 
 import ast

@@ -93,7 +93,8 @@ def turns(a, b, out):
         out[row] = a
     out[4] = a // (b - 2) if b != 2 else -1
     out[5] = a % (b - 2) if b != 2 else -1
-    out[6], out[7] = np.int64(2.7 * np.float64(a)), np.isnan(a / 2.0)
+    out[6] = np.int64(2.7 * np.float64(a)) + np.isnan(a / 2.0) * 1.0
+    out[6:].reshape((1, 2))[0, 1] = b  # of a slice without an end
 
 
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))

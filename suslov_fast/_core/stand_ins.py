@@ -340,11 +340,11 @@ class EmittedArray:
 
     def reshape(self, shape):
         shape = shape if isinstance(shape, tuple) else (shape,)
-        reshaped = EmittedArray(self.builder, self.pointer, shape)
-        sizes = [each for each in (self.size, reshaped.size) if isinstance(each, int)]
-        if sizes != sizes[:1] * len(sizes) or min(sizes, default=0) < 0:
+        known = (each for each in (self.shape, shape) if set(map(type, each)) <= {int})
+        negative = any(isinstance(each, int) and each < 0 for each in shape)
+        if negative or len(set(map(math.prod, known))) > 1:
             raise ValueError(f"an array of {self.shape} as one of {shape}")
-        return reshaped
+        return EmittedArray(self.builder, self.pointer, shape)
 
     def copy(self):
         """A vector of all numbers."""

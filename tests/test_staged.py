@@ -79,6 +79,13 @@ def arrays(values, small, out):
 
 
 @staged.staged
+def doubled(x):
+    y = x
+    y += x
+    return y
+
+
+@staged.staged
 def turns(a, b, out):
     """Names of loops that have other values too, turns that end at once, guarded divisions."""
     i = 7
@@ -91,7 +98,7 @@ def turns(a, b, out):
         if row == 2:
             continue
         out[row] = a
-    out[4] = a // (b - 2) if b != 2 else -1
+    out[4] = doubled(a) // (b - 2) if b != 2 else -1
     out[5] = a % (b - 2) if b != 2 else -1
     out[6] = np.int64(2.7 * np.float64(a)) + np.isnan(a / 2.0) * 1.0
     out[6:].reshape((1, 2))[0, 1] = b  # of a slice without an end

@@ -155,6 +155,13 @@ class _Variable:
         return Emitted(self.builder, self.builder.load(self.place))
 
 
+def _writes(instruction):
+    """Whether others see what an instruction does: only the memory of a name is an `alloca`."""
+    if instruction.opname == "store":
+        return getattr(instruction.operands[1], "opname", None) != "alloca"
+    return instruction.opname == "fence"
+
+
 class _Reading:
     """One passage through a function; methods are named after the nodes that they are for.
 
@@ -416,9 +423,8 @@ class _Reading:
         """What Python might leave out is computed: nothing else may happen there."""
         block, begin = self.builder.block, len(self.builder.block.instructions)
         yield
-        done = {each.opname for each in block.instructions[begin:]}
-        if self.builder.block is not block or done & {"store", "fence"}:
-            raise NotImplementedError("what may be left out branches, or writes to memory")
+        if self.builder.block is not block or any(map(_writes, block.instructions[begin:])):
+            raise NotImplementedError("what may be left out branches, or writes to an array")
 
     def Subscript(self, node):
         return self.value(node.value)[self.value(node.slice)]

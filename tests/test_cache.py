@@ -61,6 +61,27 @@ def filled_with(name, function):
 names = ("double", "half", "square", "more")
 loops = {name: filled_with(name, getattr(small, name)) for name in names}
 """ % ("x = function(x); " * 40)  # so long that the part is called, and not inlined
+# Loops of one name, told apart only by what their part holds.
+NAMESAKES = """
+from numba import prange
+from ..formulas import small
+from ..jit import Loop
+from ..staged import staged
+
+def filled_with(function):
+    @staged
+    def fill(x, out):
+        for i in range(x.size):
+            out[i] = function(x[i])
+
+    def loop(x, out):
+        for row in prange(x.shape[0]):
+            fill(x[row], out[row])
+
+    return Loop(loop)
+
+loops = {name: filled_with(getattr(small, name)) for name in ("half", "more")}
+"""
 CALL = """
 import sys
 folder, *names = sys.argv[1:]
@@ -248,6 +269,17 @@ def test_what_was_compiled_apart_is_not_mixed_up(core):
     assert together == alone
     assert (log.count("data saved"), log.count("data loaded")) == (0, 2)
     assert call(core, "double", "half")[0] == alone[::-1]
+
+
+def test_loops_of_one_name_are_told_apart_by_what_their_parts_hold(core):
+    (core / "cpu" / "loops.py").write_text(NAMESAKES)
+    expected = {
+        "half": "result half 0.5 1.0 1.5 2.0 2.5 3.0",
+        "more": "result more 2.0 3.0 4.0 5.0 6.0 7.0",
+    }
+    for _ in range(2):
+        for name, result in expected.items():
+            assert call(core, name)[0] == [result]
 
 
 needs_modes = pytest.mark.skipif(os.name != "posix", reason="needs POSIX file modes")

@@ -78,7 +78,34 @@ def arrays(values, small, out):
     last[4], last[5] = values.shape[0], values.size
 
 
+@staged.staged
+def doubled(x):
+    y = x
+    y += x
+    return y
+
+
+@staged.staged
+def turns(a, b, out):
+    """Names of loops that have other values too, turns that end at once, guarded divisions."""
+    i = 7
+    for i in range(4):
+        while i > 1:
+            out[0] += i
+            i = i - 1
+    out[1] = i
+    for row in (2, 3):
+        if row == 2:
+            continue
+        out[row] = a
+    out[4] = doubled(a) // (b - 2) if b != 2 else -1
+    out[5] = a % (b - 2) if b != 2 else -1
+    out[6] = np.int64(2.7 * np.float64(a)) + np.isnan(a / 2.0) * 1.0
+    out[6:].reshape((1, 2))[0, 1] = b  # of a slice without an end
+
+
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))
+TURNS = numba.njit(lambda a, b, out: turns(a, b, out))
 BRANCHING = numba.njit(lambda n, out: branches(n, out))
 ON_ARRAYS = numba.njit(lambda values, small, out: arrays(values, small, out))
 
@@ -89,6 +116,15 @@ def test_integers(a, b):
     read, called = np.zeros(13, np.int64), np.zeros(13, np.int64)
     CALLED(a, b, read)
     integers(a, b, called)
+    assert list(read) == list(called)
+
+
+@pytest.mark.parametrize("a", [-9, 3])
+@pytest.mark.parametrize("b", [-5, 2])
+def test_turns(a, b):
+    read, called = np.zeros(8), np.zeros(8)
+    TURNS(a, b, read)
+    turns(a, b, called)
     assert list(read) == list(called)
 
 
@@ -114,6 +150,193 @@ def test_arrays():
 def test_an_array_with_gaps_is_not_taken():
     with pytest.raises(numba.TypingError):
         CALLED(1, 2, np.zeros((13, 2), np.int64)[:, 0])
+
+
+def writing(out):
+    out[0] = 1.0
+    return 1.0
+
+
+staged.staged(writing)
+
+
+class Refused:
+    """What means one thing to Python, and would be compiled to another: n = 3, x = 0.5."""
+
+    def after_a_loop(n, x, out):
+        for i in range(n):  # noqa: B007
+            out[0] += 1.0
+        out[1] = i
+
+    def by_some_turns(n, x, out):
+        for each in (0.0, 1.0):
+            if each == 0.0 or x > 1.0:
+                value = each
+        out[0] = value
+
+    def by_turns_that_may_end(n, x, out):
+        for each in (0.0, 1.0):
+            if each == 1.0 and x < 1.0:
+                continue
+            value = each
+        out[0] = value
+
+    def before_it_has_a_value(n, x, out):
+        for _ in range(n):
+            out[0] = HEIGHT  # noqa: F823
+            HEIGHT = 1.0  # noqa: F841
+
+    def after_all_turns(n, x, out):
+        for i in range(n):
+            out[i] = 1.0
+        else:
+            out[3] = 2.0
+
+    def on_one_side(n, x, out):
+        out[1] = writing(out) if x > 1.0 else 0.0
+
+    def behind_a_comparison(n, x, out):
+        out[1] = 1.0 if 1.0 < x < writing(out) else 0.0
+
+    def zero_of_an_integer(n, x, out):
+        zero = 0 if x < 1.0 else x
+        out[0] = -zero
+
+    def sum_of_conditions(n, x, out):
+        out[0] = (x < 1.0) + (x < 2.0)
+
+    def order_of_conditions(n, x, out):
+        out[0] = (x < 1.0) > (x > 2.0)
+
+    def minus_a_condition(n, x, out):
+        out[0] = -(x < 1.0)
+
+    def not_an_integer(n, x, out):
+        out[0] = not n
+
+    def an_integer_or_another(n, x, out):
+        out[0] = n or 1
+
+    def a_condition_as_an_index(n, x, out):
+        out[x < 1.0] = 1.0
+
+    def from_the_end(n, x, out):
+        out[-1] = 1.0
+
+    def too_many_indices(n, x, out):
+        out[0, 1] = 1.0
+
+    def beyond_what_is_known(n, x, out):
+        on_stack(4)[4] = 1.0
+
+    def every_other(n, x, out):
+        out[::2][1] = 1.0
+
+    def of_an_array_that_is_not_flat(n, x, out):
+        out.reshape((2, 4))[1:2][0, 1] = 1.0
+
+    def a_length_left_out(n, x, out):
+        out[0] = out.reshape(-1).size
+
+    def of_another_length(n, x, out):
+        out[0] = on_stack(4).reshape((2, 3)).size
+
+    def as_a_condition(n, x, out):
+        out[0] = 1.0 if out else 2.0
+
+    def equal_to_an_array(n, x, out):
+        out[0] = out == 1.0
+
+    def over_an_array(n, x, out):
+        for each in out:
+            each += 1.0
+
+    def nothing_as_a_number(n, x, out):
+        out[0] = n == None  # noqa: E711
+
+    def an_array_of_the_interpreter(n, x, out):
+        room = np.zeros(1)
+        for _ in range(n):
+            room[0] += 1.0
+        out[0] = room[0]
+
+    def rounded_otherwise(n, x, out):
+        out[0] = np.sin(x)
+
+    def root_of_an_integer(n, x, out):
+        out[0] = np.sqrt(n)
+
+    def without_end(n, x, out):
+        for _ in range(0, 5, 0):
+            out[0] = 1.0
+
+    def out_of_all_bits(n, x, out):
+        out[0] = n >> 64
+
+    def by_what_is_not_known(n, x, out):
+        out[0] = n << n
+
+    def rest_of_nothing(n, x, out):
+        out[0] = n % 0
+
+    def of_many_bits(n, x, out):
+        out[0] = n & 2**64 + 1
+
+    def left_early(n, x, out):
+        for _ in range(n):
+            break
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", [name for name in vars(Refused) if name[0] != "_"])
+def test_what_cannot_be_read_is_told(name):
+    """Where it is, and before LLVM sees any of it."""
+    function = staged.staged(vars(Refused)[name])
+    compiled = numba.njit(lambda n, x, out: function(n, x, out))
+    with pytest.raises(Exception, match=rf"test_staged.py, line \d+, in {name}: "):
+        compiled(3, 0.5, np.zeros(8))
+
+
+@staged.staged
+def first_number(pair):
+    return pair[0]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    "given",
+    [
+        np.zeros(2, np.uint8),
+        np.zeros(2, np.float32),
+        np.zeros(2, bool),
+        (np.int32(1), 2),
+        (1j, 2),
+        1j,
+        "a",
+    ],
+    ids=repr,
+)
+def test_what_would_be_taken_for_another_type_is_not_taken(given):
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda pair: first_number(pair))(given)
+
+
+@pytest.mark.compiled
+def test_arguments_have_no_names():
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda a, b, out: integers(a, b, out=out))(1, 2, np.zeros(13, np.int64))
+
+
+def test_without_its_source_a_part_is_not_read(tmp_path):
+    """Nor with another than that it was made of."""
+    path = tmp_path / "gone.py"
+    space = {}
+    exec(compile("def part():\n    return 1.0\n", path, "exec"), space)
+    with pytest.raises(staged.Unreadable, match="not at hand"):
+        staged._parsed(space["part"])
+    path.write_text("def other():\n    return 2.0\n")
+    with pytest.raises(staged.Unreadable, match="part is not in"):
+        staged._parsed(space["part"])
 
 
 def test_what_is_read_is_what_runs():

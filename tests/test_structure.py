@@ -27,7 +27,7 @@ MODULES = [
 STANDARD = {
     "jit": {"contextlib", "functools", "types"},
     "pipeline": {"contextlib", "gc"},
-    "staged": {"ast", "builtins", "functools", "pathlib"},
+    "staged": {"ast", "builtins", "collections", "contextlib", "functools", "pathlib"},
     "stand_ins": {"functools"},
     "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
 }
@@ -61,7 +61,8 @@ def test_the_core_stands_alone(path):
 @pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
 def test_formulas_hold_no_loops_and_kernels_do_not_raise(path):
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    assert not any(isinstance(node, ast.Raise) for node in nodes)
+    if path.stem not in ("staged", "stand_ins"):  # which do so while a kernel is compiled
+        assert not any(isinstance(node, ast.Raise) for node in nodes)
     if path.parent.name == "formulas":
         assert not any(isinstance(node, (ast.For, ast.While)) for node in nodes)
 

@@ -133,6 +133,15 @@ class _Files(IndexDataCacheFile):
             print(f"[cache] data {what} {path!r}")
 
 
+def _held_by(function):
+    """The names of what a closure holds, and of what that holds: staged parts are named alike."""
+    cells = getattr(function, "__closure__", None) or ()
+    held = [cell.cell_contents for cell in cells]
+    return tuple(
+        (getattr(each, "__qualname__", None) or repr(each), *_held_by(each)) for each in held
+    )
+
+
 class KernelCache(FunctionCache):
     """Numba's cache, with checked files in trusted folders, and never fatal."""
 
@@ -146,10 +155,7 @@ class KernelCache(FunctionCache):
     def _index_key(self, sig, codegen):
         # Numba pickles what a closure holds, and the bytes depend on whether Python had compiled
         # the module before. The source is in the stamp, so that names are enough.
-        cells = self._py_func.__closure__ or ()
-        held = [cell.cell_contents for cell in cells]
-        names = tuple(getattr(each, "__qualname__", None) or repr(each) for each in held)
-        return sig, codegen.magic_tuple(), names
+        return sig, codegen.magic_tuple(), _held_by(self._py_func)
 
     def load_overload(self, sig, target_context):
         try:

@@ -2,6 +2,10 @@
 
 Code that is gone through with them, once, is compiled. So Numba need not read, type and compile it,
 which takes most of the time of a first use; and all of it is inlined.
+
+Numbers are doubles, integers of 64 bits, and conditions, or vectors of them. Beside a double the
+others are made doubles; an integer and a condition do not go together. What LLVM would take in
+another sense than Python, or than NumPy, is an error as soon as it is done to a stand-in.
 """
 
 import math
@@ -64,26 +68,62 @@ def _element(kind):
     return kind.element if isinstance(kind, ir.VectorType) else kind
 
 
+def _with_elements(element, kind):
+    """A number, or a vector of as many, of another type."""
+    return ir.VectorType(element, kind.count) if isinstance(kind, ir.VectorType) else element
+
+
 def emitted(builder, value):
     """A number of Python as one that is compiled."""
     if isinstance(value, Emitted):
         return value
-    kinds = {bool: CONDITION, int: INTEGER}
-    return Emitted(builder, ir.Constant(kinds.get(type(value), DOUBLE), value))
+    if isinstance(value, (bool, np.bool_)):
+        return Emitted(builder, ir.Constant(CONDITION, bool(value)))
+    if isinstance(value, float):
+        return Emitted(builder, ir.Constant(DOUBLE, value))
+    if not isinstance(value, (int, np.int64)):
+        raise TypeError(f"{value!r} is not a number")
+    if not -(2**63) <= value < 2**63:
+        raise OverflowError(f"{value} has more than 64 bits")
+    return Emitted(builder, ir.Constant(INTEGER, int(value)))
 
 
 def as_double(builder, value):
     """An integer, or a condition, as a number, and numbers as they are."""
-    if _element(value.type) == DOUBLE:
+    element = _element(value.type)
+    if element == DOUBLE:
         return value
-    return (builder.uitofp if value.type == CONDITION else builder.sitofp)(value, DOUBLE)
+    convert = builder.uitofp if element == CONDITION else builder.sitofp
+    return convert(value, _with_elements(DOUBLE, value.type))
 
 
-def _binary(of_doubles, of_integers, reverse=False):
+def _require(element, *values):
+    """What LLVM would refuse later, without a line of the source, or take in another sense."""
+    for value in values:
+        if _element(value.type) != element:
+            raise TypeError(f"of type {value.type}, where {element} is needed")
+
+
+def _binary(of_doubles=None, of_integers=None, of_conditions=None, reverse=False):
+    emits = {DOUBLE: of_doubles, INTEGER: of_integers, CONDITION: of_conditions}
+
     def operate(self, other):
         a, b = self.beside(other)
-        emit = of_doubles if _element(a.type) == DOUBLE else of_integers
+        emit = emits[_element(a.type)]
+        if emit is None:
+            raise TypeError(f"no such operation is compiled for {a.type}")
         return Emitted(self.builder, emit(self.builder, *((b, a) if reverse else (a, b))))
+
+    return operate
+
+
+def _shift(emit):
+    def operate(self, bits):
+        # Of other distances LLVM may make anything.
+        if not (isinstance(bits, int) and 0 <= bits < INTEGER.width):
+            raise TypeError(f"a shift by {bits}")
+        _require(INTEGER, self.value)
+        return Emitted(self.builder, emit(self.builder, *self.beside(bits)))
 
     return operate
 
@@ -92,6 +132,8 @@ def _comparison(how):
     def operate(self, other):
         a, b = self.beside(other)
         if _element(a.type) != DOUBLE:
+            if how not in ("==", "!="):
+                _require(INTEGER, a)  # the sign of a condition is its only bit
             emit = self.builder.icmp_signed
         else:
             emit = self.builder.fcmp_unordered if how == "!=" else self.builder.fcmp_ordered
@@ -100,55 +142,77 @@ def _comparison(how):
     return operate
 
 
+def _is_power_of_two(value):
+    return isinstance(value, int) and value > 0 and value & (value - 1) == 0
+
+
+# What NumPy and LLVM round alike.
+_EXACT = {"sqrt", "floor", "ceil", "copysign"}
+
+
 class Emitted:
     """A number, an integer, a condition, or a vector of them, in code that is compiled."""
 
     __hash__ = None
-    __bool__ = None  # no branch is known beforehand
+
+    def __bool__(self):
+        raise TypeError("a condition that is not known: only staged parts branch on one")
 
     def __init__(self, builder, value):
         self.builder, self.value = builder, value
 
+    def __repr__(self):
+        return f"<{self.value.type}>"
+
     def beside(self, other):
         """The values of this and of another, as of one type."""
-        kind = _element(self.value.type)
-        if isinstance(other, Emitted):
-            values = self.value, other.value
-        else:
-            of = DOUBLE if isinstance(other, float) else kind
-            number = float(other) if of == DOUBLE else other
-            values = self.value, ir.Constant(of, number)
-        if _element(values[0].type) != _element(values[1].type):
+        if _element(self.value.type) == DOUBLE and isinstance(other, int):
+            other = float(other)
+        values = self.value, emitted(self.builder, other).value
+        kinds = {_element(each.type) for each in values}
+        if DOUBLE in kinds:
             values = [as_double(self.builder, each) for each in values]
+        elif len(kinds) > 1:
+            raise TypeError("a condition beside an integer")
         return _alike(self.builder, *values)
 
     __add__ = __radd__ = _binary(ir.IRBuilder.fadd, ir.IRBuilder.add)
     __sub__ = _binary(ir.IRBuilder.fsub, ir.IRBuilder.sub)
     __rsub__ = _binary(ir.IRBuilder.fsub, ir.IRBuilder.sub, reverse=True)
     __mul__ = __rmul__ = _binary(ir.IRBuilder.fmul, ir.IRBuilder.mul)
-    __truediv__ = _binary(ir.IRBuilder.fdiv, None)
-    __rtruediv__ = _binary(ir.IRBuilder.fdiv, None, reverse=True)
-    __lshift__ = _binary(None, ir.IRBuilder.shl)
-    __rshift__ = _binary(None, ir.IRBuilder.ashr)
-    __and__ = __rand__ = _binary(None, ir.IRBuilder.and_)
-    __or__ = __ror__ = _binary(None, ir.IRBuilder.or_)
+    __truediv__ = _binary(ir.IRBuilder.fdiv)
+    __rtruediv__ = _binary(ir.IRBuilder.fdiv, reverse=True)
+    __lshift__, __rshift__ = map(_shift, (ir.IRBuilder.shl, ir.IRBuilder.ashr))
+    __and__ = __rand__ = _binary(None, ir.IRBuilder.and_, ir.IRBuilder.and_)
+    __or__ = __ror__ = _binary(None, ir.IRBuilder.or_, ir.IRBuilder.or_)
     __xor__ = _binary(None, ir.IRBuilder.xor)
     __lt__, __le__, __gt__, __ge__ = map(_comparison, ("<", "<=", ">", ">="))
     __eq__, __ne__ = map(_comparison, ("==", "!="))
 
     def __floordiv__(self, divisor):
-        if isinstance(divisor, int) and divisor & (divisor - 1) == 0:
+        if _is_power_of_two(divisor):
             return self >> (divisor.bit_length() - 1)
-        a, b = self.beside(divisor)
+        a, b = self._and_divisor(divisor)
         quotient = Emitted(self.builder, self.builder.sdiv(a, b))
         return self._rounded_up(a, b).choose(quotient - 1, quotient)
 
     def __mod__(self, divisor):
-        if isinstance(divisor, int) and divisor & (divisor - 1) == 0:
+        if _is_power_of_two(divisor):
             return self & (divisor - 1)
-        a, b = self.beside(divisor)
+        a, b = self._and_divisor(divisor)
         rest = Emitted(self.builder, self.builder.srem(a, b))
         return self._rounded_up(a, b).choose(rest + divisor, rest)
+
+    def _and_divisor(self, divisor):
+        """Two integers. What is not asked for is divided too, and a divisor of 0 is an abort."""
+        a, b = self.beside(divisor)
+        _require(INTEGER, a, b)
+        if isinstance(divisor, Emitted):
+            is_zero = self.builder.icmp_signed("==", b, b.type(0))
+            return a, self.builder.or_(b, self.builder.zext(is_zero, b.type))
+        if divisor == 0:
+            raise ZeroDivisionError("division by zero")
+        return a, b
 
     def __rfloordiv__(self, number):
         return emitted(self.builder, number) // self
@@ -171,27 +235,34 @@ class Emitted:
         return Emitted(self.builder, self.builder.shuffle_vector(self.value, self.value, mask))
 
     def __neg__(self):
-        emit = self.builder.fneg if _element(self.value.type) == DOUBLE else self.builder.neg
-        return Emitted(self.builder, emit(self.value))
+        if _element(self.value.type) == DOUBLE:
+            return Emitted(self.builder, self.builder.fneg(self.value))
+        _require(INTEGER, self.value)
+        return Emitted(self.builder, self.builder.neg(self.value))
 
     def __invert__(self):
+        """`not` of conditions."""
+        _require(CONDITION, self.value)
         return Emitted(self.builder, self.builder.not_(self.value))
 
     def __abs__(self):
         return self.call("fabs")
 
     def __array_ufunc__(self, function, method, *arguments):
-        """A function of NumPy."""
+        """A function of NumPy, rounded as there."""
         first, *others = (emitted(self.builder, each) for each in arguments)
         if function.__name__ == "isnan":
             return first != first
         if function.__name__ == "isfinite":
             return abs(first) < math.inf
+        if method != "__call__" or function.__name__ not in _EXACT:
+            raise TypeError(f"numpy.{function.__name__} is not compiled")
         return first.call(function.__name__, *others)
 
     def call(self, name, *others):
         """What an intrinsic function of LLVM returns."""
         values = _alike(self.builder, self.value, *(each.value for each in others))
+        _require(DOUBLE, *values)
         kind = values[0].type
         suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
         declared = self.builder.module.declare_intrinsic(
@@ -204,22 +275,24 @@ class Emitted:
 
     def cast(self, element):
         """The same bits as numbers of another type."""
-        kind = self.value.type
-        kind = ir.VectorType(element, kind.count) if isinstance(kind, ir.VectorType) else element
+        kind = _with_elements(element, self.value.type)
         return Emitted(self.builder, self.builder.bitcast(self.value, kind))
 
     def to_integer(self):
         """A number as an integer."""
         if self.value.type == INTEGER:
             return self
+        _require(DOUBLE, self.value)
         return Emitted(self.builder, self.builder.fptosi(self.value, INTEGER))
+
+    def to_double(self):
+        return Emitted(self.builder, as_double(self.builder, self.value))
 
     def choose(self, first, second):
         """The first where this condition holds, the second elsewhere."""
-        if isinstance(second, Emitted):
-            second, first = second.beside(first)
-        else:
-            first, second = emitted(self.builder, first).beside(second)
+        _require(CONDITION, self.value)
+        first, second = (emitted(self.builder, each).value for each in (first, second))
+        _require(_element(first.type), second)  # an integer has no -0
         return Emitted(
             self.builder, self.builder.select(*_alike(self.builder, self.value, first, second))
         )
@@ -236,7 +309,13 @@ class Emitted:
 
 
 class EmittedArray:
-    """A C-contiguous array in code that is compiled. Slices are of flat arrays."""
+    """A C-contiguous array in code that is compiled.
+
+    Slices are of flat arrays and lie within them. Lengths may be known, and are compared then.
+    """
+
+    # What Python would make of them by itself is not what NumPy does.
+    __bool__ = __eq__ = __hash__ = __iter__ = None
 
     def __init__(self, builder, pointer, shape):
         self.builder, self.pointer, self.shape = builder, pointer, shape
@@ -261,6 +340,10 @@ class EmittedArray:
 
     def reshape(self, shape):
         shape = shape if isinstance(shape, tuple) else (shape,)
+        known = (each for each in (self.shape, shape) if set(map(type, each)) <= {int})
+        negative = any(isinstance(each, int) and each < 0 for each in shape)
+        if negative or len(set(map(math.prod, known))) > 1:
+            raise ValueError(f"an array of {self.shape} as one of {shape}")
         return EmittedArray(self.builder, self.pointer, shape)
 
     def copy(self):
@@ -274,7 +357,9 @@ class EmittedArray:
     def fill(self, value):
         value = emitted(self.builder, value).value
         if isinstance(value.type, ir.VectorType) or isinstance(self.size, int):
-            value = spread(self.builder, value, self.size)
+            value = spread(self.builder, as_double(self.builder, value), self.size)
+            if isinstance(self.size, int) and self.size != value.type.count:
+                raise ValueError(f"{value.type.count} numbers in the place of {self.size}")
             self.builder.store(value, self.as_vector(value.type.count), align=8)
         else:
             for index in loop(self.builder, 0, self.size, 1):
@@ -282,9 +367,12 @@ class EmittedArray:
 
     def __getitem__(self, part):
         if isinstance(part, slice):
-            assert part.step is None
+            if part.step is not None or len(self.shape) > 1:
+                raise IndexError("a slice with a step, or of an array that is not flat")
             start = 0 if part.start is None else part.start
             size = None if part.stop is None else part.stop - start
+            for each in (start, part.stop, size):
+                _within(each, self.shape[0], last=0)
             return EmittedArray(self.builder, self._place((start,)), (size,))
         indices = part if isinstance(part, tuple) else (part,)
         place, shape = self._place(indices), self.shape[len(indices) :]
@@ -304,16 +392,33 @@ class EmittedArray:
         value, kind = emitted(self.builder, value).value, place.type.pointee
         if kind == DOUBLE:
             value = as_double(self.builder, value)
+        elif value.type == CONDITION:
+            value = self.builder.zext(value, kind)
         elif value.type != kind:
+            _require(INTEGER, value)
             value = self.builder.trunc(value, kind)
         self.builder.store(value, place)
 
     def _place(self, indices):
         """Where the part with these first indices begins."""
+        if len(indices) > len(self.shape):
+            raise IndexError(f"{len(indices)} indices of an array of {len(self.shape)} dimensions")
+        for each, length in zip(indices, self.shape):  # noqa: B905  (the rest is a row)
+            _within(each, length)
         index = indices[0]
         for axis, length in enumerate(self.shape[1:], 1):
             index = index * length + (indices[axis] if axis < len(indices) else 0)
-        return self.builder.gep(self.pointer, [emitted(self.builder, index).value])
+        index = emitted(self.builder, index).value
+        _require(INTEGER, index)
+        return self.builder.gep(self.pointer, [index])
+
+
+def _within(index, length, last=-1):
+    """Refuse an index that is known to be negative or beyond the last one, length + last."""
+    if isinstance(index, int):
+        end = length + last if isinstance(length, int) else index
+        if not 0 <= index <= end:
+            raise IndexError(f"{index} in an array of length {length}")
 
 
 def loop(builder, start, stop, step):
@@ -322,7 +427,10 @@ def loop(builder, start, stop, step):
     A step that is not known beforehand is positive.
     """
     before = "<" if isinstance(step, Emitted) or step > 0 else ">"
+    if not isinstance(step, Emitted) and step == 0:
+        raise ValueError("a range with a step of 0")
     start, stop, step = (emitted(builder, each).value for each in (start, stop, step))
+    _require(INTEGER, start, stop, step)
     entry = builder.block
     test, body, after = (builder.append_basic_block() for _ in range(3))
     builder.branch(test)
@@ -364,9 +472,9 @@ def compiled_by(function, emit, returns=lambda: True):
     class _Called(AbstractTemplate):
         key = function
 
-        def generic(self, arguments, options):
+        def generic(self, arguments, named):
             accepts = tuple(map(_accepted, arguments))
-            if None in accepts:
+            if None in accepts or named:
                 return None
             if accepts not in signatures:
                 result = _returned(emit, accepts) if returns() else types.void
@@ -405,14 +513,17 @@ def _returned(emit, accepts):
 def _accepted(kind):
     """The type that an argument is taken as, or None where it is not."""
     if isinstance(kind, types.Array):
-        return kind if kind.layout == "C" else None
+        return kind if kind.layout == "C" and kind.dtype in _ELEMENTS else None
     if isinstance(kind, types.BaseTuple):
-        return None if None in map(_accepted, kind) else kind
+        # Numba would not convert what is in it.
+        return kind if all(_accepted(each) == types.unliteral(each) for each in kind) else None
     if isinstance(kind, Lanes) or kind == types.none:
         return kind
     if isinstance(kind, types.Boolean):
         return types.boolean
-    return types.intp if isinstance(kind, types.Integer) else types.float64
+    if isinstance(kind, types.Integer):
+        return types.intp
+    return types.float64 if isinstance(kind, types.Float) else None
 
 
 def _stand_in(context, builder, kind, value):

@@ -76,6 +76,9 @@ def arrays(values, small, out):
     last[2] = np.copysign(np.sqrt(values[0, 3]), -1.0) + (values[0, 0] > 0.0)
     last[3] = np.isnan(values[0, 0] / values[0, 0]) & np.isfinite(last[0])
     last[4], last[5] = values.shape[0], values.size
+    whole = room.view(np.int64)
+    whole[1, 0] = -small[2] - 7
+    last[6] = whole[1, 0] // 2
 
 
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))

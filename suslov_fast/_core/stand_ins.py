@@ -33,6 +33,7 @@ IN_LLVM = {
 }
 _OF_NUMBERS = {types.float64: DOUBLE, types.intp: INTEGER, types.boolean: CONDITION}
 _NUMBA = {kind: of for of, kind in (IN_LLVM | _OF_NUMBERS).items()}
+_KINDS = {np.int64: INTEGER, np.float64: DOUBLE}
 # What arrays hold.
 _ELEMENTS = {types.float64: DOUBLE, types.int64: INTEGER, types.int8: ir.IntType(8)}
 
@@ -200,7 +201,7 @@ class Emitted:
         return Emitted(self.builder, self.builder.call(declared, values))
 
     def view(self, of):
-        return self.cast({np.int64: INTEGER, np.float64: DOUBLE}[of])
+        return self.cast(_KINDS[of])
 
     def cast(self, element):
         """The same bits as numbers of another type."""
@@ -257,6 +258,11 @@ class EmittedArray:
     def reshape(self, shape):
         shape = shape if isinstance(shape, tuple) else (shape,)
         return EmittedArray(self.builder, self.pointer, shape)
+
+    def view(self, of):
+        """The same bits as numbers of another type, which are as long."""
+        pointer = self.builder.bitcast(self.pointer, _KINDS[of].as_pointer())
+        return EmittedArray(self.builder, pointer, self.shape)
 
     def copy(self):
         """A vector of all numbers."""

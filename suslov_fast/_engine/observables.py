@@ -63,8 +63,6 @@ def of_state(
             flat[begin * size : (begin + count) * size],
             period,
             report,
-            np.empty((tasks, observables.SCRATCH)),
-            np.empty((tasks, observables.LOGARITHMS, observables.LANES), np.int64),
         )
         if omega.size > LARGE and report[:, observables.INFINITE].any():
             real_array(name, omega, allow_nan=True)

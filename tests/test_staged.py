@@ -72,12 +72,12 @@ def arrays(values, small, out):
     last = out[3 * VECTOR :]
     last[0] = first_of((values[0], 0.25), 2)
     last[1] = small[0]
-    small[1] = np.int8(values[0, 1])
+    small[1], small[2] = np.int8(values[0, 1]), values[0, 1] > 0.0
     last[2] = np.copysign(np.sqrt(values[0, 3]), -1.0) + (values[0, 0] > 0.0)
     last[3] = np.isnan(values[0, 0] / values[0, 0]) & np.isfinite(last[0])
     last[4], last[5] = values.shape[0], values.size
     whole = room.view(np.int64)
-    whole[1, 0] = -small[2] - 7
+    whole[1, 0] = -small[0] - 10
     last[6] = whole[1, 0] // 2
 
 

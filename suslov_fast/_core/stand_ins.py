@@ -305,6 +305,8 @@ class EmittedArray:
         value, kind = emitted(self.builder, value).value, place.type.pointee
         if kind == DOUBLE:
             value = as_double(self.builder, value)
+        elif value.type == CONDITION:
+            value = self.builder.zext(value, kind)
         elif value.type != kind:
             value = self.builder.trunc(value, kind)
         self.builder.store(value, place)

@@ -89,7 +89,7 @@ def of_state_nd(
     for begin, arrays, states, period in _parts(body, eps, _VECTORS, vectors, batch):
         count = states[0].size // m
         tasks = _tasks(count, period, observables_nd.LANES, observables_nd.TASKS)
-        infinite = np.empty(tasks, np.bool_)
+        infinite = np.empty(tasks, np.int8)
         _threads.run(
             loop,
             WORK * count * max(m, size),

@@ -42,8 +42,8 @@ MISSING, FIRST, INFINITE = range(3)
 
 @staged
 def enter_bodies(parameters, first, width, rows, logarithms):
-    for k in (0, 1, 2, 3, 4):
-        spread(parameters[k], first, width, width, rows[GIVEN + k])
+    for k, parameter in enumerate(parameters):
+        spread(parameter, first, width, width, rows[GIVEN + k])
     for l in range(width):
         (
             rows[I1, l],
@@ -151,7 +151,7 @@ def _observable(name, value, size, counts=False):
             write(rows, first, width, out)
             if counts:
                 count_missing(omega, first, width, rows, report[task])
-        report[task, INFINITE] = 1 if any_infinite(rows) else 0
+        report[task, INFINITE] = any_infinite(rows)
 
     def loop(I1, I2, I13, I23, eps, omega, out, period, report):
         tasks = report.shape[0]

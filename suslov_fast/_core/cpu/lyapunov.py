@@ -3,11 +3,10 @@
 Growth is a product of factors, held as (product, exponent) in the sense of `multiplied`.
 """
 
-import math
-
 import numpy as np
 from numba import prange
 
+from ..formulas import units
 from ..formulas.canonical_map import guarded_step, shifted
 from ..formulas.coordinates import at_rest, from_canonical, to_canonical
 from ..formulas.tangent import canonical_derivative, mean_logarithm, multiplied, times_matrix
@@ -238,15 +237,20 @@ def _iterate_nd(steps, h, I, omega, frames, products, exponents, scratch):
         advance_orbits(task, steps, h, I, omega, frames, products, exponents, scratch)
 
 
+@staged
+def take_logarithm(i, products, exponents, steps, out):
+    """What `take_logarithms` does for one orbit."""
+    for k in range(out.shape[1]):
+        product = products[i, k]
+        twos = units.exponent(product) + 1
+        mean = mean_logarithm(product * units.power(-twos), exponents[i, k], twos, steps)
+        out[i, k] = mean if product > 0.0 else (-np.inf if product == 0.0 else np.nan)
+
+
 def _take_logarithms(products, exponents, steps, out):
     """The mean logarithms (B, m) of products (B, m)."""
     for i in prange(out.shape[0]):
-        for k in range(out.shape[1]):
-            if products[i, k] > 0.0:
-                product, power = math.frexp(products[i, k])
-                out[i, k] = mean_logarithm(product, exponents[i, k], float(power), steps)
-            else:
-                out[i, k] = -np.inf if products[i, k] == 0.0 else np.nan
+        take_logarithm(i, products, exponents, steps, out)
 
 
 enter = Loop(_enter)

@@ -13,7 +13,7 @@ from ..formulas.tangent import canonical_derivative, mean_logarithm, multiplied,
 from ..jit import Loop
 from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .blocks import LANES, tasks_for
+from .blocks import LANES, in_whole_vectors, tasks_for
 from .vector import on_stack
 
 # A state X this small on its way to a fixed point becomes 0: subnormals are slow.
@@ -56,9 +56,9 @@ def _enter(I1, I2, I13, I23, eps, omega, carried):
 
 
 @staged
-def advance(rows):
+def advance(rows, lanes):
     """One step of a block."""
-    for l in range(LANES):
+    for l in range(lanes):
         X, Z, c = rows[X_, l], rows[Z_, l], rows[C_, l]
         v1, v2 = rows[V1, l], rows[V2, l]
         d11, d12, d21, d22, det = canonical_derivative(X, Z, c)
@@ -86,13 +86,14 @@ def advance_blocks(task, n_tasks, steps, carried):
     for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
         first = block * LANES
         width = min(LANES, batch - first)
+        lanes = in_whole_vectors(width)
         for r in range(ROWS):
             for l in range(width):
                 rows[r, l] = carried[r, first + l]
-            for l in range(width, LANES):
+            for l in range(width, lanes):
                 rows[r, l] = 0.0
         for _ in range(steps):
-            advance(rows)
+            advance(rows, lanes)
         for r in range(ROWS):
             for l in range(width):
                 carried[r, first + l] = rows[r, l]

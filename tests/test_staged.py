@@ -79,6 +79,7 @@ def arrays(values, small, out):
     whole = room.view(np.int64)
     whole[1, 0] = -small[0] - 10
     last[6] = whole[1, 0] // 2
+    (last[7], _), _ = ((2.0, 1), small[0]) if small[0] < small[1] else ((small[1], 2), 3)
 
 
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))

@@ -216,7 +216,9 @@ class Emitted:
         return Emitted(self.builder, self.builder.fptosi(self.value, INTEGER))
 
     def choose(self, first, second):
-        """The first where this condition holds, the second elsewhere."""
+        """The first where this condition holds, the second elsewhere; of tuples, one by one."""
+        if isinstance(first, tuple):
+            return tuple(map(self.choose, first, second))
         if isinstance(second, Emitted):
             second, first = second.beside(first)
         else:

@@ -18,12 +18,8 @@ from ..formulas.rotation import (
 )
 from ..jit import Loop
 from ..staged import staged
+from .blocks import LANES
 from .turning_nd import CLEAN_EVERY, clean_up, turn
-
-# Trajectories that a task takes side by side; what they need fits in the first cache.
-LANES = 128
-# Tasks of a batch, more than the threads of any machine that this is likely to meet.
-TASKS = 64
 
 
 @staged

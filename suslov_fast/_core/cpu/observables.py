@@ -22,12 +22,8 @@ from ..formulas import continuous, coordinates, integrals, linearised, section4,
 from ..jit import Loop, formula
 from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .blocks import gather_pairs, spread
+from .blocks import LANES, gather_pairs, spread
 from .vector import on_stack
-
-LANES = 128
-# More than the threads of any machine that this is likely to meet.
-TASKS = 64
 
 # Rows of a block: parameters as given, in units of powers of two, the state, results, and
 # the largest number in a state so far.

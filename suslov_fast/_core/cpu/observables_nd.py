@@ -15,9 +15,8 @@ from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .vector import VECTOR, to_cache_line
 
-# As in `observables`, but fewer: m rows of them shall fit in the caches.
+# Fewer than in `blocks`: m rows of them shall fit in the caches.
 LANES = 32
-TASKS = 64
 
 # Cells: parameters and states in units of powers of two.
 J_, I_, OMEGA, NEXT, SLOPE = range(5)

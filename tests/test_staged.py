@@ -66,6 +66,7 @@ def arrays(values, small, out):
     room = on_stack(2, VECTOR)
     for i in range(VECTOR):
         room[0, i] = values[1, i]
+    out.reshape((4, small.size - 1, VECTOR // 2))[0] = 7.0
     store(room, 1, 2.0 * load(room, 0) + splat(1.0))
     store_pairs(out, 0, load(room, 0), load(room, 1))
     out[2 * VECTOR : 2 * VECTOR + small.size] = 9.0

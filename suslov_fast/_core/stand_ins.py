@@ -280,8 +280,9 @@ class EmittedArray:
             value = spread(self.builder, value, self.size)
             self.builder.store(value, self.as_vector(value.type.count), align=8)
         else:
+            flat = self.reshape(self.size)
             for index in loop(self.builder, 0, self.size, 1):
-                self[index] = Emitted(self.builder, value)
+                flat[index] = Emitted(self.builder, value)
 
     def __getitem__(self, part):
         if isinstance(part, slice):

@@ -12,6 +12,7 @@ from ._bodies.nd import SuslovND
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
 from ._core.cpu import attitude as loops
+from ._core.cpu.blocks import LANES, TASKS
 from ._engine import threads as _threads
 from ._engine.arguments import Body
 from ._engine.layout import first_index, spell
@@ -137,7 +138,7 @@ def _reconstruct(
     for start, stop in _slices(rows, size * 9):
         _threads.run(
             loops.reconstruct,
-            (stop - start) * size * 9 * _TURNING if size > loops.LANES else 0,
+            (stop - start) * size * 9 * _TURNING if size > LANES else 0,
             threads,
             omega[start - 1 : stop],
             eps,
@@ -153,7 +154,7 @@ def _reconstruct_nd(
     """The same in n dimensions."""
     rows, size, m = omega.shape
     n = m + 1
-    scratch = np.empty((min(size, loops.TASKS), 3 * n + 2, n))
+    scratch = np.empty((min(size, TASKS), 3 * n + 2, n))
     for start, stop in _slices(rows, size * n * n):
         _threads.run(
             loops.reconstruct_nd,
@@ -182,7 +183,7 @@ def _check_that_states_follow(
     for start, stop in _slices(rows, size * m):
         _threads.run(
             loops.follow,
-            (stop - start) * size * m * _CHECKING if size > loops.LANES else 0,
+            (stop - start) * size * m * _CHECKING if size > LANES else 0,
             threads,
             *parameters,
             start - 1,

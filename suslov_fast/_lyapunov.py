@@ -13,6 +13,7 @@ from ._bodies.nd import SuslovND
 from ._bodies.three import Suslov3D
 from ._checks import FloatArray, integer
 from ._core.cpu import lyapunov as loops
+from ._core.cpu.blocks import LANES, TASKS
 from ._engine import threads as _threads
 from ._engine.arguments import Body, check
 from ._engine.layout import first_index, spell
@@ -116,13 +117,12 @@ def _growth(
     ]
     carried = np.empty((loops.ROWS, size))
     _threads.run(loops.enter, size * _STEP, threads, *parameters, omega, carried)
-    n_blocks = (size + loops.LANES - 1) // loops.LANES
-    scratch = np.empty((min(n_blocks, loops.TASKS), loops.ROWS * loops.LANES))
-    length = max(_SLICE // (_STEP * max(n_blocks * loops.LANES, 1)), 1)
+    n_blocks = (size + LANES - 1) // LANES
+    length = max(_SLICE // (_STEP * max(n_blocks * LANES, 1)), 1)
     for start in range(0, steps, length):
         count = min(length, steps - start)
         work = count * size * _STEP if n_blocks > 1 else 0
-        _threads.run(loops.iterate, work, threads, count, carried, scratch)
+        _threads.run(loops.iterate, work, threads, count, carried)
     rows: Any = loops.LENGTH, loops.AREA
     products, exponents = (
         np.ascontiguousarray(carried[[row + k for row in rows]].T) for k in (0, 1)
@@ -153,7 +153,7 @@ def _growth_nd(
     frames = np.empty((size, m, m))
     frames[:] = np.eye(m)
     products, exponents = np.ones((size, m)), np.zeros((size, m))
-    scratch = np.empty((min(size, loops.TASKS), m + 2, m))
+    scratch = np.empty((min(size, TASKS), loops.scratch_size(m)))
     cost = 3 * m**3 + _STEP * m
     length = max(_SLICE // (cost * max(size, 1)), 1)
     for start in range(0, steps, length):

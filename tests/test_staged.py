@@ -66,16 +66,21 @@ def arrays(values, small, out):
     room = on_stack(2, VECTOR)
     for i in range(VECTOR):
         room[0, i] = values[1, i]
+    out.reshape((4, small.size - 1, VECTOR // 2))[0] = 7.0
     store(room, 1, 2.0 * load(room, 0) + splat(1.0))
     store_pairs(out, 0, load(room, 0), load(room, 1))
     out[2 * VECTOR : 2 * VECTOR + small.size] = 9.0
     last = out[3 * VECTOR :]
     last[0] = first_of((values[0], 0.25), 2)
     last[1] = small[0]
-    small[1] = np.int8(values[0, 1])
+    small[1], small[2] = np.int8(values[0, 1]), values[0, 1] > 0.0
     last[2] = np.copysign(np.sqrt(values[0, 3]), -1.0) + (values[0, 0] > 0.0)
     last[3] = np.isnan(values[0, 0] / values[0, 0]) & np.isfinite(last[0])
     last[4], last[5] = values.shape[0], values.size
+    whole = room.view(np.int64)
+    whole[1, 0] = -small[0] - 10
+    last[6] = whole[1, 0] // 2
+    (last[7], _), _ = ((2.0, 1), small[0]) if small[0] < small[1] else ((1.0 * small[1], 2), 3)
 
 
 @staged.staged

@@ -37,6 +37,7 @@ IN_LLVM = {
 }
 _OF_NUMBERS = {types.float64: DOUBLE, types.intp: INTEGER, types.boolean: CONDITION}
 _NUMBA = {kind: of for of, kind in (IN_LLVM | _OF_NUMBERS).items()}
+_KINDS = {np.int64: INTEGER, np.float64: DOUBLE}
 # What arrays hold.
 _ELEMENTS = {types.float64: DOUBLE, types.int64: INTEGER, types.int8: ir.IntType(8)}
 
@@ -271,7 +272,7 @@ class Emitted:
         return Emitted(self.builder, self.builder.call(declared, values))
 
     def view(self, of):
-        return self.cast({np.int64: INTEGER, np.float64: DOUBLE}[of])
+        return self.cast(_KINDS[of])
 
     def cast(self, element):
         """The same bits as numbers of another type."""
@@ -289,7 +290,9 @@ class Emitted:
         return Emitted(self.builder, as_double(self.builder, self.value))
 
     def choose(self, first, second):
-        """The first where this condition holds, the second elsewhere."""
+        """The first where this condition holds, the second elsewhere; of tuples, one by one."""
+        if isinstance(first, tuple):
+            return tuple(self.choose(*each) for each in zip(first, second, strict=True))
         _require(CONDITION, self.value)
         first, second = (emitted(self.builder, each).value for each in (first, second))
         _require(_element(first.type), second)  # an integer has no -0
@@ -346,6 +349,11 @@ class EmittedArray:
             raise ValueError(f"an array of {self.shape} as one of {shape}")
         return EmittedArray(self.builder, self.pointer, shape)
 
+    def view(self, of):
+        """The same bits as numbers of another type, which are as long."""
+        pointer = self.builder.bitcast(self.pointer, _KINDS[of].as_pointer())
+        return EmittedArray(self.builder, pointer, self.shape)
+
     def copy(self):
         """A vector of all numbers."""
         return Emitted(self.builder, self.builder.load(self.as_vector(self.size), align=8))
@@ -362,8 +370,9 @@ class EmittedArray:
                 raise ValueError(f"{value.type.count} numbers in the place of {self.size}")
             self.builder.store(value, self.as_vector(value.type.count), align=8)
         else:
+            flat = self.reshape(self.size)
             for index in loop(self.builder, 0, self.size, 1):
-                self[index] = Emitted(self.builder, value)
+                flat[index] = Emitted(self.builder, value)
 
     def __getitem__(self, part):
         if isinstance(part, slice):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import full_map
+from .._core.cpu.blocks import LANES
 from .._core.formulas.full_map import full_coefficients
 from . import threads
 from .arguments import Body
@@ -36,7 +36,7 @@ def run(problem: Problem) -> Outcome:
 
     The parameters of the problem are those above.
     """
-    start, size = problem.omega, problem.size
+    start = problem.omega
     known = ~np.isnan(start[:, 0])
     if problem.start:
         state = problem.resume["state"].copy()
@@ -48,13 +48,10 @@ def run(problem: Problem) -> Outcome:
         failed_at = np.where(known, -1, 0)
         if len(problem.saved):
             problem.saved[0] = start
-    blocks = -(-size // full_map.LANES)
-    tasks = min(blocks, full_map.TASKS, numba.config.NUMBA_NUM_THREADS)
-    scratch = np.empty((tasks, full_map.ROWS * full_map.LANES))
-    for part in problem.parts(_STEP, full_map.LANES):
+    for part in problem.parts(_STEP, LANES):
         threads.run(
             full_map.iterate,
-            part.work(full_map.LANES, _STEP),
+            part.work(LANES, _STEP),
             problem.threads,
             *problem.parameters,
             *part,
@@ -64,7 +61,6 @@ def run(problem: Problem) -> Outcome:
             problem.saved,
             status,
             failed_at,
-            scratch,
         )
     final = np.ascontiguousarray(state.T)
     return Outcome(

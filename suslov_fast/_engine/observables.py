@@ -13,6 +13,7 @@ from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import LARGE, FloatArray, real_array
 from .._core.cpu import observables, observables_nd
+from .._core.cpu.blocks import LANES, TASKS
 from .._core.jit import Loop
 from .._status import SingularStepWarning
 from . import threads as _threads
@@ -24,7 +25,7 @@ WORK = 4
 # States that NumPy works on at a time, and those of which copies are made for a loop.
 SLAB, LARGE_SLAB = 2**15, 2**18
 # Bodies that repeat at each time of a run are repeated until they are so many: whole blocks.
-REPEATED = 8 * observables.LANES
+REPEATED = 8 * LANES
 
 # How many axes of components the parameters have.
 _SCALARS, _VECTORS = (0, 0, 0, 0, 0), (1, 1, 0)
@@ -52,7 +53,7 @@ def of_state(
     missing: list[Any] = []
     for begin, arrays, states, period in _parts(body, eps, _SCALARS, (omega,), batch):
         count = states[0].size // 2
-        tasks = _tasks(count, period, observables.LANES, observables.TASKS)
+        tasks = _tasks(count, period, LANES, TASKS)
         report = np.zeros((tasks, 3), np.int64)
         _threads.run(
             loop,
@@ -63,8 +64,6 @@ def of_state(
             flat[begin * size : (begin + count) * size],
             period,
             report,
-            np.empty((tasks, observables.SCRATCH)),
-            np.empty((tasks, observables.LOGARITHMS, observables.LANES), np.int64),
         )
         if omega.size > LARGE and report[:, observables.INFINITE].any():
             real_array(name, omega, allow_nan=True)
@@ -90,8 +89,8 @@ def of_state_nd(
     vectors = (omega,) if following is None else (omega, following)
     for begin, arrays, states, period in _parts(body, eps, _VECTORS, vectors, batch):
         count = states[0].size // m
-        tasks = _tasks(count, period, observables_nd.LANES, observables_nd.TASKS)
-        infinite = np.empty(tasks, np.bool_)
+        tasks = _tasks(count, period, observables_nd.LANES, TASKS)
+        infinite = np.empty(tasks, np.int8)
         _threads.run(
             loop,
             WORK * count * max(m, size),

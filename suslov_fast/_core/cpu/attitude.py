@@ -16,13 +16,31 @@ from ..formulas.rotation import (
     turn_between,
     turned,
 )
-from ..jit import Loop, part
+from ..jit import Loop
+from ..staged import staged
+from .blocks import LANES
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
-# Trajectories that a task takes side by side; what they need fits in the first cache.
-LANES = 128
-# Tasks of a batch, more than the threads of any machine that this is likely to meet.
-TASKS = 64
+
+@staged
+def turn_block(block, omega, eps, R0, carried, out):
+    """What `reconstruct` does for one block."""
+    first = block * LANES
+    last = min(first + LANES, omega.shape[1])
+    for k in range(out.shape[0]):
+        for l in range(first, last):
+            unit, b1, b2 = turn_between(
+                eps[l], omega[k, l, 0], omega[k, l, 1], omega[k + 1, l, 0], omega[k + 1, l, 1]
+            )
+            carried[0, l], carried[1, l], carried[2, l], carried[3, l] = turned(
+                carried[0, l], carried[1, l], carried[2, l], carried[3, l], unit, b1, b2
+            )
+        for l in range(first, last):
+            w, x, y, z = carried[0, l], carried[1, l], carried[2, l], carried[3, l]
+            for r in (0, 1, 2):
+                out[k, l, r, 0], out[k, l, r, 1], out[k, l, r, 2] = row_times_matrix(
+                    R0[r, 0, l], R0[r, 1, l], R0[r, 2, l], w, x, y, z
+                )
 
 
 def _reconstruct(omega, eps, R0, carried, out):
@@ -31,24 +49,8 @@ def _reconstruct(omega, eps, R0, carried, out):
     R0        (3, 3, B).
     carried   (4, B), the quaternions of R; read and written.
     """
-    batch = omega.shape[1]
-    for block in prange((batch + LANES - 1) // LANES):
-        first = block * LANES
-        last = min(first + LANES, batch)
-        for k in range(out.shape[0]):
-            for l in range(first, last):
-                unit, b1, b2 = turn_between(
-                    eps[l], omega[k, l, 0], omega[k, l, 1], omega[k + 1, l, 0], omega[k + 1, l, 1]
-                )
-                carried[0, l], carried[1, l], carried[2, l], carried[3, l] = turned(
-                    carried[0, l], carried[1, l], carried[2, l], carried[3, l], unit, b1, b2
-                )
-            for l in range(first, last):
-                w, x, y, z = carried[0, l], carried[1, l], carried[2, l], carried[3, l]
-                for r in range(3):
-                    out[k, l, r, 0], out[k, l, r, 1], out[k, l, r, 2] = row_times_matrix(
-                        R0[r, 0, l], R0[r, 1, l], R0[r, 2, l], w, x, y, z
-                    )
+    for block in prange((omega.shape[1] + LANES - 1) // LANES):
+        turn_block(block, omega, eps, R0, carried, out)
 
 
 def _reconstruct_nd(omega, eps, number, before, out, scratch):
@@ -82,7 +84,7 @@ def _reconstruct_nd(omega, eps, number, before, out, scratch):
                         out[k, i, r, c] = columns[c, r]
 
 
-@part
+@staged
 def total_mismatch(root, h, I, omega, following):
     """The sums over components that `strays` takes."""
     largest = 0.0
@@ -105,6 +107,19 @@ def total_mismatch(root, h, I, omega, following):
     return left, step, size
 
 
+@staged
+def follow_block(block, root, h, I, number, omega, stray):
+    """What `follow` does for one block."""
+    for k in range(omega.shape[0] - 1):
+        for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
+            row = i if h.shape[0] > 1 else 0
+            left, step, size = total_mismatch(
+                root[row], h[row], I[row], omega[k, i], omega[k + 1, i]
+            )
+            if strays(left, step, size) and stray[i] < 0:
+                stray[i] = number + k + 1
+
+
 def _follow(root, h, I, number, omega, stray):
     """Find states that do not follow the one before by the map.
 
@@ -113,16 +128,8 @@ def _follow(root, h, I, number, omega, stray):
     number   of the first state in `omega`.
     stray    (B,), the number of the first state that does not, or -1; read and written.
     """
-    batch = omega.shape[1]
-    for block in prange((batch + LANES - 1) // LANES):
-        for k in range(omega.shape[0] - 1):
-            for i in range(block * LANES, min((block + 1) * LANES, batch)):
-                row = i if h.shape[0] > 1 else 0
-                left, step, size = total_mismatch(
-                    root[row], h[row], I[row], omega[k, i], omega[k + 1, i]
-                )
-                if strays(left, step, size) and stray[i] < 0:
-                    stray[i] = number + k + 1
+    for block in prange((omega.shape[1] + LANES - 1) // LANES):
+        follow_block(block, root, h, I, number, omega, stray)
 
 
 reconstruct = Loop(_reconstruct)

@@ -5,79 +5,99 @@ from numba import prange
 
 from ..codes import NONFINITE, OK, SINGULAR
 from ..formulas.full_map import full_matrix, full_step
-from ..jit import Loop, part
+from ..jit import Loop
+from ..staged import staged
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
+from .blocks import LANES, in_whole_vectors, tasks_for
+from .vector import on_stack
 
-# Trajectories that a task takes side by side; what they need fits in the first cache.
-LANES = 128
-# More tasks than the threads of any machine that this is likely to meet.
-TASKS = 64
-# Rows of a block: eight coefficients, the state, and the state that it began with. They stand in
-# one flat array at offsets that the compiler knows, so that it sees that none overlap.
+# Rows of a block: eight coefficients, the state, and the state that it began with.
 STATE, BEFORE, ROWS = 8, 11, 14
 
 
-@part
-def enter(k, state, first, width, rows):
+@staged
+def enter(k, state, first, width, lanes, rows):
     """Fill the rows of a block; lanes beyond its width rest."""
-    for r in range(ROWS * LANES):
-        rows[r] = 0.0
+    for r in range(ROWS):
+        for l in range(width, lanes):
+            rows[r, l] = 0.0
     for l in range(width):
         for r in range(STATE):
-            rows[r * LANES + l] = k[r, first + l]
+            rows[r, l] = k[r, first + l]
         for c in range(3):
-            rows[(STATE + c) * LANES + l] = state[c, first + l]
-            rows[(BEFORE + c) * LANES + l] = state[c, first + l]
+            rows[STATE + c, l] = state[c, first + l]
+            rows[BEFORE + c, l] = state[c, first + l]
 
 
-@part
-def advance(rows):
+@staged
+def coefficients(rows, l):
+    return (
+        rows[0, l],
+        rows[1, l],
+        rows[2, l],
+        rows[3, l],
+        rows[4, l],
+        rows[5, l],
+        rows[6, l],
+        rows[7, l],
+    )
+
+
+@staged
+def advance(rows, lanes):
     """One step of a block."""
-    for l in range(LANES):
-        next1, next2, next3 = full_step(
-            rows[l],
-            rows[LANES + l],
-            rows[2 * LANES + l],
-            rows[3 * LANES + l],
-            rows[4 * LANES + l],
-            rows[5 * LANES + l],
-            rows[6 * LANES + l],
-            rows[7 * LANES + l],
-            rows[STATE * LANES + l],
-            rows[(STATE + 1) * LANES + l],
-            rows[(STATE + 2) * LANES + l],
+    for l in range(lanes):
+        rows[STATE, l], rows[STATE + 1, l], rows[STATE + 2, l] = full_step(
+            *coefficients(rows, l), rows[STATE, l], rows[STATE + 1, l], rows[STATE + 2, l]
         )
-        rows[STATE * LANES + l] = next1
-        rows[(STATE + 1) * LANES + l] = next2
-        rows[(STATE + 2) * LANES + l] = next3
 
 
-@part
+@staged
 def how_it_ended(rows, l):
     """How many steps the trajectory of a lane went from its first state here, and how it ended."""
-    k1, k2, k3, k4 = rows[l], rows[LANES + l], rows[2 * LANES + l], rows[3 * LANES + l]
-    k5, k6, k7, k8 = (
-        rows[4 * LANES + l],
-        rows[5 * LANES + l],
-        rows[6 * LANES + l],
-        rows[7 * LANES + l],
-    )
-    omega = (
-        rows[BEFORE * LANES + l],
-        rows[(BEFORE + 1) * LANES + l],
-        rows[(BEFORE + 2) * LANES + l],
-    )
+    k = coefficients(rows, l)
+    omega1, omega2, omega3 = rows[BEFORE, l], rows[BEFORE + 1, l], rows[BEFORE + 2, l]
+    next1, next2, next3 = full_step(*k, omega1, omega2, omega3)
     steps = 0
-    following = full_step(k1, k2, k3, k4, k5, k6, k7, k8, omega[0], omega[1], omega[2])
-    while not np.isnan(following[0]):
-        omega = following
+    while not np.isnan(next1):
         steps += 1
-        following = full_step(k1, k2, k3, k4, k5, k6, k7, k8, omega[0], omega[1], omega[2])
-    m11, m12, m21, m22, det = full_matrix(k1, k2, k3, k4, k5, k6, omega[0], omega[1], omega[2])
+        omega1, omega2, omega3 = next1, next2, next3
+        next1, next2, next3 = full_step(*k, omega1, omega2, omega3)
+    m11, m12, m21, m22, det = full_matrix(*k[:6], omega1, omega2, omega3)
     in_range = np.isfinite(m11 * m22) and np.isfinite(m12 * m21)
     return steps, SINGULAR if np.isnan(det) and in_range else NONFINITE
 
 
-def _iterate(k, begin, end, start, stop, every, first_row, state, out, status, failed_at, scratch):
+@staged
+def iterate_blocks(
+    task, n_tasks, k, begin, end, start, stop, every, first_row, state, out, status, failed_at
+):
+    """What one task of `iterate` does."""
+    rows, n_blocks = on_stack(ROWS, LANES), (end - begin + LANES - 1) // LANES
+    for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
+        first = begin + block * LANES
+        width = min(LANES, end - first)
+        lanes = in_whole_vectors(width)
+        enter(k, state, first, width, lanes, rows)
+        to_save = every - start % every
+        for n in range(start, stop):
+            advance(rows, lanes)
+            to_save -= 1
+            if to_save == 0:
+                to_save = every
+                row = (n + 1) // every - first_row
+                for l in range(width):
+                    for c in range(3):
+                        out[row, first + l, c] = rows[STATE + c, l]
+        for l in range(width):
+            for c in range(3):
+                state[c, first + l] = rows[STATE + c, l]
+            if status[first + l] == OK and np.isnan(state[0, first + l]):
+                steps, status[first + l] = how_it_ended(rows, l)
+                failed_at[first + l] = start + steps + 1
+
+
+def _iterate(k, begin, end, start, stop, every, first_row, state, out, status, failed_at):
     """Iterate trajectories `begin` to `end` from state `start` to state `stop`.
 
     k           (8, B), the coefficients.
@@ -86,32 +106,24 @@ def _iterate(k, begin, end, start, stop, every, first_row, state, out, status, f
                 first_row * every on; rows may be 0.
     status      (B,), SINGULAR or NONFINITE where a trajectory has ended; read and written.
     failed_at   (B,), the first state that does not exist, where one does not; read and written.
-    scratch     (tasks, ROWS LANES), one for each task.
     """
-    n_tasks = scratch.shape[0]
-    n_blocks = (end - begin + LANES - 1) // LANES
+    n_tasks = tasks_for((end - begin + LANES - 1) // LANES)
     for task in prange(n_tasks):
-        rows = scratch[task]
-        for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-            first = begin + block * LANES
-            width = min(LANES, end - first)
-            enter(k, state, first, width, rows)
-            to_save = every - start % every
-            for n in range(start, stop):
-                advance(rows)
-                to_save -= 1
-                if to_save == 0:
-                    to_save = every
-                    row = (n + 1) // every - first_row
-                    for l in range(width):
-                        for c in range(3):
-                            out[row, first + l, c] = rows[(STATE + c) * LANES + l]
-            for l in range(width):
-                for c in range(3):
-                    state[c, first + l] = rows[(STATE + c) * LANES + l]
-                if status[first + l] == OK and np.isnan(state[0, first + l]):
-                    steps, status[first + l] = how_it_ended(rows, l)
-                    failed_at[first + l] = start + steps + 1
+        iterate_blocks(
+            task,
+            n_tasks,
+            k,
+            begin,
+            end,
+            start,
+            stop,
+            every,
+            first_row,
+            state,
+            out,
+            status,
+            failed_at,
+        )
 
 
 iterate = Loop(_iterate)

@@ -13,19 +13,17 @@ omega        the states, flat: two numbers each.
 out          the results, flat: the same number of them for each state.
 report       (tasks, 3), at first 0: how many states had no result, and the first of them, where a
              loop counts them; whether there was an infinite state.
-scratch      (tasks, ...), what a task works in; `logarithms` likewise, of integers.
 """
 
 import numpy as np
 from numba import prange
 
 from ..formulas import continuous, coordinates, integrals, linearised, section4, units
-from ..jit import Loop, formula, part
-from .vector import VECTOR, to_cache_line
-
-LANES = 128
-# More than the threads of any machine that this is likely to meet.
-TASKS = 64
+from ..jit import Loop, formula
+from ..staged import staged
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
+from .blocks import LANES, gather_pairs, spread
+from .vector import on_stack
 
 # Rows of a block: parameters as given, in units of powers of two, the state, results, and
 # the largest number in a state so far.
@@ -36,26 +34,12 @@ M, P, E = range(3)
 LOGARITHMS = 3
 # Columns of the report.
 MISSING, FIRST, INFINITE = range(3)
-# Numbers that a task works in: one cache line more than its rows.
-SCRATCH = ROWS * LANES + VECTOR
 
 
-@part
-def fill(parameter, first, width, row):
-    """A parameter of the states of a block, one for all or one for each."""
-    if parameter.size == 1:
-        for l in range(width):
-            row[l] = parameter[0]
-    else:
-        numbers = parameter[first : first + width]
-        for l in range(width):
-            row[l] = numbers[l]
-
-
-@part
+@staged
 def enter_bodies(parameters, first, width, rows, logarithms):
-    for k in range(5):
-        fill(parameters[k], first, width, rows[GIVEN + k])
+    for k, parameter in enumerate(parameters):
+        spread(parameter, first, width, width, rows[GIVEN + k])
     for l in range(width):
         (
             rows[I1, l],
@@ -69,17 +53,15 @@ def enter_bodies(parameters, first, width, rows, logarithms):
         ) = units.normal_body(rows[0, l], rows[1, l], rows[2, l], rows[3, l], rows[4, l])
 
 
-@part
+@staged
 def enter_states(omega, first, width, rows):
-    pairs = omega[2 * first : 2 * (first + width)]
-    for l in range(width):
-        rows[OMEGA, l], rows[OMEGA + 1, l] = pairs[2 * l], pairs[2 * l + 1]
+    gather_pairs(omega, first, width, rows[OMEGA], rows[OMEGA + 1])
     for l in range(width):
         size = units.larger(abs(rows[OMEGA, l]), rows[LARGEST, l])
         rows[LARGEST, l] = units.larger(abs(rows[OMEGA + 1, l]), size)
 
 
-@part
+@staged
 def count_missing(omega, first, width, rows, report):
     """States that are, and have no result."""
     for l in range(width):
@@ -88,6 +70,14 @@ def count_missing(omega, first, width, rows, report):
             if report[MISSING] == 0 or first + l < report[FIRST]:
                 report[FIRST] = first + l
             report[MISSING] += 1
+
+
+@staged
+def any_infinite(rows):
+    infinite = False
+    for l in range(LANES):
+        infinite |= rows[LARGEST, l] == np.inf
+    return infinite
 
 
 def _of_body(function):
@@ -111,84 +101,58 @@ def _of_body(function):
     return value
 
 
-def _evaluate(value, size):
-    """A part that finds `size` results for each state of a block, and one that writes them."""
-
-    @part
-    def find1(rows, logarithms, width):
-        for l in range(width):
-            rows[RESULT, l] = value(rows, logarithms, l)
-
-    @part
-    def find2(rows, logarithms, width):
-        for l in range(width):
-            rows[RESULT, l], rows[RESULT + 1, l] = value(rows, logarithms, l)
-
-    @part
-    def find4(rows, logarithms, width):
-        for l in range(width):
-            (
-                rows[RESULT, l],
-                rows[RESULT + 1, l],
-                rows[RESULT + 2, l],
-                rows[RESULT + 3, l],
-            ) = value(rows, logarithms, l)
-
-    @part
-    def write1(rows, first, width, out):
-        numbers = out[first : first + width]
-        for l in range(width):
-            numbers[l] = rows[RESULT, l]
-
-    @part
-    def write2(rows, first, width, out):
-        numbers = out[2 * first : 2 * (first + width)]
-        for l in range(width):
-            numbers[2 * l], numbers[2 * l + 1] = rows[RESULT, l], rows[RESULT + 1, l]
-
-    @part
-    def write4(rows, first, width, out):
-        numbers = out[4 * first : 4 * (first + width)]
-        for l in range(width):
-            numbers[4 * l], numbers[4 * l + 1] = rows[RESULT, l], rows[RESULT + 1, l]
-            numbers[4 * l + 2], numbers[4 * l + 3] = rows[RESULT + 2, l], rows[RESULT + 3, l]
-
-    return {1: (find1, write1), 2: (find2, write2), 4: (find4, write4)}[size]
-
-
 def _observable(name, value, size, counts=False):
-    """A loop that evaluates a formula at one lane for all states.
+    """A loop that evaluates a formula of `size` results at one lane for all states.
 
     With `counts` it counts the states that have no result.
     """
-    find, write = _evaluate(value, size)
+    places = tuple(range(size))
 
-    def loop(I1, I2, I13, I23, eps, omega, out, period, report, scratch, logarithms):
-        parameters = (I1, I2, I13, I23, eps)
+    @staged
+    def find(rows, logarithms, width):
+        for l in range(width):
+            found = value(rows, logarithms, l)
+            results = (found,) if size == 1 else found
+            for k in places:
+                rows[RESULT + k, l] = results[k]
+
+    @staged
+    def write(rows, first, width, out):
+        for l in range(width):
+            for k in places:
+                out[size * (first + l) + k] = rows[RESULT + k, l]
+
+    @staged
+    def evaluate(task, tasks, I1, I2, I13, I23, eps, omega, out, period, report):
+        """What one task does."""
         shared = I1.size * I2.size * I13.size * I23.size * eps.size == 1
         states = omega.size // 2
         repetitions = (states + period - 1) // period
-        blocks = (period + LANES - 1) // LANES
-        parts = blocks * repetitions
-        tasks = scratch.shape[0]
+        parts = (period + LANES - 1) // LANES * repetitions
+        rows = on_stack(ROWS, LANES)
+        logarithms = on_stack(LOGARITHMS, LANES).view(np.int64)
+        for l in range(LANES):
+            rows[LARGEST, l] = 0.0
+        begin = task * parts // tasks
+        for k in range(begin, (task + 1) * parts // tasks):
+            body, time = k // repetitions * LANES, k % repetitions
+            lanes = min(LANES, period - body)
+            if k == begin or (time == 0 and not shared):
+                enter_bodies((I1, I2, I13, I23, eps), body, lanes, rows, logarithms)
+            first = time * period + body
+            # The last repetition may end before this block.
+            width = max(min(lanes, states - first), 0)
+            enter_states(omega, first, width, rows)
+            find(rows, logarithms, width)
+            write(rows, first, width, out)
+            if counts:
+                count_missing(omega, first, width, rows, report[task])
+        report[task, INFINITE] = any_infinite(rows)
+
+    def loop(I1, I2, I13, I23, eps, omega, out, period, report):
+        tasks = report.shape[0]
         for task in prange(tasks):
-            line = to_cache_line(scratch[task], 0)
-            rows = scratch[task, line : line + ROWS * LANES].reshape((ROWS, LANES))
-            rows[LARGEST] = 0.0
-            begin = task * parts // tasks
-            for k in range(begin, (task + 1) * parts // tasks):
-                body = k // repetitions * LANES
-                if k == begin or (k % repetitions == 0 and not shared):
-                    width = min(LANES, period - body)
-                    enter_bodies(parameters, body, width, rows, logarithms[task])
-                first = k % repetitions * period + body
-                width = min(LANES, period - body, states - first)
-                enter_states(omega, first, width, rows)
-                find(rows, logarithms[task], width)
-                write(rows, first, width, out)
-                if counts:
-                    count_missing(omega, first, width, rows, report[task])
-            report[task, INFINITE] = rows[LARGEST].max() == np.inf
+            evaluate(task, tasks, I1, I2, I13, I23, eps, omega, out, period, report)
 
     loop.__name__ = name
     return Loop(loop)

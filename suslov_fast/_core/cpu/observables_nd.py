@@ -10,12 +10,13 @@ import numpy as np
 from numba import prange
 
 from ..formulas import continuous, integrals, nd_map, units
-from ..jit import Loop, part
+from ..jit import Loop
+from ..staged import staged
+from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .vector import VECTOR, to_cache_line
 
-# As in `observables`, but fewer: m rows of them shall fit in the caches.
+# Fewer than in `blocks`: m rows of them shall fit in the caches.
 LANES = 32
-TASKS = 64
 
 # Cells: parameters and states in units of powers of two.
 J_, I_, OMEGA, NEXT, SLOPE = range(5)
@@ -33,7 +34,7 @@ def scratch_size(m: int) -> int:
     return (CELLS * m + SUMS) * LANES + VECTOR
 
 
-@part
+@staged
 def fill(values, m, first, width, cells, which):
     """Rows of values, those of each state or those of one body for all."""
     step = 0 if values.size == m else m
@@ -44,7 +45,7 @@ def fill(values, m, first, width, cells, which):
             cells[which, i, l] = numbers[i]
 
 
-@part
+@staged
 def find_sizes(cells, which, width, row):
     """The largest component of each vector of a cell."""
     for l in range(width):
@@ -54,7 +55,7 @@ def find_sizes(cells, which, width, row):
             row[l] = units.larger(abs(cells[which, i, l]), row[l])
 
 
-@part
+@staged
 def take_units(cells, which, width, row, logarithms, default):
     """Divide the vectors of a cell by powers of two, whose logarithms go to a row."""
     find_sizes(cells, which, width, row)
@@ -66,19 +67,19 @@ def take_units(cells, which, width, row, logarithms, default):
             cells[which, i, l] *= row[l]
 
 
-@part
+@staged
 def enter_bodies(J, I, eps, m, first, width, cells, sums, logarithms):
     fill(J, m, first, width, cells, J_)
     fill(I, m, first, width, cells, I_)
     take_units(cells, J_, width, sums[SIZE], logarithms[M], logarithms[M])
     take_units(cells, I_, width, sums[SIZE], logarithms[P], logarithms[M])
     for l in range(width):
-        step_size = eps[0] if eps.size == 1 else eps[first + l]
+        step_size = eps[0 if eps.size == 1 else first + l]
         logarithms[E, l] = units.exponent(step_size)
         sums[EPS, l] = step_size * units.power(-logarithms[E, l])
 
 
-@part
+@staged
 def enter_states(omega, following, m, first, width, cells, sums, logarithms):
     for l in range(width):
         numbers = omega[(first + l) * m : (first + l + 1) * m]
@@ -95,7 +96,7 @@ def enter_states(omega, following, m, first, width, cells, sums, logarithms):
             cells[NEXT, i, l] *= sums[SIZE, l]
 
 
-@part
+@staged
 def add_up(cells, sums, width):
     """I.omega, I.omega_next and omega.omega_next."""
     for l in range(width):
@@ -108,7 +109,7 @@ def add_up(cells, sums, width):
             sums[PRODUCT, l] += omega * after
 
 
-@part
+@staged
 def find_slopes(cells, sums, width):
     add_up(cells, sums, width)
     for i in range(cells.shape[1]):
@@ -124,7 +125,7 @@ def find_slopes(cells, sums, width):
             )
 
 
-@part
+@staged
 def add_up_energy(cells, sums, width):
     for l in range(width):
         sums[ENERGY, l] = 0.0
@@ -133,14 +134,14 @@ def add_up_energy(cells, sums, width):
             sums[ENERGY, l] += integrals.energy_term(cells[J_, i, l], cells[OMEGA, i, l])
 
 
-@part
+@staged
 def find_energy(cells, sums, logarithms, first, width, out):
     add_up_energy(cells, sums, width)
     for l in range(width):
         out[first + l] = units.scaled(sums[ENERGY, l], logarithms[M, l] + 2 * logarithms[W, l])
 
 
-@part
+@staged
 def find_modified_energy(cells, sums, logarithms, first, width, out):
     add_up_energy(cells, sums, width)
     find_slopes(cells, sums, width)
@@ -159,7 +160,7 @@ def find_modified_energy(cells, sums, logarithms, first, width, out):
         )
 
 
-@part
+@staged
 def find_vector_field(cells, sums, logarithms, first, width, out):
     m = cells.shape[1]
     find_slopes(cells, sums, width)
@@ -169,7 +170,7 @@ def find_vector_field(cells, sums, logarithms, first, width, out):
             out[(first + l) * m + i] = units.scaled(cells[SLOPE, i, l], unit)
 
 
-@part
+@staged
 def find_reaction(cells, sums, logarithms, first, width, out):
     m = cells.shape[1]
     find_slopes(cells, sums, width)
@@ -198,7 +199,7 @@ def find_reaction(cells, sums, logarithms, first, width, out):
                 out[place + i * m + j], out[place + j * m + i] = value, -value
 
 
-@part
+@staged
 def find_matrix(cells, sums, logarithms, first, width, out):
     m = cells.shape[1]
     add_up(cells, sums, width)
@@ -217,32 +218,48 @@ def find_matrix(cells, sums, logarithms, first, width, out):
                 )
 
 
+@staged
+def any_infinite(sums):
+    infinite = False
+    for l in range(LANES):
+        infinite |= sums[LARGEST, l] == np.inf
+    return infinite
+
+
 def _observable(name, find):
     """A loop over all states of a part that finds a quantity for a block of them."""
 
-    def loop(J, I, eps, omega, following, out, m, period, infinite, scratch, logarithms):
+    @staged
+    def evaluate(task, J, I, eps, omega, following, out, m, period, infinite, scratch, logarithms):
+        """What one task does."""
         shared = J.size == m and I.size == m and eps.size == 1
-        states = omega.size // m
+        states, tasks = omega.size // m, scratch.shape[0]
         repetitions = (states + period - 1) // period
         parts = (period + LANES - 1) // LANES * repetitions
-        tasks = scratch.shape[0]
-        for task in prange(tasks):
-            line = to_cache_line(scratch[task], 0)
-            stop = line + CELLS * m * LANES
-            cells = scratch[task, line:stop].reshape((CELLS, m, LANES))
-            sums = scratch[task, stop : stop + SUMS * LANES].reshape((SUMS, LANES))
-            sums[LARGEST] = 0.0
-            begin = task * parts // tasks
-            for k in range(begin, (task + 1) * parts // tasks):
-                body = k // repetitions * LANES
-                if k == begin or (k % repetitions == 0 and not shared):
-                    width = min(LANES, period - body)
-                    enter_bodies(J, I, eps, m, body, width, cells, sums, logarithms[task])
-                first = k % repetitions * period + body
-                width = min(LANES, period - body, states - first)
-                enter_states(omega, following, m, first, width, cells, sums, logarithms[task])
-                find(cells, sums, logarithms[task], first, width, out)
-            infinite[task] = sums[LARGEST].max() == np.inf
+        line = to_cache_line(scratch[task], 0)
+        stop = line + CELLS * m * LANES
+        cells = scratch[task][line:stop].reshape((CELLS, m, LANES))
+        sums = scratch[task][stop : stop + SUMS * LANES].reshape((SUMS, LANES))
+        units_of = logarithms[task]
+        for l in range(LANES):
+            sums[LARGEST, l] = 0.0
+        begin = task * parts // tasks
+        for k in range(begin, (task + 1) * parts // tasks):
+            body, time = k // repetitions * LANES, k % repetitions
+            lanes = min(LANES, period - body)
+            if k == begin or (time == 0 and not shared):
+                enter_bodies(J, I, eps, m, body, lanes, cells, sums, units_of)
+            first = time * period + body
+            width = min(lanes, states - first)
+            enter_states(omega, following, m, first, width, cells, sums, units_of)
+            find(cells, sums, units_of, first, width, out)
+        infinite[task] = any_infinite(sums)
+
+    def loop(J, I, eps, omega, following, out, m, period, infinite, scratch, logarithms):
+        for task in prange(scratch.shape[0]):
+            evaluate(
+                task, J, I, eps, omega, following, out, m, period, infinite, scratch, logarithms
+            )
 
     loop.__name__ = name
     return Loop(loop)

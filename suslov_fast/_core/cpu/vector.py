@@ -7,8 +7,8 @@ Compiled, they are values in registers, as `intrinsics` says; interpreted, NumPy
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..jit import part
 from ..lanewise import VECTOR as VECTOR
 from ..lanewise import larger as larger
 from ..lanewise import select as select
@@ -17,8 +17,7 @@ from ..lanewise import smaller as smaller
 from ..staged import staged
 
 
-@part
-def aligned(size):
+def aligned(size: int) -> NDArray[np.float64]:
     """An array of doubles on a cache line: a vector across two lines costs a quarter and more."""
     buffer = np.empty(size + VECTOR)
     offset = -(buffer.ctypes.data // buffer.itemsize) % VECTOR

@@ -236,7 +236,7 @@ class Emitted:
 
 
 class EmittedArray:
-    """A C-contiguous array in code that is compiled. Slices are of flat arrays."""
+    """A C-contiguous array in code that is compiled. Slices are of its first axis."""
 
     def __init__(self, builder, pointer, shape):
         self.builder, self.pointer, self.shape = builder, pointer, shape
@@ -277,15 +277,16 @@ class EmittedArray:
             value = spread(self.builder, value, self.size)
             self.builder.store(value, self.as_vector(value.type.count), align=8)
         else:
+            flat = self.reshape(self.size)
             for index in loop(self.builder, 0, self.size, 1):
-                self[index] = Emitted(self.builder, value)
+                flat[index] = Emitted(self.builder, value)
 
     def __getitem__(self, part):
         if isinstance(part, slice):
             assert part.step is None
             start = 0 if part.start is None else part.start
             size = None if part.stop is None else part.stop - start
-            return EmittedArray(self.builder, self._place((start,)), (size,))
+            return EmittedArray(self.builder, self._place((start,)), (size, *self.shape[1:]))
         indices = part if isinstance(part, tuple) else (part,)
         place, shape = self._place(indices), self.shape[len(indices) :]
         if shape:

@@ -38,12 +38,13 @@ def turn(columns, b, eps, image):
     for r in range(m + 1):
         image[r] = 0.0
     for j in range(m):
+        column, component = columns[j], b[j]
         for r in range(m + 1):
-            image[r] += columns[j, r] * b[j]
+            image[r] += column[r] * component
     for j in range(m):
-        scaled = scale * b[j]
+        turning, scaled = columns[j], scale * b[j]
         for r in range(m + 1):
-            columns[j, r] = turned_component(columns[j, r], last[r], image[r], unit, scaled)
+            turning[r] = turned_component(turning[r], last[r], image[r], unit, scaled)
     for r in range(m + 1):
         last[r] = turned_last(last[r], image[r], scale, unit, square)
 

@@ -78,6 +78,7 @@ def _pick(compare, builder, first, second):
 _INSTEAD = {
     min: functools.partial(_pick, operator.lt),
     max: functools.partial(_pick, operator.gt),
+    int: lambda builder, number: emitted(builder, number).to_integer(),
     np.int8: lambda builder, number: emitted(builder, number).to_integer(),
     np.int64: lambda builder, number: emitted(builder, number),
     np.float64: lambda builder, number: emitted(builder, number),

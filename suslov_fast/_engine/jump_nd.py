@@ -199,7 +199,7 @@ class _Reduced:
                 self.along,
                 self.across,
                 closed.NO_START,
-                float(problem.every),
+                (0.0, float(problem.every)),
                 lanes,
                 (problem.first_row + begin, problem.first_row + end, problem.first_row),
                 problem.saved,

@@ -22,9 +22,10 @@ import operator
 from pathlib import Path
 
 import numpy as np
+from llvmlite import ir
 
 from .cache import SOURCES
-from .stand_ins import EMITTERS, Emitted, compiled_by, emitted, loop
+from .stand_ins import EMITTERS, Emitted, compiled_by, emitted, loop, values_of, with_values
 
 _OPERATORS = {
     ast.Add: operator.add,
@@ -58,6 +59,16 @@ def staged(function):
     return function
 
 
+def apart(function):
+    """Compile a staged part as a function of its own: once for all its calls, with all registers.
+
+    It is compiled anew for what is known beforehand of its arguments, and for other types of them.
+    """
+    staged(function)
+    _STAGED[function] = functools.partial(_call, function)
+    return function
+
+
 def _returns(function):
     tree, _ = _parsed(function)
     return isinstance(tree.body[-1], ast.Return)
@@ -66,6 +77,34 @@ def _returns(function):
 def readable(function):
     """Let staged parts read a function that they call."""
     _STAGED[function] = lambda builder, *arguments: _Reading(builder, function, arguments).result
+
+
+def _call(function, builder, *arguments):
+    name = f"{function.__qualname__}{arguments}"
+    called = builder.module.globals.get(name)
+    if called is None:
+        trial = _define(ir.Module(), name, function, arguments, ())
+        called = _define(builder.module, name, function, arguments, [*values_of(trial.result)])
+    returned = builder.call(called, [*values_of(arguments)])
+    values = (builder.extract_value(returned, k) for k in range(len(returned.type)))
+    return with_values(builder, called.result, values)
+
+
+def _define(module, name, function, arguments, results):
+    """A function of LLVM, with what reading it results in; it returns values as `results` are."""
+    returned = ir.LiteralStructType([each.type for each in results])
+    given = [each.type for each in values_of(arguments)]
+    defined = ir.Function(module, ir.FunctionType(returned, given), name)
+    defined.linkage = "internal"
+    defined.attributes.add("noinline")
+    builder = ir.IRBuilder(defined.append_basic_block())
+    arguments = with_values(builder, arguments, iter(defined.args))
+    defined.result = _Reading(builder, function, arguments).result
+    value = ir.Constant(returned, ir.Undefined)
+    for k, each in enumerate(values_of(defined.result) if results else ()):
+        value = builder.insert_value(value, each, k)
+    builder.ret(value)
+    return defined
 
 
 def _pick(compare, builder, first, second):

@@ -109,6 +109,9 @@ class Emitted:
     def __init__(self, builder, value):
         self.builder, self.value = builder, value
 
+    def __repr__(self):
+        return str(self.value.type)
+
     def beside(self, other):
         """The values of this and of another, as of one type."""
         kind = _element(self.value.type)
@@ -241,6 +244,9 @@ class EmittedArray:
     def __init__(self, builder, pointer, shape):
         self.builder, self.pointer, self.shape = builder, pointer, shape
 
+    def __repr__(self):
+        return f"{self.pointer.type}{self.shape}"
+
     @property
     def size(self):
         return math.prod(self.shape)
@@ -315,6 +321,31 @@ class EmittedArray:
         for axis, length in enumerate(self.shape[1:], 1):
             index = index * length + (indices[axis] if axis < len(indices) else 0)
         return self.builder.gep(self.pointer, [emitted(self.builder, index).value])
+
+
+def values_of(stand_in):
+    """The values of LLVM that a number, an array, or a tuple of them stands for."""
+    if isinstance(stand_in, Emitted):
+        yield stand_in.value
+    elif isinstance(stand_in, EmittedArray):
+        yield stand_in.pointer
+        yield from values_of(stand_in.shape)
+    elif isinstance(stand_in, tuple):
+        for each in stand_in:
+            yield from values_of(each)
+
+
+def with_values(builder, stand_in, values):
+    """The same of other values, in another function."""
+    if isinstance(stand_in, Emitted):
+        return Emitted(builder, next(values))
+    if isinstance(stand_in, EmittedArray):
+        pointer = next(values)
+        return EmittedArray(builder, pointer, with_values(builder, stand_in.shape, values))
+    if isinstance(stand_in, tuple):
+        parts = [with_values(builder, each, values) for each in stand_in]
+        return type(stand_in)(*parts) if hasattr(stand_in, "_fields") else tuple(parts)
+    return stand_in
 
 
 def loop(builder, start, stop, step):

@@ -6,7 +6,7 @@ matrix   (rows, columns, VECTOR), as `matrix_shape` says: the coefficients, then
 
 import numpy as np
 
-from ..staged import staged
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .vector import VECTOR, all_lanes, larger, load, select, splat, store
 
@@ -80,7 +80,7 @@ def exchange_rows(matrix, m, k):
             matrix[k, j, l] = other
 
 
-@staged
+@apart
 def eliminate(matrix, m):
     """Gaussian elimination with partial pivoting, in place, in Crout's order.
 

@@ -41,7 +41,7 @@ from ..formulas.nd_map import (
 from ..formulas.rotation import mean
 from ..jit import Loop
 from ..lanewise import any_lane, lanewise, larger, select, smaller
-from ..staged import staged
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate, of_vectors
 from .tiles import BEYOND_CACHES, write_numbers
@@ -274,7 +274,7 @@ def multiply(cells, place, factor):
     store_at(cells, place, vector_at(cells, place) * factor)
 
 
-@staged
+@apart
 def enter(values, chosen, block, which):
     """Gather numbers and find units of them."""
     gather(values, chosen, block, which)
@@ -320,7 +320,7 @@ def settle_bounds(sums, s, smallest, coupling, p, square):
     take_norms(sums, s, p, square)
 
 
-@staged
+@apart
 def settle(cells, sums, first, last, s):
     """What depends on the units of omega, and on which lanes have ended, in a group."""
     goes_on = settle_units(sums, s)
@@ -625,7 +625,7 @@ def write_codes(sums, s, chosen, position, kept, n):
             kept.failed_at[b] = kept.failed_at[b] if code == NEEDS_ELIMINATION else n
 
 
-@staged
+@apart
 def advance(block, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
@@ -750,7 +750,7 @@ def show_few(m, cells, c, unit, tile, place):
     store_rows(tile, place, [omega * unit for omega in rows])
 
 
-@staged
+@apart
 def show(block):
     """The states of a block in the unit of the user, in the tile; but see `show_given`."""
     cells, tile, m = block.cells, block.tile, block.m

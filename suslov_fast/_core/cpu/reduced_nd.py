@@ -356,8 +356,8 @@ def expand_group(m, states, begin, coefficients, c, other, row, place):
 
 @staged
 def expand_few(states, begin, rows, width, m, coefficients, row):
-    """`expand` of fewer components than a vector has lanes; what a group has beyond the last
-    trajectory is written over.
+    """`expand` of fewer components than a vector has lanes, m being known beforehand; what a group
+    has beyond the last trajectory is written over.
     """
     other = (width + VECTOR - 1) // VECTOR * VECTOR * m
     apart = VECTOR * m if width > 1 else 0
@@ -366,9 +366,7 @@ def expand_few(states, begin, rows, width, m, coefficients, row):
     for r in range(rows):
         for l in range(0, width, VECTOR):
             k, c, place = begin + 2 * (r * width + l), l // VECTOR * apart, (r * width + l) * m
-            for few in (1, 3, 4, 5, 6, 7):
-                if m == few:
-                    expand_group(few, states, k, coefficients, c, other, row, place)
+            expand_group(m, states, k, coefficients, c, other, row, place)
 
 
 @staged
@@ -438,9 +436,10 @@ def fill_rows(
         abreast = max(ROW // (width * m), 1) if width == batch else 1
         for r in range(0, bottom - top, abreast):
             count = min(abreast, bottom - top - r)
-            if m < VECTOR:
-                expand_few(states, 2 * width * r, count, width, m, coefficients, row)
-            else:
+            for few in (1, 3, 4, 5, 6, 7):
+                if m == few:
+                    expand_few(states, 2 * width * r, count, width, few, coefficients, row)
+            if m >= VECTOR:
                 expand(states, 2 * width * r, count, width, m, coefficients, row)
             target, size = ((top + r - origin) * batch + first) * m, count * width * m
             write_numbers(row, 0, flat, target, size, line, flat.size >= BEYOND_CACHES)

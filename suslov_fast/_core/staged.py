@@ -62,7 +62,8 @@ def staged(function):
 def apart(function):
     """Compile a staged part as a function of its own: once for all its calls, with all registers.
 
-    It is compiled anew for what is known beforehand of its arguments, and for other types of them.
+    It is compiled anew for other types of its arguments, and for conditions that are known
+    beforehand; numbers are not known in it.
     """
     staged(function)
     _STAGED[function] = functools.partial(_call, function)
@@ -80,6 +81,8 @@ def readable(function):
 
 
 def _call(function, builder, *arguments):
+    numbers = int, float
+    arguments = tuple(emitted(builder, x) if type(x) in numbers else x for x in arguments)
     name = f"{function.__qualname__}{arguments}"
     called = builder.module.globals.get(name)
     if called is None:

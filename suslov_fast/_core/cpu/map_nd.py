@@ -227,7 +227,7 @@ def unit_of(largest, before):
 # beyond the last component is written over by what follows.
 
 
-@staged
+@apart
 def gather(values, chosen, block, which):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
     m, tile = block.m, block.tile
@@ -242,7 +242,7 @@ def gather(values, chosen, block, which):
             copy_transposed(block.cells, row, CELL, tile, i, m, splat(1.0))
 
 
-@staged
+@apart
 def write(tile, chosen, begin, end, m, flat, target):
     """Write the rows of a block to those of trajectories, of which that of 0 lies at `target`."""
     if chosen.size == 0:

@@ -15,7 +15,7 @@ from ..formulas.elementary import exponent, scaled, within
 from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
 from ..jit import Loop
 from ..lanewise import lanewise, larger, select
-from ..staged import staged
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .equal_steps import GROUP, fill_parts
 from .orbits import WIDTH
@@ -55,7 +55,7 @@ def room_to_reduce(m):
     return 4 * rows_of(m) + 3 * VECTOR
 
 
-@staged
+@apart
 def take_rows(values, first, width, room, place):
     """Rows of values, or one row for all; lanes beyond the width repeat the last."""
     m = values.shape[1]
@@ -68,7 +68,7 @@ def take_rows(values, first, width, room, place):
         copy_transposed(room, place + i * VECTOR, VECTOR, tile, i, m, splat(1.0))
 
 
-@staged
+@apart
 def give_rows(values, first, width, room, place):
     """The reverse."""
     m = values.shape[1]

@@ -11,6 +11,8 @@ given its values in branches or loops, and is used after them, has one before. I
 of slices count from the beginning. Both sides of a conditional expression are computed. Functions
 that are called are read if they are staged, or formulas, or else called.
 
+All of it is inlined, but for what is made `apart`: LLVM takes longest, and each copy takes as long.
+
 Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
 source must be at hand.
 """
@@ -62,8 +64,8 @@ def staged(function):
 def apart(function):
     """Compile a staged part as a function of its own: once for all its calls, with all registers.
 
-    It is compiled anew for other types of its arguments, and for conditions that are known
-    beforehand; numbers are not known in it.
+    There is another for other types of its arguments, and for conditions that are known beforehand.
+    Numbers are not known in it, but for those in tuples.
     """
     staged(function)
     _STAGED[function] = functools.partial(_call, function)

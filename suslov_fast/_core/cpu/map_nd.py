@@ -651,7 +651,7 @@ def advance(block, n, stop):
     return n, serve, accurate
 
 
-@staged
+@apart
 def advance_by_elimination(block, n, stop, matrix):
     """The same by GAUSS; returns the number of the state, and whether units serve."""
     m, serve = block.m, True

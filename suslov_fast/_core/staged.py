@@ -85,7 +85,7 @@ def readable(function):
 def _call(function, builder, *arguments):
     numbers = int, float
     arguments = tuple(emitted(builder, x) if type(x) in numbers else x for x in arguments)
-    name = f"{function.__qualname__}{arguments}"
+    name = f"{function.__module__}.{function.__qualname__}{arguments}"
     called = builder.module.globals.get(name)
     if called is None:
         trial = _define(ir.Module(), name, function, arguments, ())

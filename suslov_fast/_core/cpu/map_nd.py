@@ -756,7 +756,7 @@ def show(block):
     cells, tile, m = block.cells, block.tile, block.m
     for g in range(block.groups):
         c, place, unit = g * m * CELL, g * VECTOR * m, vector_at(block.sums, g * GROUP + UNIT)
-        for few in (2, 3, 4):
+        for few in (1, 2, 3, 4):
             if m == few:
                 show_few(few, cells, c, unit, tile, place)
         if m > 4:

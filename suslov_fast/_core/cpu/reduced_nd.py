@@ -214,13 +214,13 @@ def reduce_group(J, I, eps, omega, first, width, three, state, along, across, fi
     store_at(room, place, in_range)
     for l in range(width):
         fits[first + l] = 1 if room[place + l] != 0.0 else 0
-    if m > 2:
+    if m != 2:
         reduce_states(own, step, I_k, omega_k, first, width, three, state, along, across, room)
 
 
 @staged
 def reduce_states(own, step, I_k, omega_k, first, width, three, state, along, across, room):
-    """The rest of it, where there are more than two components."""
+    """The rest of it, unless the body is one of three dimensions."""
     m, zero = along.shape[1], splat(0.0)
     size, end = rows_of(m), m * VECTOR
     place = 4 * size

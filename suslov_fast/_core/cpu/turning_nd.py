@@ -7,13 +7,13 @@ columns   (n, n), the transpose of the orientation R: its rows, side by side, ar
 import numpy as np
 
 from ..formulas.rotation import is_large, turned_component, turned_last, unit_of_large
-from ..staged import staged
+from ..staged import apart
 
 # Rounding is undone at each state whose number is a multiple of this.
 CLEAN_EVERY = 16
 
 
-@staged
+@apart
 def turn(columns, b, eps, image):
     """Turn an orientation in place, as it goes from one state to the next.
 
@@ -49,7 +49,7 @@ def turn(columns, b, eps, image):
         last[r] = turned_last(last[r], image[r], scale, unit, square)
 
 
-@staged
+@apart
 def clean_up(columns, gram, cleaned):
     """One step of Newton's method to the nearest orthogonal matrix, in place; two scratches."""
     n = columns.shape[0]

@@ -1,5 +1,7 @@
 """Parts of loops compiled by being read: what they do is what Python does."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 import pytest
@@ -109,9 +111,39 @@ def turns(a, b, out):
     out[6:].reshape((1, 2))[0, 1] = b  # of a slice without an end
 
 
+class Row(NamedTuple):
+    numbers: np.ndarray
+    which: int
+
+
+@staged.apart
+def add_to(row, factor, height):
+    """Arrays, numbers, what is known beforehand, and tuples of them with names or without."""
+    total = 0.0
+    for i in range(row.numbers.size):
+        total += factor * row.numbers[i]
+    row.numbers[row.which] = total
+    return (total, height), row
+
+
+@staged.apart
+def clear(row):
+    row[1:3].fill(-1.0)
+
+
+@staged.staged
+def apart(values, out):
+    (first, height), row = add_to(Row(out[0], 2), values[0], HEIGHT)
+    (second, _), _ = add_to(Row(out[1], 0), 2.0 * first, HEIGHT)
+    (third, _), _ = add_to(Row(out[0], row.which - 1), 2.0, None)
+    clear(out[2:5])
+    row.numbers[0] = first + second + third + height
+
+
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))
 TURNS = numba.njit(lambda a, b, out: turns(a, b, out))
 BRANCHING = numba.njit(lambda n, out: branches(n, out))
+APART = numba.njit(lambda values, out: apart(values, out))
 ON_ARRAYS = numba.njit(lambda values, small, out: arrays(values, small, out))
 
 
@@ -148,6 +180,15 @@ def test_arrays():
         with np.errstate(all="ignore"):
             function(values, small, out)
         results.append([*small, *out])
+    np.testing.assert_array_equal(*results)
+
+
+def test_functions_of_their_own():
+    results = []
+    for function in (APART, apart):
+        out = np.arange(24.0).reshape(6, 4)
+        function(np.array([0.5]), out)
+        results.append(out)
     np.testing.assert_array_equal(*results)
 
 
@@ -236,9 +277,6 @@ class Refused:
 
     def every_other(n, x, out):
         out[::2][1] = 1.0
-
-    def of_an_array_that_is_not_flat(n, x, out):
-        out.reshape((2, 4))[1:2][0, 1] = 1.0
 
     def a_length_left_out(n, x, out):
         out[0] = out.reshape(-1).size

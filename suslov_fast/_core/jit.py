@@ -48,18 +48,6 @@ def formula(function):
     return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
 
 
-def part(function):
-    """Let loops call a part of a loop, which allocates nothing and returns no arrays."""
-    # References to arrays are not counted: the counts, one for each view and each call, took longer
-    # than the arithmetic of a small step.
-    return register_jitable(_nrt=False, **_OPTIONS)(_named_apart(function))
-
-
-def inlined_part(function):
-    """A part that each of its callers takes in: a call would take as long as what it does."""
-    return register_jitable(forceinline=True, _nrt=False, **_OPTIONS)(_named_apart(function))
-
-
 class Loop:
     """A loop over `prange`, compiled twice from one body: `serial` and `parallel`.
 
@@ -77,11 +65,6 @@ class Loop:
     @cached_property
     def parallel(self):
         return _cached(self._function, "parallel", parallel=True)
-
-    @cached_property
-    def inner(self):
-        """Its body, for another loop to call from one of its threads."""
-        return register_jitable(**_OPTIONS)(self._function)
 
 
 def _cached(function, build, parallel):

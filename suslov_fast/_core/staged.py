@@ -20,6 +20,8 @@ What cannot be seen while reading is the caller's to keep: indices and bounds of
 arrays and count from their beginning, also in what is not chosen of `a if c else b`; integers do
 not overflow, and are not divided by 0; a step of `range` that is not known is positive.
 
+All of it is inlined, but for what is made `apart`: LLVM takes longest, and each copy takes as long.
+
 Numba takes ten times as long and longer for each part, before LLVM sees any of it. But here the
 source must be at hand, and is read once: modules that are edited and reloaded are not read anew.
 """
@@ -33,9 +35,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from llvmlite import ir
 
 from .cache import SOURCES
-from .stand_ins import CONDITION, EMITTERS, Emitted, EmittedArray, compiled_by, emitted, loop
+from .stand_ins import (
+    CONDITION,
+    EMITTERS,
+    Emitted,
+    EmittedArray,
+    compiled_by,
+    emitted,
+    loop,
+    values_of,
+    with_values,
+)
 
 _OPERATORS = {
     ast.Add: operator.add,
@@ -69,6 +82,17 @@ def staged(function):
     return function
 
 
+def apart(function):
+    """Compile a staged part as a function of its own: once for all its calls, with all registers.
+
+    There is another for other types of its arguments, and for conditions that are known beforehand.
+    Numbers are not known in it, but for those in tuples.
+    """
+    staged(function)
+    _STAGED[function] = functools.partial(_call, function)
+    return function
+
+
 def _returns(function):
     tree, _ = _parsed(function)
     return isinstance(tree.body[-1], ast.Return)
@@ -77,6 +101,36 @@ def _returns(function):
 def readable(function):
     """Let staged parts read a function that they call."""
     _STAGED[function] = lambda builder, *arguments: _Reading(builder, function, arguments).result
+
+
+def _call(function, builder, *arguments):
+    numbers = int, float
+    arguments = tuple(emitted(builder, x) if type(x) in numbers else x for x in arguments)
+    name = f"{function.__module__}.{function.__qualname__}{arguments}"
+    called = builder.module.globals.get(name)
+    if called is None:
+        trial = _define(ir.Module(), name, function, arguments, ())
+        called = _define(builder.module, name, function, arguments, [*values_of(trial.result)])
+    returned = builder.call(called, [*values_of(arguments)])
+    values = (builder.extract_value(returned, k) for k in range(len(returned.type)))
+    return with_values(builder, called.result, values)
+
+
+def _define(module, name, function, arguments, results):
+    """A function of LLVM, with what reading it results in; it returns values as `results` are."""
+    returned = ir.LiteralStructType([each.type for each in results])
+    given = [each.type for each in values_of(arguments)]
+    defined = ir.Function(module, ir.FunctionType(returned, given), name)
+    defined.linkage = "internal"
+    defined.attributes.add("noinline")
+    builder = ir.IRBuilder(defined.append_basic_block())
+    arguments = with_values(builder, arguments, iter(defined.args))
+    defined.result = _Reading(builder, function, arguments).result
+    value = ir.Constant(returned, ir.Undefined)
+    for k, each in enumerate(values_of(defined.result) if results else ()):
+        value = builder.insert_value(value, each, k)
+    builder.ret(value)
+    return defined
 
 
 def _pick(compare, builder, first, second):
@@ -89,6 +143,7 @@ def _pick(compare, builder, first, second):
 _INSTEAD = {
     min: functools.partial(_pick, operator.lt),
     max: functools.partial(_pick, operator.gt),
+    int: lambda builder, number: emitted(builder, number).to_integer(),
     np.int8: lambda builder, number: emitted(builder, number).to_integer(),
     np.int64: lambda builder, number: emitted(builder, number).to_integer(),
     np.float64: lambda builder, number: emitted(builder, number).to_double(),

@@ -314,7 +314,7 @@ class Emitted:
 class EmittedArray:
     """A C-contiguous array in code that is compiled.
 
-    Slices are of flat arrays and lie within them. Lengths may be known, and are compared then.
+    Slices are of the first axis and lie within it. Lengths may be known, and are compared then.
     """
 
     # What Python would make of them by itself is not what NumPy does.
@@ -322,6 +322,9 @@ class EmittedArray:
 
     def __init__(self, builder, pointer, shape):
         self.builder, self.pointer, self.shape = builder, pointer, shape
+
+    def __repr__(self):
+        return f"{self.pointer.type}{self.shape}"
 
     @property
     def size(self):
@@ -376,13 +379,13 @@ class EmittedArray:
 
     def __getitem__(self, part):
         if isinstance(part, slice):
-            if part.step is not None or len(self.shape) > 1:
-                raise IndexError("a slice with a step, or of an array that is not flat")
+            if part.step is not None:
+                raise IndexError("a slice with a step")
             start = 0 if part.start is None else part.start
             size = None if part.stop is None else part.stop - start
             for each in (start, part.stop, size):
                 _within(each, self.shape[0], last=0)
-            return EmittedArray(self.builder, self._place((start,)), (size,))
+            return EmittedArray(self.builder, self._place((start,)), (size, *self.shape[1:]))
         indices = part if isinstance(part, tuple) else (part,)
         place, shape = self._place(indices), self.shape[len(indices) :]
         if shape:
@@ -428,6 +431,31 @@ def _within(index, length, last=-1):
         end = length + last if isinstance(length, int) else index
         if not 0 <= index <= end:
             raise IndexError(f"{index} in an array of length {length}")
+
+
+def values_of(stand_in):
+    """The values of LLVM that a number, an array, or a tuple of them stands for."""
+    if isinstance(stand_in, Emitted):
+        yield stand_in.value
+    elif isinstance(stand_in, EmittedArray):
+        yield stand_in.pointer
+        yield from values_of(stand_in.shape)
+    elif isinstance(stand_in, tuple):
+        for each in stand_in:
+            yield from values_of(each)
+
+
+def with_values(builder, stand_in, values):
+    """The same of other values, in another function."""
+    if isinstance(stand_in, Emitted):
+        return Emitted(builder, next(values))
+    if isinstance(stand_in, EmittedArray):
+        pointer = next(values)
+        return EmittedArray(builder, pointer, with_values(builder, stand_in.shape, values))
+    if isinstance(stand_in, tuple):
+        parts = [with_values(builder, each, values) for each in stand_in]
+        return type(stand_in)(*parts) if hasattr(stand_in, "_fields") else tuple(parts)
+    return stand_in
 
 
 def loop(builder, start, stop, step):

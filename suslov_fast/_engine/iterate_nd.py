@@ -19,8 +19,8 @@ from . import threads
 from .problem import Outcome, Part, Problem, check_computed, never, not_computed, worst
 
 _ALL = np.empty(0, np.int64)
-# To work in: for all, as `map_nd.Scratch`, for elimination, and for orientations.
-_Room: TypeAlias = tuple[tuple[FloatArray, ...], FloatArray | None, map_nd.Turning | None]
+# To work in: for all, for elimination, and for orientations, as `map_nd.iterate` takes it.
+_Room: TypeAlias = tuple[tuple[FloatArray, ...], FloatArray | None, tuple[FloatArray, ...] | None]
 
 
 def run(problem: Problem) -> Outcome:
@@ -74,7 +74,7 @@ class _Run:
         return (
             (cells, sums, tile),
             others[0] if eliminates else None,
-            None if self.problem.orientation is None else map_nd.Turning(*others[1:]),
+            None if self.problem.orientation is None else tuple(others[1:]),
         )
 
     def compute(self, part: Part) -> None:

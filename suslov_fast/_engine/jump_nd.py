@@ -123,7 +123,7 @@ class _Reduced:
             state,
             self.along,
             self.across,
-            self.fits,
+            self.fits.view(np.int8),
             _room(problem if size > VECTOR else None, reduced_nd.room_to_reduce(m)),
         )
         self.three = Problem(
@@ -199,7 +199,7 @@ class _Reduced:
                 self.along,
                 self.across,
                 closed.NO_START,
-                float(problem.every),
+                (0.0, float(problem.every)),
                 lanes,
                 (problem.first_row + begin, problem.first_row + end, problem.first_row),
                 problem.saved,

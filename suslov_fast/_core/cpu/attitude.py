@@ -53,6 +53,28 @@ def _reconstruct(omega, eps, R0, carried, out):
         turn_block(block, omega, eps, R0, carried, out)
 
 
+@staged
+def turn_some(task, omega, eps, number, before, out, scratch):
+    """What one task of `reconstruct_nd` does."""
+    batch, m, n_tasks = omega.shape[1], omega.shape[2], scratch.shape[0]
+    n, room = m + 1, scratch[task]
+    columns, gram, cleaned = room[:n], room[n : 2 * n], room[2 * n : 3 * n]
+    image, b = room[3 * n], room[3 * n + 1][:m]
+    for i in range(task * batch // n_tasks, (task + 1) * batch // n_tasks):
+        for r in range(n):
+            for c in range(n):
+                columns[c, r] = before[i, r, c]
+        for k in range(out.shape[0]):
+            for j in range(m):
+                b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
+            turn(columns, b, eps[i], image)
+            if (number + k + 1) % CLEAN_EVERY == 0:
+                clean_up(columns, gram, cleaned)
+            for r in range(n):
+                for c in range(n):
+                    out[k, i, r, c] = columns[c, r]
+
+
 def _reconstruct_nd(omega, eps, number, before, out, scratch):
     """The same in n dimensions.
 
@@ -60,28 +82,8 @@ def _reconstruct_nd(omega, eps, number, before, out, scratch):
     before    (B, n, n), the orientations there.
     scratch   (tasks, 3 n + 2, n), one for each task.
     """
-    batch, m = omega.shape[1], omega.shape[2]
-    n, n_tasks = m + 1, scratch.shape[0]
-    for task in prange(n_tasks):
-        columns, gram, cleaned = (
-            scratch[task, :n],
-            scratch[task, n : 2 * n],
-            scratch[task, 2 * n : 3 * n],
-        )
-        image, b = scratch[task, 3 * n], scratch[task, 3 * n + 1, :m]
-        for i in range(task * batch // n_tasks, (task + 1) * batch // n_tasks):
-            for r in range(n):
-                for c in range(n):
-                    columns[c, r] = before[i, r, c]
-            for k in range(out.shape[0]):
-                for j in range(m):
-                    b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
-                turn(columns, b, eps[i], image)
-                if (number + k + 1) % CLEAN_EVERY == 0:
-                    clean_up(columns, gram, cleaned)
-                for r in range(n):
-                    for c in range(n):
-                        out[k, i, r, c] = columns[c, r]
+    for task in prange(scratch.shape[0]):
+        turn_some(task, omega, eps, number, before, out, scratch)
 
 
 @staged

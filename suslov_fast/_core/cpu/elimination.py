@@ -6,7 +6,7 @@ matrix   (rows, columns, VECTOR), as `matrix_shape` says: the coefficients, then
 
 import numpy as np
 
-from ..jit import inlined_part, part
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .vector import VECTOR, all_lanes, larger, load, select, splat, store
 
@@ -24,7 +24,13 @@ def matrix_shape(m: int) -> tuple[int, int, int]:
     return m + ABREAST, (m + ABREAST) // 2 * 2 + 1, VECTOR
 
 
-@inlined_part
+@staged
+def of_vectors(matrix):
+    """The same, with its last length known beforehand."""
+    return matrix.reshape((matrix.shape[0], matrix.shape[1], VECTOR))
+
+
+@staged
 def reduce_column(matrix, first, k):
     """Eliminate in column k what the columns before it stand for, ABREAST rows from `first` on."""
     i0, i1, i2, i3 = first, first + 1, first + 2, first + 3
@@ -42,7 +48,7 @@ def reduce_column(matrix, first, k):
     store(matrix, i3, k, a3)
 
 
-@inlined_part
+@staged
 def reduce_row(matrix, k, first):
     """The same in row k, ABREAST columns from `first` on."""
     j0, j1, j2, j3 = first, first + 1, first + 2, first + 3
@@ -60,7 +66,7 @@ def reduce_row(matrix, k, first):
     store(matrix, k, j3, a3)
 
 
-@inlined_part
+@staged
 def exchange_rows(matrix, m, k):
     """Bring the largest number of column k, from row k on, into row k, a lane at a time."""
     for l in range(VECTOR):
@@ -74,7 +80,7 @@ def exchange_rows(matrix, m, k):
             matrix[k, j, l] = other
 
 
-@part
+@apart
 def eliminate(matrix, m):
     """Gaussian elimination with partial pivoting, in place, in Crout's order.
 

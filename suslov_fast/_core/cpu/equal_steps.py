@@ -22,7 +22,7 @@ from ..formulas.closed_form import (
 from ..formulas.elementary import scaled, two_to_the
 from ..jit import Loop
 from ..lanewise import lanewise, larger, select, smaller
-from ..staged import staged
+from ..staged import apart, staged
 from .blocks import spread as spread_numbers
 from .closed_form import FEW_STATES
 from .orbits import (
@@ -476,7 +476,7 @@ def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
         rest_of_one(orbit, tables, along, tile, flat, 2 * (origin + row), line, held)
 
 
-@staged
+@apart
 def fill_parts(
     task,
     flow,

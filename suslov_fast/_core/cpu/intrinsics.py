@@ -5,20 +5,12 @@ that rows do not overlap, and it keeps sums over components in memory.
 """
 
 import math
-import operator
 
 from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.core.typing.templates import AbstractTemplate, ConcreteTemplate, infer_global, signature
-from numba.extending import lower_builtin
 
-from ..lanewise import any_lane, lanewise
+from ..lanewise import any_lane
 from ..stand_ins import (
-    CONDITIONS,
     DOUBLE,
-    DOUBLES,
-    IN_LLVM,
     VECTOR,
     Emitted,
     EmittedArray,
@@ -28,69 +20,18 @@ from ..stand_ins import (
 )
 from .vector import (
     all_lanes,
-    borrowed,
     copy_transposed,
     expect_store,
     fence,
-    load,
     on_stack,
-    pairs_at,
     scatter_pairs,
     splat,
-    store,
     store_at,
     store_pairs,
     stream,
     stream_pairs,
     vector_at,
 )
-
-
-def _define(function, returns, *accepts):
-    """Let compiled code call a function of these types; the decorated one emits its code."""
-
-    @infer_global(function)
-    class Signature(ConcreteTemplate):
-        cases = (signature(returns, *accepts),)
-
-    return lower_builtin(function, *accepts)
-
-
-def _define_operator(function, returns, emit):
-    """Of two vectors, or of a vector and a number."""
-
-    def generate(context, builder, signature, arguments):
-        return emit(builder, *(spread(builder, value) for value in arguments))
-
-    _define(function, returns, DOUBLES, DOUBLES)(generate)
-    _define(function, returns, DOUBLES, types.float64)(generate)
-    _define(function, returns, types.float64, DOUBLES)(generate)
-
-
-_define_operator(operator.add, DOUBLES, ir.IRBuilder.fadd)
-_define_operator(operator.sub, DOUBLES, ir.IRBuilder.fsub)
-_define_operator(operator.mul, DOUBLES, ir.IRBuilder.fmul)
-_define_operator(operator.truediv, DOUBLES, ir.IRBuilder.fdiv)
-_define_operator(operator.lt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
-_define_operator(operator.gt, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
-_define_operator(operator.ge, CONDITIONS, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
-
-
-@_define(operator.and_, CONDITIONS, CONDITIONS, CONDITIONS)
-def _and(context, builder, signature, arguments):
-    return builder.and_(*arguments)
-
-
-@_define(operator.neg, DOUBLES, DOUBLES)
-def _neg(context, builder, signature, arguments):
-    return builder.fneg(*arguments)
-
-
-@_define(abs, DOUBLES, DOUBLES)
-def _abs(context, builder, signature, arguments):
-    kind = ir.FunctionType(IN_LLVM[DOUBLES], [IN_LLVM[DOUBLES]])
-    fabs = builder.module.declare_intrinsic(f"llvm.fabs.v{VECTOR}f64", fnty=kind)
-    return builder.call(fabs, arguments)
 
 
 @emits(splat)
@@ -101,46 +42,6 @@ def _splat(builder, number):
 @emits(all_lanes)
 def _all_lanes(builder, conditions):
     return ~any_lane(~conditions)
-
-
-def _row(builder, indices, lengths):
-    """The number of a row among all of an array, the last index running first."""
-    *outer, index = indices
-    if not outer:
-        return index
-    return builder.add(builder.mul(_row(builder, outer, lengths[:-1]), lengths[-1]), index)
-
-
-def _place(context, builder, array_type, array, indices):
-    """Where the vector at some indices lies."""
-    array = context.make_array(array_type)(context, builder, array)
-    lengths = cgutils.unpack_tuple(builder, array.shape)[:-1]
-    first = builder.mul(_row(builder, indices, lengths), indices[0].type(VECTOR))
-    return builder.bitcast(builder.gep(array.data, [first]), IN_LLVM[DOUBLES].as_pointer())
-
-
-def _define_access(dimension):
-    array = types.Array(types.float64, dimension, "C")
-    indices = [types.intp] * (dimension - 1)
-
-    @_define(load, DOUBLES, array, *indices)
-    def _load(context, builder, signature, arguments):
-        array, *indices = arguments
-        return builder.load(_place(context, builder, signature.args[0], array, indices), align=8)
-
-    @_define(store, types.void, array, *indices, DOUBLES)
-    def _store(context, builder, signature, arguments):
-        array, *indices, vector = arguments
-        place = _place(context, builder, signature.args[0], array, indices)
-        builder.store(vector, place, align=8)
-        return context.get_dummy_value()
-
-
-_define_access(3)
-
-
-for _each in (vector_at, pairs_at, store_at):
-    lanewise(_each)
 
 
 @emits(stream)
@@ -219,25 +120,3 @@ def _on_stack(builder, *shape):
         memory = builder.alloca(ir.ArrayType(DOUBLE, math.prod(shape)))
         memory.align = 64
     return EmittedArray(builder, builder.bitcast(memory, DOUBLE.as_pointer()), shape)
-
-
-@infer_global(borrowed)
-class _Borrowed(AbstractTemplate):
-    def generic(self, arguments, options):
-        (array,) = arguments
-        return signature(types.Array(array.dtype, 1, "C"), array)
-
-
-@lower_builtin(borrowed, types.Array)
-def _borrow(context, builder, signature, arguments):
-    given = context.make_array(signature.args[0])(context, builder, *arguments)
-    result = context.make_array(signature.return_type)(context, builder)
-    context.populate_array(
-        result,
-        data=given.data,
-        shape=[given.nitems],
-        strides=[given.itemsize],
-        itemsize=given.itemsize,
-        meminfo=None,
-    )
-    return result._getvalue()

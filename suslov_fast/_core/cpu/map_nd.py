@@ -39,16 +39,16 @@ from ..formulas.nd_map import (
     weights,
 )
 from ..formulas.rotation import mean
-from ..jit import Loop, part
+from ..jit import Loop
 from ..lanewise import any_lane, lanewise, larger, select, smaller
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
-from .elimination import eliminate
+from .elimination import eliminate, of_vectors
 from .tiles import BEYOND_CACHES, write_numbers
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .vector import (
     VECTOR,
     all_lanes,
-    borrowed,
     copy_transposed,
     fence,
     load,
@@ -169,19 +169,6 @@ class Kept(NamedTuple):
     columns: np.ndarray
 
 
-class Scratch(NamedTuple):
-    """The first axis is that of tasks, of which each has several blocks.
-
-    cells    (tasks, room for a block, and VECTOR components more)
-    sums     (tasks, room for a block)
-    tile     (tasks, room for a block, and a vector more)
-    """
-
-    cells: np.ndarray
-    sums: np.ndarray
-    tile: np.ndarray
-
-
 class Block(NamedTuple):
     """Trajectories that advance together, at positions begin to end, in so many groups."""
 
@@ -195,25 +182,28 @@ class Block(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """Room for orientations, a part for each task.
+    """Room for orientations.
 
-    before   (tasks, trajectories, m), the states before the step.
-    room     (tasks, 2 n + 2, n), two matrices and two vectors.
+    before   (trajectories, m), the states before the step.
+    room     (2 n + 2, n), two matrices and two vectors.
     """
 
     before: np.ndarray
     room: np.ndarray
 
 
-@part
+@staged
 def block_size(m):
     """The trajectories that share a block, in whole groups."""
     return max(VECTOR, min(LANES, ROOM // (m * CELL + GROUP) * VECTOR))
 
 
-@part
+@staged
 def trajectory(chosen, position):
-    return chosen[position] if chosen.size > 0 else position
+    b = position
+    if chosen.size > 0:
+        b = chosen[position]
+    return b
 
 
 def rows_at(array, index, *rows):
@@ -237,14 +227,16 @@ def unit_of(largest, before):
 # beyond the last component is written over by what follows.
 
 
-@part
+@apart
 def gather(values, chosen, block, which):
     """Rows of values, or one row for all; lanes beyond the end repeat the last."""
     m, tile = block.m, block.tile
     for g in range(block.groups):
         for l in range(VECTOR):
             position = min(block.begin + g * VECTOR + l, block.end - 1)
-            b = trajectory(chosen, position) if values.shape[0] > 1 else 0
+            b = 0
+            if values.shape[0] > 1:
+                b = trajectory(chosen, position)
             for i in range(m):
                 tile[l * m + i] = values[b, i]
         for i in range(0, m, VECTOR):
@@ -252,7 +244,7 @@ def gather(values, chosen, block, which):
             copy_transposed(block.cells, row, CELL, tile, i, m, splat(1.0))
 
 
-@part
+@apart
 def write(tile, chosen, begin, end, m, flat, target):
     """Write the rows of a block to those of trajectories, of which that of 0 lies at `target`."""
     if chosen.size == 0:
@@ -284,7 +276,7 @@ def multiply(cells, place, factor):
     store_at(cells, place, vector_at(cells, place) * factor)
 
 
-@part
+@apart
 def enter(values, chosen, block, which):
     """Gather numbers and find units of them."""
     gather(values, chosen, block, which)
@@ -330,7 +322,7 @@ def settle_bounds(sums, s, smallest, coupling, p, square):
     take_norms(sums, s, p, square)
 
 
-@part
+@apart
 def settle(cells, sums, first, last, s):
     """What depends on the units of omega, and on which lanes have ended, in a group."""
     goes_on = settle_units(sums, s)
@@ -349,7 +341,7 @@ def look_through(cells, c, coupled, undefined):
     return larger(abs(I), coupled), undefined + 0.0 * omega
 
 
-@part
+@staged
 def start_block(bodies, omega, span, kept, block, is_first):
     """Returns whether some trajectories never move.
 
@@ -410,7 +402,7 @@ def entry_of_matrix(cells, c, of_omega, of_I):
     return entry(0.0, of_omega, of_I, I, omega)
 
 
-@part
+@staged
 def solve(cells, sums, first, m, s, matrix):
     """The next states of a group, as column m of the matrix."""
     half, eps = find_half(sums, s), vector_at(sums, s + EPS)
@@ -442,7 +434,7 @@ def serving(sums, s):
     return (square > low) & (square < high)
 
 
-@part
+@staged
 def step_by_elimination(cells, sums, first, m, s, matrix):
     """Returns whether units serve."""
     solve(cells, sums, first, m, s, matrix)
@@ -500,7 +492,7 @@ def step_component(cells, c, of_omega, of_I, p, square):
     return take_component(cells, c, next_component(cells, c, of_omega, of_I), p, square)
 
 
-@part
+@staged
 def step(cells, sums, first, last, s):
     """The O(n) step of a group whose unknowns are accurate; returns whether units serve."""
     of_omega, of_I = vector_at(sums, s + OF_OMEGA), vector_at(sums, s + OF_I)
@@ -577,8 +569,8 @@ def replace_next(cells, c, sums, s, omega):
     store_at(cells, c + WORK, select(accurate == 0.0, omega, others))
 
 
-@part
-def step_with_care(cells, sums, first, last, s, task, matrices):
+@staged
+def step_with_care(cells, sums, first, last, s, matrix):
     """The step of a group where some lane needs care, by elimination where that is not enough.
 
     Returns whether there is no room for that; then the lanes concerned are not ACCURATE.
@@ -601,13 +593,12 @@ def step_with_care(cells, sums, first, last, s, task, matrices):
     for c in range(first, last, CELL):
         find_next(cells, c, number, k, of_omega, of_I, delta_k)
         number += 1.0
-    if matrices is not None:
+    if matrix is not None:
         if some_left:
             m = (last - first) // CELL
-            solve(cells, sums, first, m, s, matrices[task])
+            solve(cells, sums, first, m, s, matrix)
             for i in range(m):
-                omega = load(matrices[task], i, m)
-                replace_next(cells, first + i * CELL, sums, s, omega)
+                replace_next(cells, first + i * CELL, sums, s, load(matrix, i, m))
         some_left = False
     p, square = zero, zero
     for c in range(first, last, CELL):
@@ -625,7 +616,7 @@ def end_inaccurate(sums, s):
     store_at(sums, s + ENDED, select(accurate == 0.0, 1.0, ended))
 
 
-@part
+@staged
 def write_codes(sums, s, chosen, position, kept, n):
     """How trajectories have ended, from `position` on, of which state n does not exist."""
     for l in range(VECTOR):
@@ -636,7 +627,7 @@ def write_codes(sums, s, chosen, position, kept, n):
             kept.failed_at[b] = kept.failed_at[b] if code == NEEDS_ELIMINATION else n
 
 
-@part
+@apart
 def advance(block, n, stop):
     """Steps of a block by RANK2 to state stop, or to where something must be seen to.
 
@@ -645,7 +636,7 @@ def advance(block, n, stop):
     """
     cells, sums, groups, size = block.cells, block.sums, block.groups, block.m * CELL
     serve, accurate = True, True
-    while n < stop and serve:
+    while n < stop and serve and accurate:
         # Of all groups first, and little at a time: then what several groups wait for overlaps.
         for g in range(groups):
             alpha, beta, gamma = splat(0.0), splat(0.0), splat(0.0)
@@ -655,15 +646,14 @@ def advance(block, n, stop):
             keep_sums(sums, g * GROUP, alpha, beta, gamma, far)
         for g in range(groups):
             accurate &= all_lanes(find_unknowns(sums, g * GROUP))
-        if not accurate:
-            break
-        for g in range(groups):
-            serve &= step(cells, sums, g * size, (g + 1) * size, g * GROUP)
-        n += 1
+        if accurate:
+            for g in range(groups):
+                serve &= step(cells, sums, g * size, (g + 1) * size, g * GROUP)
+            n += 1
     return n, serve, accurate
 
 
-@part
+@apart
 def advance_by_elimination(block, n, stop, matrix):
     """The same by GAUSS; returns the number of the state, and whether units serve."""
     m, serve = block.m, True
@@ -681,15 +671,15 @@ def is_accurate(sums, s):
     return vector_at(sums, s + ACCURATE) > 0.0
 
 
-@part
-def advance_with_care(span, kept, block, n, task, matrices):
+@staged
+def advance_with_care(span, kept, block, n, matrix):
     """The step of a block where some lane needs care, after `find_unknowns`."""
     cells, sums, size = block.cells, block.sums, block.m * CELL
     for g in range(block.groups):
         first, last, s = g * size, (g + 1) * size, g * GROUP
         if all_lanes(is_accurate(sums, s)):
             step(cells, sums, first, last, s)
-        elif step_with_care(cells, sums, first, last, s, task, matrices):
+        elif step_with_care(cells, sums, first, last, s, matrix):
             # A call that has room for elimination takes them.
             end_inaccurate(sums, s)
             write_codes(sums, s, span.chosen, block.begin + g * VECTOR, kept, n)
@@ -738,7 +728,7 @@ def take_unit(cells, c, k):
     store_at(cells, c + OMEGA, scaled(vector_at(cells, c + OMEGA), k))
 
 
-@part
+@staged
 def see_to_units(span, kept, block, n):
     """After the step to state n: end what is not finite, and find new units."""
     cells, sums, size = block.cells, block.sums, block.m * CELL
@@ -756,38 +746,28 @@ def see_to_units(span, kept, block, n):
             settle(cells, sums, first, last, s)
 
 
-def _showing(m):
-    @lanewise
-    def show_few(cells, c, unit, tile, place):
-        """The states of a group of few components."""
-        rows = rows_at(cells, c + OMEGA, *range(0, m * CELL, CELL))
-        store_rows(tile, place, [omega * unit for omega in rows])
-
-    return show_few
+def show_few(m, cells, c, unit, tile, place):
+    """The states of a group of few components."""
+    rows = rows_at(cells, c + OMEGA, *range(0, m * CELL, CELL))
+    store_rows(tile, place, [omega * unit for omega in rows])
 
 
-show2, show3, show4 = map(_showing, (2, 3, 4))
-
-
-@part
+@apart
 def show(block):
     """The states of a block in the unit of the user, in the tile; but see `show_given`."""
     cells, tile, m = block.cells, block.tile, block.m
     for g in range(block.groups):
         c, place, unit = g * m * CELL, g * VECTOR * m, vector_at(block.sums, g * GROUP + UNIT)
-        if m == 2:
-            show2(cells, c, unit, tile, place)
-        elif m == 3:
-            show3(cells, c, unit, tile, place)
-        elif m == 4:
-            show4(cells, c, unit, tile, place)
-        else:
+        for few in (1, 2, 3, 4):
+            if m == few:
+                show_few(few, cells, c, unit, tile, place)
+        if m > 4:
             for i in range((m - 1) // VECTOR * VECTOR, -1, -VECTOR):
                 row = c + i * CELL + OMEGA
                 copy_transposed(tile, place + i, m, cells, row, CELL, unit)
 
 
-@part
+@staged
 def show_given(omega, chosen, block, n):
     """Where nothing has moved, users see what was given."""
     m, tile = block.m, block.tile
@@ -799,15 +779,15 @@ def show_given(omega, chosen, block, n):
                 tile[k * m + i] = omega[b, i]
 
 
-@part
-def orient(bodies, span, kept, block, task, turning, n):
+@staged
+def orient(bodies, span, kept, block, turning, n):
     """Turn the orientations to state n, which is shown."""
     begin, tile = block.begin, block.tile
-    before, room = turning.before[task], turning.room[task]
+    before, room = turning
     size = kept.columns.shape[1]
     m = size - 1
     gram, cleaned = room[:size], room[size : 2 * size]
-    image, middle = room[2 * size], room[2 * size + 1, :m]
+    image, middle = room[2 * size], room[2 * size + 1][:m]
     for k in range(block.end - begin):
         b = trajectory(span.chosen, begin + k)
         if n > span.start:
@@ -823,7 +803,7 @@ def orient(bodies, span, kept, block, task, turning, n):
             before[k, i] = tile[k * m + i]
 
 
-@part
+@staged
 def save_turns(chosen, columns, begin, end, row):
     for position in range(begin, end):
         b = trajectory(chosen, position)
@@ -832,13 +812,13 @@ def save_turns(chosen, columns, begin, end, row):
                 row[b, r, c] = columns[b, c, r]
 
 
-@part
+@staged
 def leave_block(omega, span, kept, block):
     """Write what is left at state stop."""
     begin, end, m, sums, tile = block.begin, block.end, block.m, block.sums, block.tile
     show(block)
     show_given(omega, span.chosen, block, span.stop)
-    write(tile, span.chosen, begin, end, m, borrowed(kept.final), 0)
+    write(tile, span.chosen, begin, end, m, kept.final.reshape(kept.final.size), 0)
     for g in range(block.groups):
         store_at(sums, g * GROUP + UNIT, splat(1.0))
     show(block)
@@ -851,91 +831,104 @@ def leave_block(omega, span, kept, block):
                 kept.state[b, i] = tile[k * m + i]
 
 
-@part
+@staged
 def run_block(
-    method, bodies, omega, span, saved, kept, begin, end, is_first, task, scratch, matrices, turning
+    method, bodies, omega, span, saved, kept, begin, end, is_first, scratch, matrix, turning
 ):
     """All steps of the trajectories at some positions."""
-    m, tile, groups = omega.shape[1], scratch.tile[task], (end - begin + VECTOR - 1) // VECTOR
-    block = Block(scratch.cells[task], scratch.sums[task], tile, m, begin, end, groups)
-    chosen, flat = span.chosen, borrowed(saved.omega)
+    cells, sums, tile = scratch
+    m, groups = omega.shape[1], (end - begin + VECTOR - 1) // VECTOR
+    block = Block(cells, sums, tile, m, begin, end, groups)
+    chosen, flat = span.chosen, saved.omega.reshape(saved.omega.size)
     turns, next_saved = turning is not None, -1
     if saved.omega.shape[0] > 0:
         next_saved = 0 if span.start == 0 else (span.start // span.every + 1) * span.every
     row = 0 if span.start == 0 else span.start // span.every + 1 - span.first_row
     some_rest = start_block(bodies, omega, span, kept, block, is_first)
-    n = span.start
-    while True:
+    n, goes_on = span.start, True
+    while goes_on:
         if turns or n == next_saved:
             show(block)
             if n == 0 or some_rest:
                 show_given(omega, chosen, block, n)
-            if turning is not None:
-                orient(bodies, span, kept, block, task, turning, n)
+            if turns:
+                orient(bodies, span, kept, block, turning, n)
         if n == next_saved:
             write(tile, chosen, begin, end, m, flat, row * omega.size)
-            if turning is not None:
+            if turns:
                 save_turns(chosen, kept.columns, begin, end, saved.turns[row])
             next_saved += span.every
             row += 1
-        if n == span.stop:
-            break
-        until = n + 1 if turns else span.stop
-        if next_saved > n:
-            until = min(until, next_saved)
-        if method == GAUSS and matrices is not None:
-            n, serve = advance_by_elimination(block, n, until, matrices[task])
-        else:
-            n, serve, accurate = advance(block, n, until)
-            if not accurate:
-                n, serve = n + 1, False
-                advance_with_care(span, kept, block, n, task, matrices)
-        if not serve:
-            see_to_units(span, kept, block, n)
+        goes_on = n < span.stop
+        if goes_on:
+            until, serve = n + 1 if turns else span.stop, True
+            if next_saved > n:
+                until = min(until, next_saved)
+            if matrix is not None and method == GAUSS:
+                n, serve = advance_by_elimination(block, n, until, matrix)
+            else:
+                n, serve, accurate = advance(block, n, until)
+                if not accurate:
+                    n, serve = n + 1, False
+                    advance_with_care(span, kept, block, n, matrix)
+            if not serve:
+                see_to_units(span, kept, block, n)
     leave_block(omega, span, kept, block)
+
+
+@staged
+def blocks_of(span, m, rooms):
+    """The trajectories of a block, how many blocks there are, and how many tasks."""
+    asked = Span(*span)
+    count = asked.end - asked.begin
+    groups = (count + VECTOR - 1) // VECTOR
+    share = (groups + rooms - 1) // rooms * VECTOR
+    size = min(block_size(m), max(share, SHARED))
+    blocks = (count + size - 1) // size
+    return size, blocks, min(blocks, rooms)
+
+
+@staged
+def run_blocks(task, method, bodies, omega, span, saved, kept, scratch, matrices, turning):
+    """What one task of `iterate` does."""
+    cells, sums, tile = scratch
+    size, blocks, tasks = blocks_of(span, omega.shape[1], cells.shape[0])
+    asked, first_block = Span(*span), task * blocks // tasks
+    for block in range(first_block, (task + 1) * blocks // tasks):
+        begin = asked.begin + block * size
+        run_block(
+            method,
+            Bodies(*bodies),
+            omega,
+            asked,
+            Saved(*saved),
+            Kept(*kept),
+            begin,
+            min(begin + size, asked.end),
+            block == first_block,
+            (cells[task], sums[task], tile[task]),
+            None if matrices is None else of_vectors(matrices[task]),
+            None if turning is None else Turning(turning[0][task], turning[1][task]),
+        )
+    fence()
 
 
 def _iterate(method, bodies, omega, span, saved, kept, scratch, matrices, turning):
     """Iterate from the states `omega`, (B, m), at step 0, or from what is kept of state start.
 
     What has names here comes in plain tuples: Numba looks through named ones in Python, at every
-    call.
+    call. Room is an array each, of which the first axis is that of tasks: each has several blocks.
 
+    scratch    for all: cells, (tasks, room for a block, and VECTOR components more); sums, (tasks,
+               room for a block); tile, (tasks, room for a block, and a vector more).
     matrices   (tasks, rows, columns, VECTOR), see `elimination`; None if there is no room for it.
-    turning    a Turning, or None if no orientations are wanted.
+    turning    arrays as of a Turning; None if no orientations are wanted.
 
     What is None is not compiled: most calls want neither.
     """
-    bodies, span, saved = Bodies(*bodies), Span(*span), Saved(*saved)
-    kept, scratch = Kept(*kept), Scratch(*scratch)
-    size, count = block_size(omega.shape[1]), span.end - span.begin
-    groups = (count + VECTOR - 1) // VECTOR
-    share = (groups + scratch.cells.shape[0] - 1) // scratch.cells.shape[0] * VECTOR
-    size = min(size, max(share, SHARED))
-    blocks = (count + size - 1) // size
-    tasks = min(blocks, scratch.cells.shape[0])
+    _, _, tasks = blocks_of(span, omega.shape[1], scratch[0].shape[0])
     for task in prange(tasks):
-        first_block = task * blocks // tasks
-        for block in range(first_block, (task + 1) * blocks // tasks):
-            begin = span.begin + block * size
-            end = min(begin + size, span.end)
-            is_first = block == first_block
-            run_block(
-                method,
-                bodies,
-                omega,
-                span,
-                saved,
-                kept,
-                begin,
-                end,
-                is_first,
-                task,
-                scratch,
-                matrices,
-                turning,
-            )
-        fence()
+        run_blocks(task, method, bodies, omega, span, saved, kept, scratch, matrices, turning)
 
 
 iterate = Loop(_iterate)

@@ -13,16 +13,15 @@ from numba import prange
 from ..formulas.coordinates import sum_of_products
 from ..formulas.elementary import exponent, scaled, within
 from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
-from ..jit import Loop, part
+from ..jit import Loop
 from ..lanewise import lanewise, larger, select
+from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .equal_steps import GROUP
-from .equal_steps import fill_run as fill_run_loop
+from .equal_steps import GROUP, fill_parts
 from .orbits import WIDTH
 from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
     VECTOR,
-    borrowed,
     copy_transposed,
     fence,
     shuffled,
@@ -36,8 +35,6 @@ from .vector import (
 # and numbers of a row of a block in n dimensions, if it has more lanes than a vector.
 STATES, ROW = 2**15, 2**10
 
-fill_run = fill_run_loop.inner
-
 # The largest exponents of states, of step sizes and of J over J that are taken here: nothing comes
 # near the ends of float64 then, at poles neither.
 LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
@@ -46,19 +43,19 @@ LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
 # Rows of a group of VECTOR trajectories, one for each component: omega; I, then along; across.
 
 
-@part
+@staged
 def rows_of(m):
     """The numbers of such rows, and of what squares have beyond the last component."""
     return (m + VECTOR) * VECTOR
 
 
-@part
+@staged
 def room_to_reduce(m):
     """The numbers that a task works in: these rows, room to turn them, and three vectors."""
     return 4 * rows_of(m) + 3 * VECTOR
 
 
-@part
+@apart
 def take_rows(values, first, width, room, place):
     """Rows of values, or one row for all; lanes beyond the width repeat the last."""
     m = values.shape[1]
@@ -71,7 +68,7 @@ def take_rows(values, first, width, room, place):
         copy_transposed(room, place + i * VECTOR, VECTOR, tile, i, m, splat(1.0))
 
 
-@part
+@apart
 def give_rows(values, first, width, room, place):
     """The reverse."""
     m = values.shape[1]
@@ -173,7 +170,7 @@ def take_parts(room, r, size, own, square, I23, length, norm, rests):
     store_at(room, r + 2 * size, select(rests == 1.0, 0.0, across))
 
 
-@part
+@staged
 def give_numbers(numbers, first, width, row, room):
     """Write a vector, but for lanes beyond the width."""
     place = room.size - VECTOR
@@ -182,7 +179,7 @@ def give_numbers(numbers, first, width, row, room):
         row[first + l] = room[place + l]
 
 
-@part
+@staged
 def reduce_group(J, I, eps, omega, first, width, three, state, along, across, fits, room):
     """VECTOR trajectories, or fewer at the end."""
     m, zero = omega.shape[1], splat(0.0)
@@ -216,9 +213,17 @@ def reduce_group(J, I, eps, omega, first, width, three, state, along, across, fi
     give_numbers(step, first, width, three[4], room)
     store_at(room, place, in_range)
     for l in range(width):
-        fits[first + l] = room[place + l] != 0.0
-    if m == 2:
-        return
+        fits[first + l] = 1 if room[place + l] != 0.0 else 0
+    if m != 2:
+        reduce_states(own, step, I_k, omega_k, first, width, three, state, along, across, room)
+
+
+@staged
+def reduce_states(own, step, I_k, omega_k, first, width, three, state, along, across, room):
+    """The rest of it, unless the body is one of three dimensions."""
+    m, zero = along.shape[1], splat(0.0)
+    size, end = rows_of(m), m * VECTOR
+    place = 4 * size
     p, p_lost, square, of_differences, coupled = zero, zero, zero, zero, zero
     for r in range(0, end, VECTOR):
         p, p_lost, square, of_differences, coupled = take_differences(
@@ -246,52 +251,56 @@ def reduce_group(J, I, eps, omega, first, width, three, state, along, across, fi
     give_rows(across, first, width, room, 2 * size)
 
 
+@staged
+def reduce_groups(task, n_tasks, J, I, eps, omega, three, state, along, across, fits, room):
+    """What one task of `reduce` does."""
+    batch = omega.shape[0]
+    groups = (batch + VECTOR - 1) // VECTOR
+    for g in range(task * groups // n_tasks, (task + 1) * groups // n_tasks):
+        first = g * VECTOR
+        width = min(VECTOR, batch - first)
+        reduce_group(J, I, eps, omega, first, width, three, state, along, across, fits, room[task])
+
+
 def _reduce(J, I, eps, omega, three, state, along, across, fits, room):
     """The 3D problem of trajectories of bodies whose problem is solved; of n = 3, only `fits`.
 
     J, I    (B, m), or (1, m) where one body serves all.
     eps     (B,) or (1,)
     omega   (B, m), the states at step 0.
-    fits    (B,), receives whether the trajectory is in a range that is taken here.
+    fits    (B,), receives 1 where the trajectory is in a range that is taken here, else 0.
     room    (tasks, `room_to_reduce(m)`)
     """
-    batch = omega.shape[0]
-    groups = (batch + VECTOR - 1) // VECTOR
-    tasks = min(groups, room.shape[0])
-    for task in prange(tasks):
-        for g in range(task * groups // tasks, (task + 1) * groups // tasks):
-            first = g * VECTOR
-            width = min(VECTOR, batch - first)
-            reduce_group(
-                J, I, eps, omega, first, width, three, state, along, across, fits, room[task]
-            )
+    n_tasks = min((omega.shape[0] + VECTOR - 1) // VECTOR, room.shape[0])
+    for task in prange(n_tasks):
+        reduce_groups(task, n_tasks, J, I, eps, omega, three, state, along, across, fits, room)
 
 
-@part
+@staged
 def lanes_of(m):
     """The trajectories of a block, in whole vectors."""
     return max(min(WIDTH, ROW // m // VECTOR * VECTOR), VECTOR)
 
 
-@part
+@staged
 def padded(m):
     """The components of a trajectory and what fills their last vector, if they fill one."""
     return (m + VECTOR - 1) // VECTOR * VECTOR if m >= VECTOR else m
 
 
-@part
+@staged
 def length_of_row(m):
     """The numbers of a row at most, and what its last vectors may reach beyond it."""
     return max(lanes_of(m) * m, ROW) + VECTOR * VECTOR
 
 
-@part
+@staged
 def room_of(m):
     """The numbers that a task works in, beside states: coefficients and a row."""
     return 2 * lanes_of(m) * padded(m) + length_of_row(m)
 
 
-@part
+@staged
 def take_coefficients(along, across, first, width, coefficients):
     """Those of each trajectory, a vector of along before one of across; of few components, those of
     all trajectories.
@@ -317,7 +326,7 @@ def expand_vector(omega1, omega2, coefficients, c, row, place):
     store_at(row, place, state_nd(along, across, omega1, omega2))
 
 
-@part
+@staged
 def expand(states, begin, rows, width, m, coefficients, row):
     """States of some rows, from those of 3D; what vectors of the last components have beyond them
     is written over.
@@ -333,30 +342,22 @@ def expand(states, begin, rows, width, m, coefficients, row):
             place += m
 
 
-def _expanding(m):
-    places = [[2 * ((VECTOR * k + j) // m) for j in range(VECTOR)] for k in range(m)]
-
-    @lanewise
-    def expand_group(states, begin, coefficients, c, other, row, place):
-        """VECTOR states of few components, from those of 3D; `other` of c is across, c along."""
-        pairs = vector_at(states, begin), vector_at(states, begin + VECTOR)
-        for k, firsts in enumerate(places):
-            omega1 = shuffled(*pairs, firsts)
-            omega2 = shuffled(*pairs, [each + 1 for each in firsts])
-            along = vector_at(coefficients, c + k * VECTOR)
-            across = vector_at(coefficients, c + other + k * VECTOR)
-            store_at(row, place + k * VECTOR, state_nd(along, across, omega1, omega2))
-
-    return expand_group
+def expand_group(m, states, begin, coefficients, c, other, row, place):
+    """VECTOR states of few components, from those of 3D; `other` of c is across, c along."""
+    pairs = vector_at(states, begin), vector_at(states, begin + VECTOR)
+    for k in range(m):
+        firsts = [2 * ((VECTOR * k + j) // m) for j in range(VECTOR)]
+        omega1 = shuffled(*pairs, firsts)
+        omega2 = shuffled(*pairs, [each + 1 for each in firsts])
+        along = vector_at(coefficients, c + k * VECTOR)
+        across = vector_at(coefficients, c + other + k * VECTOR)
+        store_at(row, place + k * VECTOR, state_nd(along, across, omega1, omega2))
 
 
-expand1, expand3, expand4, expand5, expand6, expand7 = map(_expanding, (1, 3, 4, 5, 6, 7))
-
-
-@part
+@staged
 def expand_few(states, begin, rows, width, m, coefficients, row):
-    """`expand` of fewer components than a vector has lanes; what a group has beyond the last
-    trajectory is written over.
+    """`expand` of fewer components than a vector has lanes, m being known beforehand; what a group
+    has beyond the last trajectory is written over.
     """
     other = (width + VECTOR - 1) // VECTOR * VECTOR * m
     apart = VECTOR * m if width > 1 else 0
@@ -365,24 +366,91 @@ def expand_few(states, begin, rows, width, m, coefficients, row):
     for r in range(rows):
         for l in range(0, width, VECTOR):
             k, c, place = begin + 2 * (r * width + l), l // VECTOR * apart, (r * width + l) * m
-            if m == 3:
-                expand3(states, k, coefficients, c, other, row, place)
-            elif m == 4:
-                expand4(states, k, coefficients, c, other, row, place)
-            elif m == 5:
-                expand5(states, k, coefficients, c, other, row, place)
-            elif m == 6:
-                expand6(states, k, coefficients, c, other, row, place)
-            elif m == 7:
-                expand7(states, k, coefficients, c, other, row, place)
-            else:
-                expand1(states, k, coefficients, c, other, row, place)
+            expand_group(m, states, k, coefficients, c, other, row, place)
 
 
-def _fill(three, state, along, across, start, every, lanes_asked, rows, out, status, missing, room):
-    """States of n dimensions at the steps of rows begin to end, each `every` after the last.
+@staged
+def parts_of_fill(m, batch, lanes_asked, rows):
+    """The parts that tasks share: some rows of a block each.
+
+    Returns how many trajectories a block has, how many rows a part has at most, how many parts a
+    block has, and all of them.
+    """
+    (first, last), (begin, end, _) = lanes_asked, rows
+    lanes = lanes_of(m)
+    height = max(STATES // min(lanes, batch) // GROUP, 1) * GROUP
+    chunks = (end + height - 1) // height - begin // height
+    return lanes, height, chunks, (last - first + lanes - 1) // lanes * chunks
+
+
+@staged
+def fill_rows(
+    task,
+    n_tasks,
+    three,
+    state,
+    along,
+    across,
+    start,
+    run,
+    lanes_asked,
+    rows,
+    out,
+    status,
+    missing,
+    room,
+):
+    """What one task of `fill` does."""
+    (batch, m), (begin, end, origin), filled = along.shape, rows, -1
+    flat, own, line = out.reshape(out.size), room[task], to_cache_line(out, 0)
+    split_at = room_of(m) - length_of_row(m)
+    coefficients, row, states = own[:split_at], own[split_at:], own[room_of(m) :]
+    lanes, height, chunks, n_parts = parts_of_fill(m, batch, lanes_asked, rows)
+    for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
+        first = lanes_asked[0] + k // chunks * lanes
+        last = min(first + lanes, lanes_asked[1])
+        width, part = last - first, begin // height + k % chunks
+        top, bottom = max(part * height, begin), min((part + 1) * height, end)
+        fill_parts(
+            0,
+            False,
+            1.0,
+            three[0][first:last],
+            three[1][first:last],
+            three[2][first:last],
+            three[3][first:last],
+            three[4][first:last],
+            state[first:last],
+            start,
+            run,
+            (0, width),
+            (top, bottom, -top, 1),
+            states[: 2 * width * (bottom - top)].reshape((bottom - top, width, 2)),
+            status[first:last],
+            missing[task].reshape((1, 2)),
+        )
+        if first != filled:
+            take_coefficients(along, across, first, width, coefficients)
+            filled = first
+        # Rows of all trajectories follow each other.
+        abreast = max(ROW // (width * m), 1) if width == batch else 1
+        for r in range(0, bottom - top, abreast):
+            count = min(abreast, bottom - top - r)
+            for few in (1, 3, 4, 5, 6, 7):
+                if m == few:
+                    expand_few(states, 2 * width * r, count, width, few, coefficients, row)
+            if m >= VECTOR:
+                expand(states, 2 * width * r, count, width, m, coefficients, row)
+            target, size = ((top + r - origin) * batch + first) * m, count * width * m
+            write_numbers(row, 0, flat, target, size, line, flat.size >= BEYOND_CACHES)
+    fence()
+
+
+def _fill(three, state, along, across, start, run, lanes_asked, rows, out, status, missing, room):
+    """States of n dimensions at the steps of rows begin to end.
 
     start         (1,): 0, the number of the given states.
+    run           as in `equal_steps`: 0, and how many steps there are from row to row.
     lanes_asked   the first trajectory wanted, and the one after the last.
     rows          begin, end, origin: row i goes to row i - origin of `out`, (rows, B, m).
     status        (B,), as in `equal_steps`.
@@ -391,56 +459,25 @@ def _fill(three, state, along, across, start, every, lanes_asked, rows, out, sta
                   cache lines.
     """
     batch, m = along.shape
-    begin, end, origin = rows
-    lanes, whole = lanes_of(m), out.reshape(out.size)
-    line, past_caches = to_cache_line(whole, 0), whole.size >= BEYOND_CACHES
-    height = max(STATES // min(lanes, batch) // GROUP, 1) * GROUP
-    chunks = (end + height - 1) // height - begin // height
-    n_blocks = (lanes_asked[1] - lanes_asked[0] + lanes - 1) // lanes
-    n_parts = n_blocks * chunks
+    _, _, _, n_parts = parts_of_fill(m, batch, lanes_asked, rows)
     n_tasks = min(n_parts, room.shape[0])
     for task in prange(n_tasks):
-        flat, own, filled = borrowed(whole), borrowed(room[task]), -1
-        split_at = room_of(m) - length_of_row(m)
-        coefficients, row = own[:split_at], own[split_at : room_of(m)]
-        states = own[room_of(m) :]
-        for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
-            first = lanes_asked[0] + k // chunks * lanes
-            width = min(lanes, lanes_asked[1] - first)
-            last = first + width
-            top = max((begin // height + k % chunks) * height, begin)
-            bottom = min((begin // height + k % chunks + 1) * height, end)
-            fill_run(
-                False,
-                1.0,
-                three[0, first:last],
-                three[1, first:last],
-                three[2, first:last],
-                three[3, first:last],
-                three[4, first:last],
-                state[first:last],
-                start,
-                (0.0, every),
-                (0, width),
-                (top, bottom, -top, 1),
-                states[: 2 * width * (bottom - top)].reshape((bottom - top, width, 2)),
-                status[first:last],
-                missing[task : task + 1],
-            )
-            if first != filled:
-                take_coefficients(along, across, first, width, coefficients)
-                filled = first
-            # Rows of all trajectories follow each other.
-            abreast = max(ROW // (width * m), 1) if width == batch else 1
-            for r in range(0, bottom - top, abreast):
-                count = min(abreast, bottom - top - r)
-                if m < VECTOR:
-                    expand_few(states, 2 * width * r, count, width, m, coefficients, row)
-                else:
-                    expand(states, 2 * width * r, count, width, m, coefficients, row)
-                target = ((top + r - origin) * batch + first) * m
-                write_numbers(row, 0, flat, target, count * width * m, line, past_caches)
-        fence()
+        fill_rows(
+            task,
+            n_tasks,
+            three,
+            state,
+            along,
+            across,
+            start,
+            run,
+            lanes_asked,
+            rows,
+            out,
+            status,
+            missing,
+            room,
+        )
 
 
 reduce = Loop(_reduce)

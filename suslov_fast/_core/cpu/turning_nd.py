@@ -7,13 +7,13 @@ columns   (n, n), the transpose of the orientation R: its rows, side by side, ar
 import numpy as np
 
 from ..formulas.rotation import is_large, turned_component, turned_last, unit_of_large
-from ..jit import part
+from ..staged import apart
 
 # Rounding is undone at each state whose number is a multiple of this.
 CLEAN_EVERY = 16
 
 
-@part
+@apart
 def turn(columns, b, eps, image):
     """Turn an orientation in place, as it goes from one state to the next.
 
@@ -38,17 +38,18 @@ def turn(columns, b, eps, image):
     for r in range(m + 1):
         image[r] = 0.0
     for j in range(m):
+        column, component = columns[j], b[j]
         for r in range(m + 1):
-            image[r] += columns[j, r] * b[j]
+            image[r] += column[r] * component
     for j in range(m):
-        scaled = scale * b[j]
+        turning, scaled = columns[j], scale * b[j]
         for r in range(m + 1):
-            columns[j, r] = turned_component(columns[j, r], last[r], image[r], unit, scaled)
+            turning[r] = turned_component(turning[r], last[r], image[r], unit, scaled)
     for r in range(m + 1):
         last[r] = turned_last(last[r], image[r], scale, unit, square)
 
 
-@part
+@apart
 def clean_up(columns, gram, cleaned):
     """One step of Newton's method to the nearest orthogonal matrix, in place; two scratches."""
     n = columns.shape[0]

@@ -32,14 +32,6 @@ def on_stack(*shape):
     return aligned(math.prod(shape)).reshape(shape)
 
 
-def borrowed(array):
-    """All numbers of a C-contiguous array, flat, whose references are not counted.
-
-    The caller keeps it. A count waits until all that was written past the caches has arrived.
-    """
-    return array.reshape(array.size)
-
-
 @staged
 def to_cache_line(array, index):
     """How many elements lie between array[index] and the next start of a cache line."""

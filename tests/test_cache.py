@@ -38,7 +38,8 @@ def more(x):
 LOOPS = """
 from numba import prange
 from ..formulas import small
-from ..jit import Loop, formula, part
+from ..jit import Loop, formula
+from ..staged import apart
 
 def filled_with(name, function):
     @formula
@@ -46,7 +47,7 @@ def filled_with(name, function):
         %s
         return x
 
-    @part
+    @apart
     def fill(x, out):
         for i in range(x.size):
             out[i] = value(x[i])
@@ -60,7 +61,7 @@ def filled_with(name, function):
 
 names = ("double", "half", "square", "more")
 loops = {name: filled_with(name, getattr(small, name)) for name in names}
-""" % ("x = function(x); " * 40)  # so long that the part is called, and not inlined
+""" % ("x = function(x); " * 40)
 # Loops of one name, told apart only by what their part holds.
 NAMESAKES = """
 from numba import prange

@@ -140,9 +140,28 @@ def apart(values, out):
     row.numbers[0] = first + second + third + height
 
 
+def _adding(number):
+    @staged.apart
+    def add(values):
+        values[0] = 3.0 * values[0] + number
+
+    return add
+
+
+ONE, TWO = _adding(1.0), _adding(2.0)
+
+
+@staged.staged
+def namesakes(values):
+    ONE(values)
+    TWO(values)
+    ONE(values)
+
+
 CALLED = numba.njit(lambda a, b, out: integers(a, b, out))
 TURNS = numba.njit(lambda a, b, out: turns(a, b, out))
 BRANCHING = numba.njit(lambda n, out: branches(n, out))
+NAMESAKES = numba.njit(lambda values: namesakes(values))
 APART = numba.njit(lambda values, out: apart(values, out))
 ON_ARRAYS = numba.njit(lambda values, small, out: arrays(values, small, out))
 
@@ -190,6 +209,13 @@ def test_functions_of_their_own():
         function(np.array([0.5]), out)
         results.append(out)
     np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.parametrize("function", [NAMESAKES, namesakes])
+def test_functions_of_one_name(function):
+    values = np.zeros(1)
+    function(values)
+    assert values == 16.0
 
 
 @pytest.mark.compiled

@@ -106,11 +106,13 @@ def readable(function):
 def _call(function, builder, *arguments):
     numbers = int, float
     arguments = tuple(emitted(builder, x) if type(x) in numbers else x for x in arguments)
-    name = f"{function.__module__}.{function.__qualname__}{arguments}"
-    called = builder.module.globals.get(name)
+    known = vars(builder.module).setdefault("apart", {})
+    called = known.get((function, repr(arguments)))
     if called is None:
+        name = builder.module.get_unique_name(f"{function.__qualname__}{arguments}")
         trial = _define(ir.Module(), name, function, arguments, ())
         called = _define(builder.module, name, function, arguments, [*values_of(trial.result)])
+        known[function, repr(arguments)] = called
     returned = builder.call(called, [*values_of(arguments)])
     values = (builder.extract_value(returned, k) for k in range(len(returned.type)))
     return with_values(builder, called.result, values)

@@ -17,7 +17,7 @@ CORE = Path(cache.__file__).parent
 
 # A core whose loops compile fast, around the modules that keep what is compiled.
 FORMULAS = """
-from ..jit import formula
+from ..staged import formula
 
 @formula
 def double(x):
@@ -38,8 +38,8 @@ def more(x):
 LOOPS = """
 from numba import prange
 from ..formulas import small
-from ..jit import Loop, formula
-from ..staged import apart
+from ..jit import Loop
+from ..staged import apart, formula
 
 def filled_with(name, function):
     @formula

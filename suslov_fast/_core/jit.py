@@ -7,11 +7,9 @@ from functools import cached_property
 import numba
 import numpy as np
 from numba import config
-from numba.extending import register_jitable
 
 from .cache import KernelCache
 from .pipeline import Loops
-from .staged import readable
 
 _OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and blocks SIMD.
@@ -24,28 +22,6 @@ _OPTIONS = {
     # Nothing calls a kernel from C.
     "no_cfunc_wrapper": True,
 }
-
-
-def _named_apart(function):
-    """Name a closure after the functions that it holds.
-
-    What is loaded from disk is linked by name: two closures of one source, compiled in two
-    processes, would be taken for each other.
-    """
-    held = [cell.cell_contents for cell in function.__closure__ or ()]
-    names = [each.__qualname__ for each in held if callable(each)]
-    function.__qualname__ = ".".join([function.__qualname__, *names])
-    return function
-
-
-def formula(function):
-    """Let loops inline a scalar formula, which stays a Python function for all others.
-
-    Without branches it serves NumPy arrays as it is.
-    """
-    # A call that is left standing keeps a loop from being vectorised.
-    readable(function)
-    return register_jitable(forceinline=True, **_OPTIONS)(_named_apart(function))
 
 
 class Loop:

@@ -77,7 +77,7 @@ _STAGED = {}
 
 def staged(function):
     """Compile a part of a loop by reading it, as the head of this file says."""
-    readable(function)
+    formula(function)
     compiled_by(function, _STAGED[function], lambda: _returns(function))
     return function
 
@@ -98,9 +98,13 @@ def _returns(function):
     return isinstance(tree.body[-1], ast.Return)
 
 
-def readable(function):
-    """Let staged parts read a function that they call."""
+def formula(function):
+    """Let staged parts read a scalar formula, which stays a Python function for all others.
+
+    Without branches it serves NumPy arrays as it is.
+    """
     _STAGED[function] = lambda builder, *arguments: _Reading(builder, function, arguments).result
+    return function
 
 
 def _call(function, builder, *arguments):

@@ -19,8 +19,8 @@ import numpy as np
 from numba import prange
 
 from ..formulas import continuous, coordinates, integrals, linearised, section4, units
-from ..jit import Loop, formula
-from ..staged import staged
+from ..jit import Loop
+from ..staged import formula, staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import LANES, gather_pairs, spread
 from .vector import on_stack

@@ -6,7 +6,7 @@ neither is a difference of rounded numbers; it stays the same along an orbit.
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 
 # A denominator this much smaller than its own terms is zero to rounding: the state is on a pole.
 # Four units 2**-53 is what rounding of the body, the state and the terms may come to.

@@ -5,7 +5,7 @@ In n dimensions: one component at a time. M, P, E and W are logarithms of units:
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .canonical_map import guarded_step, shifted
 from .coordinates import angular_velocity, at_rest, from_canonical, sum_of_products, to_canonical
 from .units import fraction, moderate, normal_state, scaled

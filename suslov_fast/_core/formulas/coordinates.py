@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..jit import formula
 from ..lanewise import two_product
+from ..staged import formula
 from .units import exponent, normal_state, scaled
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.

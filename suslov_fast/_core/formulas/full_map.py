@@ -1,6 +1,6 @@
 """The three-component scheme, equation (ds), in which Omega3 need not vanish."""
 
-from ..jit import formula
+from ..staged import formula
 from .canonical_map import nan_at_zero
 
 

@@ -3,7 +3,7 @@
 (ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2).
 """
 
-from ..jit import formula
+from ..staged import formula
 
 # A state follows another if the equations hold to this part of the step between them,
 # which is more than rounding and less than any other method or step size leaves,

@@ -5,7 +5,7 @@ Arguments that are called M, P, E and W are the logarithms of units: see `units`
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .coordinates import sum_of_products, to_canonical
 from .units import above_one, normal_state, scaled
 

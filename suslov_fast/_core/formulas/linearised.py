@@ -5,7 +5,7 @@ M, P, E and W are logarithms of units: see `units`.
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .canonical_map import denominator, shifted
 from .coordinates import at_rest, to_canonical
 from .printed_map import printed_coefficients

@@ -4,8 +4,8 @@ p = I.omega; square = |omega|**2; J_i = I_ii + I_nn; I_i = I_in; d_i = J_i - (ep
 omega_next - omega.
 """
 
-from ..jit import formula
 from ..lanewise import select
+from ..staged import formula
 
 
 @formula

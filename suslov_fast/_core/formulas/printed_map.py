@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .canonical_map import ZERO_TO_ROUNDING
 
 

@@ -7,8 +7,8 @@ I23 Omega2 = |I| |across|.
 
 import numpy as np
 
-from ..jit import formula
 from ..lanewise import larger, select
+from ..staged import formula
 from .coordinates import two_product, two_sum
 from .elementary import TO_INTEGER, exponent, scaled
 

@@ -7,7 +7,7 @@ their mean angular velocity. It is held as (unit, b), b the vector of S/2 in uni
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 
 # Below this the square of b is in range; beyond it 1 + b**2 is b**2, and the turn half a turn.
 LARGE = 2.0**500

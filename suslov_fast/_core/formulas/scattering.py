@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .elementary import exponential, scaled
 from .trigonometric import arctangent, of_quarter_turns
 

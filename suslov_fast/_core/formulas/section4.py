@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 from .coordinates import to_canonical, to_xy
 from .elementary import logarithm
 from .integrals import canonical_x, criticality, level

@@ -1,6 +1,6 @@
 """What the derivative of the map does to small displacements, and the growth of products."""
 
-from ..jit import formula
+from ..staged import formula
 from .elementary import LN2_HIGH, LN2_LOW, logarithm
 
 # Products are brought back into range by this, often enough that none overflows.

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 
 # Adding and subtracting this rounds to an integer.
 TO_INTEGER = 1.5 * 2.0**52

@@ -6,7 +6,7 @@ of 1, and the power of two that is due is put back last: exactly, unless the res
 
 import numpy as np
 
-from ..jit import formula
+from ..staged import formula
 
 # The exponents for which a power of two is a normal number, less one; `power` of it is 0.
 NO_POWER = -1023

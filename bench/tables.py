@@ -97,10 +97,11 @@ def saved_states(results):
     ):
         row = results.one(Table.LIMITS, what, threads=threads)
         if row:
+            rate = results.limit(what, threads)
             share = "100 %" if what is Limit.STREAMING else percent(results.share(row))
-            cells = [figure(row.rate / 16e9), figure(row.rate / 1e9), share, ""]
+            cells = [figure(rate / 16e9), figure(rate / 1e9), share, ""]
             label = f"*limit: {row.label}{', one thread' * (what is Limit.NEW)}*"
-            lines.append((row.rate / 16, [label, *cells]))
+            lines.append((rate / 16, [label, *cells]))
     return markdown(["", "1e9 states/s", "GB/s", "of streaming stores", "error"], ordered(lines))
 
 

@@ -68,6 +68,16 @@ SHAPES = [
 ]
 
 
+@pytest.mark.parametrize("shape", [(), (3,)])
+@named
+def test_one_task(function, rng, monkeypatch, shape):
+    """A task goes from block to block, and enters bodies where there are others."""
+    body, omega = bodies_3d(rng, shape), rng.normal(size=(70, 3, 2))
+    expected = evaluate(function, body, omega)
+    monkeypatch.setattr(engine, "TASKS", 1)
+    assert np.array_equal(evaluate(function, body, omega), expected)
+
+
 @named
 @pytest.mark.parametrize("shapes", SHAPES, ids=str)
 @pytest.mark.parametrize("slab", [2**18, 4], ids=["whole", "slabs"])

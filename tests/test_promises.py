@@ -88,7 +88,7 @@ def test_compiled_equals_interpreted(rng, method):
         out, final, state = np.empty((41, 70, 2)), np.empty((70, 2)), np.empty((2, 70))
         status, turn, turns = np.empty(70, np.int8), np.zeros((4, 70)), np.empty((41, 70, 3, 3))
         turn[0], R0 = 1.0, np.ones((3, 3, 70))
-        arguments = (0, 70, 0, 40, 1, 0, out, state, eps, R0, turn, turns, final, status)
+        arguments = (0, 70, 0, 40, 1, 0, out, state, (eps, R0, turn, turns), final, status)
         with np.errstate(all="ignore"):
             loop(method, *parameters, omega, *arguments)
         return out, final, status, state, turn, turns

@@ -21,7 +21,7 @@ _TOGETHER = 2**20
 # Steps of all failed trajectories between two looks for Ctrl-C.
 _SEARCH = 2**24
 # Where no orientation is wanted, and nothing to go on from.
-_NOT_TURNED, _NO_TURN, _NO_STATE = np.empty((3, 3, 0)), np.empty((4, 0)), np.empty((2, 0))
+_NO_TURN, _NO_STATE = np.empty((4, 0)), np.empty((2, 0))
 
 
 def run(problem: Problem) -> Outcome:
@@ -43,9 +43,10 @@ def _iterate(problem: Problem) -> Outcome:
     arguments = _method(problem), *problem.parameters, problem.omega
     final, status = problem.room_for_last(), not_computed(size)
     state, turn = _taken_up(problem)
-    R0 = _NOT_TURNED
+    turning = None
     if problem.orientation is not None:
         R0 = np.ascontiguousarray(problem.orientation.transpose(1, 2, 0))
+        turning = problem.time_step, R0, turn, problem.turns
     for part in problem.parts(1.0, blocks.LANES):
         threads.run(
             map_3d.iterate,
@@ -57,10 +58,7 @@ def _iterate(problem: Problem) -> Outcome:
             problem.first_row,
             problem.saved,
             state,
-            problem.time_step,
-            R0,
-            turn,
-            problem.turns,
+            turning,
             final,
             status,
         )

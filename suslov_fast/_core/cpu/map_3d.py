@@ -337,15 +337,14 @@ def iterate_blocks(
     first_row,
     out,
     resume,
-    time_step,
-    R0,
-    quaternions,
-    turns,
+    turning,
     final,
     status,
 ):
     """What one task of `iterate` does."""
-    saves, turning, goes_on = out.shape[0] > 0, quaternions.shape[1] > 0, resume.shape[1] > 0
+    saves, goes_on, turns_too = out.shape[0] > 0, resume.shape[1] > 0, turning is not None
+    if turns_too:
+        time_step, R0, quaternions, turns = turning
     flat, flat_final = out.reshape(out.size), final.reshape(final.size)
     states = omega.reshape(omega.size)
     stride = 2 * out.shape[1]
@@ -375,7 +374,7 @@ def iterate_blocks(
         if start > 0:
             for l in range(width):
                 state[FIRST, l], state[SECOND, l] = resume[0, first + l], resume[1, first + l]
-        if turning:
+        if turns_too:
             spread(time_step, first, width, lanes, step_row)
             for l in range(width):
                 for k in range(4):
@@ -389,7 +388,7 @@ def iterate_blocks(
                     write_turns(R0, turn, turns, 0, first, width)
 
         straight = method == CANONICAL and width == LANES and every == 1 and saves
-        straight = straight and not (wild or turning)
+        straight = straight and not (wild or turns_too)
         row = start // every + 1 - first_row
         # Steps to go; divisions in each turn would cost as much as a step.
         to_stop, to_save = stop - start, every - start % every
@@ -403,7 +402,7 @@ def iterate_blocks(
                 )
                 row, to_save = row + steps, to_save + steps
             else:
-                steps = min(steps, 1 if turning else to_save)
+                steps = min(steps, 1 if turns_too else to_save)
                 if method == PRINTED:
                     advance_printed(state, coefficients, limits[BOUND], steps, lanes)
                 elif wild:
@@ -411,7 +410,7 @@ def iterate_blocks(
                     advance_guarded(state, limits[SHIFT], limits[BOUND], steps, lanes)
                 else:
                     advance_tame(state, steps, lanes)
-                if turning:
+                if turns_too:
                     turn_on(step_row, frame, state, shown, turn, lanes)
             to_stop, to_save, to_flush = to_stop - steps, to_save - steps, to_flush - steps
             if to_flush == 0:
@@ -431,7 +430,7 @@ def iterate_blocks(
                         width,
                         past_caches,
                     )
-                    if turning:
+                    if turns_too:
                         write_turns(R0, turn, turns, row, first, width)
                     row += 1
 
@@ -447,7 +446,7 @@ def iterate_blocks(
         if goes_on:
             for l in range(width):
                 resume[0, first + l], resume[1, first + l] = state[FIRST, l], state[SECOND, l]
-        if turning:
+        if turns_too:
             for l in range(width):
                 for k in range(4):
                     quaternions[k, first + l] = turn[k, l]
@@ -472,10 +471,7 @@ def _iterate(
     first_row,
     out,
     resume,
-    time_step,
-    R0,
-    quaternions,
-    turns,
+    turning,
     final,
     status,
 ):
@@ -485,11 +481,12 @@ def _iterate(
                   the one numbered first_row * every on; rows may be 0.
     resume        (2, B), the states as they are held: read where start > 0, and written; (2, 0) if
                   nobody goes on from them.
-    time_step     (B,) or (1,), the step size in the unit of time of omega, for the orientation.
-    R0            (3, 3, B), the orientations at step 0.
-    quaternions   (4, B), those since then: read and written; (4, 0) if they are not wanted.
-    turns         (rows, B, 3, 3), the orientations that are saved with the states, or alone the
-                  last.
+    turning       None where no orientations are wanted, which are not compiled then; or
+                  time_step    (B,) or (1,), the step size in the unit of time of omega,
+                  R0           (3, 3, B), the orientations at step 0,
+                  quaternions  (4, B), those since then: read and written, and
+                  turns        (rows, B, 3, 3), the orientations that are saved with the states, or
+                               alone the last.
     final         (B, 2), state `stop`, NaN if it does not exist.
     status        (B,): OK, SUPERCRITICAL, or NONFINITE if state `stop` does not exist.
     """
@@ -515,10 +512,7 @@ def _iterate(
             first_row,
             out,
             resume,
-            time_step,
-            R0,
-            quaternions,
-            turns,
+            turning,
             final,
             status,
         )

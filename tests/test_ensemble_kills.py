@@ -9,8 +9,9 @@ import pytest
 from ensemble_runs import arguments
 
 from suslov_fast import ensemble
+from suslov_fast._ensemble import session
 
-pytest.importorskip("distributed")
+Client = pytest.importorskip("distributed").Client
 pytestmark = [
     pytest.mark.compiled,
     pytest.mark.skipif(sys.platform == "win32", reason="no fork, no SIGKILL"),
@@ -70,3 +71,19 @@ def test_killed_workers_cost_nothing(tmp_path):
     steps, killed = run("workers", store, "nd", 2, 1)
     assert killed == 1
     assert_undisturbed(store, "nd", steps)
+
+
+def test_what_killed_workers_leave_is_removed(tmp_path, monkeypatch):
+    """The call whose workers they were does so, as no other may follow."""
+    store, compute, left = tmp_path / "run.zarr", session._compute, []
+
+    def and_leave_one(job, *others):
+        compute(job, *others)
+        left.append(store / "final" / "c" / ".0.1.2.partial")
+        left[0].write_bytes(b"part of a chunk")
+
+    monkeypatch.setattr(session, "_compute", and_leave_one)
+    with Client(n_workers=1, processes=False, dashboard_address=None) as client:
+        ensemble(**arguments("3d"), steps=300, store=store, scheduler=client)
+    assert len(left) == 1
+    assert not left[0].exists()

@@ -65,6 +65,8 @@ def finish(
         settled: Settled = "all" if since is None else "replacing"
         with stopping() as stop:
             _compute(job, arrays, missing, client, settled, progress, stop)
+            if client is not None and layout.is_folder(job.store):
+                chunks.sweep(job.store)  # what workers left that were killed meanwhile
             if stop.asked and (left := len(_missing(job, arrays))):
                 raise KeyboardInterrupt(_how_to_go_on(job, left))
 

@@ -25,7 +25,6 @@ from .orbits import (
     CODE,
     GIVEN,
     GIVEN1,
-    GIVEN2,
     OMEGA1,
     OMEGA2,
     ORBIT,
@@ -102,15 +101,14 @@ def fill_along(given, orbits, spread, work, times, tile, width, missing):
             for j in range(lanes):
                 work[N + j] = times[min(j, size - 1)]
             any_missing = states_at(spread, work, lanes)
+            # No branches: signs may come in any order.
             for j in range(size):
-                n = times[j]
-                if (n < 0.0) == (side == 1):
-                    if n == 0.0:
-                        work[OMEGA1 + j], work[OMEGA2 + j] = given[GIVEN1 + l], given[GIVEN2 + l]
-                    tile[2 * (j * width + l)] = work[OMEGA1 + j]
-                    tile[2 * (j * width + l) + 1] = work[OMEGA2 + j]
-                else:
-                    work[OMEGA1 + j], work[OMEGA2 + j] = 0.0, 0.0
+                mine, still = (times[j] < 0.0) == (side == 1), times[j] == 0.0
+                for k in range(2):
+                    row, place = OMEGA1 + k * WIDTH + j, 2 * (j * width + l) + k
+                    omega = given[GIVEN1 + k * WIDTH + l] if still else work[row]
+                    work[row] = omega if mine else 0.0
+                    tile[place] = omega if mine else tile[place]
             if any_missing:
                 count_missing(spread, work, size, missing)
 

@@ -1,7 +1,7 @@
 """Stand-ins for numbers, vectors and arrays: what is done to them is written down for LLVM.
 
 Code that is gone through with them, once, is compiled. So Numba need not read, type and compile it,
-which takes most of the time of a first use; and all of it is inlined.
+which takes most of the time of a first use.
 
 Numbers are doubles, integers of 64 bits, and conditions, or vectors of them. Beside a double the
 others are made doubles; an integer and a condition do not go together. What LLVM would take in

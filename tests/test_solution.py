@@ -608,6 +608,23 @@ def test_equal_steps_agree_with_single_ones(body, rng, monkeypatch, n, scale, ba
     np.testing.assert_allclose(states, single, rtol=1e-7, atol=1e-12 * scale)
 
 
+@pytest.mark.parametrize("batch", [1, 3, 9])
+def test_scattered_numbers_of_steps_in_any_order(body, rng, monkeypatch, batch):
+    """Parts of a task that have times of one sign, and of both, in one order and in another."""
+    monkeypatch.setattr(closed_form, "TASKS", 2)
+    size = 5 * loops.FEW_STATES // (2 * batch)
+    n = rng.integers(-1000, 1000, size)
+    n[::7] = 0
+    n[: 3 * size // 5] = abs(n[: 3 * size // 5])
+    omega = rng.normal(size=(batch, 2))
+    states = sf.exact(body, omega, 0.2, n)
+    order = rng.permutation(size)
+    assert (sf.exact(body, omega, 0.2, n[order]) == states[order]).all()
+    assert (states[n == 0] == omega).all()
+    for i in (0, size - 1):
+        assert (sf.exact(body, omega, 0.2, n[i]) == states[i]).all()
+
+
 def test_equal_steps_do_not_depend_on_where_they_begin(body, rng):
     omega = rng.normal(size=(9, 2))
     states = sf.exact(body, omega, 0.2, np.arange(0, 3000, 3))

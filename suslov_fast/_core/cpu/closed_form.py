@@ -16,7 +16,7 @@ import numpy as np
 from numba import prange
 
 from ..jit import Loop
-from ..lanewise import lanewise, select
+from ..lanewise import lanewise
 from ..staged import staged
 from .blocks import scatter_pairs, tasks_for
 from .orbits import (
@@ -25,6 +25,7 @@ from .orbits import (
     CODE,
     GIVEN,
     GIVEN1,
+    GIVEN2,
     OMEGA1,
     OMEGA2,
     ORBIT,
@@ -48,7 +49,17 @@ from .tiles import (
     write_codes,
     write_rows,
 )
-from .vector import VECTOR, fence, on_stack, to_cache_line
+from .vector import (
+    VECTOR,
+    fence,
+    on_stack,
+    select,
+    splat,
+    store_at,
+    store_pairs_apart,
+    to_cache_line,
+    vector_at,
+)
 
 # What it costs to enter an orbit, and a state of it at any time, in steps of the map.
 ENTERING, EVALUATING = 64, 8
@@ -88,29 +99,33 @@ def any_time(times, side):
 
 
 @staged
+def spread_orbit(orbits, l, times, lanes, spread):
+    """What is known of one orbit, forward or back, in the lanes of times."""
+    for row in range(0, ORBIT, WIDTH):
+        forward, back = splat(orbits[row + l]), splat(orbits[ORBIT + row + l])
+        for k in range(0, lanes, VECTOR):
+            store_at(spread, row + k, select(vector_at(times, k) < 0.0, back, forward))
+
+
+@staged
 def fill_along(given, orbits, spread, work, times, tile, width, missing):
-    """The same where lanes are times."""
+    """The same where lanes are times, whose signs may come in any order."""
     size = times.size
     lanes = in_whole(size)
+    for j in range(lanes):
+        work[N + j] = times[min(j, size - 1)]
     for l in range(width):
-        for side in range(2):
-            if not any_time(times, side):
-                continue
-            for k in range(0, ORBIT, WIDTH):
-                spread[k : k + lanes] = orbits[ORBIT * side + k + l]
-            for j in range(lanes):
-                work[N + j] = times[min(j, size - 1)]
-            any_missing = states_at(spread, work, lanes)
-            # No branches: signs may come in any order.
-            for j in range(size):
-                mine, still = (times[j] < 0.0) == (side == 1), times[j] == 0.0
-                for k in range(2):
-                    row, place = OMEGA1 + k * WIDTH + j, 2 * (j * width + l) + k
-                    omega = given[GIVEN1 + k * WIDTH + l] if still else work[row]
-                    work[row] = omega if mine else 0.0
-                    tile[place] = omega if mine else tile[place]
-            if any_missing:
-                count_missing(spread, work, size, missing)
+        spread_orbit(orbits, l, work[N:], lanes, spread)
+        any_missing = states_at(spread, work, lanes)
+        for k in range(0, lanes, VECTOR):
+            for row, start in ((OMEGA1, GIVEN1), (OMEGA2, GIVEN2)):
+                at_start = vector_at(work, N + k) == 0.0
+                omega = select(at_start, splat(given[start + l]), vector_at(work, row + k))
+                store_at(work, row + k, omega)
+            omega1, omega2 = vector_at(work, OMEGA1 + k), vector_at(work, OMEGA2 + k)
+            store_pairs_apart(tile, 2 * (k * width + l), 2 * width, omega1, omega2)
+        if any_missing:
+            count_missing(spread, work, size, missing)
 
 
 @staged
@@ -136,19 +151,21 @@ def fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out
     flat, counts = out.reshape(out.size), missing[task]
     n_tasks = missing.shape[0]
     first_block, chunk, chunks, n_parts = parts_of_times(omega, times, lanes_asked, out)
-    entered, lanes, step = -1, 0, 0
+    # `sides`: 1 where orbits are entered forward, and 2 where back.
+    entered, sides, lanes, step = -1, 0, 0, 0
     for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
         block, begin = first_block + k // chunks, k % chunks * chunk
         first, width = first_and_width(block, shift_of_blocks(line), batch)
         if block != entered:
             bodies = I1, I2, I13, I23, eps
             lanes, step = enter_block(bodies, states, first, width, entered, given, body)
-            entered = block
-            for side in range(2):
-                if any_time(times, side):
-                    orbit, back = orbits[ORBIT * side :], 1.0 - 2.0 * side
-                    enter_orbits(flow, back, given, body, orbit, lanes, step)
+            entered, sides = block, 0
         end = min(begin + chunk, times.size)
+        for side in range(2):
+            if (sides & (1 + side)) == 0 and any_time(times[begin:end], side):
+                orbit, back = orbits[ORBIT * side :], 1.0 - 2.0 * side
+                enter_orbits(flow, back, given, body, orbit, lanes, step)
+                sides |= 1 + side
         height = max(min(TILE // (2 * width), WIDTH), 1)
         for j in range(begin, end, height):
             some = times[j : min(j + height, end)]

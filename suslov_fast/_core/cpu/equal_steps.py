@@ -72,10 +72,10 @@ from .vector import (
     VECTOR,
     fence,
     on_stack,
-    scatter_pairs,
     splat,
     store_at,
     store_pairs,
+    store_pairs_apart,
     stream_pairs,
     to_cache_line,
     vector_at,
@@ -270,7 +270,7 @@ def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreas
             if stride == 2:
                 store_pairs(tile, target, omega1, omega2)
             else:
-                scatter_pairs(tile, target, stride, omega1, omega2)
+                store_pairs_apart(tile, target, stride, omega1, omega2)
             target += VECTOR * stride
 
 

@@ -24,10 +24,10 @@ from .vector import (
     expect_store,
     fence,
     on_stack,
-    scatter_pairs,
     splat,
     store_at,
     store_pairs,
+    store_pairs_apart,
     stream,
     stream_pairs,
     vector_at,
@@ -70,8 +70,8 @@ _define_pairs(store_pairs, lambda builder, vector, place: builder.store(vector, 
 _define_pairs(stream_pairs, _past_caches)
 
 
-@emits(scatter_pairs)
-def _scatter_pairs(builder, array, index, stride, first, second):
+@emits(store_pairs_apart)
+def _store_pairs_apart(builder, array, index, stride, first, second):
     for k in range(VECTOR):
         pair = first.shuffled(second, [k, VECTOR + k])
         builder.store(pair.value, array[index:].as_vector(2), align=8)

@@ -103,7 +103,7 @@ def store_pairs(array, index, first, second):
     array[index : index + 2 * VECTOR] = np.column_stack((first, second)).reshape(2 * VECTOR)
 
 
-def scatter_pairs(array, index, stride, first, second):
+def store_pairs_apart(array, index, stride, first, second):
     """Write two vectors as pairs, at index, index + stride, ..."""
     for k in range(VECTOR):
         array[index + stride * k], array[index + stride * k + 1] = first[k], second[k]

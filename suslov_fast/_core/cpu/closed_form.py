@@ -158,7 +158,7 @@ def fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out
         first, width = first_and_width(block, shift_of_blocks(line), batch)
         if block != entered:
             bodies = I1, I2, I13, I23, eps
-            lanes, step = enter_block(bodies, states, first, width, entered, given, body)
+            lanes, step = enter_block(bodies, states, first, width, entered < 0, given, body)
             entered, sides = block, 0
         end = min(begin + chunk, times.size)
         for side in range(2):
@@ -206,7 +206,7 @@ def jump_blocks(task, n_tasks, I1, I2, I13, I23, eps, omega, n, final, status):
     for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
         first, width = first_and_width(block, 0, batch)
         bodies = I1, I2, I13, I23, eps
-        lanes, step = enter_block(bodies, states, first, width, entered, given, body)
+        lanes, step = enter_block(bodies, states, first, width, entered < 0, given, body)
         entered = block
         enter_orbits(False, 1.0, given, body, orbit, lanes, step)
         work[N : N + lanes] = n

@@ -4,26 +4,17 @@ Row i of a run has n = first + every i, and i = 64 s + 8 a + b: at the rows 64 s
 seed, and w = (seed r**(8 a every)) r**(b every) between them. Lanes are trajectories or, of few,
 the rows b; the arithmetic is the same.
 
-Arguments and arrays are those of `closed_form`; in addition
-
-tables   rows as in `orbits`: what the rows named below hold of each orbit.
-along    the tables of few trajectories, numbers side by side.
+Arguments and arrays are those of `closed_form` and `seeds`. The processor computes while it waits
+for what it wrote to leave for memory, but looks only some thousand numbers ahead: so a block is
+entered, and seeds are made, a few lanes at a time between the rows of what comes before.
 """
 
-import numpy as np
 from numba import prange
 
-from ..formulas.closed_form import (
-    logarithm_of_power,
-    near_state,
-    power_of_logarithm,
-    sign_of_power,
-)
-from ..formulas.elementary import scaled, two_to_the
+from ..formulas.closed_form import near_state
 from ..jit import Loop
-from ..lanewise import lanewise, larger, select, smaller
+from ..lanewise import any_lane, lanewise, select
 from ..staged import apart, staged
-from .blocks import spread as spread_numbers
 from .closed_form import FEW_STATES
 from .orbits import (
     A1,
@@ -31,31 +22,38 @@ from .orbits import (
     ABREAST,
     B1,
     B2,
-    BODY,
-    GIVEN,
     GIVEN1,
     GIVEN2,
     KAPPA,
-    KNOWN,
-    LOG,
-    LOG_LOST,
     OMEGA1,
     OMEGA2,
     ORBIT,
-    UNIT1,
-    UNIT2,
     WIDTH,
     WORK,
     N,
-    R,
-    after,
     count_missing,
-    enter_block,
-    enter_orbits,
     in_whole,
-    lanes_at,
     states_at,
-    store_lanes,
+)
+from .seeds import (
+    BLOCK,
+    GROUP,
+    HALF_U,
+    KAPPA_U,
+    NUMBERS,
+    SEED,
+    SLOW,
+    START,
+    TABLE_A,
+    TABLE_B,
+    enter_piece,
+    enter_seeds_across,
+    enter_seeds_along,
+    known_of,
+    make_lanes_of_seeds,
+    not_negligible,
+    pieces_of,
+    seeds_of,
 )
 from .tiles import (
     BEYOND_CACHES,
@@ -70,6 +68,7 @@ from .tiles import (
 )
 from .vector import (
     VECTOR,
+    all_lanes,
     fence,
     on_stack,
     splat,
@@ -81,119 +80,37 @@ from .vector import (
     vector_at,
 )
 
-# Rows from one exact power of r on.
-GROUP = 64
-
-# Where the rows of `tables` lie: r**(8 a every) for a = 0 ... 7, r**(b every) likewise; the w of
-# the seed, and whether the rows after it must be taken one by one; the number of the given state;
-# whether all rows must; and what `rows_across` and `rows_along` keep of a group.
-TABLES = 22 * WIDTH
-TABLE_A, TABLE_B = 0, 8 * WIDTH
-SEED, SLOW, START, APART, HALF_U, KAPPA_U = range(16 * WIDTH, TABLES, WIDTH)
-
-BODY_AT = GIVEN
-ORBIT_AT = BODY_AT + BODY
-SPREAD_AT = ORBIT_AT + ORBIT
+# Where a block's arrays lie, those of the next one, and others.
+SPREAD_AT = 2 * BLOCK
 WORK_AT = SPREAD_AT + ORBIT
-TABLES_AT = WORK_AT + WORK
-TILE_AT = TABLES_AT + TABLES
+TILE_AT = WORK_AT + WORK
 ALONG_AT = TILE_AT + TILE
 ROOM = ALONG_AT + 2 * WIDTH
 
-# Where `along` has the numbers of lanes, of a single trajectory.
-NUMBERS = 2 * VECTOR
-
-# Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
-LARGE_SEED, NEAR_POLE = 400.0, 0.25
-# omega is the difference of two numbers up to twice as large; float64 ends at 1.8e308.
-LARGEST = 1e307
-# A w this small becomes 0: subnormals are slow. Its square does not count long before.
-NO_SQUARE, NEGLIGIBLE = 2.0**-300, 2.0**-960
-
-
-@lanewise
-def not_negligible(v):
-    """v, or 0 in the place of what would soon be subnormal."""
-    return select(abs(v) > NEGLIGIBLE, v, 0.0 * v)
-
-
-@lanewise
-def enter_run(every, whole, orbit, tables, l):
-    """The powers of r between seeds, and which orbits have no state between others."""
-    r, log_r, lost = (lanes_at(orbit, row + l) for row in (R, LOG, LOG_LOST))
-    steps = every * lanes_at(orbit, UNIT1 + l) * lanes_at(orbit, UNIT2 + l)
-    log_r, lost = logarithm_of_power(steps, log_r, lost)
-    for table, eights in ((TABLE_A, 8.0), (TABLE_B, 1.0)):
-        powers = [1.0]
-        for a in (1.0, 2.0, 4.0):
-            p, k = power_of_logarithm(a * eights * log_r, a * eights * lost)
-            sign = select(r > 0.0, 1.0, sign_of_power(a * eights * every, -1.0))
-            power = not_negligible(sign * (1.0 + p) * two_to_the(larger(k, -1000.0)))
-            powers += [power, *(not_negligible(power * other) for other in powers[1:])]
-        for row, power in enumerate(powers):
-            store_lanes(tables, table + row * WIDTH + l, power)
-    a1, b1, a2, b2 = (abs(lanes_at(orbit, row + l)) for row in (A1, B1, A2, B2))
-    usual = ((r > 0.0) | whole) & (a1 + a2 + b1 + b2 < LARGEST)
-    usual = usual | (lanes_at(orbit, KNOWN + l) == 0.0)
-    store_lanes(tables, APART + l, select(usual, 0.0, 1.0))
-
-
-@lanewise
-def enter_seed(orbit, work, tables, l):
-    """The w at the numbers in row N; and which must be taken row by row."""
-    n, start = lanes_at(work, N + l), lanes_at(tables, START + l)
-    f, k = after(larger(n - start, 0.0), orbit, l)
-    w = not_negligible(scaled(f, larger(smaller(k, LARGE_SEED), -1000.0)))
-    pole = abs(lanes_at(orbit, KAPPA + l) * w * w) > NEAR_POLE
-    slow = (k >= LARGE_SEED) | (lanes_at(orbit, R + l) < 0.0) & pole
-    slow = slow | (lanes_at(tables, APART + l) != 0.0) | (n < start)
-    store_lanes(tables, SEED + l, w)
-    store_lanes(tables, SLOW + l, select(slow, 1.0, 0.0))
+# The square of a w this small does not count.
+NO_SQUARE = 2.0**-300
 
 
 @staged
-def make_lanes_of_seeds(orbit, tables, along, width, abreast):
-    """Spread few trajectories over the lanes of the seeds of groups of rows.
+def kinds_of_rows(n, tables, seeds, width, abreast, among):
+    """What the first row after a seed, number n, and the next ones are.
 
-    abreast   how many groups have their seeds made at once: trajectory l has so many lanes, from
-              that number times l on.
-    along     receives the tables of each trajectory, numbers side by side: B, then A; of a
-              single one B twice, and the numbers of lanes.
+    Whether some trajectory must be taken row by row, begins here, and all do.
     """
-    for l in range(width - 1, -1, -1):
-        for j in range(VECTOR):
-            along[VECTOR * l + j] = tables[TABLE_B + j * WIDTH + l]
-            along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j * WIDTH + l]
-        for lane in range(abreast * l, abreast * (l + 1)):
-            for k in range(0, ORBIT, WIDTH):
-                orbit[k + lane] = orbit[k + l]
-            for k in (START, APART):
-                tables[k + lane] = tables[k + l]
-    if width == 1:
-        for j in range(VECTOR):
-            along[VECTOR + j], along[NUMBERS + j] = along[j], j
-
-
-@staged
-def enter_group(orbit, work, tables, first, every, group, width, lanes, abreast):
-    """The seeds of a group of rows; of few trajectories, those of `abreast` groups."""
-    if abreast == 1:
-        work[N : N + lanes] = first + every * (group * GROUP)
-    for j in range(abreast if abreast > 1 else 0):
-        number = first + every * ((group - group % abreast + j) * GROUP)
-        for l in range(width):
-            work[N + abreast * l + j] = number
-    for l in range(0, lanes if abreast == 1 else abreast * width, ABREAST):
-        enter_seed(orbit, work, tables, l)
-
-
-@staged
-def any_is(value, tables, index, stride, width):
-    """Whether any of some numbers of the tables has a value."""
-    found = False
-    for l in range(width):
-        found |= tables[index + stride * l] == value
-    return found
+    slow, begins, all_begin = False, False, True
+    if width < VECTOR:
+        for l in range(0, abreast * width, abreast):
+            slow |= seeds[SLOW + l + among] == 1.0
+            begins |= tables[START + l] == n
+            all_begin &= tables[START + l] == n
+    else:
+        for k in range(0, width, VECTOR):
+            l = min(k, width - VECTOR)
+            starts = vector_at(tables, START + l) == n
+            slow |= any_lane(vector_at(seeds, SLOW + l) == 1.0)
+            begins |= any_lane(starts)
+            all_begin &= all_lanes(starts)
+    return slow, begins, all_begin
 
 
 @lanewise
@@ -204,9 +121,9 @@ def not_subnormal(u, kappa):
 
 
 @lanewise
-def enter_eighth(orbit, tables, c, l):
+def enter_eighth(orbit, tables, seeds, c, l):
     """What row 8 c after a seed has of lanes l, l + 1, ..., into HALF_U and KAPPA_U."""
-    u = vector_at(tables, SEED + l) * vector_at(tables, TABLE_A + c * WIDTH + l)
+    u = vector_at(seeds, SEED + l) * vector_at(tables, TABLE_A + c * WIDTH + l)
     u, kappa = not_subnormal(u, vector_at(orbit, KAPPA + l))
     store_at(tables, HALF_U + l, 0.5 * u)
     store_at(tables, KAPPA_U + l, 4.0 * kappa)
@@ -221,32 +138,33 @@ def state_across(orbit, tables, b, l):
 
 
 @staged
-def rows_across(straight, orbit, tables, a, stop, tile, place, stride, width):
+def rows_across(straight, orbit, tables, seeds, a, stop, some, tile, place, stride, width):
     """Rows 8 a ... 8 stop - 1 after a seed, of vectors of trajectories.
 
     straight   whether they go to their last place, past the caches.
+    some       the first row of each eighth that is made, and the one after the last.
     """
     for c in range(a, stop):
         for k in range(0, width, VECTOR):
-            enter_eighth(orbit, tables, c, min(k, width - VECTOR))
-        for b in range(8):
+            enter_eighth(orbit, tables, seeds, c, min(k, width - VECTOR))
+        for b in range(some[0], some[1]):
+            target = place + (8 * (c - a) + b) * stride
             for k in range(0, width, VECTOR):
                 l = min(k, width - VECTOR)
                 omega1, omega2 = state_across(orbit, tables, b, l)
                 if straight:
-                    stream_pairs(tile, place + 2 * l, omega1, omega2)
+                    stream_pairs(tile, target + 2 * l, omega1, omega2)
                 else:
-                    store_pairs(tile, place + 2 * l, omega1, omega2)
-            place += stride
+                    store_pairs(tile, target + 2 * l, omega1, omega2)
 
 
 @lanewise
-def enter_along(orbit, tables, along, l, lane, held):
+def enter_along(orbit, tables, seeds, along, l, lane, held):
     """The w / 2 and 4 k of the eighths of a group of rows, into HALF_U and KAPPA_U from 8 on.
 
     held   Where those of the eighth before them lie, which are moved there.
     """
-    u = tables[SEED + lane] * vector_at(along, VECTOR * (VECTOR + l))
+    u = seeds[SEED + lane] * vector_at(along, VECTOR * (VECTOR + l))
     u, kappa = not_subnormal(u, orbit[KAPPA + lane])
     for row in (HALF_U, KAPPA_U):
         tables[row + 7] = tables[row + held]
@@ -255,14 +173,14 @@ def enter_along(orbit, tables, along, l, lane, held):
 
 
 @staged
-def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreast, among):
+def rows_along(orbit, tables, seeds, along, a, stop, tile, place, stride, width, abreast, among):
     """The same of vectors of rows; `along` holds both tables of each trajectory, side by side."""
     for l in range(width):
         lane = abreast * l + among
         a1, b1 = splat(orbit[A1 + lane]), splat(orbit[B1 + lane])
         a2, b2 = splat(orbit[A2 + lane]), splat(orbit[B2 + lane])
         powers = vector_at(along, VECTOR * l)
-        enter_along(orbit, tables, along, l, lane, 7)
+        enter_along(orbit, tables, seeds, along, l, lane, 7)
         target = place + 2 * l
         for c in range(a, stop):
             half, kappa_of_u = tables[HALF_U + 8 + c], tables[KAPPA_U + 8 + c]
@@ -275,7 +193,7 @@ def rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreas
 
 
 @staged
-def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, held):
+def rows_of_one(orbit, tables, seeds, along, a, stop, tile, flat, target, line, among, held):
     """The same of a single trajectory to their last place, past the caches.
 
     A vector begins where a cache line does, and so holds the last rows of one eighth and the first
@@ -287,7 +205,7 @@ def rows_of_one(orbit, tables, along, a, stop, tile, flat, target, line, among, 
     """
     a1, b1 = splat(orbit[A1 + among]), splat(orbit[B1 + among])
     a2, b2 = splat(orbit[A2 + among]), splat(orbit[B2 + among])
-    enter_along(orbit, tables, along, 0, among, held)
+    enter_along(orbit, tables, seeds, along, 0, among, held)
     head = (line - target) % VECTOR // 2
     begin, end = a, stop
     if head > 0:
@@ -353,11 +271,11 @@ def eight_apart(arrays, lanes, numbers, asked, tile_place, stride, flat, flat_pl
 
     numbers   that of the first row, and by how much they grow.
     """
-    given, orbit, spread, work, tables, tile, _ = arrays
+    given, orbit, spread, work, tables, seeds, tile = arrays
     (width, abreast, among), (n, every) = lanes, numbers
     for l in range(width):
         one, place = abreast * l + among, tile_place + 2 * l
-        if tables[SLOW + one] != 0.0:
+        if seeds[SLOW + one] != 0.0:
             one_by_one(
                 given,
                 orbit,
@@ -395,9 +313,15 @@ def parts_of_run(omega, lanes_asked, rows, out):
 
 
 @staged
-def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
-    """Some rows of a block that is entered, from one on and below another: `part`."""
-    (given, orbit, _, work, tables, tile, along), (lane, width, abreast, lanes) = arrays, block
+def fill_block(arrays, lanes, run, part, rows, flat, batch, line, pieces, of_next, missing):
+    """Some rows of a block that is entered: `part`, from one on and below another.
+
+    pieces    in how many the next block is entered, or 0.
+    of_next   what `enter_piece` takes after their number.
+    returns   how many of them were done.
+    """
+    given, orbit, spread, work, tables, tile, along = arrays
+    lane, width, abreast = lanes
     (first, every), (top, bottom), (_, _, origin, direction) = run, part, rows
     height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
     large = flat.size >= BEYOND_CACHES
@@ -405,28 +329,49 @@ def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
     in_line = in_line and (line - 2 * lane) % VECTOR == 0
     alone = large and batch == 1 and direction > 0 and line % 2 == 0
     step = 2 * direction * batch
-    seeded, among, held, filled, slow, begins = -1, 0, 0, 0, False, False
-    row = top // 8 * 8
+    seeded, among, held, filled = -1, 0, 0, 0
+    slow, begins, all_begin = False, False, False
+    # Lanes that have the seeds of the group that is entered next.
+    ready, piece, row = width, 0, top // 8 * 8
     while row < bottom:
         n, group = first + every * row, row // GROUP
+        seeds = seeds_of(tables, group, abreast)
         if group != seeded:
             among = group % abreast
-            if seeded < 0 or among == 0:
-                enter_group(orbit, work, tables, first, every, group, width, lanes, abreast)
+            if width >= VECTOR:
+                number = first + every * (group * GROUP)
+                for l in range(ready, width, ABREAST):
+                    enter_seeds_across(number, orbit, work, tables, seeds, l)
+                ready = 0 if (group + 1) * GROUP < bottom else width
+            elif seeded < 0 or among == 0:
+                enter_seeds_along(first, every, group, orbit, work, tables, seeds, width, abreast)
             seeded = group
-            slow = any_is(1.0, tables, SLOW + among, abreast, width)
-            begins = any_is(n, tables, START, abreast, width)
+            slow, begins, all_begin = kinds_of_rows(n, tables, seeds, width, abreast, among)
+        elif ready < width:
+            number = first + every * ((group + 1) * GROUP)
+            seeds_of_next = seeds_of(tables, group + 1, abreast)
+            enter_seeds_across(number, orbit, work, tables, seeds_of_next, ready)
+            ready += ABREAST
+        elif piece < pieces:
+            enter_piece(piece, *of_next)
+            piece += 1
         a = row % GROUP // 8
         target = 2 * ((origin + direction * row) * batch + lane)
-        straight = (in_line or alone) and row >= top and bottom - row >= 8
-        if straight and not slow and not (a == 0 and begins):
-            stop = a + min(8 - a, (bottom - row) // 8)
-            if alone:
-                held = rows_of_one(
-                    orbit, tables, along, a, stop, tile, flat, target, line, among, held
-                )
-            else:
-                rows_across(True, orbit, tables, a, stop, flat, target, step, width)
+        starts, left = a == 0 and begins, bottom - row
+        if in_line and row >= top and not slow and (all_begin or not starts):
+            if starts:
+                for l in range(0, width, VECTOR):
+                    omega1, omega2 = vector_at(given, GIVEN1 + l), vector_at(given, GIVEN2 + l)
+                    stream_pairs(flat, target + 2 * l, omega1, omega2)
+            wanted = 1 if starts else 0, min(left, 8)
+            rows_across(True, orbit, tables, seeds, a, a + 1, wanted, flat, target, step, width)
+            row += 8
+            continue
+        if alone and row >= top and left >= 8 and not slow and not starts:
+            stop = a + min(8 - a, left // 8)
+            held = rows_of_one(
+                orbit, tables, seeds, along, a, stop, tile, flat, target, line, among, held
+            )
             row += 8 * (stop - a)
             continue
         if held > 0:
@@ -434,16 +379,19 @@ def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
             held = 0
         if filled == 0 and width != batch and not in_line:
             upper = max(row, top)
-            ahead, place = min(height, bottom - upper), origin + direction * upper
-            expect_rows(flat, place, direction, ahead, batch, lane, width)
+            some, place = min(height, bottom - upper), origin + direction * upper
+            expect_rows(flat, place, direction, some, batch, lane, width)
         stop = a + min(min(8 - a, (height - filled) // 8), (bottom - row + 7) // 8)
         stop = a + 1 if in_line or alone else stop
         place = 2 * width * (filled if direction > 0 else height - 1 - filled)
         stride = 2 * width * direction
         if width < VECTOR:
-            rows_along(orbit, tables, along, a, stop, tile, place, stride, width, abreast, among)
+            rows_along(
+                orbit, tables, seeds, along, a, stop, tile, place, stride, width, abreast, among
+            )
         else:
-            rows_across(False, orbit, tables, a, stop, tile, place, stride, width)
+            every_row = 0, 8
+            rows_across(False, orbit, tables, seeds, a, stop, every_row, tile, place, stride, width)
         if a == 0:
             for l in range(width):
                 if n == tables[START + abreast * l]:
@@ -453,7 +401,7 @@ def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
             asked = max(top - later, 0), min(bottom - later, 8)
             in_tile, in_flat = place + (later - row) * stride, target + (later - row) * step
             eight_apart(
-                arrays,
+                (given, orbit, spread, work, tables, seeds, tile),
                 (width, abreast, among),
                 (first + every * later, every),
                 asked,
@@ -474,6 +422,7 @@ def fill_part(arrays, block, run, part, rows, flat, batch, line, missing):
             filled = 0
     if held > 0:
         rest_of_one(orbit, tables, along, tile, flat, 2 * (origin + row), line, held)
+    return piece
 
 
 @apart
@@ -496,42 +445,45 @@ def fill_parts(
     missing,
 ):
     """What one task of `fill_run` does."""
-    room, (first, every) = on_stack(ROOM), run
-    given, body, orbit = room[:BODY_AT], room[BODY_AT:ORBIT_AT], room[ORBIT_AT:SPREAD_AT]
-    spread, work, tables = room[SPREAD_AT:WORK_AT], room[WORK_AT:TABLES_AT], room[TABLES_AT:]
+    room, bodies = on_stack(ROOM), (I1, I2, I13, I23, eps)
+    spread, work = room[SPREAD_AT:WORK_AT], room[WORK_AT:TILE_AT]
     tile, along = room[TILE_AT:ALONG_AT], room[ALONG_AT:]
     states, batch, line = omega.reshape(omega.size), omega.shape[0], to_cache_line(out, 0)
-    n_tasks = missing.shape[0]
+    n_tasks, shift = missing.shape[0], shift_of_blocks(line)
     first_block, chunk, chunks, n_parts = parts_of_run(omega, lanes_asked, rows, out)
+    begin, end = task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks
     # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
     groups = in_whole((rows[1] + GROUP - 1) // GROUP - rows[0] // GROUP)
-    entered, lanes, step_of_body = -1, 0, 0
-    for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
-        block, part_of_rows = first_block + k // chunks, rows[0] // chunk + k % chunks
-        lane, width = first_and_width(block, shift_of_blocks(line), batch)
+    first, last, piece = begin // chunks, (end - 1) // chunks, 0
+    for k in range(first, last + 1 if begin < end else first):
+        lane, width = first_and_width(first_block + k, shift, batch)
         abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
-        if block != entered:
-            bodies = I1, I2, I13, I23, eps
-            lanes, step_of_body = enter_block(bodies, states, lane, width, entered, given, body)
-            entered = block
-            enter_orbits(flow, back, given, body, orbit, lanes, step_of_body)
-            if status.size > 0:
-                write_codes(orbit, lane, width, status)
-            spread_numbers(start, lane, width, lanes, tables[START:])
-            whole = (np.floor(first) == first) & (np.floor(every) == every)
-            for l in range(0, lanes, ABREAST):
-                enter_run(every, whole, orbit, tables, l)
-            if width < VECTOR:
-                make_lanes_of_seeds(orbit, tables, along, width, abreast)
-        fill_part(
+        top = rows[0] // chunk + max(begin - k * chunks, 0)
+        bottom = rows[0] // chunk + min(end - k * chunks, chunks)
+        top, bottom = max(rows[0], top * chunk), min(rows[1], bottom * chunk)
+        block = room[k % 2 * BLOCK :]
+        common = flow, back, bodies, states, start, run
+        for left in range(piece, pieces_of(width)):
+            enter_piece(left, k - first, common, lane, width, top, block, work)
+        given, _, orbit, tables = known_of(block)
+        if status.size > 0:
+            write_codes(orbit, lane, width, status)
+        if width < VECTOR:
+            make_lanes_of_seeds(orbit, tables, along, width, abreast)
+        next_lane, next_width = first_and_width(first_block + k + 1, shift, batch)
+        next_block = room[(k + 1) % 2 * BLOCK :]
+        of_next = k - first + 1, common, next_lane, next_width, rows[0], next_block, work
+        piece = fill_block(
             (given, orbit, spread, work, tables, tile, along),
-            (lane, width, abreast, lanes),
+            (lane, width, abreast),
             run,
-            (max(rows[0], part_of_rows * chunk), min(rows[1], (part_of_rows + 1) * chunk)),
+            (top, bottom),
             rows,
             out.reshape(out.size),
             batch,
             line,
+            pieces_of(next_width) if k < last else 0,
+            of_next,
             missing[task],
         )
     fence()

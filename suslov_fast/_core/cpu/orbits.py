@@ -89,19 +89,25 @@ def in_whole(width):
 
 
 @staged
-def enter_block(bodies, states, first, width, entered, given, body):
-    """Gather the trajectories of a block; lanes beyond its width hold harmless numbers.
-
-    bodies    I1, I2, I13, I23 and eps.
-    entered   the number of the block before it in `given`, or -1: a body that all share is entered
-              once.
-    returns   the lanes in use, and by how much the lanes of `body` differ from one to the next.
-    """
+def body_of_all(bodies):
+    """Whether all orbits share their body and their step size."""
     shared = True
     for parameter in bodies:
         shared &= parameter.size == 1
+    return shared
+
+
+@staged
+def enter_block(bodies, states, first, width, anew, given, body):
+    """Gather the trajectories of a block; lanes beyond its width hold harmless numbers.
+
+    bodies    I1, I2, I13, I23 and eps.
+    anew      whether no block was entered there before: a body that all share is entered once.
+    returns   the lanes in use, and by how much the lanes of `body` differ from one to the next.
+    """
+    shared = body_of_all(bodies)
     lanes = in_whole(width)
-    if entered < 0 or not shared:
+    if anew or not shared:
         of_bodies = ABREAST if shared else lanes
         row = 0
         for parameter in bodies:
@@ -202,13 +208,19 @@ enter_orbit_of_map, enter_orbit_of_flow = _entering(False), _entering(True)
 
 
 @staged
+def enter_orbit(flow, back, given, body, orbit, l, b):
+    """All that is known of orbits before any time is: forward, or back in time."""
+    if flow:
+        enter_orbit_of_flow(back, given, body, orbit, l, b)
+    else:
+        enter_orbit_of_map(back, given, body, orbit, l, b)
+
+
+@staged
 def enter_orbits(flow, back, given, body, orbit, lanes, step):
-    """All that is known of the orbits before any time is: forward, or back in time."""
+    """The same of all orbits of a block."""
     for l in range(0, lanes, ABREAST):
-        if flow:
-            enter_orbit_of_flow(back, given, body, orbit, l, step * l)
-        else:
-            enter_orbit_of_map(back, given, body, orbit, l, step * l)
+        enter_orbit(flow, back, given, body, orbit, l, step * l)
 
 
 @lanewise

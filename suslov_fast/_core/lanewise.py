@@ -1,14 +1,13 @@
 """Formulas without branches, of numbers or of vectors of them, compiled by being called.
 
-A formula made `lanewise` is called, once, on stand-ins for its arguments where it is used. What it
-calls needs no mark. Its conditions are those of `select`, its largest and smallest numbers those of
-`larger` and `smaller`; loops over what is known beforehand are written out. Interpreted, vectors
-are NumPy arrays.
+Staged parts call a formula once, on stand-ins for its arguments, and it needs no mark for that. Its
+conditions are those of `select`, its largest and smallest numbers those of `larger` and `smaller`;
+loops over what is known beforehand are written out. Interpreted, vectors are NumPy arrays.
 """
 
 import numpy as np
 
-from .stand_ins import DOUBLE, INTEGER, Emitted, compiled_by
+from .stand_ins import DOUBLE, INTEGER, Emitted
 from .stand_ins import VECTOR as VECTOR
 
 
@@ -71,14 +70,5 @@ def number_of_bits(bits):
 
 
 def lanewise(function):
-    """Compile a formula without branches by calling it, as the head of this file says.
-
-    It takes and returns numbers, conditions, and vectors of them; and reads and writes vectors of
-    flat arrays. Integers are those that place them.
-    """
-    compiled_by(function, lambda builder, *arguments: function(*arguments))
+    """Mark a formula of numbers and vectors, for those who read it."""
     return function
-
-
-for _each in (select, larger, smaller, any_lane, two_product):
-    lanewise(_each)

@@ -16,36 +16,16 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, builtin_registry, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import lower_builtin
 
 # Doubles in the widest registers; the compiler splits them where registers are narrower.
 VECTOR = 8
-
-
-class Lanes(types.Type):
-    """VECTOR values of one type."""
-
-    def __init__(self, element):
-        super().__init__(f"lanes({element})")
-
-
-DOUBLES, CONDITIONS = Lanes(types.float64), Lanes(types.boolean)
 DOUBLE, INTEGER, CONDITION = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-IN_LLVM = {
-    DOUBLES: ir.VectorType(DOUBLE, VECTOR),
-    CONDITIONS: ir.VectorType(CONDITION, VECTOR),
-}
-_OF_NUMBERS = {types.float64: DOUBLE, types.intp: INTEGER, types.boolean: CONDITION}
-_NUMBA = {kind: of for of, kind in (IN_LLVM | _OF_NUMBERS).items()}
 _KINDS = {np.int64: INTEGER, np.float64: DOUBLE}
-# What arrays hold.
+# What Numba gives and takes: numbers, and what arrays hold.
+_NUMBERS = {types.float64: DOUBLE, types.intp: INTEGER, types.boolean: CONDITION}
+_OF_LLVM = {kind: of for of, kind in _NUMBERS.items()}
 _ELEMENTS = {types.float64: DOUBLE, types.int64: INTEGER, types.int8: ir.IntType(8)}
-
-
-@register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager, lanes):
-        super().__init__(manager, lanes, IN_LLVM[lanes])
 
 
 def spread(builder, value, size=VECTOR):
@@ -487,20 +467,19 @@ EMITTERS = {}
 
 
 def emits(function):
-    """Compile calls of a function by the decorated one, which is given a builder too."""
+    """Compile calls of a function in staged parts by the decorated one, given a builder too."""
 
     def decorate(emit):
         EMITTERS[function] = emit
-        compiled_by(function, emit)
         return emit
 
     return decorate
 
 
-def compiled_by(function, emit, returns=lambda: True):
+def compiled_by(function, emit, returns):
     """Let Numba compile a call of a function by `emit(builder, *stand_ins)`, which returns others.
 
-    Arguments may be arrays, and tuples; results may be tuples.
+    Arguments are numbers, arrays, and tuples of them; results are numbers, and tuples of them.
 
     returns   tells whether there are any.
     """
@@ -540,11 +519,9 @@ def _returned(emit, accepts):
     tried = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), ()), "tried")
     builder = ir.IRBuilder(tried.append_basic_block())
     result = emit(builder, *(_on_trial(builder, kind) for kind in accepts))
-    if result is None:
-        return types.void
     if not isinstance(result, tuple):
-        return _NUMBA[emitted(builder, result).value.type]
-    return types.Tuple([_NUMBA[emitted(builder, each).value.type] for each in result])
+        return _OF_LLVM[emitted(builder, result).value.type]
+    return types.Tuple([_OF_LLVM[emitted(builder, each).value.type] for each in result])
 
 
 def _accepted(kind):
@@ -554,7 +531,7 @@ def _accepted(kind):
     if isinstance(kind, types.BaseTuple):
         # Numba would not convert what is in it.
         return kind if all(_accepted(each) == types.unliteral(each) for each in kind) else None
-    if isinstance(kind, Lanes) or kind == types.none:
+    if kind == types.none:
         return kind
     if isinstance(kind, types.Boolean):
         return types.boolean
@@ -582,4 +559,4 @@ def _on_trial(builder, kind):
         return tuple(_on_trial(builder, each) for each in kind)
     if kind == types.none:
         return None
-    return Emitted(builder, builder.load(builder.alloca((IN_LLVM | _OF_NUMBERS)[kind])))
+    return Emitted(builder, builder.load(builder.alloca(_NUMBERS[kind])))

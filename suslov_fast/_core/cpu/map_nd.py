@@ -40,7 +40,7 @@ from ..formulas.nd_map import (
 )
 from ..formulas.rotation import mean
 from ..jit import Loop
-from ..lanewise import any_lane, lanewise, larger, select, smaller
+from ..lanewise import any_lane, larger, select, smaller
 from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what `vector` defines)
 from .elimination import eliminate, of_vectors
@@ -258,12 +258,10 @@ def write(tile, chosen, begin, end, m, flat, target):
                 flat[row + i] = tile[k * m + i]
 
 
-@lanewise
 def largest_yet(cells, place, largest):
     return larger(abs(vector_at(cells, place)), largest)
 
 
-@lanewise
 def find_unit(sums, place, largest):
     """Keep its logarithm; returns its inverse."""
     number = unit_of(largest, 0.0)
@@ -271,7 +269,6 @@ def find_unit(sums, place, largest):
     return 1.0 / two_to_the(number)
 
 
-@lanewise
 def multiply(cells, place, factor):
     store_at(cells, place, vector_at(cells, place) * factor)
 
@@ -290,7 +287,6 @@ def enter(values, chosen, block, which):
             multiply(cells, c + which, inverse)
 
 
-@lanewise
 def settle_units(sums, s):
     """eps in the units of a lane, and that of omega; whether the trajectory goes on."""
     of_J, of_I, of_omega, eps, ended, rests = rows_at(
@@ -304,7 +300,6 @@ def settle_units(sums, s):
     return goes_on
 
 
-@lanewise
 def settle_component(cells, c, goes_on, smallest, coupling, p, square):
     J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
     omega = select(goes_on, omega, 0.0)
@@ -312,7 +307,6 @@ def settle_component(cells, c, goes_on, smallest, coupling, p, square):
     return smaller(J, smallest), coupling + I * I, p + I * omega, square + omega * omega
 
 
-@lanewise
 def settle_bounds(sums, s, smallest, coupling, p, square):
     eps, unit = rows_at(sums, s, EPS, UNIT)
     longest, largest = SMALL * smallest / eps, LARGEST / unit
@@ -334,7 +328,6 @@ def settle(cells, sums, first, last, s):
     settle_bounds(sums, s, smallest, coupling, p, square)
 
 
-@lanewise
 def look_through(cells, c, coupled, undefined):
     """Whether I is not 0, and whether some component is no number."""
     I, omega = rows_at(cells, c, I_, OMEGA)
@@ -379,7 +372,6 @@ def start_block(bodies, omega, span, kept, block, is_first):
     return some_rest
 
 
-@lanewise
 def find_half(sums, s):
     """eps p / 2"""
     eps, p = rows_at(sums, s, EPS, P)
@@ -388,7 +380,6 @@ def find_half(sums, s):
     return half
 
 
-@lanewise
 def row_of_matrix(cells, c, eps, half):
     """What row i of A is made of: its diagonal, two columns, and the right side."""
     J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
@@ -396,7 +387,6 @@ def row_of_matrix(cells, c, eps, half):
     return entry(1.0 - half / J, of_omega, of_I, I, omega), of_omega, of_I, omega
 
 
-@lanewise
 def entry_of_matrix(cells, c, of_omega, of_I):
     I, omega = rows_at(cells, c, I_, OMEGA)
     return entry(0.0, of_omega, of_I, I, omega)
@@ -415,13 +405,11 @@ def solve(cells, sums, first, m, s, matrix):
     eliminate(matrix, m)
 
 
-@lanewise
 def take_component(cells, c, omega, p, square):
     store_at(cells, c + OMEGA, omega)
     return p + vector_at(cells, c + I_) * omega, square + omega * omega
 
 
-@lanewise
 def take_norms(sums, s, p, square):
     """p and |omega|**2 of each lane; whether units serve."""
     store_at(sums, s + P, p)
@@ -444,14 +432,12 @@ def step_by_elimination(cells, sums, first, m, s, matrix):
     return all_lanes(take_norms(sums, s, p, square))
 
 
-@lanewise
 def begin_sums(sums, s):
     """eps p / 2, and whether the step is small."""
     square, bound = rows_at(sums, s, SQUARE, SMALL_STEPS)
     return find_half(sums, s), square < bound
 
 
-@lanewise
 def sum_up(cells, c, half, alpha, beta, gamma, accurate):
     """The sums of the O(n) step, with 1/d as work."""
     J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
@@ -463,14 +449,12 @@ def sum_up(cells, c, half, alpha, beta, gamma, accurate):
     return alpha + of_alpha, beta + of_beta, gamma + of_gamma, accurate
 
 
-@lanewise
 def keep_sums(sums, s, alpha, beta, gamma, accurate):
     least = select(accurate, FAR * FAR, np.inf)
     for row, value in ((ALPHA, alpha), (BETA, beta), (GAMMA, gamma), (LEAST, least)):
         store_at(sums, s + row, value)
 
 
-@lanewise
 def find_unknowns(sums, s):
     """The two unknowns of the O(n) step, after `keep_sums`; whether it is accurate."""
     eps, p, square, *of_components = rows_at(sums, s, EPS, P, SQUARE, ALPHA, BETA, GAMMA)
@@ -487,7 +471,6 @@ def next_component(cells, c, of_omega, of_I):
     return omega + increment(I, omega, of_omega, of_I, r)
 
 
-@lanewise
 def step_component(cells, c, of_omega, of_I, p, square):
     return take_component(cells, c, next_component(cells, c, of_omega, of_I), p, square)
 
@@ -502,7 +485,6 @@ def step(cells, sums, first, last, s):
     return all_lanes(take_norms(sums, s, p, square))
 
 
-@lanewise
 def find_small(cells, c, half, number, k, smallest, second, J_k, I_k, omega_k):
     """The component of the smallest |d_i| / J_i so far, what it is, and the second smallest."""
     J, I, omega = rows_at(cells, c, J_, I_, OMEGA)
@@ -518,7 +500,6 @@ def find_small(cells, c, half, number, k, smallest, second, J_k, I_k, omega_k):
     )
 
 
-@lanewise
 def sum_others(cells, c, number, k, alpha, beta, gamma):
     """The sums without component k."""
     I, omega, r = rows_at(cells, c, I_, OMEGA, WORK)
@@ -526,7 +507,6 @@ def sum_others(cells, c, number, k, alpha, beta, gamma):
     return tuple(select(number == k, total, total + each) for total, each in sums)
 
 
-@lanewise
 def find_three_unknowns(sums, s, k, second, J_k, I_k, omega_k, alpha, beta, gamma):
     """The increment of component k, whose d is small, as an unknown, in lanes that need it.
 
@@ -549,7 +529,6 @@ def find_three_unknowns(sums, s, k, second, J_k, I_k, omega_k, alpha, beta, gamm
     return select(taken, k, -1.0), delta_k, any_lane(left > 0.0)
 
 
-@lanewise
 def find_next(cells, c, number, k, of_omega, of_I, delta_k):
     """The next component, as work."""
     omega = next_component(cells, c, of_omega, of_I)
@@ -557,12 +536,10 @@ def find_next(cells, c, number, k, of_omega, of_I, delta_k):
     store_at(cells, c + WORK, omega)
 
 
-@lanewise
 def take_next(cells, c, p, square):
     return take_component(cells, c, vector_at(cells, c + WORK), p, square)
 
 
-@lanewise
 def replace_next(cells, c, sums, s, omega):
     """Take what elimination gives where the O(n) step is not accurate."""
     accurate, others = vector_at(sums, s + ACCURATE), vector_at(cells, c + WORK)
@@ -607,7 +584,6 @@ def step_with_care(cells, sums, first, last, s, matrix):
     return some_left
 
 
-@lanewise
 def end_inaccurate(sums, s):
     """End the lanes that are not ACCURATE."""
     accurate, ended = rows_at(sums, s, ACCURATE, ENDED)
@@ -666,7 +642,6 @@ def advance_by_elimination(block, n, stop, matrix):
     return n, serve
 
 
-@lanewise
 def is_accurate(sums, s):
     return vector_at(sums, s + ACCURATE) > 0.0
 
@@ -686,12 +661,10 @@ def advance_with_care(span, kept, block, n, matrix):
             settle(cells, sums, first, last, s)
 
 
-@lanewise
 def units_serve(sums, s):
     return serving(sums, s)
 
 
-@lanewise
 def examine(cells, c, unit, infinite, undefined, largest):
     """Whether users see a number that is not finite, and whether it is NaN; and how large all are.
 
@@ -703,7 +676,6 @@ def examine(cells, c, unit, infinite, undefined, largest):
     return infinite, undefined, larger(abs(omega), largest)
 
 
-@lanewise
 def end_and_renew(sums, s, infinite, undefined, largest):
     """End the lanes whose state is not finite in the unit of the user; find new units.
 
@@ -723,7 +695,6 @@ def end_and_renew(sums, s, infinite, undefined, largest):
     return before - after
 
 
-@lanewise
 def take_unit(cells, c, k):
     store_at(cells, c + OMEGA, scaled(vector_at(cells, c + OMEGA), k))
 

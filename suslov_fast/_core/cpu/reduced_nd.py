@@ -14,7 +14,7 @@ from ..formulas.coordinates import sum_of_products
 from ..formulas.elementary import exponent, scaled, within
 from ..formulas.reduction import as_product, orthogonal, state_nd, sum_in_two
 from ..jit import Loop
-from ..lanewise import lanewise, larger, select
+from ..lanewise import larger, select
 from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .equal_steps import GROUP, fill_parts
@@ -84,7 +84,6 @@ def rows_at(room, r, size):
     return (vector_at(room, r + k * size) for k in range(3))
 
 
-@lanewise
 def look_through(room, r, size, number, k, I_k, omega_k, largest, undefined):
     """The largest component of I so far, with that of omega; and of omega, NaN if one is."""
     omega, I, _ = rows_at(room, r, size)
@@ -95,14 +94,12 @@ def look_through(room, r, size, number, k, I_k, omega_k, largest, undefined):
     return k, I_k, omega_k, largest, undefined
 
 
-@lanewise
 def find_units(eps, largest):
     """The exponent of the unit of omega, and the step size in that of time."""
     own = select(largest > 0.0, exponent(largest), 0.0)
     return own, scaled(eps, within(own, 1000.0))
 
 
-@lanewise
 def is_in_range(own, step, largest, of_k, of_others):
     """Whether numbers are in a range that is taken here: 1, or 0."""
     apart = abs(exponent(of_k) - exponent(of_others))
@@ -110,7 +107,6 @@ def is_in_range(own, step, largest, of_k, of_others):
     return select(in_range & (exponent(step) <= LONGEST), 1.0, 0.0)
 
 
-@lanewise
 def take_differences(room, r, size, own, I_k, omega_k, p, p_lost, square, of_differences, coupled):
     """I_k omega_i - I_i omega_k, accurate next to the steady states, where all of them vanish."""
     omega, I, _ = rows_at(room, r, size)
@@ -122,7 +118,6 @@ def take_differences(room, r, size, own, I_k, omega_k, p, p_lost, square, of_dif
     return p, p_lost, square + I * I, of_differences + I * difference, coupled
 
 
-@lanewise
 def take_orthogonal(room, r, size, I_k, square, of_differences, largest, undefined):
     """The part of omega orthogonal to I, and its largest component, NaN if one is."""
     _, I, across = rows_at(room, r, size)
@@ -132,14 +127,12 @@ def take_orthogonal(room, r, size, I_k, square, of_differences, largest, undefin
     return larger(abs(across), largest), undefined
 
 
-@lanewise
 def take_unit(room, place, largest, length):
     across = scaled(vector_at(room, place), -exponent(largest))
     store_at(room, place, across)
     return length + across * across
 
 
-@lanewise
 def split(p, p_lost, coupled, own, step, omega_k, I_k, largest, length, square):
     """I23 and the state of the 3D body; the factors of I and of across; where nothing moves: 1."""
     alone = coupled == 0.0
@@ -160,7 +153,6 @@ def split(p, p_lost, coupled, own, step, omega_k, I_k, largest, length, square):
     )
 
 
-@lanewise
 def take_parts(room, r, size, own, square, I23, length, norm, rests):
     """Along and across; a state that does not move is along as itself."""
     omega, I, across = rows_at(room, r, size)
@@ -320,7 +312,6 @@ def take_coefficients(along, across, first, width, coefficients):
             coefficients[place + other] = across[b, i] if i < m else 0.0
 
 
-@lanewise
 def expand_vector(omega1, omega2, coefficients, c, row, place):
     along, across = vector_at(coefficients, c), vector_at(coefficients, c + VECTOR)
     store_at(row, place, state_nd(along, across, omega1, omega2))

@@ -22,7 +22,7 @@ log r is held as a sum of two numbers: n log r is large where an orbit comes fro
 
 import numpy as np
 
-from ..lanewise import lanewise, larger, select, smaller, two_product
+from ..lanewise import larger, select, smaller, two_product
 from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import sum_of_ordered, two_sum
 from .elementary import (
@@ -49,7 +49,6 @@ FAR_OUT = 1.5
 LONG_TIME = 2.0**900
 
 
-@lanewise
 def quotient(v, v_lost, w, w_lost):
     """(v + v_lost) / (w + w_lost), and what rounding lost."""
     q = v / w
@@ -57,7 +56,6 @@ def quotient(v, v_lost, w, w_lost):
     return q, (((v - back) - back_lost) + (v_lost - q * w_lost)) / w
 
 
-@lanewise
 def level_in_two(size, correction, Y, lost, least):
     """T or K, of which size is a rounded value, and size - |Y| is nearly `correction`.
 
@@ -68,7 +66,6 @@ def level_in_two(size, correction, Y, lost, least):
     return sum_of_ordered(select(small, abs(Y), size), select(small, more, 0.0))
 
 
-@lanewise
 def ratio_of_map(X, Y, lost):
     """T and r of an orbit."""
     T = level(X, Y)
@@ -79,7 +76,6 @@ def ratio_of_map(X, Y, lost):
     return T, above / (below * below + 0.5 * (X * below) * (X * below))
 
 
-@lanewise
 def level_of_map(X, Y, lost, T, r):
     """T as a sum of two numbers, from T, where that makes any difference."""
     XT = X * (1.0 + T)
@@ -87,7 +83,6 @@ def level_of_map(X, Y, lost, T, r):
     return level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
 
 
-@lanewise
 def logarithm_of_ratio(T, T_lost, r):
     """log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
     k = halvings(abs(r))
@@ -113,7 +108,6 @@ def logarithm_of_ratio(T, T_lost, r):
     return select(some, high, NO_POWER), select(some, lost - (high - total), 0.0)
 
 
-@lanewise
 def level_of_flow(X, Y, lost):
     """K as a sum of two numbers, X and Y being of the order of 1."""
     size = abs(X) + abs(Y)
@@ -122,7 +116,6 @@ def level_of_flow(X, Y, lost):
     return level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
 
 
-@lanewise
 def first_of_sequence(X, Y, T, one, lag):
     """v and k, where w_lag = v 2**k, and the lag itself, 0 or the one given.
 
@@ -138,21 +131,18 @@ def first_of_sequence(X, Y, T, one, lag):
     return v * two_to_the(-own), select(negative, k, -k) + own, select(negative, 0.0, lag)
 
 
-@lanewise
 def logarithm_of_power(power, log_r, log_lost):
     """power log |r|, as a sum of two numbers."""
     x, lost = two_product(power, log_r)
     return x, lost + power * log_lost
 
 
-@lanewise
 def power_of_logarithm(x, lost):
     """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, x <= 0."""
     endless = x < NO_POWER
     return exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
 
 
-@lanewise
 def sign_of_power(power, r):
     """The sign of r**power; NaN where there is no such number: between two states of t >= 1."""
     even = is_integer(0.5 * abs(power)) | (r >= 0.0)
@@ -160,7 +150,6 @@ def sign_of_power(power, r):
     return select(exists, select(even, 1.0, -1.0), np.nan)
 
 
-@lanewise
 def growth(n, lag, r, log_r, log_lost, v, k):
     """f and k for which w_n = f 2**k."""
     p, halved = power_of_logarithm(*logarithm_of_power(n - lag, log_r, log_lost))
@@ -168,14 +157,12 @@ def growth(n, lag, r, log_r, log_lost, v, k):
     return v + v * p, k + halved
 
 
-@lanewise
 def square(w):
     """w**2 beside a square of 1, where what is subnormal is slow and does not count."""
     w = select(abs(w) > 1e-100, w, 0.0)
     return w * w
 
 
-@lanewise
 def orbit_point(f, k, kappa):
     """A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
@@ -189,7 +176,6 @@ def orbit_point(f, k, kappa):
     return u * v * inverse, (second - first) * inverse
 
 
-@lanewise
 def far_point(n, r, log_r, log_lost, g, h):
     """A and B by the second form of the two, where g = X_0 (1 + T) / (2 T)."""
     p, k = power_of_logarithm(*logarithm_of_power(n, log_r, log_lost))
@@ -204,7 +190,6 @@ def far_point(n, r, log_r, log_lost, g, h):
     return g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
 
 
-@lanewise
 def near_state(half, kappa, a1, b1, a2, b2):
     """The angular velocity at a w neither so large that its square overflows, nor next to a pole.
 
@@ -215,20 +200,17 @@ def near_state(half, kappa, a1, b1, a2, b2):
     return b1 + (a1 * half - b1) * twice_inverse, b2 + (a2 * half - b2) * twice_inverse
 
 
-@lanewise
 def combined(a1, b1, a2, b2, A, B):
     """The angular velocity, of which A and B are the parts."""
     return a1 * A + b1 * B, a2 * A + b2 * B
 
 
-@lanewise
 def spread_of_body(I1, I2):
     """How much larger a state of an orbit may be than another."""
     of1, of2 = np.sqrt(I1), np.sqrt(I2)
     return larger(of1, of2) / smaller(of1, of2)
 
 
-@lanewise
 def out_of_range(X, largest):
     """Whether X**2 is beyond float64, or states of the orbit, up to `largest`, may be.
 

@@ -4,7 +4,7 @@ To a few ulps where the closed form needs them. Integers are held as floats wher
 with floats.
 """
 
-from ..lanewise import bits_of, lanewise, larger, number_of_bits, select, smaller
+from ..lanewise import bits_of, larger, number_of_bits, select, smaller
 
 LOG2_E = 1.4426950408889634
 # log 2 as two numbers, the first of so few bits that its products with integers are exact.
@@ -15,39 +15,33 @@ BITS_OF_TO_INTEGER = 0x4338000000000000
 BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
 
 
-@lanewise
 def is_integer(v):
     """Whether a number v >= 0 is one; `floor` would be a call."""
     return (v >= 2.0**52) | ((v + 2.0**52) - 2.0**52 == v)
 
 
-@lanewise
 def two_to_the(k):
     """2**k for an integer k from -1022 to 1023."""
     return number_of_bits(bits_of(k + (TO_INTEGER + 1023.0)) << 52)
 
 
-@lanewise
 def scaled(v, k):
     """v 2**k for an integer k from -2044 to 2046, exact where the result is a normal number."""
     half = (0.5 * k + TO_INTEGER) - TO_INTEGER
     return v * two_to_the(half) * two_to_the(k - half)
 
 
-@lanewise
 def within(v, bound):
     """The number next to v that is no larger than a bound."""
     return larger(smaller(v, bound), -bound)
 
 
-@lanewise
 def exponent(v):
     """The k from -1022 to 1022 for which 2**k <= |v| < 2**(k + 1), as near as there is one."""
     k = number_of_bits((bits_of(abs(v)) >> 52) + BITS_OF_TO_INTEGER) - TO_INTEGER
     return within(k - 1023.0, 1022.0)
 
 
-@lanewise
 def exponential(x, lost):
     """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, |x| <= 1e6."""
     k = (x * LOG2_E + TO_INTEGER) - TO_INTEGER
@@ -64,14 +58,12 @@ def exponential(x, lost):
     return (low + z4 * (middle + z4 * high)) * z2 + z, k
 
 
-@lanewise
 def halvings(value):
     """The integer k for which value / 2**k lies between sqrt(1/2) and sqrt(2), value > 0."""
     k = (bits_of(value) - BITS_OF_ROOT_HALF) >> 52
     return number_of_bits(k + BITS_OF_TO_INTEGER) - TO_INTEGER
 
 
-@lanewise
 def logarithm_beyond(s):
     """log((1 + s) / (1 - s)) - 2 s, |s| < 0.172."""
     q = s * s
@@ -83,7 +75,6 @@ def logarithm_beyond(s):
     return 2.0 * (s * (q * (low + q4 * (middle + q4 * high))))
 
 
-@lanewise
 def logarithm(value, distance):
     """log(value) for 0 < value <= 1, where distance = 1 - value has digits that value lacks."""
     k = halvings(value)

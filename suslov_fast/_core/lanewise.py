@@ -67,8 +67,3 @@ def bits_of(v):
 def number_of_bits(bits):
     """The reverse of `bits_of`."""
     return bits.cast(DOUBLE) if isinstance(bits, Emitted) else np.int64(bits).view(np.float64)
-
-
-def lanewise(function):
-    """Mark a formula of numbers and vectors, for those who read it."""
-    return function

@@ -13,8 +13,8 @@ from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import closed_form, reduced_nd
-from .._core.cpu.equal_steps import GROUP
 from .._core.cpu.orbits import WIDTH
+from .._core.cpu.seeds import GROUP
 from .._core.cpu.vector import VECTOR, aligned
 from . import closed_form as closed
 from . import iterate_3d, iterate_nd, threads

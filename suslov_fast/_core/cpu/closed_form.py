@@ -16,7 +16,6 @@ import numpy as np
 from numba import prange
 
 from ..jit import Loop
-from ..lanewise import lanewise
 from ..staged import staged
 from .blocks import scatter_pairs, tasks_for
 from .orbits import (
@@ -186,7 +185,6 @@ def _fill(flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing):
         fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out, missing)
 
 
-@lanewise
 def nowhere_unless_safe(orbit, work, l):
     """Orbits that may meet a pole get no state."""
     safe = lanes_at(orbit, CODE + l) >= 0.0

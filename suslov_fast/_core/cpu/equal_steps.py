@@ -13,7 +13,7 @@ from numba import prange
 
 from ..formulas.closed_form import near_state
 from ..jit import Loop
-from ..lanewise import any_lane, lanewise, select
+from ..lanewise import any_lane, select
 from ..staged import apart, staged
 from .closed_form import FEW_STATES
 from .orbits import (
@@ -113,14 +113,12 @@ def kinds_of_rows(n, tables, seeds, width, abreast, among):
     return slow, begins, all_begin
 
 
-@lanewise
 def not_subnormal(u, kappa):
     """w, and k, or 0 in their place: whatever is so small that it does not count."""
     u = not_negligible(u)
     return u, select(abs(u) > NO_SQUARE, kappa, 0.0 * kappa)
 
 
-@lanewise
 def enter_eighth(orbit, tables, seeds, c, l):
     """What row 8 c after a seed has of lanes l, l + 1, ..., into HALF_U and KAPPA_U."""
     u = vector_at(seeds, SEED + l) * vector_at(tables, TABLE_A + c * WIDTH + l)
@@ -129,7 +127,6 @@ def enter_eighth(orbit, tables, seeds, c, l):
     store_at(tables, KAPPA_U + l, 4.0 * kappa)
 
 
-@lanewise
 def state_across(orbit, tables, b, l):
     """The states b rows later."""
     half = vector_at(tables, HALF_U + l) * vector_at(tables, TABLE_B + b * WIDTH + l)
@@ -158,7 +155,6 @@ def rows_across(straight, orbit, tables, seeds, a, stop, some, tile, place, stri
                     store_pairs(tile, target + 2 * l, omega1, omega2)
 
 
-@lanewise
 def enter_along(orbit, tables, seeds, along, l, lane, held):
     """The w / 2 and 4 k of the eighths of a group of rows, into HALF_U and KAPPA_U from 8 on.
 

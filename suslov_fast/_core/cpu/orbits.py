@@ -29,7 +29,7 @@ from ..formulas.closed_form import (
 )
 from ..formulas.coordinates import at_rest, canonical_body, canonical_state, from_canonical
 from ..formulas.elementary import exponent, two_to_the, within
-from ..lanewise import any_lane, lanewise, larger, select, smaller
+from ..lanewise import any_lane, larger, select, smaller
 from ..staged import staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
 from .blocks import gather_pairs, spread
@@ -70,7 +70,6 @@ def store_lanes(array, index, lanes):
     array[index:][:ABREAST] = lanes
 
 
-@lanewise
 def enter_body(given, body, l):
     """What depends on the bodies and the step sizes of lanes l, l + 1, ... alone."""
     I1, I2, I13, I23, eps = (lanes_at(given, row + l) for row in range(0, GIVEN1, WIDTH))
@@ -124,7 +123,6 @@ def enter_block(bodies, states, first, width, anew, given, body):
 def _entering(flow):
     """All that is known of some orbits before any time is."""
 
-    @lanewise
     def enter_orbit(back, given, body, orbit, l, b):
         """Of lanes l, l + 1, ..., whose bodies are in lanes b, b + 1, ...
 
@@ -223,7 +221,6 @@ def enter_orbits(flow, back, given, body, orbit, lanes, step):
         enter_orbit(flow, back, given, body, orbit, l, step * l)
 
 
-@lanewise
 def after(n, orbit, l):
     """The w after |n| steps, or after that time, as f 2**k."""
     steps = abs(n) * lanes_at(orbit, UNIT1 + l) * lanes_at(orbit, UNIT2 + l)
@@ -231,7 +228,6 @@ def after(n, orbit, l):
     return growth(smaller(steps, LONG_TIME), lag, r, log_r, lost, v, k)
 
 
-@lanewise
 def put_state(A, B, orbit, work, l):
     """Put what A and B make into `work`; whether a state is NaN without a reason before time 0."""
     a1, b1, a2, b2 = (lanes_at(orbit, row + l) for row in (A1, B1, A2, B2))
@@ -242,7 +238,6 @@ def put_state(A, B, orbit, work, l):
     return any_lane((omega1 + omega2 != omega1 + omega2) & known)
 
 
-@lanewise
 def state_at(orbit, work, l):
     """The states of lanes l, l + 1, ... at their times; whether any needs another form."""
     f, k = after(lanes_at(work, N + l), orbit, l)
@@ -250,7 +245,6 @@ def state_at(orbit, work, l):
     return put_state(A, B, orbit, work, l), any_lane(lanes_at(orbit, FAR + l) != 0.0)
 
 
-@lanewise
 def far_state_at(orbit, work, l):
     """The same for those of them that are far out."""
     n = lanes_at(work, N + l)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..formulas.closed_form import logarithm_of_power, power_of_logarithm, sign_of_power
 from ..formulas.elementary import scaled, two_to_the
-from ..lanewise import lanewise, larger, select, smaller
+from ..lanewise import larger, select, smaller
 from ..staged import apart, staged
 from .blocks import spread as spread_numbers
 from .orbits import (
@@ -71,13 +71,11 @@ LARGEST = 1e307
 NEGLIGIBLE = 2.0**-960
 
 
-@lanewise
 def not_negligible(v):
     """v, or 0 in the place of what would soon be subnormal."""
     return select(abs(v) > NEGLIGIBLE, v, 0.0 * v)
 
 
-@lanewise
 def enter_run(every, whole, orbit, tables, l):
     """The powers of r between seeds, and which orbits have no state between others."""
     r, log_r, lost = (lanes_at(orbit, row + l) for row in (R, LOG, LOG_LOST))
@@ -98,7 +96,6 @@ def enter_run(every, whole, orbit, tables, l):
     store_lanes(tables, APART + l, select(usual, 0.0, 1.0))
 
 
-@lanewise
 def enter_seed(orbit, work, tables, seeds, l):
     """The w at the numbers in row N; and which must be taken row by row."""
     n, start = lanes_at(work, N + l), lanes_at(tables, START + l)

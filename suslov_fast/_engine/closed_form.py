@@ -51,7 +51,7 @@ def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
         return (((0, batch), (0, rows)),)
     abreast = max(SLICE // max(min(rows, _WORTH_ENTERING), 1), 1)
     width = alike(batch, abreast, WIDTH) if batch else 1
-    height = (SLICE // width // GROUP + 1) * equal_steps.GROUP
+    height = (SLICE // width // GROUP + 1) * GROUP
     return [
         ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
         for lane in range(0, batch, width)
@@ -146,7 +146,7 @@ def fill_run(
              used.
     """
     begin, end, origin, direction = rows
-    low = begin // GROUP * equal_steps.GROUP
+    low = begin // GROUP * GROUP
     for lanes, (upper, lower) in slices(len(states), end - low):
         top, bottom = max(low + upper, begin), low + lower
         _threads.run(

@@ -704,6 +704,15 @@ def test_slices(body, rng, monkeypatch):
     assert max(done) <= 5000 * loops.WORK
 
 
+@pytest.mark.parametrize("batch", [1, 3, 64, 10_000])
+def test_cuts_are_as_large_as_they_may_be(batch):
+    """Whoever has few trajectories has as many states in each call, for threads to share."""
+    rows = 3 * closed_form.SLICE // batch
+    cuts = closed_form.slices(batch, rows)
+    assert sum((b - a) * (d - c) for (a, b), (c, d) in cuts) == batch * rows
+    assert len(cuts) <= 6
+
+
 @pytest.mark.parametrize("shift", range(8))
 def test_a_single_orbit_past_the_caches(body, monkeypatch, shift):
     """Wherever its states lie to the cache lines, they are those of any batch."""

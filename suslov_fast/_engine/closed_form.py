@@ -51,7 +51,7 @@ def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
         return (((0, batch), (0, rows)),)
     abreast = max(SLICE // max(min(rows, _WORTH_ENTERING), 1), 1)
     width = alike(batch, abreast, WIDTH) if batch else 1
-    height = (SLICE // width // GROUP + 1) * GROUP
+    height = (SLICE // max(min(width, batch), 1) // GROUP + 1) * GROUP
     return [
         ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
         for lane in range(0, batch, width)

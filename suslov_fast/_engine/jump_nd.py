@@ -110,8 +110,11 @@ class _Reduced:
     def __init__(self, problem: Problem) -> None:
         size, m = problem.omega.shape
         self.problem = problem
-        self.given, state = np.empty((5, size)), np.empty((size, 2))
-        self.along, self.across = np.empty((size, m)), np.empty((size, m))
+        # One array: the system gives new memory for each large one, and takes it back.
+        numbers = np.empty((7 + 2 * m, size))
+        self.given, state = numbers[:5], numbers[5:7].reshape(size, 2)
+        self.along = numbers[7 : 7 + m].reshape(size, m)
+        self.across = numbers[7 + m :].reshape(size, m)
         self.fits = np.empty(size, np.bool_)
         threads.run(
             reduced_nd.reduce,
@@ -185,9 +188,8 @@ class _Reduced:
         """The saved states, where they are not beyond a pole."""
         problem = self.problem
         rows, size, m = problem.saved.shape
-        states = min(size * rows, reduced_nd.STATES)
-        length = reduced_nd.room_of(m) + 2 * (states + VECTOR)
-        room = _room(problem if size * rows > reduced_nd.STATES else None, length)
+        parallel = problem if size * rows > reduced_nd.STATES else None
+        room = _room(parallel, reduced_nd.room_to_fill(m))
         missing = closed.none_missing()
         for lanes, (begin, end) in _slices(size, rows, m):
             threads.run(

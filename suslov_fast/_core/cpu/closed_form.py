@@ -154,7 +154,7 @@ def fill_parts(task, flow, I1, I2, I13, I23, eps, omega, times, lanes_asked, out
     entered, sides, lanes, step = -1, 0, 0, 0
     for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
         block, begin = first_block + k // chunks, k % chunks * chunk
-        first, width = first_and_width(block, shift_of_blocks(line), batch)
+        first, width = first_and_width(block, WIDTH, shift_of_blocks(line), batch)
         if block != entered:
             bodies = I1, I2, I13, I23, eps
             lanes, step = enter_block(bodies, states, first, width, entered < 0, given, body)
@@ -202,7 +202,7 @@ def jump_blocks(task, n_tasks, I1, I2, I13, I23, eps, omega, n, final, status):
     n_blocks = (batch + WIDTH - 1) // WIDTH
     entered = -1
     for block in range(task * n_blocks // n_tasks, (task + 1) * n_blocks // n_tasks):
-        first, width = first_and_width(block, 0, batch)
+        first, width = first_and_width(block, WIDTH, 0, batch)
         bodies = I1, I2, I13, I23, eps
         lanes, step = enter_block(bodies, states, first, width, entered < 0, given, body)
         entered = block

@@ -288,7 +288,7 @@ def eight_apart(arrays, lanes, numbers, asked, tile_place, stride, flat, flat_pl
                 stride,
                 missing,
             )
-        if n < tables[START + one]:
+        if flat is not None and n < tables[START + one]:
             for b in range(asked[0], asked[1]):
                 if n + every * b < tables[START + one]:
                     for k in range(2):
@@ -309,7 +309,7 @@ def parts_of_run(omega, lanes_asked, rows, out):
 
 
 @staged
-def fill_block(arrays, lanes, run, part, rows, flat, batch, line, pieces, of_next, missing):
+def fill_block(arrays, lanes, run, part, rows, sink, pieces, of_next, missing):
     """Some rows of a block that is entered: `part`, from one on and below another.
 
     pieces    in how many the next block is entered, or 0.
@@ -317,12 +317,13 @@ def fill_block(arrays, lanes, run, part, rows, flat, batch, line, pieces, of_nex
     returns   how many of them were done.
     """
     given, orbit, spread, work, tables, tile, along = arrays
-    lane, width, abreast = lanes
+    (lane, width, abreast), (_, put, of_sink, straight) = lanes, sink
     (first, every), (top, bottom), (_, _, origin, direction) = run, part, rows
+    flat, batch, line = straight if straight is not None else (None, 0, 0)
     height = GROUP if width < VECTOR else max(TILE // (2 * width) // 8 * 8, 8)
-    large = flat.size >= BEYOND_CACHES
-    in_line = large and batch % (VECTOR // 2) == 0 and width % VECTOR == 0
-    in_line = in_line and (line - 2 * lane) % VECTOR == 0
+    large = straight is not None and flat.size >= BEYOND_CACHES
+    whole = large and batch % (VECTOR // 2) == 0 and width % VECTOR == 0
+    in_line = whole and (line - 2 * lane) % VECTOR == 0
     alone = large and batch == 1 and direction > 0 and line % 2 == 0
     step = 2 * direction * batch
     seeded, among, held, filled = -1, 0, 0, 0
@@ -370,10 +371,10 @@ def fill_block(arrays, lanes, run, part, rows, flat, batch, line, pieces, of_nex
             )
             row += 8 * (stop - a)
             continue
-        if held > 0:
+        if alone and held > 0:
             rest_of_one(orbit, tables, along, tile, flat, target, line, held)
             held = 0
-        if filled == 0 and width != batch and not in_line:
+        if straight is not None and filled == 0 and width != batch and not in_line:
             upper = max(row, top)
             some, place = min(height, bottom - upper), origin + direction * upper
             expect_rows(flat, place, direction, some, batch, lane, width)
@@ -414,11 +415,73 @@ def fill_block(arrays, lanes, run, part, rows, flat, batch, line, pieces, of_nex
             in_tile, in_out = upper - (row - filled), origin + upper
             if direction < 0:
                 in_tile, in_out = height - (lower - (row - filled)), origin - (lower - 1)
-            write_rows(tile, in_tile, lower - upper, width, flat, in_out, batch, lane, line)
+            put(of_sink, tile, in_tile, lower - upper, lane, width, in_out)
             filled = 0
-    if held > 0:
+    if alone and held > 0:
         rest_of_one(orbit, tables, along, tile, flat, 2 * (origin + row), line, held)
     return piece
+
+
+@staged
+def fill_blocks(parts, blocks, common, rows, status, sink, missing):
+    """Some parts of a run.
+
+    parts    the first, the one after the last, how many rows each has, and how many a block has.
+    blocks   the first, and what `first_and_width` takes after its number.
+    common   what `enter_piece` takes for all blocks.
+    sink     what is done with a block that is entered and with rows of a tile, what these two take
+             first, and, if rows may go straight to a result of three dimensions, the result, its
+             trajectories and `line`; else None.
+    missing  (2,)
+    """
+    room, run = on_stack(ROOM), common[5]
+    spread, work = room[SPREAD_AT:WORK_AT], room[WORK_AT:TILE_AT]
+    tile, along = room[TILE_AT:ALONG_AT], room[ALONG_AT:]
+    (begin, end, chunk, chunks), (first_block, lanes, shift, lanes_end) = parts, blocks
+    # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
+    groups = in_whole((rows[1] + GROUP - 1) // GROUP - rows[0] // GROUP)
+    first, last, piece = begin // chunks, (end - 1) // chunks, 0
+    for k in range(first, last + 1 if begin < end else first):
+        lane, width = first_and_width(first_block + k, lanes, shift, lanes_end)
+        abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
+        top = rows[0] // chunk + max(begin - k * chunks, 0)
+        bottom = rows[0] // chunk + min(end - k * chunks, chunks)
+        top, bottom = max(rows[0], top * chunk), min(rows[1], bottom * chunk)
+        block = room[k % 2 * BLOCK :]
+        for left in range(piece, pieces_of(width)):
+            enter_piece(left, k - first, common, lane, width, top, block, work)
+        given, _, orbit, tables = known_of(block)
+        if status.size > 0:
+            write_codes(orbit, lane, width, status)
+        if width < VECTOR:
+            make_lanes_of_seeds(orbit, tables, along, width, abreast)
+        sink[0](sink[2], lane, width)
+        next_lane, next_width = first_and_width(first_block + k + 1, lanes, shift, lanes_end)
+        next_block = room[(k + 1) % 2 * BLOCK :]
+        piece = fill_block(
+            (given, orbit, spread, work, tables, tile, along),
+            (lane, width, abreast),
+            run,
+            (top, bottom),
+            rows,
+            sink,
+            pieces_of(next_width) if k < last else 0,
+            (k - first + 1, common, next_lane, next_width, rows[0], next_block, work),
+            missing,
+        )
+    fence()
+
+
+@staged
+def enter_nothing(result, lane, width):
+    """Rows of three dimensions need nothing else of a block."""
+
+
+@staged
+def put_rows(result, tile, row, rows, lane, width, place):
+    """Rows of a tile from `row` on to those of a result from `place` on."""
+    flat, batch, line = result
+    write_rows(tile, row, rows, width, flat, place, batch, lane, line)
 
 
 @apart
@@ -441,48 +504,15 @@ def fill_parts(
     missing,
 ):
     """What one task of `fill_run` does."""
-    room, bodies = on_stack(ROOM), (I1, I2, I13, I23, eps)
-    spread, work = room[SPREAD_AT:WORK_AT], room[WORK_AT:TILE_AT]
-    tile, along = room[TILE_AT:ALONG_AT], room[ALONG_AT:]
     states, batch, line = omega.reshape(omega.size), omega.shape[0], to_cache_line(out, 0)
-    n_tasks, shift = missing.shape[0], shift_of_blocks(line)
     first_block, chunk, chunks, n_parts = parts_of_run(omega, lanes_asked, rows, out)
+    n_tasks = missing.shape[0]
     begin, end = task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks
-    # Few trajectories leave lanes to seeds, but not to more than there are groups of rows.
-    groups = in_whole((rows[1] + GROUP - 1) // GROUP - rows[0] // GROUP)
-    first, last, piece = begin // chunks, (end - 1) // chunks, 0
-    for k in range(first, last + 1 if begin < end else first):
-        lane, width = first_and_width(first_block + k, shift, batch)
-        abreast = min(WIDTH // width // VECTOR * VECTOR, groups) if width < VECTOR else 1
-        top = rows[0] // chunk + max(begin - k * chunks, 0)
-        bottom = rows[0] // chunk + min(end - k * chunks, chunks)
-        top, bottom = max(rows[0], top * chunk), min(rows[1], bottom * chunk)
-        block = room[k % 2 * BLOCK :]
-        common = flow, back, bodies, states, start, run
-        for left in range(piece, pieces_of(width)):
-            enter_piece(left, k - first, common, lane, width, top, block, work)
-        given, _, orbit, tables = known_of(block)
-        if status.size > 0:
-            write_codes(orbit, lane, width, status)
-        if width < VECTOR:
-            make_lanes_of_seeds(orbit, tables, along, width, abreast)
-        next_lane, next_width = first_and_width(first_block + k + 1, shift, batch)
-        next_block = room[(k + 1) % 2 * BLOCK :]
-        of_next = k - first + 1, common, next_lane, next_width, rows[0], next_block, work
-        piece = fill_block(
-            (given, orbit, spread, work, tables, tile, along),
-            (lane, width, abreast),
-            run,
-            (top, bottom),
-            rows,
-            out.reshape(out.size),
-            batch,
-            line,
-            pieces_of(next_width) if k < last else 0,
-            of_next,
-            missing[task],
-        )
-    fence()
+    parts, blocks = (begin, end, chunk, chunks), (first_block, WIDTH, shift_of_blocks(line), batch)
+    common = flow, back, (I1, I2, I13, I23, eps), states, start, run
+    result = out.reshape(out.size), batch, line
+    sink = enter_nothing, put_rows, result, result
+    fill_blocks(parts, blocks, common, rows, status, sink, missing[task])
 
 
 def _fill_run(

@@ -17,23 +17,26 @@ from ..jit import Loop
 from ..lanewise import larger, select
 from ..staged import apart, staged
 from . import intrinsics  # noqa: F401  (compiles what is imported from vector)
-from .equal_steps import GROUP, fill_parts
+from .equal_steps import fill_blocks
 from .orbits import WIDTH
+from .seeds import GROUP
 from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
     VECTOR,
     copy_transposed,
-    fence,
     shuffled,
     splat,
     store_at,
+    stream,
     to_cache_line,
     vector_at,
 )
 
-# States of three dimensions that are made at a time, which stay in the caches until they are read,
-# and numbers of a row of a block in n dimensions, if it has more lanes than a vector.
+# States that one part of a task takes, and numbers of a row of a block in n dimensions, if it has
+# more lanes than a vector.
 STATES, ROW = 2**15, 2**10
+# Where vectors of a group of few components begin.
+MULTIPLES = tuple(range(0, VECTOR * VECTOR, VECTOR))
 
 # The largest exponents of states, of step sizes and of J over J that are taken here: nothing comes
 # near the ends of float64 then, at poles neither.
@@ -281,15 +284,15 @@ def padded(m):
 
 
 @staged
-def length_of_row(m):
-    """The numbers of a row at most, and what its last vectors may reach beyond it."""
-    return max(lanes_of(m) * m, ROW) + VECTOR * VECTOR
+def beginning_of_row(m):
+    """The numbers that a task works in before a row: coefficients."""
+    return 2 * lanes_of(m) * padded(m)
 
 
 @staged
-def room_of(m):
-    """The numbers that a task works in, beside states: coefficients and a row."""
-    return 2 * lanes_of(m) * padded(m) + length_of_row(m)
+def room_to_fill(m):
+    """With a row at most, and what its last vectors may reach beyond it."""
+    return beginning_of_row(m) + max(lanes_of(m) * m, ROW) + VECTOR * VECTOR
 
 
 @staged
@@ -312,13 +315,24 @@ def take_coefficients(along, across, first, width, coefficients):
             coefficients[place + other] = across[b, i] if i < m else 0.0
 
 
-def expand_vector(omega1, omega2, coefficients, c, row, place):
-    along, across = vector_at(coefficients, c), vector_at(coefficients, c + VECTOR)
-    store_at(row, place, state_nd(along, across, omega1, omega2))
+def places_of_pairs(k, m):
+    """Of components k, k + 1, ... of VECTOR states: where the pairs are that they are made of."""
+    firsts = [2 * ((k + j) // m) for j in range(VECTOR)]
+    return firsts, [each + 1 for each in firsts]
 
 
 @staged
-def expand(states, begin, rows, width, m, coefficients, row):
+def put(into, place, vector):
+    """Write a vector to a row, or where it begins a cache line straight to the result."""
+    row, flat, target, straight = into
+    if straight:
+        stream(flat, target + place, vector)
+    else:
+        store_at(row, place, vector)
+
+
+@staged
+def expand(states, begin, rows, width, m, coefficients, into):
     """States of some rows, from those of 3D; what vectors of the last components have beyond them
     is written over.
     """
@@ -327,28 +341,18 @@ def expand(states, begin, rows, width, m, coefficients, row):
     for r in range(rows):
         omega = states[begin + 2 * r * width : begin + 2 * (r + 1) * width]
         for l in range(width):
-            omega1, omega2 = omega[2 * l], omega[2 * l + 1]
             for k in range(0, whole, 2 * VECTOR):
-                expand_vector(omega1, omega2, coefficients, apart * l + k, row, place + k // 2)
+                along = vector_at(coefficients, apart * l + k)
+                across = vector_at(coefficients, apart * l + k + VECTOR)
+                state = state_nd(along, across, omega[2 * l], omega[2 * l + 1])
+                put(into, place + k // 2, state)
             place += m
 
 
-def expand_group(m, states, begin, coefficients, c, other, row, place):
-    """VECTOR states of few components, from those of 3D; `other` of c is across, c along."""
-    pairs = vector_at(states, begin), vector_at(states, begin + VECTOR)
-    for k in range(m):
-        firsts = [2 * ((VECTOR * k + j) // m) for j in range(VECTOR)]
-        omega1 = shuffled(*pairs, firsts)
-        omega2 = shuffled(*pairs, [each + 1 for each in firsts])
-        along = vector_at(coefficients, c + k * VECTOR)
-        across = vector_at(coefficients, c + other + k * VECTOR)
-        store_at(row, place + k * VECTOR, state_nd(along, across, omega1, omega2))
-
-
 @staged
-def expand_few(states, begin, rows, width, m, coefficients, row):
+def expand_few(states, begin, rows, width, m, coefficients, into):
     """`expand` of fewer components than a vector has lanes, m being known beforehand; what a group
-    has beyond the last trajectory is written over.
+    of VECTOR trajectories has beyond the last one is written over.
     """
     other = (width + VECTOR - 1) // VECTOR * VECTOR * m
     apart = VECTOR * m if width > 1 else 0
@@ -356,8 +360,17 @@ def expand_few(states, begin, rows, width, m, coefficients, row):
         rows, width = 1, rows
     for r in range(rows):
         for l in range(0, width, VECTOR):
-            k, c, place = begin + 2 * (r * width + l), l // VECTOR * apart, (r * width + l) * m
-            expand_group(m, states, k, coefficients, c, other, row, place)
+            source, c = begin + 2 * (r * width + l), l // VECTOR * apart
+            pairs = vector_at(states, source), vector_at(states, source + VECTOR)
+            for k in MULTIPLES[:m]:
+                firsts, seconds = places_of_pairs(k, m)
+                along, across = (
+                    vector_at(coefficients, c + k),
+                    vector_at(coefficients, c + other + k),
+                )
+                omega1, omega2 = shuffled(*pairs, firsts), shuffled(*pairs, seconds)
+                place = (r * width + l) * m + k
+                put(into, place, state_nd(along, across, omega1, omega2))
 
 
 @staged
@@ -372,6 +385,35 @@ def parts_of_fill(m, batch, lanes_asked, rows):
     height = max(STATES // min(lanes, batch) // GROUP, 1) * GROUP
     chunks = (end + height - 1) // height - begin // height
     return lanes, height, chunks, (last - first + lanes - 1) // lanes * chunks
+
+
+@staged
+def enter_coefficients(result, first, width):
+    """What the block that follows has."""
+    along, across, coefficients, _, _, _ = result
+    take_coefficients(along, across, first, width, coefficients)
+
+
+@staged
+def put_expanded(result, tile, begin, rows, first, width, place):
+    """Rows of a tile of three dimensions from `begin` on to those of `out` from `place` on."""
+    along, _, coefficients, row, flat, line = result
+    (batch, m), past_caches = along.shape, flat.size >= BEYOND_CACHES
+    # Rows of all trajectories follow each other.
+    abreast = max(ROW // (width * m), 1) if width == batch else 1
+    for r in range(0, rows, abreast):
+        count, source = min(abreast, rows - r), 2 * width * (begin + r)
+        target, size = ((place + r) * batch + first) * m, count * width * m
+        whole = (width if m < VECTOR else m) % VECTOR == 0
+        straight = past_caches and whole and (line - target) % VECTOR == 0
+        into = row, flat, target, straight
+        for few in (1, 3, 4, 5, 6, 7):
+            if m == few:
+                expand_few(tile, source, count, width, few, coefficients, into)
+        if m >= VECTOR:
+            expand(tile, source, count, width, m, coefficients, into)
+        if not straight:
+            write_numbers(row, 0, flat, target, size, line, past_caches)
 
 
 @staged
@@ -392,49 +434,22 @@ def fill_rows(
     room,
 ):
     """What one task of `fill` does."""
-    (batch, m), (begin, end, origin), filled = along.shape, rows, -1
-    flat, own, line = out.reshape(out.size), room[task], to_cache_line(out, 0)
-    split_at = room_of(m) - length_of_row(m)
-    coefficients, row, states = own[:split_at], own[split_at:], own[room_of(m) :]
+    (batch, m), (begin, end, origin), own = along.shape, rows, room[task]
+    coefficients, row = own[: beginning_of_row(m)], own[beginning_of_row(m) :]
     lanes, height, chunks, n_parts = parts_of_fill(m, batch, lanes_asked, rows)
-    for k in range(task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks):
-        first = lanes_asked[0] + k // chunks * lanes
-        last = min(first + lanes, lanes_asked[1])
-        width, part = last - first, begin // height + k % chunks
-        top, bottom = max(part * height, begin), min((part + 1) * height, end)
-        fill_parts(
-            0,
-            False,
-            1.0,
-            three[0][first:last],
-            three[1][first:last],
-            three[2][first:last],
-            three[3][first:last],
-            three[4][first:last],
-            state[first:last],
-            start,
-            run,
-            (0, width),
-            (top, bottom, -top, 1),
-            states[: 2 * width * (bottom - top)].reshape((bottom - top, width, 2)),
-            status[first:last],
-            missing[task].reshape((1, 2)),
-        )
-        if first != filled:
-            take_coefficients(along, across, first, width, coefficients)
-            filled = first
-        # Rows of all trajectories follow each other.
-        abreast = max(ROW // (width * m), 1) if width == batch else 1
-        for r in range(0, bottom - top, abreast):
-            count = min(abreast, bottom - top - r)
-            for few in (1, 3, 4, 5, 6, 7):
-                if m == few:
-                    expand_few(states, 2 * width * r, count, width, few, coefficients, row)
-            if m >= VECTOR:
-                expand(states, 2 * width * r, count, width, m, coefficients, row)
-            target, size = ((top + r - origin) * batch + first) * m, count * width * m
-            write_numbers(row, 0, flat, target, size, line, flat.size >= BEYOND_CACHES)
-    fence()
+    parts = task * n_parts // n_tasks, (task + 1) * n_parts // n_tasks, height, chunks
+    bodies = three[0], three[1], three[2], three[3], three[4]
+    common = False, 1.0, bodies, state.reshape(state.size), start, run
+    result = along, across, coefficients, row, out.reshape(out.size), to_cache_line(out, 0)
+    fill_blocks(
+        parts,
+        (0, lanes, -lanes_asked[0], lanes_asked[1]),
+        common,
+        (begin, end, -origin, 1),
+        status,
+        (enter_coefficients, put_expanded, result, None),
+        missing[task],
+    )
 
 
 def _fill(three, state, along, across, start, run, lanes_asked, rows, out, status, missing, room):
@@ -446,8 +461,7 @@ def _fill(three, state, along, across, start, run, lanes_asked, rows, out, statu
     rows          begin, end, origin: row i goes to row i - origin of `out`, (rows, B, m).
     status        (B,), as in `equal_steps`.
     missing       (tasks, 2), counts what nobody reads.
-    room          (tasks, `room_of(m)` and two numbers for each state of a part and VECTOR more), on
-                  cache lines.
+    room          (tasks, `room_to_fill(m)`), on cache lines.
     """
     batch, m = along.shape
     _, _, _, n_parts = parts_of_fill(m, batch, lanes_asked, rows)

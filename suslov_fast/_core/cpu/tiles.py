@@ -80,10 +80,14 @@ def blocks_of(lanes, shift, batch):
 
 
 @staged
-def first_and_width(block, shift, batch):
-    """Blocks begin where cache lines do, if those of all rows lie alike."""
-    first = max(block * WIDTH - shift, 0)
-    return first, min((block + 1) * WIDTH - shift, batch) - first
+def first_and_width(block, lanes, shift, end):
+    """Where a block begins, and how many trajectories it has: `lanes`, but for the ends.
+
+    shift   what the first block lacks.
+    end     after the last trajectory.
+    """
+    first = max(block * lanes - shift, 0)
+    return first, min((block + 1) * lanes - shift, end) - first
 
 
 @staged

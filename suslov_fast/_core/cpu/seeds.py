@@ -40,7 +40,7 @@ from .orbits import (
     lanes_at,
     store_lanes,
 )
-from .vector import VECTOR
+from .vector import VECTOR, splat, store_at
 
 # Rows from one exact power of r on.
 GROUP = 64
@@ -139,6 +139,14 @@ def enter_seeds_along(first, every, group, orbit, work, tables, seeds, width, ab
 
 
 @staged
+def repeat(rows, k, l, abreast):
+    """Put what lane l of a row has into the lanes from `abreast` times l on."""
+    number = splat(rows[k + l])
+    for lane in range(abreast * l, abreast * (l + 1), VECTOR):
+        store_at(rows, k + lane, number)
+
+
+@staged
 def make_lanes_of_seeds(orbit, tables, along, width, abreast):
     """Spread few trajectories over the lanes of the seeds of groups of rows.
 
@@ -151,11 +159,10 @@ def make_lanes_of_seeds(orbit, tables, along, width, abreast):
         for j in range(VECTOR):
             along[VECTOR * l + j] = tables[TABLE_B + j * WIDTH + l]
             along[VECTOR * (VECTOR + l) + j] = tables[TABLE_A + j * WIDTH + l]
-        for lane in range(abreast * l, abreast * (l + 1)):
-            for k in range(0, ORBIT, WIDTH):
-                orbit[k + lane] = orbit[k + l]
-            for k in (START, APART):
-                tables[k + lane] = tables[k + l]
+        for k in range(0, ORBIT, WIDTH):
+            repeat(orbit, k, l, abreast)
+        for k in (START, APART):
+            repeat(tables, k, l, abreast)
     if width == 1:
         for j in range(VECTOR):
             along[VECTOR + j], along[NUMBERS + j] = along[j], j

@@ -849,12 +849,16 @@ def run_block(
 
 @staged
 def blocks_of(span, m, rooms):
-    """The trajectories of a block, how many blocks there are, and how many tasks."""
+    """The trajectories of a block, how many blocks there are, and how many tasks.
+
+    What a task has is cut into blocks alike: with one more than another it would be waited for.
+    """
     asked = Span(*span)
     count = asked.end - asked.begin
     groups = (count + VECTOR - 1) // VECTOR
-    share = (groups + rooms - 1) // rooms * VECTOR
-    size = min(block_size(m), max(share, SHARED))
+    share = max((groups + rooms - 1) // rooms, SHARED // VECTOR)
+    cuts = (share * VECTOR + block_size(m) - 1) // block_size(m)
+    size = (share + cuts - 1) // cuts * VECTOR
     blocks = (count + size - 1) // size
     return size, blocks, min(blocks, rooms)
 

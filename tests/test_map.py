@@ -2,12 +2,14 @@
 
 import mpmath
 import naive
+import numba
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
+from suslov_fast._core.cpu import map_3d, tiles
 
 METHODS = ("canonical", "ds2")
 PICTURES = [
@@ -421,3 +423,21 @@ def test_at_the_ends_of_float64(unit):
     tiny = sf.iterate(body, [5e-310, 3e-310], 1e308, 3).omega
     usual = sf.iterate(body, [5e-2, 3e-2], 1, 3).omega
     np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("batch", [9, 128, 300, 1001])
+@pytest.mark.parametrize("shift", [0, 2, 3])
+def test_memory_past_the_caches(body, rng, monkeypatch, method, batch, shift):
+    """Wherever rows begin, states are those of a batch that stays in the caches; no others move."""
+    monkeypatch.setattr(map_3d, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    rows = 5 if numba.config.DISABLE_JIT else tiles.BEYOND_CACHES // (2 * batch) + 2
+    room = np.full(2 * batch * rows + 16, np.pi)
+    out = room[8 + shift : 8 + shift + 2 * batch * rows].reshape(rows, batch, 2)
+    omega = rng.normal(size=(batch, 2))
+    sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
+    for some in np.array_split(np.arange(batch), 8):
+        few = sf.iterate(body, omega[some], 0.2, rows - 1, method=method)
+        assert (out[:, some] == few.omega).all()
+    assert (room[: 8 + shift] == np.pi).all()
+    assert (room[8 + shift + out.size :] == np.pi).all()

@@ -55,8 +55,10 @@ from .blocks import (
     take_units_out,
     tasks_for,
 )
+from .tiles import BEYOND_CACHES, write_numbers
 from .vector import (
     VECTOR,
+    expect_store,
     fence,
     load,
     on_stack,
@@ -72,8 +74,9 @@ FIRST, SECOND = range(2)
 SHIFT, BOUND, WILD, BEYOND = range(4)
 M11, M12, M21, M22, REST1, REST2, SCALE = range(7)
 
-# Saved states of so many numbers are written past the caches.
-BEYOND_CACHES = 2**21
+# How rows are written: past the caches, where all of them begin with cache lines; from a tile; or,
+# if they stay in the caches, straight to their place.
+PAST_CACHES, TILED, IN_CACHES = range(3)
 
 # omega is finite where |X| + |Z| is below this over the largest number of the frame: float64 ends
 # at 1.8e308, and omega is a sum of three products.
@@ -231,21 +234,47 @@ def vector_of_velocities(frame, g, X, Z):
 
 
 @staged
-def write(frame, state, shown, flat, index, width, past_caches):
+def put(into, index, g, omega1, omega2):
+    """Write a vector of a row that starts at `index`: straight to its place, or to a tile."""
+    flat, tile, way, _ = into
+    if way == PAST_CACHES:
+        stream_pairs(flat, index + 2 * VECTOR * g, omega1, omega2)
+    elif way == TILED:
+        store_pairs(tile, 2 * VECTOR * g, omega1, omega2)
+    else:
+        store_pairs(flat, index + 2 * VECTOR * g, omega1, omega2)
+
+
+@staged
+def end_row(into, index, stride, width):
+    """Write what lies in the tile to its row, whole cache lines past the caches.
+
+    The lines at its ends have others' numbers too: a store waits for them, so those of the next
+    row are fetched.
+    """
+    flat, tile, way, line = into
+    if way == TILED:
+        expect_store(flat, min(index + stride, flat.size - 1))
+        expect_store(flat, min(index + stride + 2 * width, flat.size) - 1)
+        write_numbers(tile, 0, flat, index, 2 * width, line, True)
+
+
+@staged
+def write(frame, state, shown, into, index, stride, width):
     """Write the angular velocities of a block side by side, pair by pair, from `index` on.
 
     frame, state, shown   with an axis of vectors of lanes.
+    into                  the numbers of the result, a tile, how rows are written, and how many of
+                          the numbers lie before the first cache line.
     """
-    for g in range(width // VECTOR):
+    flat, _, way, _ = into
+    whole = width // VECTOR
+    for g in range((width + VECTOR - 1) // VECTOR if way == TILED else whole):
         omega1, omega2 = vector_of_velocities(
             frame, g, load(state, FIRST, g), load(state, SECOND, g)
         )
-        if past_caches:
-            stream_pairs(flat, index + 2 * VECTOR * g, omega1, omega2)
-        else:
-            store_pairs(flat, index + 2 * VECTOR * g, omega1, omega2)
-    whole = width // VECTOR
-    if whole * VECTOR < width:
+        put(into, index, g, omega1, omega2)
+    if whole * VECTOR < width and way != TILED:
         omega1, omega2 = vector_of_velocities(
             frame, whole, load(state, FIRST, whole), load(state, SECOND, whole)
         )
@@ -254,24 +283,24 @@ def write(frame, state, shown, flat, index, width, past_caches):
         for l in range(width - whole * VECTOR):
             flat[index + 2 * (whole * VECTOR + l)] = shown[0, whole, l]
             flat[index + 2 * (whole * VECTOR + l) + 1] = shown[1, whole, l]
+    end_row(into, index, stride, width)
 
 
 @staged
-def advance_and_write(frame, state, flat, index, stride, steps, past_caches):
+def advance_and_write(frame, state, into, index, stride, steps):
     """Steps of a block of LANES tame trajectories, each state saved, a row `stride` after the last.
 
     All in one place, so that the memory and the arithmetic work at once.
     """
     for n in range(steps):
+        place = index + n * stride
         for g in range(LANES // VECTOR):
             X, Z = canonical_step(load(state, FIRST, g), load(state, SECOND, g), 0.0)
             store(state, FIRST, g, X)
             store(state, SECOND, g, Z)
             omega1, omega2 = vector_of_velocities(frame, g, X, Z)
-            if past_caches:
-                stream_pairs(flat, index + n * stride + 2 * VECTOR * g, omega1, omega2)
-            else:
-                store_pairs(flat, index + n * stride + 2 * VECTOR * g, omega1, omega2)
+            put(into, place, g, omega1, omega2)
+        end_row(into, place, stride, LANES)
 
 
 @staged
@@ -352,7 +381,7 @@ def iterate_blocks(
     given, limits = on_stack(GIVEN, LANES), on_stack(4, LANES)
     state, shown, frame = on_stack(2, LANES), on_stack(2, LANES), on_stack(7, LANES)
     coefficients, turn = on_stack(4, LANES), on_stack(4, LANES)
-    step_row = on_stack(LANES)
+    step_row, tile = on_stack(LANES), on_stack(2 * LANES)
     state_vectors = state.reshape((2, LANES // VECTOR, VECTOR))
     shown_vectors = shown.reshape((2, LANES // VECTOR, VECTOR))
     frame_vectors = frame.reshape((7, LANES // VECTOR, VECTOR))
@@ -360,7 +389,9 @@ def iterate_blocks(
         first = begin + max(block * LANES - pad, 0)
         width = min(begin + (block + 1) * LANES - pad, end) - first
         lanes = in_whole_vectors(width)
-        past_caches = lined_up and (block > 0 or pad == 0)
+        way = TILED if out.size >= BEYOND_CACHES and width >= VECTOR else IN_CACHES
+        way = PAST_CACHES if lined_up and (block > 0 or pad == 0) else way
+        into = flat, tile, way, to_cache_line(out, 0)
 
         gather_bodies((I1, I2, I13, I23, eps), first, width, lanes, given)
         gather_states(states, first, width, lanes, given)
@@ -397,9 +428,7 @@ def iterate_blocks(
             steps = min(to_stop, to_flush)
             if straight:
                 index = row * stride + 2 * first
-                advance_and_write(
-                    frame_vectors, state_vectors, flat, index, stride, steps, past_caches
-                )
+                advance_and_write(frame_vectors, state_vectors, into, index, stride, steps)
                 row, to_save = row + steps, to_save + steps
             else:
                 steps = min(steps, 1 if turns_too else to_save)
@@ -421,15 +450,7 @@ def iterate_blocks(
                 to_save = every
                 if saves:
                     index = row * stride + 2 * first
-                    write(
-                        frame_vectors,
-                        state_vectors,
-                        shown_vectors,
-                        flat,
-                        index,
-                        width,
-                        past_caches,
-                    )
+                    write(frame_vectors, state_vectors, shown_vectors, into, index, stride, width)
                     if turns_too:
                         write_turns(R0, turn, turns, row, first, width)
                     row += 1

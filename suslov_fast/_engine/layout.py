@@ -43,10 +43,10 @@ def own_parameter(value: float | FloatArray) -> float | FloatArray:
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """States (B, D) that nobody else writes to."""
-    if state.shape[:-1] != batch:
-        state = np.broadcast_to(state, (*batch, state.shape[-1]))
-    own = np.array(state, order="C", ndmin=2)
-    return own if own.ndim == 2 else own.reshape((-1, own.shape[-1]))
+    shape = -1, state.shape[-1]
+    if state.shape[:-1] == batch and state.flags.c_contiguous:
+        return state.reshape(shape).copy()
+    return np.array(np.broadcast_to(state, (*batch, shape[1])), order="C").reshape(shape)
 
 
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:

@@ -170,7 +170,9 @@ def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     parameters = run.body.for_loops(run.eps, batch)
     time_step, rows, turned = parameters[-1], _no_rows(D), _no_rows(D + 1, D + 1)
     if saved is not None and every is not None:
-        rows = saved.reshape((len(saved), size, D))[begin:]
+        rows = saved.reshape((len(saved), size, D))
+        if begin:
+            rows = rows[begin:]
     if run.orientation is not None:
         time_step = flat_parameter(run.eps, batch)
     if turns is not None:

@@ -40,47 +40,58 @@ def plain(label):
 
 
 def speed(results, path):
-    """Last states and saved states, ours and peers, beside the limits."""
+    """Last states and saved states, ours and peers, beside the limits.
+
+    Saved states as shares of a limit: memory may have been faster for one row than for another.
+    """
     threads = results.threads
+    last, saved = results.best(Table.LAST), results.best(Table.SAVED)
+    shares = {row.name: 100 * (results.share(row) or 0) for row in saved}
+    stores = results.one(Table.LIMITS, Limit.PLAIN, threads=threads)
     panels = [
         (
-            results.best(Table.LAST),
-            {"one division per step": results.limit(Limit.DIVISIONS, threads)},
             "Last states only: steps per second",
+            [(row, row.rate) for row in last],
+            {"one division per step": results.limit(Limit.DIVISIONS, threads)},
+            ("per second", scientific),
         ),
         (
-            results.best(Table.SAVED),
+            "Saved states: % of streaming stores",
+            sorted(((row, shares[row.name]) for row in saved), key=lambda pair: -pair[1]),
             {
-                f"{name} stores": bytes_per_second and bytes_per_second / 16
-                for name, bytes_per_second in (
-                    ("streaming", results.limit(Limit.STREAMING, threads)),
-                    ("plain", results.limit(Limit.PLAIN, threads)),
-                )
+                "streaming stores": 100.0,
+                "plain stores": stores and 100 * (results.share(stores) or 0),
             },
-            "Saved states: states per second",
+            ("%", lambda share: f"{share:.0f}"),
         ),
     ]
-    panels = [panel for panel in panels if panel[0]]
+    panels = [panel for panel in panels if panel[1]]
     if not panels:
         return
-    heights = [len(rows) for rows, _, _ in panels]
+    heights = [len(rows) for _, rows, _, _ in panels]
     figure = Figure(figsize=(11, 2.6 + 0.31 * sum(heights)), layout="constrained")
     axes = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
-    for axis, (rows, limits, title) in zip(axes[:, 0], panels, strict=True):
-        bars(axis, rows, {name: value for name, value in limits.items() if value})
+    for axis, (title, rows, limits, column) in zip(axes[:, 0], panels, strict=True):
+        bars(axis, rows, {name: value for name, value in limits.items() if value}, column)
         axis.set_title(title)
+        if column[1] is scientific:
+            axis.set_xscale("log")
+            axis.set_xlim(min(value for _, value in rows) / 2, 1.3 * axis.get_xlim()[1])
     save(figure, results, path)
 
 
-def bars(axis, rows, limits):
-    """Horizontal bars, the fastest on top, with limits as lines."""
-    places = range(len(rows))
-    values = [row.rate for row in rows]
+def bars(axis, rows, limits, column):
+    """Horizontal bars of rows and their values, with limits as lines.
+
+    column   The header of the values, and how they are written.
+    """
+    places, values = range(len(rows)), [value for _, value in rows]
+    rows = [row for row, _ in rows]
     axis.barh(places, values, color=[COLOURS[row.whose] for row in rows], height=0.72)
     axis.set_yticks(places, [plain(row.label) for row in rows])
     # Figures stand beside the axes, where no line crosses them.
     columns = [
-        (1.10, "per second", [scientific(value) for value in values]),
+        (1.10, column[0], [column[1](value) for value in values]),
         (1.20, "error", [error(row.error) for row in rows]),
     ]
     for x, header, texts in columns:
@@ -90,8 +101,7 @@ def bars(axis, rows, limits):
             axis.text(x, y, text, fontsize=9, **place)
     axis.invert_yaxis()
     axis.margins(y=0.02)
-    axis.set_xscale("log")
-    axis.set_xlim(min(values) / 2, max([*values, *limits.values()]) * 1.3)
+    axis.set_xlim(0, max([*values, *limits.values()]) * 1.03)
     shown = [whose for whose in NAMES if any(row.whose is whose for row in rows)]
     handles = [Patch(color=COLOURS[whose], label=NAMES[whose]) for whose in shown]
     for style, (name, value) in zip(("--", ":"), limits.items(), strict=False):

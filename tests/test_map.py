@@ -279,6 +279,20 @@ def test_subnormal_states_are_flushed():
     assert np.count_nonzero((x != 0) & (abs(x) < 2.0**-1022)) < 256
 
 
+@pytest.mark.parametrize("batch", [1, 127, 128, 129])
+def test_flushed_states_are_shown(batch):
+    """The state of a step after which X becomes 0 has it so, in whatever batch and cut."""
+    body = sf.Suslov3D(2.351018099947861, 3.388972810861883, 0.0, -0.5920589833785945)
+    omega, eps = np.tile([-0.43643524714322124, -1.169801907772864], (batch, 1)), 0.869683938565067
+    states = sf.iterate(body, omega, eps, 3073, method="canonical").omega
+    assert (states[3071, :, 1] != 0.0).all()
+    assert (states[3072:, :, 1] == 0.0).all()
+    apart = sf.iterate(body, omega, eps, 3073, method="canonical", save_every=2).omega
+    assert (apart == states[::2]).all()
+    gone_on = sf.iterate(body, omega, eps, 3072, method="canonical").extend(1).omega
+    assert (gone_on == states).all()
+
+
 @pytest.mark.parametrize(("decay", "zero"), [(3.0, False), (3.6, False), (3.7, True)])
 def test_only_what_is_negligible_is_flushed(decay, zero):
     """Omega2 becomes 2**decay times smaller at each step, and 0 below 2**-960."""
@@ -430,14 +444,15 @@ def test_at_the_ends_of_float64(unit):
 @pytest.mark.parametrize("shift", [0, 2, 3])
 def test_memory_past_the_caches(body, rng, monkeypatch, method, batch, shift):
     """Wherever rows begin, states are those of a batch that stays in the caches; no others move."""
-    monkeypatch.setattr(map_3d, "BEYOND_CACHES", 0)  # for kernels that are not compiled
     rows = 5 if numba.config.DISABLE_JIT else tiles.BEYOND_CACHES // (2 * batch) + 2
     room = np.full(2 * batch * rows + 16, np.pi)
     out = room[8 + shift : 8 + shift + 2 * batch * rows].reshape(rows, batch, 2)
     omega = rng.normal(size=(batch, 2))
+    parts = np.array_split(np.arange(batch), 8)
+    few = [sf.iterate(body, omega[some], 0.2, rows - 1, method=method) for some in parts]
+    monkeypatch.setattr(map_3d, "BEYOND_CACHES", 0)  # for kernels that are not compiled
     sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
-    for some in np.array_split(np.arange(batch), 8):
-        few = sf.iterate(body, omega[some], 0.2, rows - 1, method=method)
-        assert (out[:, some] == few.omega).all()
+    for some, expected in zip(parts, few, strict=True):
+        assert (out[:, some] == expected.omega).all()
     assert (room[: 8 + shift] == np.pi).all()
     assert (room[8 + shift + out.size :] == np.pi).all()

@@ -366,6 +366,16 @@ def test_memory_past_the_caches(rng, monkeypatch, batch, m):
     np.testing.assert_allclose(expected[-1], last, rtol=0, atol=1e-14 * abs(omega).max())
 
 
+def test_any_number_of_threads(monkeypatch):
+    """Each task has a place to count in, however many there are."""
+    body, rows = sf.SuslovND(np.full(5, 2.0), [0.1, 0.2, 0.3, 0.4, 0.5]), 70 * 64
+    omega = [1.0, 0.5, -0.2, 0.3, 0.1]
+    expected = sf.iterate(body, omega, 0.2, rows - 1).omega
+    monkeypatch.setattr(reduced_nd, "STATES", 64)  # for kernels that are not compiled
+    monkeypatch.setattr(numba, "get_num_threads", lambda: 100)
+    assert same(sf.iterate(body, omega, 0.2, rows - 1).omega, expected)
+
+
 def test_states_that_do_not_move(rng):
     J, I = np.full((4, 3), 2.0), rng.normal(size=(4, 3))
     omega, eps = rng.normal(size=(4, 3)), np.array([0.3, 0.0, 0.3, 0.3])

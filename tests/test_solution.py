@@ -609,13 +609,14 @@ def test_equal_steps_agree_with_single_ones(body, rng, monkeypatch, n, scale, ba
 
 
 @pytest.mark.parametrize("batch", [1, 3, 9])
-def test_scattered_numbers_of_steps_in_any_order(body, rng, monkeypatch, batch):
-    """Parts of a task that have times of one sign, and of both, in one order and in another."""
-    monkeypatch.setattr(closed_form, "TASKS", 2)
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_scattered_numbers_of_steps_in_any_order(body, rng, monkeypatch, batch, sign):
+    """A task whose first parts have times of one sign, and the last of both."""
+    monkeypatch.setattr(closed_form, "TASKS", 1)
     size = 5 * loops.FEW_STATES // (2 * batch)
     n = rng.integers(-1000, 1000, size)
     n[::7] = 0
-    n[: 3 * size // 5] = abs(n[: 3 * size // 5])
+    n[: 3 * size // 5] = sign * abs(n[: 3 * size // 5])
     omega = rng.normal(size=(batch, 2))
     states = sf.exact(body, omega, 0.2, n)
     order = rng.permutation(size)

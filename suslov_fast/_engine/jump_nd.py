@@ -190,7 +190,7 @@ class _Reduced:
         rows, size, m = problem.saved.shape
         parallel = problem if size * rows > reduced_nd.STATES else None
         room = _room(parallel, reduced_nd.room_to_fill(m))
-        missing = closed.none_missing()
+        missing = np.zeros((len(room), 2), np.int64)
         for lanes, (begin, end) in _slices(size, rows, m):
             threads.run(
                 reduced_nd.fill,

@@ -93,9 +93,8 @@ NO_SQUARE = 2.0**-300
 
 @staged
 def kinds_of_rows(n, tables, seeds, width, abreast, among):
-    """What the first row after a seed, number n, and the next ones are.
-
-    Whether some trajectory must be taken row by row, begins here, and all do.
+    """Whether some trajectory must be taken row by row after a seed; whether any begins with number
+    n, and all do.
     """
     slow, begins, all_begin = False, False, True
     if width < VECTOR:

@@ -426,7 +426,9 @@ def iterate_blocks(
         to_flush = FLUSH_EVERY - start % FLUSH_EVERY
         while to_stop > 0:
             steps = min(to_stop, to_flush)
-            if straight:
+            # The state of a step after which X is flushed is shown as it is then.
+            if straight and to_flush > 1:
+                steps = min(to_stop, to_flush - 1)
                 index = row * stride + 2 * first
                 advance_and_write(frame_vectors, state_vectors, into, index, stride, steps)
                 row, to_save = row + steps, to_save + steps

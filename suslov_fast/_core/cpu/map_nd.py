@@ -851,16 +851,18 @@ def run_block(
 def blocks_of(span, m, rooms):
     """The trajectories of a block, how many blocks there are, and how many tasks.
 
-    What a task has is cut into blocks alike: with one more than another it would be waited for.
+    What each task has is cut into as many blocks: one with more of them would be waited for.
     """
     asked = Span(*span)
-    count = asked.end - asked.begin
+    count, most = asked.end - asked.begin, block_size(m)
+    least = min(most, SHARED)
+    tasks = max(min((count + least - 1) // least, rooms), 1)
     groups = (count + VECTOR - 1) // VECTOR
-    share = max((groups + rooms - 1) // rooms, SHARED // VECTOR)
-    cuts = (share * VECTOR + block_size(m) - 1) // block_size(m)
-    size = (share + cuts - 1) // cuts * VECTOR
+    share = (groups + tasks - 1) // tasks
+    cuts = max((share * VECTOR + most - 1) // most, 1)
+    size = max((share + cuts - 1) // cuts, 1) * VECTOR
     blocks = (count + size - 1) // size
-    return size, blocks, min(blocks, rooms)
+    return size, blocks, min(blocks, tasks)
 
 
 @staged

@@ -47,7 +47,8 @@ GROUP = 64
 
 # Where the rows of `tables` lie: r**(8 a every) for a = 0 ... 7, r**(b every) likewise; the number
 # of the given state; whether all rows must be taken one by one; what `rows_across` and
-# `rows_along` keep of a group; and the seeds of two groups, the next ones being made meanwhile.
+# `rows_along` keep of a group; and the seeds of two groups, as those of the next one may be made
+# meanwhile.
 TABLE_A, TABLE_B = 0, 8 * WIDTH
 START, APART, HALF_U, KAPPA_U, SEEDS = range(16 * WIDTH, 21 * WIDTH, WIDTH)
 # Those of `seeds`: the w, and whether the rows after it must be taken one by one.

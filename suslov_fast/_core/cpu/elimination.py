@@ -12,18 +12,16 @@ from .vector import VECTOR, all_lanes, larger, load, select, splat, store
 
 # A pivot this much smaller than those before it, times m, is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
-# Rows or columns that are reduced at once, and rows that the processor fetches ahead (measured).
-ABREAST, AHEAD = 4, 40
+# Rows or columns that are reduced at once.
+ABREAST = 4
 
 
 def matrix_shape(m: int) -> tuple[int, int, int]:
     """Room for m equations, and for ABREAST rows or columns from any on; zeros to begin with.
 
-    The number of columns is odd, so that the rows of a column are spread over the cache. Other rows
-    come last that nothing uses: the processor fetches rows ahead, and those of another thread's
-    matrix would be taken from it while it writes them.
+    The number of columns is odd, so that the rows of a column are spread over the cache.
     """
-    return m + ABREAST + AHEAD, (m + ABREAST) // 2 * 2 + 1, VECTOR
+    return m + ABREAST, (m + ABREAST) // 2 * 2 + 1, VECTOR
 
 
 @staged

@@ -34,6 +34,8 @@ _EXACT = 2**53
 NO_START = np.zeros(1)
 # So many states are no work that tasks could share.
 _ONE_TASK = 2**12
+# What one task counts missing states in: a copy takes half the time of a new array.
+_NONE_MISSING = np.zeros((1, 2), np.int64)
 # Where statuses are not wanted.
 NO_STATUS = np.empty(0, np.int8)
 
@@ -62,10 +64,6 @@ def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
 def none_missing(states: int = SLICE) -> NDArray[np.int64]:
     """What the tasks of a loop count missing states in; few states are one task."""
     return np.zeros((TASKS, 2), np.int64) if states > _ONE_TASK else _NONE_MISSING.copy()
-
-
-# A copy takes half the time of a new array.
-_NONE_MISSING = np.zeros((1, 2), np.int64)
 
 
 def _new(shape: tuple[int, ...]) -> FloatArray:

@@ -26,6 +26,8 @@ _SAVING = 8
 # A part has at least so many trajectories, if there are as many, and so many steps, each divided by
 # the work of a step: entering a trajectory costs some 30 steps of the 3D map.
 _ABREAST, _LENGTH = 2**13, 2**8
+# A copy of an array takes less time than a new one that is filled.
+_ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
 
 
 @dataclass(slots=True)  # not frozen: that would take longer than a short run
@@ -200,10 +202,6 @@ class Outcome(NamedTuple):
 def not_computed(size: int) -> NDArray[np.int8]:
     """Statuses that a loop is to fill."""
     return _ONE_NOT_COMPUTED.copy() if size == 1 else np.full(size, codes.NOT_COMPUTED, np.int8)
-
-
-# A copy takes a third of the time of a new array that is filled.
-_ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
 
 
 @lru_cache

@@ -11,8 +11,8 @@ from urllib.parse import urlencode
 from browser import Browser
 from PIL import Image
 
-from suslov_fast._explore.parameters import PRESETS
-from suslov_fast._explore.server import Server
+from suslov_fast._show.explore.parameters import PRESETS
+from suslov_fast._show.explore.server import Server
 
 PICTURE = Path(__file__).parent / "_static" / "explore.png"
 

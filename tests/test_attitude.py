@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
-from suslov_fast import _attitude
+from suslov_fast._space import attitude as _attitude
 from suslov_fast._core.formulas import rotation
 
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])

@@ -19,9 +19,9 @@ import pytest
 from browser import Browser
 
 import suslov_fast as sf
-from suslov_fast._explore.parameters import PRESETS, Parameters, query_of_link, read
-from suslov_fast._explore.scene import REGIMES, scene
-from suslov_fast._explore.server import Server
+from suslov_fast._show.explore.parameters import PRESETS, Parameters, query_of_link, read
+from suslov_fast._show.explore.scene import REGIMES, scene
+from suslov_fast._show.explore.server import Server
 
 PICTURE_1 = Parameters(4.0, 1.0, -0.5, -0.3, 0.2, -0.8, 1.3, 40)
 POLE = Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, -3.0, 5)
@@ -422,7 +422,7 @@ def test_the_command_does_not_load_the_server_until_it_is_asked_to():
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()
-    assert "suslov_fast._explore.server" not in loaded
+    assert "suslov_fast._show.explore.server" not in loaded
 
 
 # ------------------------------------------------------------------ in a browser

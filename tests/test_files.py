@@ -16,8 +16,8 @@ import pytest
 from test_trajectories import RUNS, assert_same_run, same
 
 import suslov_fast as sf
-from suslov_fast import _replacing
-from suslov_fast._replacing import replacing
+from suslov_fast._runs import replacing as _replacing
+from suslov_fast._runs.replacing import replacing
 
 SUFFIXES = (".npz", ".nc", ".zarr")
 RUN, OTHER = RUNS["everything"], RUNS["batch"]
@@ -271,7 +271,7 @@ def killed_between(path, moment):
     """A process that is killed while it writes, after so many renamings."""
     code = (
         "import os, signal, sys, types, suslov_fast as sf\n"
-        "from suslov_fast import _replacing\n"
+        "from suslov_fast._runs import replacing as _replacing\n"
         "run = sf.Trajectories.load(sys.argv[1])\n"
         "count = 0\n"
         "def renaming(*names):\n"
@@ -331,7 +331,7 @@ def test_two_writers_at_once(tmp_path):
 WRITE_OFTEN = """
 import sys
 from pathlib import Path
-from suslov_fast._replacing import replacing
+from suslov_fast._runs.replacing import replacing
 for _ in range(30):
     with replacing(Path(sys.argv[1])) as new:
         new.write_text("x" * int(sys.argv[2]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import _lyapunov
+from suslov_fast._states import lyapunov as _lyapunov
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])

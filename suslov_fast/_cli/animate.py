@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .._bodies.paper import PICTURES
-from .._plots import animate_body
+from .._show.plots import animate_body
 from .errors import UserError
 from .pictures import at_least_one, check_matplotlib
 

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from .. import __version__, _labelled
+from .. import __version__
+from .._runs import labelled
 from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._ensemble.api import ensemble, open_ensemble
 from .._ensemble.starts import RandomStarts
-from .._record import BODIES, parameters_of
-from .._status import Status
+from .._runs.schema import BODIES, parameters_of
+from .._engine.status import Status
 from .errors import UserError
 from .files import read_states
 from .problem import EXTENT, TRAJECTORIES
@@ -205,7 +206,7 @@ def _parameters(dataset: Any) -> tuple[Body, FloatArray]:
     """The body and the step sizes of a part of a dataset."""
     batch = tuple(dataset["status"].dims)
     values = {
-        name: _labelled.unvarying(dataset, name, batch)
+        name: labelled.unvarying(dataset, name, batch)
         for name in ("eps", *parameters_of(dataset.attrs["body"]))
     }
     eps = values.pop("eps")

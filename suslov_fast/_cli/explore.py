@@ -46,8 +46,8 @@ def _port(text: str) -> int:
 
 def explore(options: argparse.Namespace) -> None:
     """Carry out the command, until a signal ends it."""
-    from .._explore.parameters import query_of_link
-    from .._explore.server import Server
+    from .._show.explore.parameters import query_of_link
+    from .._show.explore.server import Server
 
     try:
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""

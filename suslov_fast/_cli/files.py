@@ -15,10 +15,10 @@ from typing import BinaryIO
 import numpy as np
 
 from .._checks import FloatArray, vectors
-from .._files import engine_of, place_for, suffix_of
-from .._record import entries_of
-from .._replacing import kind_of, replacing
-from .._trajectories import Trajectories
+from .._runs.files import engine_of, place_for, suffix_of
+from .._runs.schema import entries_of
+from .._runs.replacing import kind_of, replacing
+from .._runs.trajectories import Trajectories
 from .errors import UserError
 
 # What the head of a column may be; "nan" and "inf" are numbers, and rejected as such.

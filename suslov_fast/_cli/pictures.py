@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .. import _plots
+from .._show import plots as _plots
 from .._bodies.paper import PICTURES
 from .errors import UserError
 from .files import written_whole

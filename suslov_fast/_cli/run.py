@@ -17,7 +17,7 @@ from .. import __version__
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
-from .._map import iterate
+from .._runs.iterate import iterate
 from . import ensemble
 from .errors import UserError
 from .files import place, result_file

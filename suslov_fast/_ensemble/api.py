@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._engine.arguments import Body
 from .._engine.progress import Progress, check_progress
-from .._map import Method
+from .._runs.iterate import Method
 from .arguments import Asked, Wanted, job_of
 from .starts import RandomStarts
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import _labelled
+from .._runs import labelled
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, integer, one_of, real_array, rotations
@@ -61,7 +61,7 @@ def job_of(asked: Asked, wanted: Wanted) -> Job:
         save_every = 1
     if wanted.compression is not None:
         one_of("compression", wanted.compression, ("lz4", "zstd"))
-    dims = _labelled.batch_names(wanted.dims, len(batch))
+    dims = labelled.batch_names(wanted.dims, len(batch))
     plan = plan_of(body, batch, steps, save_every, orientation is not None, dims, wanted.chunk)
     return Job(
         body=body,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._record import parameters_of
+from .._runs.schema import parameters_of
 from .job import Job
 from .starts import described
 

@@ -12,7 +12,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._engine.iterate_3d import JUMP
-from .._record import parameters_of
+from .._runs.schema import parameters_of
 from .plan import Plan, work_of
 from .starts import Slices, Source, own_part
 

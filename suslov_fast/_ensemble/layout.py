@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import _labelled
+from .._runs import labelled
 from .._core.codes import NOT_COMPUTED
-from .._record import FORMAT, parameters_of
-from .._replacing import kind_of, replacing
+from .._runs.schema import FORMAT, parameters_of
+from .._runs.replacing import kind_of, replacing
 from .job import Job
 from .reductions import REDUCTIONS
 from .settling import settle, settle_all
@@ -155,7 +155,7 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         entries["save_every"] = np.array(job.save_every)
     if job.orientation is not None and job.keeps_states:
         entries["attitude"] = empty(n.shape, (D + 1, D + 1))
-    dataset = _labelled.dataset_of(entries, job.dims, coords)
+    dataset = labelled.dataset_of(entries, job.dims, coords)
     if dataset["t"].ndim > 1 or not job.keeps_states:
         dataset = dataset.drop_vars("t")  # made when the store is opened
     if not job.keeps_states:

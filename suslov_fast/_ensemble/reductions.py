@@ -10,7 +10,7 @@ import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
 from .._checks import FloatArray
-from .._conserved import energy, first_integral, modified_energy
+from .._states.conserved import energy, first_integral, modified_energy
 from .._engine.arguments import Body
 
 # States (rows, ..., D) and the first ones (..., D) to one number, or vector, a trajectory.

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray
-from ._core.cpu import observables, observables_nd
-from ._engine.arguments import Body, check
-from ._engine.observables import by_slabs, of_state, of_state_nd
-from ._engine.threads import thread_count
-from ._map import iterate
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._core.cpu import observables, observables_nd
+from .._engine.arguments import Body, check
+from .._engine.observables import by_slabs, of_state, of_state_nd
+from .._engine.threads import thread_count
+from .._runs.iterate import iterate
 
 
 def jacobian(

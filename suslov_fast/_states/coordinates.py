@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray
-from ._core.cpu import observables
-from ._engine.arguments import check
-from ._engine.observables import of_state
-from ._engine.threads import thread_count
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._core.cpu import observables
+from .._engine.arguments import check
+from .._engine.observables import of_state
+from .._engine.threads import thread_count
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:

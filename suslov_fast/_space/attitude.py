@@ -8,14 +8,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
-from ._core.cpu import attitude as loops
-from ._core.cpu.blocks import LANES, TASKS
-from ._engine import threads as _threads
-from ._engine.arguments import Body
-from ._engine.layout import first_index, spell
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
+from .._core.cpu import attitude as loops
+from .._core.cpu.blocks import LANES, TASKS
+from .._engine import threads as _threads
+from .._engine.arguments import Body
+from .._engine.layout import first_index, spell
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
 _SLICE = 2**25

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, instance
-from ._core.cpu import scattering
-from ._engine import threads as _threads
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, instance
+from .._core.cpu import scattering
+from .._engine import threads as _threads
 
 
 def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:

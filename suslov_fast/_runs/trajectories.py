@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, integer, one_of
-from ._engine.arguments import Body
-from ._engine.layout import first_index, spell
-from ._engine.problem import worst
-from ._engine.progress import Progress, check_progress
-from ._engine.run import Results, Run, execute, numbers_of_saved
-from ._engine.threads import thread_count
-from ._status import SingularStepWarning, Status
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, integer, one_of
+from .._engine.arguments import Body
+from .._engine.layout import first_index, spell
+from .._engine.problem import worst
+from .._engine.progress import Progress, check_progress
+from .._engine.run import Results, Run, execute, numbers_of_saved
+from .._engine.threads import thread_count
+from .._engine.status import SingularStepWarning, Status
 
 if TYPE_CHECKING:
     import xarray
@@ -208,13 +208,13 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        from ._conserved import first_integral
+        from .._states.conserved import first_integral
 
         return first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
-        from ._conserved import energy
+        from .._states.conserved import energy
 
         return energy(self.body, self.omega)
 
@@ -223,7 +223,7 @@ class Trajectories:
 
         See :func:`suslov_fast.modified_energy`.
         """
-        from ._conserved import modified_energy
+        from .._states.conserved import modified_energy
 
         return modified_energy(self.body, self.omega, self.eps)
 
@@ -237,7 +237,7 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
-        from ._conserved import criticality
+        from .._states.conserved import criticality
 
         return criticality(self.body, self.omega, self.eps)
 
@@ -253,7 +253,7 @@ class Trajectories:
         """
         if not isinstance(self.body, Suslov3D):
             raise TypeError(f"to_xy: expected a body in 3D, got {type(self.body).__name__}")
-        from ._coordinates import to_xy
+        from .._states.coordinates import to_xy
 
         return to_xy(self.body, self.omega)
 
@@ -263,7 +263,7 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
-        from ._continuous import reaction
+        from .._states.continuous import reaction
 
         return reaction(self.body, self.omega, self.eps)
 
@@ -296,7 +296,7 @@ class Trajectories:
         >>> len(axes.lines)
         2
         """
-        from ._figures import axes_or_new
+        from .._show.figures import axes_or_new
 
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
@@ -351,8 +351,8 @@ class Trajectories:
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from ._labelled import dataset_of
-        from ._record import entries_of
+        from .labelled import dataset_of
+        from .schema import entries_of
 
         return dataset_of(entries_of(vars(self)), dims, coords)
 
@@ -371,8 +371,8 @@ class Trajectories:
         TypeError, ValueError
             If it is not such a dataset.
         """
-        from ._labelled import entries_of_dataset
-        from ._record import run_of
+        from .labelled import entries_of_dataset
+        from .schema import run_of
 
         return cls(**run_of(entries_of_dataset(dataset)))
 
@@ -397,8 +397,8 @@ class Trajectories:
         TypeError, ValueError
             If the name ends otherwise.
         """
-        from ._files import place_for
-        from ._record import entries_of
+        from .files import place_for
+        from .schema import entries_of
 
         with place_for(path) as put:
             put(entries_of(vars(self)))
@@ -421,8 +421,8 @@ class Trajectories:
         TypeError, ValueError
             If the name ends otherwise, or it holds something else or is damaged.
         """
-        from ._files import read
-        from ._record import run_of
+        from .files import read
+        from .schema import run_of
 
         return cls(**read(path, run_of))
 

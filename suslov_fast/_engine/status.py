@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from ._core import codes
+from .._core import codes
 
 
 class Status(IntEnum):

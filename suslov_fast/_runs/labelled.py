@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._record import BODIES, PLAIN, RESUME, Entries, parameters_of
-from ._status import Status
+from .schema import BODIES, PLAIN, RESUME, Entries, parameters_of
+from .._engine.status import Status
 
 if TYPE_CHECKING:
     import xarray

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from . import _labelled
-from ._record import Entries
-from ._replacing import replacing
+from . import labelled
+from .schema import Entries
+from .replacing import replacing
 
 SUFFIXES = (".npz", ".nc", ".zarr")
 
@@ -61,7 +61,7 @@ def engine_of(suffix: str) -> str | None:
     """The part of xarray that reads and writes a kind of file; ImportError if it is missing."""
     if suffix == ".npz":
         return None
-    _labelled.import_xarray()
+    labelled.import_xarray()
     libraries = {".zarr": ("zarr",), ".nc": ("netCDF4", "h5netcdf")}[suffix]
     for library in libraries:
         if _is_installed(library):
@@ -97,8 +97,8 @@ def _write_zarr(new: Path, entries: Entries) -> None:
 
 def _checked_dataset(entries: Entries) -> Any:
     """A dataset with a checksum, which these formats need not have."""
-    dataset = _labelled.dataset_of(entries)
-    dataset.attrs["crc32"] = _labelled.checksum(entries)
+    dataset = labelled.dataset_of(entries)
+    dataset.attrs["crc32"] = labelled.checksum(entries)
     return dataset
 
 
@@ -120,7 +120,7 @@ def _read_npz(path: PathLike) -> Entries:
 
 def _read_dataset(path: PathLike) -> Entries:
     suffix = suffix_of(path)
-    xarray = _labelled.import_xarray()
+    xarray = labelled.import_xarray()
     try:
         with xarray.open_dataset(
             os.path.abspath(path),
@@ -135,8 +135,8 @@ def _read_dataset(path: PathLike) -> Entries:
         raise ValueError(
             f"expected a {suffix} file that Trajectories.save wrote, got: {error}"
         ) from error
-    entries = _labelled.entries_of_dataset(dataset)
-    if "crc32" in dataset.attrs and int(dataset.attrs["crc32"]) != _labelled.checksum(entries):
+    entries = labelled.entries_of_dataset(dataset)
+    if "crc32" in dataset.attrs and int(dataset.attrs["crc32"]) != labelled.checksum(entries):
         raise ValueError(
             "expected what Trajectories.save wrote, got something damaged or edited since: "
             "its checksum is another"

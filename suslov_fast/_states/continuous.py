@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._checks import FloatArray
-from ._core.cpu import observables, observables_nd
-from ._engine.arguments import Body, check
-from ._engine.layout import flat_vectors
-from ._engine.observables import by_slabs, of_state, of_state_nd
-from ._engine.run import Run, execute
-from ._engine.threads import thread_count
+from .._bodies.nd import SuslovND
+from .._checks import FloatArray
+from .._core.cpu import observables, observables_nd
+from .._engine.arguments import Body, check
+from .._engine.layout import flat_vectors
+from .._engine.observables import by_slabs, of_state, of_state_nd
+from .._engine.run import Run, execute
+from .._engine.threads import thread_count
 
 
 def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:

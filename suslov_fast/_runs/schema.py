@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._bodies.nd import SuslovND
-from ._bodies.three import Suslov3D
-from ._engine.arguments import Body
-from ._engine.run import numbers_of_saved
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._engine.arguments import Body
+from .._engine.run import numbers_of_saved
 
 Entries = dict[str, NDArray[Any]]
 
@@ -35,7 +35,7 @@ def parameters_of(kind: str) -> list[str]:
 
 def entries_of(run: Mapping[str, Any]) -> Entries:
     """The entries of a run, given as the attributes of `Trajectories`."""
-    from . import __version__
+    from .. import __version__
 
     body: Body = run["body"]
     kind = type(body).__name__

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, common_shape, instance, vectors
-from ._engine.arguments import Body, check
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, common_shape, instance, vectors
+from .._engine.arguments import Body, check
 
 # A matrix is antisymmetric, and a state obeys the constraint, to this part of its size.
 _ROUNDING = 1e-12

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray
-from ._core.cpu import observables
-from ._engine.arguments import check
-from ._engine.observables import of_state
-from ._engine.threads import thread_count
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._core.cpu import observables
+from .._engine.arguments import check
+from .._engine.observables import of_state
+from .._engine.threads import thread_count
 
 
 class ClosedForm(NamedTuple):

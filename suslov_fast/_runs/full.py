@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, integer, one_of
-from ._engine.arguments import check
-from ._engine.layout import checked_out, flat_parameter, own_parameter, own_states
-from ._engine.progress import Progress, check_progress
-from ._engine.run import Run, execute
-from ._engine.threads import thread_count
-from ._trajectories import OnSingular, Trajectories, report
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, integer, one_of
+from .._engine.arguments import check
+from .._engine.layout import checked_out, flat_parameter, own_parameter, own_states
+from .._engine.progress import Progress, check_progress
+from .._engine.run import Run, execute
+from .._engine.threads import thread_count
+from .trajectories import OnSingular, Trajectories, report
 
 
 def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> FloatArray:

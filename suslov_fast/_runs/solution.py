@@ -7,13 +7,13 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._bodies.reduction import reduce
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, finite_floats, integers_or_floats
-from ._engine.arguments import Body, check
-from ._engine.closed_form import Times, runs_of, states_at
-from ._engine.threads import thread_count
-from ._status import SingularStepWarning
+from .._bodies.reduction import reduce
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, finite_floats, integers_or_floats
+from .._engine.arguments import Body, check
+from .._engine.closed_form import Times, runs_of, states_at
+from .._engine.threads import thread_count
+from .._engine.status import SingularStepWarning
 
 
 def exact(

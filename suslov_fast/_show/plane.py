@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, instance
-from ._conserved import energy
-from ._coordinates import from_xy
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, instance
+from .._states.conserved import energy
+from .._states.coordinates import from_xy
 
 
 def repelling_direction(body: Suslov3D) -> FloatArray:

@@ -8,15 +8,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._bodies.reduction import first_integral as first_integral_nd
-from ._bodies.reduction import reduce
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray
-from ._core.cpu import observables, observables_nd
-from ._engine.arguments import Body, check
-from ._engine.observables import by_slabs, of_state, of_state_nd
-from ._engine.threads import thread_count
+from .._bodies.nd import SuslovND
+from .._bodies.reduction import first_integral as first_integral_nd
+from .._bodies.reduction import reduce
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._core.cpu import observables, observables_nd
+from .._engine.arguments import Body, check
+from .._engine.observables import by_slabs, of_state, of_state_nd
+from .._engine.threads import thread_count
 
 
 def energy(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:

@@ -10,7 +10,7 @@ from importlib import resources
 from socketserver import TCPServer
 from typing import Any
 
-from .. import __version__
+from ... import __version__
 from .parameters import PRESETS, STEPS, WrongValue, read, split
 from .scene import scene
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from .._bodies.paper import PICTURES
-from .._bodies.three import Suslov3D
+from ..._bodies.paper import PICTURES
+from ..._bodies.three import Suslov3D
 
 STEPS = 5000
 # A page remembers in its address what it shows beside the parameters.

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._bodies.nd import SuslovND
-from ._bodies.three import Suslov3D
-from ._checks import FloatArray, integer
-from ._core.cpu import lyapunov as loops
-from ._core.cpu.blocks import LANES, TASKS
-from ._engine import threads as _threads
-from ._engine.arguments import Body, check
-from ._engine.layout import first_index, spell
-from ._status import SingularStepWarning
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, integer
+from .._core.cpu import lyapunov as loops
+from .._core.cpu.blocks import LANES, TASKS
+from .._engine import threads as _threads
+from .._engine.arguments import Body, check
+from .._engine.layout import first_index, spell
+from .._engine.status import SingularStepWarning
 
 # Python looks for Ctrl-C between slices of so many operations: some 0.1 s.
 _SLICE = 2**28

@@ -1,0 +1,50 @@
+# The public names and the modules that define them. Each module is imported when one of its
+# names is first used; type checkers read this file as it is.
+
+from ._bodies.nd import SuslovND as SuslovND
+from ._bodies.reduction import NotIntegrableError as NotIntegrableError
+from ._bodies.three import Suslov3D as Suslov3D
+from ._engine.status import SingularStepWarning as SingularStepWarning
+from ._engine.status import Status as Status
+from ._ensemble.api import ensemble as ensemble
+from ._ensemble.api import open_ensemble as open_ensemble
+from ._ensemble.starts import RandomStarts as RandomStarts
+from ._runs.full import iterate_full as iterate_full
+from ._runs.full import step_full as step_full
+from ._runs.iterate import iterate as iterate
+from ._runs.iterate import step as step
+from ._runs.solution import exact as exact
+from ._runs.solution import flow as flow
+from ._runs.solution import limits as limits
+from ._runs.trajectories import SingularStepError as SingularStepError
+from ._runs.trajectories import Trajectories as Trajectories
+from ._show.plots import animate_body as animate_body
+from ._show.plots import plot_convergence as plot_convergence
+from ._show.plots import plot_four_dimensions as plot_four_dimensions
+from ._show.plots import plot_phase as plot_phase
+from ._show.plots import plot_regimes as plot_regimes
+from ._show.plots import plot_scattering as plot_scattering
+from ._space.attitude import attitude as attitude
+from ._space.scattering import scattering_angle as scattering_angle
+from ._space.vectors import from_matrix as from_matrix
+from ._space.vectors import from_vector as from_vector
+from ._space.vectors import momentum as momentum
+from ._space.vectors import to_matrix as to_matrix
+from ._space.vectors import to_vector as to_vector
+from ._states.conserved import criticality as criticality
+from ._states.conserved import energy as energy
+from ._states.conserved import first_integral as first_integral
+from ._states.conserved import invariant_density as invariant_density
+from ._states.conserved import modified_energy as modified_energy
+from ._states.continuous import reaction as reaction
+from ._states.continuous import vector_field as vector_field
+from ._states.coordinates import from_xy as from_xy
+from ._states.coordinates import to_xy as to_xy
+from ._states.linearised import jacobian as jacobian
+from ._states.linearised import matrix as matrix
+from ._states.linearised import multipliers as multipliers
+from ._states.lyapunov import lyapunov_exponents as lyapunov_exponents
+from ._states.section4 import ClosedForm as ClosedForm
+from ._states.section4 import closed_form as closed_form
+
+__version__: str

@@ -35,7 +35,13 @@ def run(problem: Problem) -> Outcome:
     final, status, failed_at, state, exponent = kept = _kept(problem)
     tasks, lanes = _tasks_and_lanes(size, problem.threads)
     columns, turning = _turning(problem, tasks, lanes)
-    room = np.empty((tasks, 4, m, lanes)), _matrices(tasks, m, gauss)
+    pairs = m + m % 2
+    body = (lanes,) if max(len(each) for each in problem.parameters[:2]) > 1 else ()
+    room = (
+        np.empty((tasks, 2, pairs, *body)),
+        np.empty((tasks, 2, pairs, lanes)),
+        _matrices(tasks, m, gauss),
+    )
     for part in problem.parts(work, map_nd.LANES):
         own = status[part.begin : part.end]
         if part.start:  # else all of them are new
@@ -45,8 +51,7 @@ def run(problem: Problem) -> Outcome:
             part.work(map_nd.LANES, work),
             problem.threads,
             gauss,
-            tuple(problem.parameters),
-            problem.omega,
+            (*problem.parameters, problem.omega),
             (*part, problem.every, problem.first_row),
             problem.saved,
             turning,

@@ -26,9 +26,8 @@ FIELDS = 19  # numbers of a lane
 ROOM = FIELDS * LANES
 
 
-# A block consists of cells (4, m, lanes), rows of components, and lane (FIELDS, LANES), rows of
-# numbers. WORK holds 1/d, and the next omega where ACCURATE is not 1.
-J_, I_, OMEGA, WORK = range(4)
+# A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
+# (M, lanes), where work holds 1/d; and of numbers of each lane, in rows:
 (
     EPS_INPUT,
     EPS,  # in the unit of omega; 0 where nothing moves
@@ -37,6 +36,7 @@ J_, I_, OMEGA, WORK = range(4)
     LOW,  # bounds of |omega|**2, see `bounds`
     HIGH,
     LONGEST,
+    NEAR,  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
     RESTS,  # 1 where eps or I is 0, else 0
     STATUS,  # of trajectories that have ended, else OK
     P,
@@ -45,161 +45,182 @@ J_, I_, OMEGA, WORK = range(4)
     ALPHA,  # sums, see `solve2`
     BETA,
     GAMMA,
-    NEAREST,  # the least |d_i| - FAR J_i
     OF_OMEGA,  # factors in delta, see `solve2`
     OF_I,
-    ACCURATE,  # 1 where the step by `solve2` is accurate
+    ACCURATE,  # 1 where the step by `solve2` is accurate, 0.5 where that depends on d, else 0
 ) = range(19)
 FIELDS = 19
 ROOM = FIELDS * LANES
+# Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1 and
+# the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows that
+# are written overlap others: the pairs must lie in two halves, not side by side.)
 
 
 @formula
-def units_serve(cells, lane):
+def at(values, i, l):
+    """Return a number of J or I."""
+    return values[i] if values.ndim == 1 else values[i, l]
+
+
+@formula
+def put(values, i, l, number):
+    """Set a number of J or I."""
+    if values.ndim == 1:
+        values[i] = number
+    else:
+        values[i, l] = number
+
+
+@formula
+def units_serve(lane, lanes):
     """Return whether the units of all lanes serve."""
     left = 0.0
-    for l in range(cells.shape[2]):
+    for l in range(lanes):
         square = lane[SQUARE, l]
-        serves = (square > lane[LOW, l]) & (square < lane[HIGH, l])
-        left += select(serves, 0.0, 1.0)
+        left += select((square > lane[LOW, l]) & (square < lane[HIGH, l]), 0.0, 1.0)
     return left == 0.0
 
 
 @inner
-def solve_lanes(cells, lane, first, matrix):
+def solve_lanes(J, I, omega, lane, first, matrix):
     """Solve A(omega) omega_next = omega in some lanes from `first` on, as column m of `matrix`."""
-    _, m, lanes = cells.shape
+    m, lanes = matrix.shape[0], omega.shape[1]
     width = min(WIDTH, lanes - first)
     for i in range(m):
         for l in range(width):
             b = first + l
-            c, g = matrix_row(cells[J_, i, b], cells[I_, i, b], cells[OMEGA, i, b], lane[EPS, b])
+            J_i, eps, w = at(J, i, b), lane[EPS, b], omega[i, b]
+            c, g = matrix_row(J_i, at(I, i, b), w, eps)
             for j in range(m):
-                matrix[i, j, l] = -c * cells[OMEGA, j, b] - g * cells[I_, j, b]
-            matrix[i, i, l] = (1.0 - lane[HALF, b] / cells[J_, i, b]) + matrix[i, i, l]
-            matrix[i, m, l] = cells[OMEGA, i, b]
+                matrix[i, j, l] = -c * omega[j, b] - g * at(I, j, b)
+            matrix[i, i, l] = (1.0 - lane[HALF, b] / J_i) + matrix[i, i, l]
+            matrix[i, m, l] = w
     eliminate(matrix, width)
 
 
 @formula
-def step_gauss(cells, lane, matrix):
+def step_gauss(J, I, omega, lane, matrix):
     """Take a step by elimination."""
-    _, m, lanes = cells.shape
+    m, lanes = matrix.shape[0], omega.shape[1]
     for l in range(lanes):
         lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
     for first in range(0, lanes, WIDTH):
-        solve_lanes(cells, lane, first, matrix)
+        solve_lanes(J, I, omega, lane, first, matrix)
         for i in range(m):
             for l in range(first, min(first + WIDTH, lanes)):
-                cells[OMEGA, i, l] = matrix[i, m, l - first]
+                omega[i, l] = matrix[i, m, l - first]
     for l in range(lanes):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
     for i in range(m):
         for l in range(lanes):
-            omega = cells[OMEGA, i, l]
-            lane[P, l] += cells[I_, i, l] * omega
-            lane[SQUARE, l] += omega * omega
+            w = omega[i, l]
+            lane[P, l] += at(I, i, l) * w
+            lane[SQUARE, l] += w * w
 
 
 @inner
-def step_bordered(cells, lane, l):
-    """Put the next state of a lane into `work`, the increment of one component as an unknown.
+def step_bordered(J, I, omega, work, lane, l):
+    """Take the step in a lane, the increment of one component as an unknown; return the success.
 
-    Returns whether that is accurate.
+    If no d is small after all, the step by `solve2` stands.
     """
-    m = cells.shape[1]
     eps, half, p, square = lane[EPS, l], lane[HALF, l], lane[P, l], lane[SQUARE, l]
     k, smallest, second = 0, np.inf, np.inf
-    for i in range(m):
-        ratio = abs(1.0 - half / cells[J_, i, l])
+    for i in range(omega.shape[0]):
+        ratio = abs(1.0 - half / at(J, i, l))
         if ratio < smallest:
             k, smallest, second = i, ratio, smallest
         else:
             second = min(second, ratio)
+    if lane[ACCURATE, l] > 0.0 and smallest > FAR:
+        lane[ACCURATE, l] = 1.0
+        return True
+    lane[ACCURATE, l] = 0.0
     alpha, beta, gamma = 0.0, 0.0, 0.0
-    for i in range(m):
+    for i in range(omega.shape[0]):
         if i != k:
-            I, omega, r = cells[I_, i, l], cells[OMEGA, i, l], cells[WORK, i, l]
-            alpha += I * r * omega
-            beta += I * r * I
-            gamma += omega * r * omega
+            I_i, w, r = at(I, i, l), omega[i, l], work[i, l]
+            alpha += I_i * r * w
+            beta += I_i * r * I_i
+            gamma += w * r * w
     of_omega, of_I, delta_k, regular = solve_bordered(
-        cells[J_, k, l], cells[I_, k, l], cells[OMEGA, k, l], eps, p, square, alpha, beta, gamma
+        at(J, k, l), at(I, k, l), omega[k, l], eps, p, square, alpha, beta, gamma
     )
     if not (regular and second > FAR_ENOUGH and square < lane[LONGEST, l]):
         return False
-    for i in range(m):
-        I, omega, r = cells[I_, i, l], cells[OMEGA, i, l], cells[WORK, i, l]
-        cells[WORK, i, l] = omega + (of_omega * omega - of_I * I) * r
-    cells[WORK, k, l] = cells[OMEGA, k, l] + delta_k
+    for i in range(omega.shape[0]):
+        if i != k:
+            omega[i, l] += (of_omega * omega[i, l] - of_I * at(I, i, l)) * work[i, l]
+    omega[k, l] += delta_k
     return True
 
 
 @inner
-def step_with_care(cells, lane, matrix):
+def step_with_care(J, I, omega, work, lane, matrix):
     """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
-    _, m, lanes = cells.shape
+    m, lanes = matrix.shape[0], omega.shape[1]
     for first in range(0, lanes, WIDTH):
         last, left = min(first + WIDTH, lanes), False
         for l in range(first, last):
-            if lane[ACCURATE, l] == 0.0 and not step_bordered(cells, lane, l):
+            if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
                 lane[ACCURATE, l], left = -1.0, True
-        if left and matrix.size > 0:
-            solve_lanes(cells, lane, first, matrix)
+        if left and m > 0:
+            solve_lanes(J, I, omega, lane, first, matrix)
         for l in range(first, last):
-            if lane[ACCURATE, l] < 0.0 and matrix.size == 0:
-                lane[STATUS, l], lane[HALF, l] = NEEDS_ELIMINATION, np.inf
-            if lane[ACCURATE, l] < 1.0:
+            if lane[ACCURATE, l] < 0.0:
                 for i in range(m):
-                    omega = cells[WORK, i, l]
-                    if lane[ACCURATE, l] < 0.0 and matrix.size > 0:
-                        omega = matrix[i, m, l - first]
-                    if abs(omega) == np.inf:  # which an increment of 0 makes NaN
-                        lane[HALF, l] = np.inf
-                    cells[OMEGA, i, l], cells[WORK, i, l] = omega, 0.0
+                    omega[i, l] = matrix[i, m, l - first]
+                if m == 0:
+                    lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
+            if lane[ACCURATE, l] < 1.0:
                 lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
+                for i in range(omega.shape[0]):
+                    work[i, l] = 0.0
+                    if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
+                        lane[HALF, l] = np.inf
 
 
 @formula
-def step_rank2(cells, lane, matrix):
+def step_rank2(J, I, omega, work, lane, matrix):
     """Take a step in O(n)."""
-    _, m, lanes = cells.shape
+    half, lanes = omega.shape[0] // 2, omega.shape[1]
     for l in range(lanes):
         lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
         lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l] = 0.0, 0.0, 0.0
-        lane[NEAREST, l] = np.inf
-    for i in range(m):
+    for i in range(half):
+        j = half + i
         for l in range(lanes):
-            J, I, omega = cells[J_, i, l], cells[I_, i, l], cells[OMEGA, i, l]
-            d = J - lane[HALF, l]
-            r = 1.0 / d
-            I_r = I * r
-            cells[WORK, i, l] = r
-            lane[ALPHA, l] += I_r * omega
-            lane[BETA, l] += I_r * I
-            lane[GAMMA, l] += omega * r * omega
-            lane[NEAREST, l] = smaller(abs(d) - FAR * J, lane[NEAREST, l])
+            I_i, I_j, w_i, w_j = at(I, i, l), at(I, j, l), omega[i, l], omega[j, l]
+            r_i, r_j = 1.0 / (at(J, i, l) - lane[HALF, l]), 1.0 / (at(J, j, l) - lane[HALF, l])
+            work[i, l], work[j, l] = r_i, r_j
+            lane[ALPHA, l] = lane[ALPHA, l] + I_i * r_i * w_i + I_j * r_j * w_j
+            lane[BETA, l] = lane[BETA, l] + I_i * r_i * I_i + I_j * r_j * I_j
+            lane[GAMMA, l] = lane[GAMMA, l] + w_i * r_i * w_i + w_j * r_j * w_j
     left = 0.0
     for l in range(lanes):
-        p, square = lane[P, l], lane[SQUARE, l]
+        square = lane[SQUARE, l]
         of_omega, of_I, det, size = solve2(
-            lane[EPS, l], p, square, lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l]
+            lane[EPS, l], lane[P, l], square, lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l]
         )
-        far = (lane[NEAREST, l] > 0.0) & (square < lane[LONGEST, l])
-        accurate = select(far & (det > FAR * FAR * size), 1.0, 0.0)
-        left += 1.0 - accurate
-        lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accurate
+        accurate = (det > FAR * FAR * size) & (square < lane[LONGEST, l])
+        far = select(lane[HALF, l] < lane[NEAR, l], 1.0, 0.5)
+        accuracy = select(accurate, far, 0.0)
+        left += select(accuracy == 1.0, 0.0, 1.0)
+        lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accuracy
     if left > 0.0:
-        step_with_care(cells, lane, matrix)
+        step_with_care(J, I, omega, work, lane, matrix)
     for l in range(lanes):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
-    for i in range(m):
+    for i in range(half):
+        j = half + i
         for l in range(lanes):
-            I, omega = cells[I_, i, l], cells[OMEGA, i, l]
-            omega += (lane[OF_OMEGA, l] * omega - lane[OF_I, l] * I) * cells[WORK, i, l]
-            cells[OMEGA, i, l] = omega
-            lane[P, l] += I * omega
-            lane[SQUARE, l] += omega * omega
+            of_omega, of_I, w_i, w_j = lane[OF_OMEGA, l], lane[OF_I, l], omega[i, l], omega[j, l]
+            I_i, I_j = at(I, i, l), at(I, j, l)
+            w_i += (of_omega * w_i - of_I * I_i) * work[i, l]
+            w_j += (of_omega * w_j - of_I * I_j) * work[j, l]
+            omega[i, l], omega[j, l] = w_i, w_j
+            lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
+            lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
 @formula
@@ -210,196 +231,176 @@ def unit_of(largest, before):
 
 
 @inner
-def take_unit(cells, lane, l, size):
+def take_unit(J, I, omega, lane, l, size):
     """Go over to the unit 2**size in a lane, or to rest where the trajectory has ended."""
     change, ended = lane[EXPONENT, l] - size, lane[STATUS, l] != OK
     smallest, I_square, p, square = np.inf, 0.0, 0.0, 0.0
-    for i in range(cells.shape[1]):
-        I = cells[I_, i, l]
-        omega = 0.0 if ended else scaled(cells[OMEGA, i, l], change)
-        cells[OMEGA, i, l] = omega
-        smallest = min(cells[J_, i, l], smallest)
-        I_square += I * I
-        p += I * omega
-        square += omega * omega
+    for i in range(omega.shape[0]):
+        I_i, w = at(I, i, l), 0.0 if ended else scaled(omega[i, l], change)
+        omega[i, l] = w
+        smallest = min(at(J, i, l), smallest)
+        I_square += I_i * I_i
+        p += I_i * w
+        square += w * w
     rests = ended or lane[RESTS, l] > 0.0
     lane[EXPONENT, l] = size
     lane[EPS, l] = 0.0 if rests else scaled(lane[EPS_INPUT, l], size)
     lane[UNIT, l] = np.nan if ended else two_to_the(size)
-    lane[P, l], lane[SQUARE, l] = p, square
+    lane[P, l], lane[SQUARE, l], lane[NEAR, l] = p, square, (1.0 - FAR) * smallest
     lane[LONGEST, l], lane[LOW, l], lane[HIGH, l] = bounds(
         smallest, I_square, lane[EPS, l], square, two_to_the(size)
     )
 
 
 @inner
-def renew_units(cells, lane):
-    """End the lanes whose states are not finite; find new units for those that need them.
-
-    Returns whether a lane has ended.
-    """
-    _, m, lanes = cells.shape
-    ended = False
-    for l in range(lanes):
+def renew_units(J, I, omega, lane, begin, end, n, failed_at):
+    """After the step to state n end the lanes that are not finite, and find units where needed."""
+    for l in range(omega.shape[1]):
         if not (lane[LOW, l] < lane[SQUARE, l] < lane[HIGH, l]):
             largest, undefined, infinite = 0.0, False, False
-            for i in range(m):
-                omega = abs(cells[OMEGA, i, l])
-                undefined |= omega != omega
-                infinite |= omega * lane[UNIT, l] == np.inf
-                largest = larger(omega, largest)
+            for i in range(omega.shape[0]):
+                size = abs(omega[i, l])
+                undefined |= size != size
+                infinite |= size * lane[UNIT, l] == np.inf
+                largest = larger(size, largest)
             if (undefined or infinite) and lane[STATUS, l] == OK:
                 regular = undefined and lane[HALF, l] - lane[HALF, l] == 0.0
                 lane[STATUS, l] = SINGULAR if regular else NONFINITE
-            ended |= lane[STATUS, l] != OK
-            take_unit(cells, lane, l, unit_of(largest, lane[EXPONENT, l]))
-    return ended
+            if lane[STATUS, l] != OK and begin + l < end and failed_at[begin + l] < 0:
+                failed_at[begin + l] = n
+            take_unit(J, I, omega, lane, l, unit_of(largest, lane[EXPONENT, l]))
 
 
 @inner
-def enter(cells, lane, parameters, omega, span, kept):
+def enter(parameters, start, kept, begin, end, block):
     """Take trajectories up at state start; lanes beyond the last repeat it."""
-    (J, I, eps), (begin, end, start) = parameters, span
+    (all_J, all_I, eps, initial), (J, I, omega, lane) = parameters, block
     _, status, failed_at, state, exponents = kept
-    _, m, lanes = cells.shape
+    m, lanes = initial.shape[1], omega.shape[1]
     for l in range(lanes):
         b = min(begin + l, end - 1)
-        body, largest, coupled = b if J.shape[0] > 1 else 0, 0.0, 0.0
-        of_I, undefined = b if I.shape[0] > 1 else 0, False
-        for i in range(m):
-            cells[J_, i, l], cells[I_, i, l] = J[body, i], I[of_I, i]
-            cells[OMEGA, i, l] = omega[b, i] if start == 0 else state[b, i]
-            largest = larger(abs(cells[OMEGA, i, l]), largest)
-            undefined |= cells[OMEGA, i, l] != cells[OMEGA, i, l]
-            coupled = larger(abs(cells[I_, i, l]), coupled)
+        of_J, of_I = b if len(all_J) > 1 else 0, b if len(all_I) > 1 else 0
+        largest, coupled, undefined = 0.0, 0.0, False
+        for i in range(omega.shape[0]):
+            J_i, I_i, w = np.inf, 0.0, 0.0
+            if i < m:
+                J_i, I_i = all_J[of_J, i], all_I[of_I, i]
+                w = initial[b, i] if start == 0 else state[b, i]
+            put(J, i, l, J_i)
+            put(I, i, l, I_i)
+            omega[i, l] = w
+            largest, coupled = larger(abs(w), largest), larger(abs(I_i), coupled)
+            undefined |= w != w
         lane[EPS_INPUT, l] = eps[b if eps.size > 1 else 0]
         lane[RESTS, l] = 1.0 if lane[EPS_INPUT, l] == 0.0 or coupled == 0.0 else 0.0
         if start == 0:
             # NaN is no state: such a trajectory ends before it begins.
-            lane[STATUS, l] = NONFINITE if undefined else OK
-            if begin + l < end:
-                status[b], failed_at[b] = lane[STATUS, l], 0 if undefined else -1
-            lane[EXPONENT, l] = 0.0
-            take_unit(cells, lane, l, unit_of(largest, 0.0))
-        else:
-            lane[STATUS, l] = status[b] if failed_at[b] >= 0 else OK
-            lane[EXPONENT, l] = exponents[b]
-            take_unit(cells, lane, l, exponents[b])
+            status[b], failed_at[b] = (NONFINITE, 0) if undefined else (OK, -1)
+        lane[STATUS, l] = status[b] if failed_at[b] >= 0 else OK
+        lane[EXPONENT, l] = 0.0 if start == 0 else exponents[b]
+        size = unit_of(largest, 0.0) if start == 0 else exponents[b]
+        take_unit(J, I, omega, lane, l, size)
 
 
 @inner
-def write(cells, lane, omega, begin, end, n, target):
+def write(initial, omega, lane, begin, end, n, target):
     """Write the states n of a block; those that never move, and the first, as they were given."""
-    m = cells.shape[1]
-    for l in range(end - begin):
-        if (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK:
-            for i in range(m):
-                target[begin + l, i] = omega[begin + l, i]
-        else:
-            for i in range(m):
-                target[begin + l, i] = cells[OMEGA, i, l] * lane[UNIT, l]
-
-
-@inner
-def orient(cells, lane, turning, task, begin, end, n, start):
-    """Turn the orientations to state n, before which `before` holds the states."""
-    time_step, columns, _, before, room = turning
-    m, size = cells.shape[1], columns.shape[1]
     for l in range(end - begin):
         b = begin + l
+        as_given = (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK
+        for i in range(initial.shape[1]):
+            target[b, i] = initial[b, i] if as_given else omega[i, l] * lane[UNIT, l]
+
+
+@inner
+def leave(initial, omega, lane, begin, end, stop, kept):
+    """Write the last states, in the unit of the user and in those of the lanes."""
+    final, status, _, state, exponents = kept
+    write(initial, omega, lane, begin, end, stop, final)
+    for l in range(end - begin):
+        b = begin + l
+        status[b], exponents[b] = lane[STATUS, l], lane[EXPONENT, l]
+        for i in range(initial.shape[1]):
+            state[b, i] = omega[i, l]
+
+
+@inner
+def orient(omega, lane, turning, task, begin, end, n, start):
+    """Turn the orientations to state n; `before` holds the states before it."""
+    time_step, columns, _, before, room = turning
+    size = columns.shape[1]
+    middle, image = room[task, 2 * size], room[task, 2 * size + 1]
+    for l in range(end - begin):
+        b = begin + l
+        for i in range(size - 1):
+            w = omega[i, l] * lane[UNIT, l]
+            middle[i], before[task, i, l] = mean(before[task, i, l], w), w
         if n > start:
-            middle = room[task, 2 * size + 1]
-            for i in range(m):
-                omega = cells[OMEGA, i, l] * lane[UNIT, l]
-                middle[i] = mean(before[task, i, l], omega)
             eps = time_step[b if time_step.size > 1 else 0]
-            turn(columns[b], middle[:m], eps, room[task, 2 * size])
+            turn(columns[b], middle[: size - 1], eps, image)
             if n % CLEAN_EVERY == 0:
                 clean_up(columns[b], room[task, :size], room[task, size : 2 * size])
         elif lane[STATUS, l] != OK:
             for r in range(size):
                 for c in range(size):
                     columns[b, r, c] = np.nan
-        for i in range(m):
-            before[task, i, l] = cells[OMEGA, i, l] * lane[UNIT, l]
 
 
 @inner
-def leave(cells, lane, omega, begin, end, stop, kept):
-    """Write the last states, in the unit of the user and in those of the lanes."""
-    final, status, _, state, exponents = kept
-    write(cells, lane, omega, begin, end, stop, final)
-    for l in range(end - begin):
-        b = begin + l
-        status[b] = lane[STATUS, l]
-        exponents[b] = lane[EXPONENT, l]
-        for i in range(omega.shape[1]):
-            state[b, i] = cells[OMEGA, i, l]
+def save_turns(turning, begin, end, row):
+    """Write the orientations of a block to a row."""
+    _, columns, turns, _, _ = turning
+    for b in range(begin, end):
+        for r in range(columns.shape[1]):
+            for c in range(columns.shape[1]):
+                turns[row, b, r, c] = columns[b, c, r]
 
 
 @inner
-def save(cells, lane, omega, begin, end, n, saved, turning, row):
-    """Write the states n of a block, and the orientations, to a row."""
-    write(cells, lane, omega, begin, end, n, saved[row])
-    if turning is not None:
-        _, columns, turns, _, _ = turning
-        for b in range(begin, end):
-            for r in range(columns.shape[1]):
-                for c in range(columns.shape[1]):
-                    turns[row, b, r, c] = columns[b, c, r]
-
-
-@inner
-def see_to_units(cells, lane, begin, end, n, failed_at):
-    """Find new units after the step to state n, and note which lanes have ended."""
-    if renew_units(cells, lane):
-        for l in range(end - begin):
-            if lane[STATUS, l] != OK and failed_at[begin + l] < 0:
-                failed_at[begin + l] = n
-
-
-@inner
-def iterate_blocks(gauss, parameters, omega, span, saved, turning, kept, room, task):
+def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
     """Take all steps of the blocks of a task."""
-    (first, last, start, stop, every, first_row), (tasks, _, _, lanes) = span, room[0].shape
-    cells, matrix = room[0][task], room[1][task]
+    first, last, start, stop, every, first_row = span
+    bodies, states, matrices = room
+    J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
     lane = carray(stack(ROOM), (FIELDS, LANES))
+    initial, matrix, failed_at = parameters[3], matrices[task], kept[2]
+    tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
     for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
         begin = first + k * lanes
         end = min(begin + lanes, last)
-        enter(cells, lane, parameters, omega, (begin, end, start), kept)
+        enter(parameters, start, kept, begin, end, (J, I, omega, lane))
         n, row, next_saved = start, 0, stop + 1
-        if saved.shape[0] > 0 and start == 0:
-            next_saved = 0
-        elif saved.shape[0] > 0:
-            row = start // every + 1 - first_row
-            next_saved = (start // every + 1) * every
+        if saved.shape[0] > 0:
+            row = start // every + 1 - first_row if start > 0 else 0
+            next_saved = (start // every + 1) * every if start > 0 else 0
         while True:
             if turning is not None:
-                orient(cells, lane, turning, task, begin, end, n, start)
+                orient(omega, lane, turning, task, begin, end, n, start)
             if n == next_saved:
-                save(cells, lane, omega, begin, end, n, saved, turning, row)
+                write(initial, omega, lane, begin, end, n, saved[row])
+                if turning is not None:
+                    save_turns(turning, begin, end, row)
                 row, next_saved = row + 1, next_saved + every
             if n == stop:
                 break
             until = min(next_saved, stop) if turning is None else n + 1
             while n < until:
                 if gauss:
-                    step_gauss(cells, lane, matrix)
+                    step_gauss(J, I, omega, lane, matrix)
                 else:
-                    step_rank2(cells, lane, matrix)
+                    step_rank2(J, I, omega, work, lane, matrix)
                 n += 1
-                if not units_serve(cells, lane):
-                    see_to_units(cells, lane, begin, end, n, kept[2])
-        leave(cells, lane, omega, begin, end, stop, kept)
+                if not units_serve(lane, lanes):
+                    renew_units(J, I, omega, lane, begin, end, n, failed_at)
+        leave(initial, omega, lane, begin, end, stop, kept)
 
 
 @kernel
-def iterate(gauss, parameters, omega, span, saved, turning, kept, room):
-    """Iterate states omega (B, m), by elimination alone or in O(n) steps.
+def iterate(gauss, parameters, span, saved, turning, kept, room):
+    """Iterate states, by elimination alone or in O(n) steps.
 
-    parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
+    parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
     span : begin and end of the trajectories; start, stop; every, first_row of the saved states
     saved : (rows, B, m)
     turning : None, or the step size in the unit of time of omega (B,) or (1,); the transposed
@@ -407,7 +408,8 @@ def iterate(gauss, parameters, omega, span, saved, turning, kept, room):
         (tasks, 2 n + 2, n)
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). Those but `final` are read where start is not 0.
-    room : (tasks, 4, m, lanes), and (tasks, m, m + 1, WIDTH) for elimination, or m = 0 in its place
+    room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
+        (tasks, 2, M, lanes); for elimination (tasks, m, m + 1, WIDTH), or m = 0 in its place
     """
-    for task in prange(room[0].shape[0]):
-        iterate_blocks(gauss, parameters, omega, span, saved, turning, kept, room, task)
+    for task in prange(room[1].shape[0]):
+        iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task)

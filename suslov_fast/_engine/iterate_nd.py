@@ -18,6 +18,8 @@ from .problem import Outcome, Problem, check_computed, never, not_computed, wors
 _Turning: TypeAlias = tuple[FloatArray, ...] | None
 # Lanes of a block are a multiple of this: whole vectors.
 _VECTOR = 8
+# More components than these are eliminated in fewer lanes.
+_MANY = 128
 
 
 def run(problem: Problem) -> Outcome:
@@ -113,16 +115,18 @@ def _matrices(tasks: int, m: int, needed: bool) -> FloatArray:
 
     The system gives memory when it is first written to: what is not used costs nothing.
     """
+    width = WIDTH if m <= _MANY else _VECTOR
     try:
-        return np.empty((tasks, m, m + 1, WIDTH))
+        return np.empty((tasks, m + 2, m + 1, width))
     except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
         if needed:
             raise MemoryError(_no_room(m, tasks)) from error
-        return np.empty((tasks, 0, 1, WIDTH))
+        return np.empty((tasks, 2, 1, width))
 
 
 def _no_room(m: int, tasks: int) -> str:
+    size = 8.0 * tasks * (m + 1) * (m + 2) * _VECTOR
     return (
-        f"expected {8.0 * tasks * m * (m + 1) * WIDTH:.3g} bytes to work in, which there are not: "
-        "elimination takes them; use method='rank2', fewer threads, or shorter steps"
+        f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
+        "use method='rank2', fewer threads, or shorter steps"
     )

@@ -16,14 +16,14 @@ from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solv
 from .._formulas.rotation import mean
 from .._jit import carray, formula, inner, kernel, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import WIDTH, eliminate
+from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 # Trajectories of a block: enough for sums over components not to wait for the memory they were
 # just written to.
 LANES = 64
 FIELDS = 19  # numbers of a lane
-ROOM = FIELDS * LANES
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
 
 
 # A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
@@ -48,12 +48,13 @@ ROOM = FIELDS * LANES
     OF_OMEGA,  # factors in delta, see `solve2`
     OF_I,
     ACCURATE,  # 1 where the step by `solve2` is accurate, 0.5 where that depends on d, else 0
-) = range(19)
-FIELDS = 19
-ROOM = FIELDS * LANES
-# Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1 and
-# the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows that
-# are written overlap others: the pairs must lie in two halves, not side by side.)
+    CHOSEN,  # the numbers of lanes that are eliminated
+) = range(20)
+FIELDS = 20
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
+# Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
+# and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows
+# that are written overlap others: the pairs must lie in two halves, not side by side.)
 
 
 @formula
@@ -82,36 +83,48 @@ def units_serve(lane, lanes):
 
 
 @inner
-def solve_lanes(J, I, omega, lane, first, matrix):
-    """Solve A(omega) omega_next = omega in some lanes from `first` on, as column m of `matrix`."""
-    m, lanes = matrix.shape[0], omega.shape[1]
-    width = min(WIDTH, lanes - first)
-    for i in range(m):
-        for l in range(width):
-            b = first + l
-            J_i, eps, w = at(J, i, b), lane[EPS, b], omega[i, b]
-            c, g = matrix_row(J_i, at(I, i, b), w, eps)
+def solve_lanes(J, I, omega, lane, chosen, matrix, rows):
+    """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
+
+    matrix is room for A, and rows (2, m + 1, width) for omega and I of the chosen lanes.
+    """
+    m, w, I_w = matrix.shape[0], rows[0], rows[1]
+    of = carray(stack(ROOM_OF_ROW), (3, LANES))
+    for first in range(0, chosen, matrix.shape[2]):
+        width = min(matrix.shape[2], chosen - first)
+        for i in range(m):
+            for k in range(width):
+                l = int(lane[CHOSEN, first + k])
+                w[i, k], I_w[i, k] = omega[i, l], at(I, i, l)
+        for i in range(m):
+            for k in range(width):
+                l = int(lane[CHOSEN, first + k])
+                J_i = at(J, i, l)
+                of[0, k], of[1, k] = matrix_row(J_i, I_w[i, k], w[i, k], lane[EPS, l])
+                of[2, k] = 1.0 - lane[HALF, l] / J_i
+                matrix[i, m, k] = w[i, k]
             for j in range(m):
-                matrix[i, j, l] = -c * omega[j, b] - g * at(I, j, b)
-            matrix[i, i, l] = (1.0 - lane[HALF, b] / J_i) + matrix[i, i, l]
-            matrix[i, m, l] = w
-    eliminate(matrix, width)
+                for k in range(width):
+                    matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * I_w[j, k]
+            for k in range(width):
+                matrix[i, i, k] = of[2, k] + matrix[i, i, k]
+        eliminate(matrix, w, width)
+        for i in range(m):
+            for k in range(width):
+                omega[i, int(lane[CHOSEN, first + k])] = w[i, k]
 
 
 @formula
-def step_gauss(J, I, omega, lane, matrix):
+def step_gauss(J, I, omega, lane, matrix, rows):
     """Take a step by elimination."""
-    m, lanes = matrix.shape[0], omega.shape[1]
+    lanes = omega.shape[1]
     for l in range(lanes):
         lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
-    for first in range(0, lanes, WIDTH):
-        solve_lanes(J, I, omega, lane, first, matrix)
-        for i in range(m):
-            for l in range(first, min(first + WIDTH, lanes)):
-                omega[i, l] = matrix[i, m, l - first]
+        lane[CHOSEN, l] = l
+    solve_lanes(J, I, omega, lane, lanes, matrix, rows)
     for l in range(lanes):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
-    for i in range(m):
+    for i in range(matrix.shape[0]):
         for l in range(lanes):
             w = omega[i, l]
             lane[P, l] += at(I, i, l) * w
@@ -156,32 +169,27 @@ def step_bordered(J, I, omega, work, lane, l):
 
 
 @inner
-def step_with_care(J, I, omega, work, lane, matrix):
+def step_with_care(J, I, omega, work, lane, matrix, rows):
     """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
-    m, lanes = matrix.shape[0], omega.shape[1]
-    for first in range(0, lanes, WIDTH):
-        last, left = min(first + WIDTH, lanes), False
-        for l in range(first, last):
-            if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
-                lane[ACCURATE, l], left = -1.0, True
-        if left and m > 0:
-            solve_lanes(J, I, omega, lane, first, matrix)
-        for l in range(first, last):
-            if lane[ACCURATE, l] < 0.0:
-                for i in range(m):
-                    omega[i, l] = matrix[i, m, l - first]
-                if m == 0:
-                    lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
-            if lane[ACCURATE, l] < 1.0:
-                lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
-                for i in range(omega.shape[0]):
-                    work[i, l] = 0.0
-                    if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
-                        lane[HALF, l] = np.inf
+    left = 0
+    for l in range(omega.shape[1]):
+        if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
+            lane[CHOSEN, left] = l
+            left += 1
+            if matrix.shape[0] == 0:
+                lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
+    solve_lanes(J, I, omega, lane, left, matrix, rows)
+    for l in range(omega.shape[1]):
+        if lane[ACCURATE, l] < 1.0:
+            lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
+            for i in range(omega.shape[0]):
+                work[i, l] = 0.0
+                if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
+                    lane[HALF, l] = np.inf
 
 
 @formula
-def step_rank2(J, I, omega, work, lane, matrix):
+def step_rank2(J, I, omega, work, lane, matrix, rows):
     """Take a step in O(n)."""
     half, lanes = omega.shape[0] // 2, omega.shape[1]
     for l in range(lanes):
@@ -208,7 +216,7 @@ def step_rank2(J, I, omega, work, lane, matrix):
         left += select(accuracy == 1.0, 0.0, 1.0)
         lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accuracy
     if left > 0.0:
-        step_with_care(J, I, omega, work, lane, matrix)
+        step_with_care(J, I, omega, work, lane, matrix, rows)
     for l in range(lanes):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
     for i in range(half):
@@ -363,7 +371,9 @@ def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
     bodies, states, matrices = room
     J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
     lane = carray(stack(ROOM), (FIELDS, LANES))
-    initial, matrix, failed_at = parameters[3], matrices[task], kept[2]
+    m = matrices.shape[2] - 1
+    matrix, rows = matrices[task, :m], matrices[task, m:]
+    initial, failed_at = parameters[3], kept[2]
     tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
     for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
@@ -387,9 +397,9 @@ def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
             until = min(next_saved, stop) if turning is None else n + 1
             while n < until:
                 if gauss:
-                    step_gauss(J, I, omega, lane, matrix)
+                    step_gauss(J, I, omega, lane, matrix, rows)
                 else:
-                    step_rank2(J, I, omega, work, lane, matrix)
+                    step_rank2(J, I, omega, work, lane, matrix, rows)
                 n += 1
                 if not units_serve(lane, lanes):
                     renew_units(J, I, omega, lane, begin, end, n, failed_at)
@@ -409,7 +419,7 @@ def iterate(gauss, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). Those but `final` are read where start is not 0.
     room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m, m + 1, WIDTH), or m = 0 in its place
+        (tasks, 2, M, lanes); for elimination (tasks, m + 2, m + 1, width), or m = 0 in its place
     """
     for task in prange(room[1].shape[0]):
         iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task)

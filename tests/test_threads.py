@@ -14,8 +14,8 @@ import pytest
 from numba.np.ufunc import parallel as numba_threads
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import blocks
-from suslov_fast._core.cpu import map_3d as loops
+from suslov_fast._kernels import maps_3d as loops
+from suslov_fast._kernels.iterate import LANES
 from suslov_fast._engine import threads
 
 
@@ -25,7 +25,7 @@ def in_child(code, **environment):
 
 @pytest.fixture
 def big(rng):
-    return rng.uniform(-2, 2, (3 * blocks.LANES, 2))
+    return rng.uniform(-2, 2, (3 * LANES, 2))
 
 
 needs_two_threads = pytest.mark.skipif(
@@ -59,7 +59,7 @@ def test_threads_are_restored_on_error(body, big, monkeypatch):
             seen.append(numba.get_num_threads())
             raise MemoryError
 
-    monkeypatch.setattr(loops, "iterate", Broken())
+    monkeypatch.setattr(loops, "canonical", Broken())
     numba.set_num_threads(2)
     with pytest.raises(MemoryError):
         sf.iterate(body, big, 0.2, 4000, threads=2, method="canonical")
@@ -71,13 +71,13 @@ def test_threads_are_restored_on_error(body, big, monkeypatch):
 @pytest.mark.parametrize("work", ["small batch", "one block"])
 def test_little_work_stays_serial(body, monkeypatch, work):
     class SerialOnly:
-        serial = staticmethod(loops.iterate.serial)
+        serial = staticmethod(loops.canonical.serial)
 
-    monkeypatch.setattr(loops, "iterate", SerialOnly())
+    monkeypatch.setattr(loops, "canonical", SerialOnly())
     if work == "one block":
-        sf.iterate(body, np.ones((blocks.LANES, 2)), 0.2, 20_000)
+        sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000)
     else:
-        sf.iterate(body, np.ones((blocks.LANES + 1, 2)), 0.2, 10)
+        sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10)
 
 
 @pytest.mark.compiled

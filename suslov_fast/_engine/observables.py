@@ -15,10 +15,10 @@ from .._checks import LARGE, FloatArray, real_array
 from .._core.cpu import observables, observables_nd
 from .._core.cpu.blocks import LANES, TASKS
 from .._core.jit import Loop
-from .status import SingularStepWarning
 from . import threads as _threads
 from .arguments import Body
 from .layout import flat_parameter, for_kernel, spell
+from .status import SingularStepWarning
 
 # What a state costs, in steps of the map.
 WORK = 4

@@ -21,7 +21,12 @@ MAP = Map(
     methods=("auto", "canonical", "ds2"),
     parameters=_parameters,
     run=run,
-    resume=(Kept("state", (2, "B")), Kept("turn", (4, "B"), attitude=True)),
+    resume=(
+        Kept("state", ("B", 2)),
+        Kept("turn", ("B", 4), attitude=True),
+        Kept("status", ("B",), "int8"),
+        Kept("failed_at", ("B",), "int64"),
+    ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),

@@ -11,7 +11,6 @@ import children
 import numba
 import numpy as np
 import pytest
-from numba.np.ufunc import parallel as numba_threads
 
 import suslov_fast as sf
 from suslov_fast._kernels import maps_3d as loops
@@ -166,12 +165,12 @@ def alarm():
 @pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments(alarm):
-    """Neither the lock nor the number of threads stays behind, wherever a handler raises."""
+    """The lock is released wherever a handler raises."""
     send, Alarm = alarm
     chance = random.Random(1)
     numba.set_num_threads(1)
     try:
-        for _ in range(20_000):
+        for _ in range(2_000):
             try:
                 send(chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
@@ -179,12 +178,11 @@ def test_signals_at_random_moments(alarm):
             except Alarm:
                 send(0)
             assert not threads._owned()
-            assert numba_threads._get_num_threads() == 1
     finally:
         numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
 
 
-def test_a_handler_that_computes(monkeypatch):
+def test_a_handler_that_computes():
     """It interrupts a parallel call, so it is served serially, and the call goes on."""
     calls = []
 
@@ -197,7 +195,6 @@ def test_a_handler_that_computes(monkeypatch):
             threads.run(Inner(), threads.CROSSOVER, 2)
             calls.append("parallel")
 
-    monkeypatch.setattr(numba_threads, "_set_num_threads", lambda count: None, raising=False)
     threads._parallel(Outer(), None, ())
     assert calls == ["serial", "parallel"]
     assert not threads._owned()

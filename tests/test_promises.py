@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
+from suslov_fast._bodies.units import units_of
 from suslov_fast._core.cpu import blocks
 from suslov_fast._core.cpu import map_3d as loops
 from suslov_fast._engine import problem, threads
@@ -82,7 +83,7 @@ def test_number_of_threads(rng, monkeypatch, method, save_every):
 @pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL])
 def test_compiled_equals_interpreted(rng, method):
     body, omega, eps = mixed_batch(rng, 70)
-    parameters = [np.ascontiguousarray(p) for p in (*body.normalised, eps)]
+    parameters = [np.ascontiguousarray(p) for p in (*units_of(body).parameters, eps)]
 
     def call(loop):
         out, final, state = np.empty((41, 70, 2)), np.empty((70, 2)), np.empty((2, 70))

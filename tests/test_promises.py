@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
+from suslov_fast._engine import problem, threads
 from suslov_fast._kernels import maps_3d as loops
 from suslov_fast._kernels import tiles
 from suslov_fast._kernels.iterate import LANES
-from suslov_fast._engine import problem, threads
 
 METHODS = ("auto", "canonical", "ds2")
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._engine import threads
 from suslov_fast._kernels import maps_3d as loops
 from suslov_fast._kernels.iterate import LANES
-from suslov_fast._engine import threads
 
 
 def in_child(code, **environment):

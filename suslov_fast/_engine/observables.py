@@ -19,6 +19,10 @@ from . import threads as _threads
 from .arguments import Body
 from .layout import flat_parameter, for_kernel, spell
 from .status import SingularStepWarning
+<<<<<<< HEAD
+=======
+from .units import flat_of_one
+>>>>>>> runs
 
 # What a state costs, in steps of the map.
 WORK = 4
@@ -175,7 +179,7 @@ def _parts(
     if eps is None:
         eps = 1.0
     if not batch:  # one state: most of the time of a call would go into what follows
-        one = [*body.flat, flat_parameter(eps, ())]
+        one = [*flat_of_one(body), flat_parameter(eps, ())]
         yield 0, one, [for_kernel(v).reshape(-1) for v in vectors], 1
         return
     size = math.prod(batch)

@@ -407,7 +407,7 @@ class _Scene:
     """The figure of an animation, drawn anew for each frame."""
 
     def __init__(self, body: Suslov3D, I3: float, turns: FloatArray) -> None:
-        radii, principal = ellipsoid_of_inertia(*body.parameters, I3)
+        radii, principal = ellipsoid_of_inertia(body.parameters, I3)
         self.turns = turns
         self.path = 1.15 * turns[:, :, 2]
         u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 41), np.linspace(0, np.pi, 21))

@@ -138,7 +138,7 @@ def _ellipsoid(body: Suslov3D, low: FloatArray, high: FloatArray) -> dict[str, A
     I3 = float(0.5 * (low + high)) if of_matter else float(np.maximum(body.I1, body.I2))
     for _ in range(_DOUBLINGS):
         try:
-            radii, axes = ellipsoid_of_inertia(*body.parameters, I3)
+            radii, axes = ellipsoid_of_inertia(body.parameters, I3)
         except ValueError:
             I3 *= 2.0
         else:

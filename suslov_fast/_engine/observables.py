@@ -19,10 +19,7 @@ from . import threads as _threads
 from .arguments import Body
 from .layout import flat_parameter, for_kernel, spell
 from .status import SingularStepWarning
-<<<<<<< HEAD
-=======
 from .units import flat_of_one
->>>>>>> runs
 
 # What a state costs, in steps of the map.
 WORK = 4

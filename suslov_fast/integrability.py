@@ -1,21 +1,20 @@
 """Exact experiments on the integrability of Kahan maps.
 
 A quadratic vector field and a step size define a birational map. Four computations tell whether it
-may be integrable: the growth of the degrees of its iterates, Hirota-Kimura bases, which give first
-integrals, and Darboux polynomials, which give invariant measures and first integrals::
+may be integrable: the degrees of its iterates and their growth, Hirota-Kimura bases, which give
+first integrals, and Darboux polynomials, which give invariant measures and first integrals::
 
-    from suslov_fast import Suslov3D, integrability as lab
+    from suslov_fast import Suslov3D
+    from suslov_fast.integrability import *
 
-    map = lab.kahan(lab.QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
-    lab.growth(lab.degrees(map, 20))
-    lab.hk_bases(map, 2).integrals
-    lab.darboux_polynomials(map, 3)
+    map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    growth(degrees(map, 20))
+    hk_bases(map, 2).integrals
+    darboux_polynomials(map, 3)
 
-All arithmetic is exact: over the rationals, or modulo primes of 62 bits with points and lines drawn
-from a seeded generator, so that results are reproducible. What is found modulo a prime is confirmed
-modulo another one; the probability of a wrong answer is of the order of the number of operations
-over 2**62. Rational coefficients are reconstructed from several primes.
-
+All arithmetic is exact, over the rationals or modulo primes of 62 bits, with points and lines from
+a seeded generator, so that results are reproducible. What is found modulo one prime is confirmed
+modulo another; the probability of an error is of the order of the number of operations over 2**62.
 The module needs python-flint: ``pip install 'suslov_fast[algebra]'``.
 """
 
@@ -28,8 +27,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations_with_replacement, islice
-from numbers import Rational
+from itertools import combinations_with_replacement, islice, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,17 +55,41 @@ __all__ = [
 ]
 
 Point = tuple[Fraction, ...]
-Matrix = tuple[tuple[Fraction, ...], ...]
-# A linear form in 1, x1, ..., xD: its nonzero coefficients, by index.
-Form = tuple[tuple[int, Any], ...]
+Matrix = tuple[Point, ...]
+Exponents = tuple[tuple[int, ...], ...]
+Residues = list[list[int]]  # a matrix modulo a prime
 
-_DRAWS = 8  # of a line, a point or a prime, before an exceptional case counts as the generic one
+_DRAWS = 8  # of lines, points or primes, of which two must agree
 _MORE = 10  # equations more than unknowns
-_MOST_PRIMES = 128  # for numerators and denominators of 1000 decimal digits
+_PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
 class _BadDrawError(ArithmeticError):
     """A line, a point or a prime for which the computation does not go through."""
+
+
+class Polynomials(tuple[Any, ...]):
+    """A tuple of polynomials of python-flint, in the variables x1, ..., xD."""
+
+    __slots__ = ()
+
+    def as_sympy(self, symbols: Sequence[Any] | None = None) -> list[Any]:
+        """Return the polynomials as SymPy expressions in `symbols`, by default x1, ..., xD."""
+        import sympy
+
+        expressions = []
+        for polynomial in self:
+            x = symbols or sympy.symbols(polynomial.context().names())
+            terms = [
+                sympy.Mul(sympy.Rational(str(a)), *(v**e for v, e in zip(x, each, strict=True)))
+                for each, a in polynomial.to_dict().items()
+            ]
+            expressions.append(sympy.Add(*terms))
+        return expressions
+
+    def __repr__(self) -> str:
+        texts = map(str, self)
+        return f"({', '.join(text if len(text) < 300 else text[:297] + '...' for text in texts)})"
 
 
 # --- Fields and maps ------------------------------------------------------------------------------
@@ -83,8 +105,7 @@ class QuadraticField:
     ----------
     quadratic : array_like(shape=(D, D, D))
         q, integers, fractions, or floats, which are taken exactly (0.1 is not 1/10: use
-        ``Fraction(1, 10)``). It is made symmetric in the last two indices, which does not change
-        the field.
+        ``Fraction(1, 10)``). It is made symmetric in j and k, which does not change the field.
     linear : array_like(shape=(D, D)), optional
         l, by default 0.
     constant : array_like(shape=(D,)), optional
@@ -109,25 +130,24 @@ class QuadraticField:
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         q = _array("quadratic", quadratic)
         n = len(q) if q.ndim else 0
-        if q.shape != (n, n, n) or n == 0:
+        if n == 0 or q.shape != (n, n, n):
             raise ValueError(f"quadratic: expected the shape (D, D, D), got {q.shape}")
         q = (q + q.transpose(0, 2, 1)) / 2
-        zero = Fraction(0)
-        l = np.full((n, n), zero) if linear is None else _array("linear", linear, (n, n))
-        c = np.full(n, zero) if constant is None else _array("constant", constant, (n,))
-        object.__setattr__(self, "quadratic", tuple(_rows(each) for each in q))
-        object.__setattr__(self, "linear", _rows(l))
+        l = _array("linear", np.zeros((n, n), int) if linear is None else linear, (n, n))
+        c = _array("constant", np.zeros(n, int) if constant is None else constant, (n,))
+        object.__setattr__(self, "quadratic", tuple(tuple(map(tuple, each)) for each in q))
+        object.__setattr__(self, "linear", tuple(map(tuple, l)))
         object.__setattr__(self, "constant", tuple(c))
 
     @classmethod
-    def from_function(cls, f: Callable[[Point], Sequence[Any]], dimension: int) -> QuadraticField:
+    def from_function(cls, f: Callable[[Point], Any], dimension: int) -> QuadraticField:
         """Return the field that a function computes.
 
         Parameters
         ----------
         f : callable
             It takes a point, a tuple of fractions, and returns the `dimension` components of the
-            field there as exact numbers.
+            field there, exactly.
         dimension : int
             Number of variables.
 
@@ -138,7 +158,7 @@ class QuadraticField:
         Raises
         ------
         TypeError, ValueError
-            If `f` returns floats or another number of components, or is no polynomial of degree 2.
+            If `f` returns anything else, or is no polynomial of degree 2 at most.
 
         Examples
         --------
@@ -147,27 +167,21 @@ class QuadraticField:
         QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
         """
         n = _count("dimension", dimension, least=1)
+        unit = _array("unit", np.eye(n, dtype=int))
 
-        def at(*indices: int, sign: int = 1) -> Any:
-            x = [Fraction(0)] * n
-            for i in indices:
-                x[i] += sign
-            return _value(f, tuple(x), n)
+        def at(x: Any) -> Any:
+            return _array("the value of f", f(tuple(x)), (n,))
 
-        c = at()
+        c = at(0 * unit[0])
+        l = np.stack([at(e) - at(-e) for e in unit], axis=-1) / 2
         q = np.empty((n, n, n), object)
-        l = np.empty((n, n), object)
-        for i in range(n):
-            l[:, i] = (at(i) - at(i, sign=-1)) / 2
-            q[:, i, i] = (at(i) + at(i, sign=-1)) / 2 - c
-        for i in range(n):
-            for j in range(i):
-                crossed = at(i, j) - q[:, i, i] - q[:, j, j] - l[:, i] - l[:, j] - c
-                q[:, i, j] = q[:, j, i] = crossed / 2
+        for i, j in combinations_with_replacement(range(n), 2):
+            mixed = at(unit[i] + unit[j]) - at(unit[i]) - at(unit[j]) + c
+            q[:, i, j] = q[:, j, i] = mixed / 2
         field = cls(q, l, c)
-        x = tuple(Fraction(k) for k in random.Random(0).sample(range(100, 10_000), n))
-        if tuple(_value(f, x, n)) != field(x):
-            raise ValueError("from_function: expected polynomials of degree 2 at most")
+        x = [Fraction(k, 7) for k in random.Random(0).sample(range(100, 10_000), n)]
+        if tuple(at(x)) != field(x):
+            raise ValueError("f: expected polynomials of degree 2 at most, computed exactly")
         return field
 
     @classmethod
@@ -182,7 +196,7 @@ class QuadraticField:
         Returns
         -------
         QuadraticField
-            In the variables of the package, Omega_1, Omega_2 or Omega_in.
+            In Omega_1 and Omega_2, or in Omega_1n, ..., Omega_(n-1)n.
 
         Raises
         ------
@@ -202,59 +216,59 @@ class QuadraticField:
         if body.shape != ():
             raise ValueError(f"body: expected a single body, got a batch of shape {body.shape}")
         if kind == "SuslovND":
-            return _suslov_nd(_array("J", body.J), _array("I", body.I))
-        parameters = (body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0))
-        return _suslov_3d(*_array("parameters", parameters))
+            J, I = _array("J", body.J), _array("I", body.I)
+            return cls.from_function(lambda x: _suslov_nd(J, I, np.array(x)), len(J))
+        rotor = getattr(body, "k", 0)
+        parameters = _array("body", [body.I1, body.I2, body.I13, body.I23, rotor])
+        return cls.from_function(lambda x: _suslov_3d(*parameters, *x), 2)
 
     @property
     def dimension(self) -> int:
         """The number of variables."""
         return len(self.constant)
 
+    @property
+    def components(self) -> Polynomials:
+        """The components of the field as polynomials, ``flint.fmpq_mpoly``."""
+        unit = np.eye(self.dimension, dtype=int)
+        ring = _ring(self.dimension, flint.fmpq_mpoly_ctx)
+        components = []
+        for q, l, c in zip(self.quadratic, self.linear, self.constant, strict=True):
+            terms = {(0,) * self.dimension: c}
+            for i, e in enumerate(unit):
+                terms[tuple(e.tolist())] = l[i]
+                for j, d in enumerate(unit[: i + 1]):
+                    terms[tuple((e + d).tolist())] = q[i][j] * (1 if i == j else 2)
+            fractions = {e: flint.fmpq(a.numerator, a.denominator) for e, a in terms.items()}
+            components.append(ring.from_dict(fractions))
+        return Polynomials(components)
+
     def __call__(self, point: Any) -> Point:
         """Return the field at a point, exactly."""
-        x = np.array(_point(self, point))
-        q, l, c = (np.array(each) for each in (self.quadratic, self.linear, self.constant))
-        return tuple(q @ x @ x + l @ x + c)
-
-    @cached_property
-    def components(self) -> Polynomials:
-        """The components of the field as polynomials."""
-        x = _ring(self.dimension, flint.fmpq_mpoly_ctx).gens()
-        indices = range(self.dimension)
-        return Polynomials(
-            sum((_fmpq(q[j][k]) * x[j] * x[k] for j in indices for k in indices), _fmpq(c))
-            + sum(_fmpq(l[j]) * x[j] for j in indices)
-            for q, l, c in zip(self.quadratic, self.linear, self.constant, strict=True)
-        )
+        x = _array("point", point, (self.dimension,))
+        return tuple(np.array(self.quadratic) @ x @ x + np.array(self.linear) @ x + self.constant)
 
     def __repr__(self) -> str:
-        lines = [f"x{i}' = {each}" for i, each in enumerate(self.components, start=1)]
-        return f"QuadraticField({_shortened(', '.join(lines))})"
+        equations = (f"x{i}' = {each}" for i, each in enumerate(self.components, start=1))
+        text = ", ".join(equations)
+        return f"QuadraticField({text if len(text) < 300 else text[:297] + '...'})"
 
 
-def _suslov_3d(I1: Fraction, I2: Fraction, I13: Fraction, I23: Fraction, k: Fraction) -> Any:
-    def field(omega: Point) -> Sequence[Fraction]:
-        l = I13 * omega[0] + I23 * omega[1] + k
-        return -l * omega[1] / I1, l * omega[0] / I2
-
-    return QuadraticField.from_function(field, 2)
+def _suslov_3d(I1: Any, I2: Any, I13: Any, I23: Any, k: Any, omega1: Any, omega2: Any) -> Any:
+    momentum = I13 * omega1 + I23 * omega2 + k
+    return -momentum * omega2 / I1, momentum * omega1 / I2
 
 
-def _suslov_nd(J: Any, I: Any) -> QuadraticField:
-    def field(omega: Point) -> Sequence[Fraction]:
-        w = np.array(omega)
-        return tuple(((I @ w) * w - I * (w @ w)) / J)
-
-    return QuadraticField.from_function(field, len(I))
+def _suslov_nd(J: Any, I: Any, omega: Any) -> Any:
+    return (np.dot(I, omega) * omega - I * np.dot(omega, omega)) / J
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class KahanMap:
-    """The Kahan discretization of a quadratic field, an exact birational map.
+    """The Kahan map of a quadratic field, exact; made by :func:`kahan`.
 
-    Made by :func:`kahan`. Called with a point, D rational numbers, it returns the next one as a
-    tuple of fractions; at a pole it raises `ZeroDivisionError`.
+    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. Where a
+    point has no image, at a pole, its methods raise `ZeroDivisionError`.
     """
 
     field: QuadraticField
@@ -272,56 +286,52 @@ class KahanMap:
 
     def __call__(self, point: Any) -> Point:
         """Return the image of a point, exactly."""
-        x = _point(self, point)
-        (image,) = zip(*self._solve(x, [[row[-1]] for row in self._system(x)]), strict=True)
-        return image
+        A, b = self._equations(point)
+        return tuple(a for (a,) in self._solve(A, b, point))
 
     def jacobian(self, point: Any) -> Matrix:
-        """Return the matrix of derivatives at a point, exactly, as rows."""
-        x = _point(self, point)
-        return self._solve(x, self.inverse._matrix(self(x)))
+        """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
+        backward, _ = self.inverse._equations(self(point))
+        return self._solve(self._equations(point)[0], backward, point)
 
     def determinant(self, point: Any) -> Fraction:
-        """Return the determinant of the Jacobian matrix at a point, exactly."""
-        x = _point(self, point)
-        image = self(x)
-        return _fraction(
-            _fmpq_mat(self.inverse._matrix(image)).det() / _fmpq_mat(self._matrix(x)).det()
-        )
+        """Return the determinant of the matrix of derivatives at a point, exactly."""
+        backward, _ = self.inverse._equations(self(point))
+        return _fraction(backward.det() / self._equations(point)[0].det())
 
     def __repr__(self) -> str:
         return f"kahan({self.field}, eps={self.eps})"
 
     @cached_property
-    def _forms(self) -> tuple[tuple[Form, ...], ...]:
-        """The equations A(x) x~ = b(x) of a step: the rows of (A | b), linear in 1, x1, ..., xD."""
+    def _forms(self) -> list[list[list[tuple[int, Fraction]]]]:
+        """The equations A(x) x~ = b(x) of a step, as rows of (A | b).
+
+        Each entry is a linear form in x0 = 1, x1, ..., xD: its nonzero coefficients, by index.
+        """
         n, half = self.dimension, self.eps / 2
         rows = []
         for i in range(n):
             q, l, c = self.field.quadratic[i], self.field.linear[i], self.field.constant[i]
-            unit = [Fraction(i == j) for j in range(n)]
-            row = [(unit[j] - half * l[j], *(-self.eps * each for each in q[j])) for j in range(n)]
-            row.append((self.eps * c, *(unit[j] + half * l[j] for j in range(n))))
-            rows.append(tuple(tuple((k, a) for k, a in enumerate(each) if a) for each in row))
-        return tuple(rows)
+            row = [[(i == j) - half * l[j], *(-self.eps * a for a in q[j])] for j in range(n)]
+            rows.append([*row, [self.eps * c, *((i == j) + half * l[j] for j in range(n))]])
+        return [[[(k, a) for k, a in enumerate(form) if a] for form in row] for row in rows]
 
     def _modulo(self, p: int) -> list[list[list[tuple[int, int]]]]:
-        """The equations of a step modulo a prime."""
-        return [[[(k, _mod(a, p)) for k, a in form] for form in row] for row in self._forms]
+        return [[[(k, _residue(a, p)) for k, a in form] for form in row] for row in self._forms]
 
-    def _system(self, x: Point) -> list[list[Any]]:
-        return _evaluate(self._forms, (1, *x))
+    def _equations(self, point: Any) -> tuple[Any, Any]:
+        """A and b at a point."""
+        x = _array("point", point, (self.dimension,))
+        system = _evaluate(self._forms, [Fraction(1), *x])
+        A, b = ([row[:-1] for row in system], [row[-1:] for row in system])
+        return _rational_matrix(A), _rational_matrix(b)
 
-    def _matrix(self, x: Point) -> list[list[Any]]:
-        return [row[:-1] for row in self._system(x)]
-
-    def _solve(self, x: Point, right: Sequence[Sequence[Any]]) -> Matrix:
+    def _solve(self, A: Any, b: Any, point: Any) -> Matrix:
         try:
-            solution = _fmpq_mat(self._matrix(x)).solve(_fmpq_mat(right))
+            return tuple(tuple(map(_fraction, row)) for row in A.solve(b).tolist())
         except ZeroDivisionError:
-            where = ", ".join(map(str, x))
+            where = ", ".join(map(str, point))
             raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
-        return tuple(tuple(map(_fraction, row)) for row in solution.table())
 
 
 def kahan(field: QuadraticField, eps: Any) -> KahanMap:
@@ -330,22 +340,21 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     Parameters
     ----------
     field : QuadraticField
+        The field to discretize.
     eps : int, Fraction or float
         Step size, of any sign; a float is taken exactly.
 
     Returns
     -------
     KahanMap
-        ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``, solved for x~. It is callable, and has
-        `inverse`, `jacobian`, `determinant`, `dimension`, `field` and `eps`.
+        The x~ of ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c`` as a function of x. It is
+        callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field` and `eps`.
 
     Raises
     ------
-    TypeError
-        If `field` is no :class:`QuadraticField`, or `eps` no rational number.
-    ValueError
-        If the linear equations of a step are singular at every point (a linear field with an
-        eigenvalue 2/eps).
+    TypeError, ValueError
+        If `field` or `eps` is not as above, or no point has an image: 2 / eps is an eigenvalue of
+        the derivative of the field everywhere.
 
     Examples
     --------
@@ -357,15 +366,16 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     if not isinstance(field, QuadraticField):
         raise TypeError(
             f"field: expected a QuadraticField, got {type(field).__name__}; "
-            "QuadraticField.of(body) makes one of a body"
+            "QuadraticField.of(body) is that of a body"
         )
-    map = KahanMap(field, _exact("eps", eps))
+    map = KahanMap(field, _array("eps", eps, ()).item())
     rng = random.Random(0)
     for p in islice(_primes(map), 2):
-        x = [1, *(rng.randrange(p) for _ in range(map.dimension))]
-        if flint.nmod_mat([row[:-1] for row in _evaluate(map._modulo(p), x)], p).det() != 0:
+        x = [1, *(rng.randrange(p) for _ in range(field.dimension))]
+        A = [row[:-1] for row in _evaluate(map._modulo(p), x)]
+        if flint.nmod_mat(A, p).det() != 0:
             return map
-    raise ValueError(f"eps = {map.eps}: the equations of a step are singular at every point")
+    raise ValueError(f"eps: with {map.eps}, the equations of a step are singular everywhere")
 
 
 # --- Degrees --------------------------------------------------------------------------------------
@@ -377,100 +387,87 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
     Parameters
     ----------
     map : KahanMap
+        The map to iterate.
     n : int
         Number of iterates.
     seed : int, optional
-        Of the lines that are drawn.
+        Seed of the random lines.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``.
 
     Returns
     -------
     list of int
-        Degrees of the 1st, ..., n-th iterate as maps of projective space: the largest degree of
-        the numerators and the common denominator, common factors cancelled.
+        Degrees of the iterates 1, ..., n as maps of projective space: the largest degree of the
+        numerators and the common denominator, after cancelling common factors.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is not as above.
     ArithmeticError
-        If no two lines agree, or every line runs into points where the map is undefined.
+        If no two lines agree, or every line runs into points without an image.
 
     Notes
     -----
-    The image of a random line is iterated modulo a prime of 62 bits; another line and another prime
-    confirm. An exceptional line or prime can only lower a degree, so that of two which disagree
-    the larger counts, once a further one confirms it. The time for an iterate is little more than
-    proportional to its degree.
+    The image of a random line is iterated modulo a prime. An exceptional line or prime can only
+    lower a degree; so the largest degrees count, as soon as a second line and prime confirm them.
+    The time for an iterate grows a little faster than its degree.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D
     >>> from suslov_fast.integrability import QuadraticField, degrees, kahan
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
-    [2, 3, 4, 5, 6, 7, 8, 9]
+    [2, 4, 6, 8, 10, 12, 14, 16]
     """
     _check_map(map)
-    _count("n", n)
+    n = _count("n", n)
     check_progress(progress)
     rng = random.Random(seed)
-    found: list[list[int]] = []
+    found: list[int] = []
     with reporter(progress, 2 * n) as report:
-        for p in islice(_primes(map), _DRAWS):
-            done = min(len(found), 1) * n
-            try:
-                found.append(_degrees_on_a_line(map, n, p, rng, lambda k, at=done: report(at + k)))
-            except _BadDrawError:
-                continue
-            largest = [max(each) for each in zip(*found, strict=True)]
-            if found.count(largest) > 1:
-                report(2 * n)
-                return largest
-    if not found:
-        raise ArithmeticError(
-            f"every one of {_DRAWS} random lines runs into points where the map is undefined"
-        )
-    raise ArithmeticError(f"no two of {len(found)} random lines agree on the degrees: {found}")
+
+        def on_a_line(p: int) -> list[int]:
+            nonlocal found
+            done = n if found else 0
+            for found in _degrees_on_a_line(map, n, p, rng):
+                report(done + len(found))
+            return found
+
+        _, agreed = _confirmed(map, on_a_line, lambda all: [max(d) for d in zip(*all, strict=True)])
+    return [int(d) for d in agreed]
 
 
-def _degrees_on_a_line(
-    map: KahanMap, n: int, p: int, rng: random.Random, report: Callable[[int], object]
-) -> list[int]:
+def _degrees_on_a_line(map: KahanMap, n: int, p: int, rng: random.Random) -> Iterator[list[int]]:
     forms = map._modulo(p)
-    line = [flint.nmod_poly([rng.randrange(p), rng.randrange(p)], p) for _ in range(map.dimension)]
-    x = [flint.nmod_poly([1], p), *line]
-    result = []
-    for k in range(1, n + 1):
+    line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
+    x = [flint.nmod_poly(each, p) for each in ([1], *line)]
+    degrees = []
+    for _ in range(n):
         x = _cramer(_evaluate(forms, x))
-        common = flint.nmod_poly([0], p)
-        for each in x:
+        common = x[0]
+        for each in x[1:]:
             common = common.gcd(each)
-            if common.degree() == 0:
-                break
-        else:
-            x = [each // common for each in x]
-        result.append(max(each.degree() for each in x))
-        report(k)
-    return result
+        x = [each // common for each in x]
+        degrees.append(max(each.degree() for each in x))
+        yield degrees
 
 
 def _cramer(system: list[list[Any]]) -> list[Any]:
-    """Solve (A | b) over a ring: det A, and the numerators of the solution over it.
+    """Solve (A | b) over polynomials: det A, followed by the numerators of the solution over it.
 
-    The elimination of Gauss, Jordan and Bareiss: its divisions leave no remainder.
+    The elimination of Gauss, Jordan and Bareiss, whose divisions leave no remainder.
     """
     n = len(system)
     previous = 1
     for k in range(n):
-        pivots = [i for i in range(k, n) if system[i][k] != 0]
-        if not pivots:
+        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
+        if pivot is None:
             raise _BadDrawError
-        best = min(pivots, key=lambda i: system[i][k].degree())
-        system[k], system[best] = system[best], system[k]
+        system[k], system[pivot] = system[pivot], system[k]
         top = system[k]
-        for i in (i for i in range(n) if i != k):
-            row = system[i]
+        for row in system[:k] + system[k + 1 :]:
             for j in range(k + 1, n + 1):
                 row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
         previous = top[k]
@@ -478,14 +475,14 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 
 
 class Growth(NamedTuple):
-    """Growth of a sequence of degrees, see :func:`growth`."""
+    """Growth of a sequence of degrees, which :func:`growth` returns."""
 
     kind: str
-    """"bounded", "linear", "quadratic", "exponential", or "unclear"."""
+    """"bounded", "linear", "quadratic", "exponential" or "unclear"."""
     entropy: float
-    """The algebraic entropy, log of the limit of the ratio of consecutive degrees."""
+    """Algebraic entropy, the log of the limit of d_(k+1) / d_k."""
     based_on: str
-    """How kind and entropy were found."""
+    """The recurrence or the fit that kind and entropy follow from."""
 
 
 def growth(degrees: Sequence[int]) -> Growth:
@@ -499,39 +496,40 @@ def growth(degrees: Sequence[int]) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, based_on`. `kind` is "bounded", "linear", "quadratic" or
-        "exponential"; polynomial growth beyond is "cubic" or "polynomial of degree 4" and so on,
-        and "unclear" stands for sequences too short to tell, with the entropy NaN.
+        A named tuple `kind, entropy, based_on`. Apart from the four kinds of :class:`Growth`, kind
+        may be "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN,
+        if the sequence is too short to tell.
 
     Raises
     ------
     TypeError, ValueError
-        If `degrees` is not a sequence of integers >= 0.
+        If `degrees` is not a sequence of non-negative integers.
 
     Notes
     -----
-    If the degrees obey a linear recurrence with integer coefficients that has at least two terms
-    fewer than it must satisfy, its characteristic polynomial gives kind and entropy: they are exact
-    if the recurrence goes on. Otherwise they are estimated by a fit, and `based_on` says so.
+    If all degrees obey a linear recurrence with integer coefficients, and are at least two more
+    than those that determine it, then kind and entropy are those of its characteristic polynomial:
+    exact, if the recurrence goes on. Otherwise they are a fit to the last half of the sequence.
 
     Examples
     --------
     >>> from suslov_fast.integrability import growth
-    >>> growth([2, 3, 4, 5, 6, 7, 8, 9])
-    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - d(k), for all 8 degrees')
-    >>> growth([3, 9, 27, 81, 243]).entropy == math.log(3)
-    True
+    >>> growth([2, 4, 6, 8, 10, 12])
+    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - d(k), all 6 degrees')
+    >>> kind, entropy, _ = growth([2, 3, 5, 8, 13, 21])
+    >>> kind, round(entropy, 6)  # the log of the golden ratio
+    ('exponential', 0.481212)
     """
     d = [_count("degrees", each) for each in degrees]
     recurrence = _recurrence(d)
     if recurrence:
         return _growth_of(recurrence, len(d))
     if len(d) < 6 or min(d) == 0:
-        return Growth("unclear", math.nan, f"{len(d)} degrees, which obey no short recurrence")
+        return Growth("unclear", math.nan, f"{len(d)} degrees without a short recurrence")
     half = len(d) // 2
-    what = f"a fit to the last {len(d) - half} of {len(d)} degrees, which obey no short recurrence"
+    what = f"a fit to the last {len(d) - half} of {len(d)} degrees, without a short recurrence"
     if max(d[half:]) <= max(d[:half]):
-        return Growth("bounded", 0.0, f"{len(d)} degrees, the largest among the first {half}")
+        return Growth("bounded", 0.0, what)
     k, logs = np.arange(half + 1, len(d) + 1), np.log(d[half:])
     (power, _), [of_power], *_ = np.polyfit(np.log(k), logs, 1, full=True)
     (rate, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
@@ -541,23 +539,25 @@ def growth(degrees: Sequence[int]) -> Growth:
 
 
 def _recurrence(d: list[int]) -> list[int]:
-    """Characteristic polynomial, ascending, of the shortest recurrence; [] if it is not certain."""
-    for order in range((len(d) - 2) // 2 + 1):
-        hankel = [d[i : i + order + 1] for i in range(len(d) - order)]
-        reduced, rank = flint.fmpq_mat(flint.fmpz_mat(hankel)).rref()
+    """Characteristic polynomial of the shortest recurrence, ascending; [] if none is certain."""
+    for order in range(len(d) // 2):
+        hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
+        reduced, rank = flint.fmpq_mat(hankel).rref()
         if rank <= order:
             coefficients = [-reduced[i, order] for i in range(order)]
-            whole = all(each.q == 1 for each in coefficients)  # as of all sequences of integers
-            return [*(int(each.p) for each in coefficients), 1] if whole else []
+            if all(a.q == 1 for a in coefficients):  # as for every infinite sequence of integers
+                return [*(int(a.p) for a in coefficients), 1]
     return []
 
 
 def _growth_of(recurrence: list[int], n: int) -> Growth:
-    """Growth of a sequence of n integers with this characteristic polynomial."""
     order = len(recurrence) - 1
-    terms = [(-a, f"d(k+{i})" if i else "d(k)") for i, a in enumerate(recurrence[:-1]) if a]
-    right = _sum_of(terms[::-1]) if terms else "0"
-    what = f"d(k+{order}) = {right}, for all {n} degrees"
+    right = ""
+    for k in range(order - 1, -1, -1):
+        if a := -recurrence[k]:
+            factor = "" if abs(a) == 1 else f"{abs(a)} "
+            right += f" {'-' if a < 0 else '+'} {factor}d(k{f'+{k}' if k else ''})"
+    what = f"d(k+{order}) = {right.removeprefix(' + ').strip() or 0}, all {n} degrees"
     exponent, radius = 0, 1.0
     for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
         if factor.is_cyclotomic():
@@ -579,23 +579,23 @@ def _polynomial(exponent: int) -> str:
 
 @dataclass(frozen=True, repr=False)
 class HKBasis:
-    """Linear relations between monomials along orbits, see :func:`hk_bases`."""
+    """Linear relations between monomials along orbits, which :func:`hk_bases` returns."""
 
-    monomials: tuple[tuple[int, ...], ...]
+    monomials: Exponents
     """Exponents of each monomial."""
     dimension: int
     """Number of independent relations along an orbit."""
-    point: Point
-    """A point of the orbit to which `basis` belongs."""
-    basis: tuple[Point, ...] | None
-    """Coefficients of the relations along that orbit, a row for each relation; in each row one
-    monomial, which the others leave out, has the coefficient 1. None if they are too long."""
-    integrals: Polynomials
-    """Polynomials whose quotients are first integrals, or none: see the notes of `hk_bases`."""
     independent: int
-    """Number of independent first integrals among the coefficients."""
+    """Number of independent first integrals among their coefficients."""
+    integrals: Polynomials
+    """Polynomials whose quotients are first integrals; none if the relations give none."""
+    point: Point
+    """Point whose orbit `basis` belongs to."""
+    basis: Matrix | None
+    """Coefficients of the relations along that orbit: a row for each. The last nonzero entry of a
+    row is 1, and 0 in the others. None if they are too long to reconstruct."""
 
-    @cached_property
+    @property
     def polynomials(self) -> Polynomials:
         """The relations as polynomials, which vanish on the orbit of `point`."""
         return _polynomials(self.basis or (), self.monomials)
@@ -606,53 +606,50 @@ class HKBasis:
 
     def __repr__(self) -> str:
         return (
-            f"<HKBasis: dimension {self.dimension}, {len(self.monomials)} monomials, "
-            f"{self.independent} independent integrals; quotients {self.integrals}>"
+            f"<HKBasis of dimension {self.dimension} among {len(self.monomials)} monomials, "
+            f"independent={self.independent}, integrals={self.integrals}>"
         )
 
 
 def hk_bases(
-    map: KahanMap,
-    monomials: int | Sequence[Sequence[int]],
-    *,
-    point: Any = None,
-    seed: int = 0,
+    map: KahanMap, monomials: int | Sequence[Sequence[int]], *, point: Any = None, seed: int = 0
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits.
 
     Parameters
     ----------
     map : KahanMap
+        The map to examine.
     monomials : int or sequence of exponents
-        A degree stands for all monomials up to that degree, 1 included; otherwise the exponents
-        (e1, ..., eD) of each.
+        All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` belongs to; by default small integers are drawn.
+        Point whose orbit `basis` belongs to; by default one with small integers.
     seed : int, optional
-        Of the points that are drawn.
+        Seed of the random points.
 
     Returns
     -------
     HKBasis
-        `dimension` is 0 where the monomials are independent along orbits. Then no rational first
-        integral exists whose numerator and denominator are sums of them.
+        If its `dimension` is 0, no quotient of two linear combinations of the monomials is a first
+        integral.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is not as above.
     ArithmeticError
-        If the orbit of `point` ends at a pole.
+        If orbits end at poles, that of `point` or those of most points.
 
     Notes
     -----
-    The orbit is longer by 10 points than there are monomials, and the dimension remains the same
-    on one twice as long. The coefficients of a relation are constant along its orbit, so that as
-    functions of the orbit they are first integrals; `independent` is the rank of their derivatives.
-    If the relations of all orbits together span one dimension more than those of one orbit, these
-    polynomials P_1, P_2, ... are `integrals`: then P_i / P_j is constant on every orbit.
+    `dimension`, `independent` and `integrals` are those of random orbits modulo a prime, confirmed
+    modulo another one. An orbit has 10 points more than there are monomials, and is made longer
+    until the number of relations remains the same.
 
-    The dimension is that of a random orbit modulo a prime, confirmed modulo another one.
+    The coefficients of a relation in the form of `basis` are functions of the orbit, that is, first
+    integrals; `independent` is the rank of their derivatives. If the relations of all orbits
+    together span one dimension more than those of one orbit, then values of these polynomials at
+    two points of an orbit are proportional: they are `integrals`.
 
     References
     ----------
@@ -662,106 +659,99 @@ def hk_bases(
     --------
     >>> from suslov_fast import Suslov3D
     >>> from suslov_fast.integrability import QuadraticField, hk_bases, kahan
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=1)
+    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     >>> hk_bases(map, 1).dimension, hk_bases(map, 2).dimension
     (0, 1)
     >>> hk_bases(map, 2).integrals
-    (4*x1^2 + x2^2, 4*x1*x2 + 256)
+    (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     _check_map(map)
-    exponents = _monomials(monomials, map.dimension)
+    n = map.dimension
+    exponents = _exponents(monomials, n)
     rng = random.Random(seed)
-    start = None if point is None else _point(map, point)
 
-    def relations(p: int, x: Point | None = None) -> list[list[int]]:
-        drawn = [rng.randrange(p) for _ in range(map.dimension)]
-        return _relations(map, exponents, [_mod(a, p) for a in x] if x else drawn, p)
+    def relations(p: int, x: Any = None) -> Residues:
+        start = [rng.randrange(p) if x is None else _residue(x[i], p) for i in range(n)]
+        return _relations(map, exponents, start, p)
 
-    p, generic = _confirmed(map, lambda p: len(relations(p)))
-    for largest in range(10, 10 + _DRAWS) if start is None else ():
-        x = tuple(Fraction(k) for k in rng.choices(range(-largest, largest), k=map.dimension))
-        with contextlib.suppress(_BadDrawError):
-            if len(relations(p, x)) == generic:
-                start = x
-                break
-    if start is None:
-        raise ArithmeticError(f"{_DRAWS} points with small integers are exceptional: pass `point`")
-    basis = _over_rationals(map, lambda p: relations(p, start))
+    p, dimension = _confirmed(map, lambda p: len(relations(p)))
     independent, integrals = 0, Polynomials()
-    if generic > 0:
-        independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p), max)[1]
-        span = _over_rationals(map, lambda p: _span(relations, generic, p))
+    if dimension > 0:
+        _, independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p), max)
+        span = _over_rationals(map, lambda p: _span(relations, dimension, p))
         integrals = _polynomials(_short(span or ()), exponents)
-    dimension = generic if basis is None else len(basis)
-    return HKBasis(exponents, dimension, start, basis, integrals, independent)
+    if point is not None:
+        start = _array("point", point, (n,))
+    else:
+        for _ in range(_DRAWS):
+            start = _array("point", rng.choices(range(-9, 10), k=n))
+            with contextlib.suppress(_BadDrawError):
+                if len(relations(p, start)) == dimension:
+                    break
+    basis = _over_rationals(map, lambda p: relations(p, start))
+    of_point = dimension if basis is None else len(basis)
+    return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
 
 
-def _relations(map: KahanMap, exponents: Any, x: list[int], p: int) -> list[list[int]]:
-    """A basis of the relations along the orbit of x modulo p, in reduced echelon form."""
+def _relations(map: KahanMap, exponents: Exponents, x: list[int], p: int) -> Residues:
+    """Relations along the orbit of x, in the form of `HKBasis.basis`."""
     steps = len(exponents) + _MORE
-    relations = None
+    before = None
     while True:
-        rows = [_values(exponents, each, p) for each in _orbit(map, x, steps, p)]
-        shorter, relations = relations, _null_space(rows, p)
-        if not relations or (shorter is not None and len(shorter) == len(relations)):
+        rows = [_values(exponents, each, p) for each in islice(_orbit(map, x, p), steps)]
+        relations = _null_space(rows, p)
+        if len(relations) in (0, before):
             return relations
-        steps *= 2
+        before, steps = len(relations), 2 * steps
 
 
-def _orbit(map: KahanMap, x: list[int], steps: int, p: int) -> Iterator[list[int]]:
+def _orbit(map: KahanMap, x: list[int], p: int) -> Iterator[list[int]]:
     forms = map._modulo(p)
-    for _ in range(steps):
+    while True:
         yield x
-        system = _evaluate(forms, (1, *x))
-        x = [int(a) for a in _solve_mod(system, [row[-1:] for row in system], p).entries()]
+        system = _evaluate(forms, [1, *x])
+        image = _solve_modulo([row[:-1] for row in system], [row[-1:] for row in system], p)
+        x = [int(a) for a in image.entries()]
 
 
-def _span(relations: Callable[[int], list[list[int]]], generic: int, p: int) -> list[list[int]]:
-    """The span of the relations along all orbits, if its dimension is that of one orbit + 1."""
+def _span(relations: Callable[[int], Residues], dimension: int, p: int) -> Residues:
+    """The span of the relations along several orbits, if it has one dimension more than one."""
     span = relations(p)
     for _ in range(3):
         reduced, rank = flint.nmod_mat(span + relations(p), p).rref()
-        if rank > generic + 1:
+        if rank > dimension + 1:
             return []
         span = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
-    return span if len(span) == generic + 1 else []
+    return span if len(span) == dimension + 1 else []
 
 
-def _independent(map: KahanMap, exponents: Any, rng: random.Random, p: int) -> int:
-    """Number of independent functions among the coefficients of the relations.
+def _independent(map: KahanMap, exponents: Exponents, rng: random.Random, p: int) -> int:
+    """Rank of the derivatives of the coefficients of the relations with respect to the orbit.
 
-    The derivative of ``sum_i c_i m_i(x_k) = 0`` with respect to x_0 is a linear equation for the
-    derivatives of the c_i, of which those that the echelon form makes 0 and 1 are constant.
+    For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0. The coefficients
+    that the form of `HKBasis.basis` makes 0 or 1 are constant.
     """
-    n = map.dimension
-    start = [rng.randrange(p) for _ in range(n)]
-    orbit = list(_orbit(map, start, len(exponents) + _MORE + 1, p))
-    rows = [_values(exponents, x, p) for x in orbit[:-1]]
-    relations = _null_space(rows, p)
-    free = {max(i for i, a in enumerate(relation) if a) for relation in relations}
-    bound = [i for i in range(len(exponents)) if i not in free]
-    coefficients = flint.nmod_mat(relations, p).transpose()
+    n, count = map.dimension, len(exponents)
     forward, backward = map._modulo(p), map.inverse._modulo(p)
-    derivative = flint.nmod_mat([[int(i == j) for j in range(n)] for i in range(n)], p)
-    system = []
-    for row, x, image in zip(rows, orbit, orbit[1:], strict=False):
-        changes = (
-            flint.nmod_mat(_gradients(exponents, x, p), p) * derivative
-        ).transpose() * coefficients
-        system.append([row[i] for i in bound] + [int(a) for a in changes.entries()])
-        onward = _evaluate(backward, (1, *image))
-        derivative = (
-            _solve_mod(_evaluate(forward, (1, *x)), [r[:-1] for r in onward], p) * derivative
-        )
-    reduced = flint.nmod_mat(system, p).rref()[0].tolist()
-    solution = [row[len(bound) :] for row in reduced[: len(bound)]]
-    # A row for each coefficient that is not constant, a column for each direction at x_0.
-    by_direction = [
-        [solution[i][k * len(relations) + j] for k in range(n)]
-        for i in range(len(bound))
-        for j in range(len(relations))
+    orbit = list(islice(_orbit(map, [rng.randrange(p) for _ in range(n)], p), count + _MORE + 1))
+    relations = _null_space([_values(exponents, x, p) for x in orbit[:-1]], p)
+    last = {max(i for i, a in enumerate(row) if a) for row in relations}
+    varying = [i for i in range(count) if i not in last]
+    c = flint.nmod_mat(relations, p).transpose()
+    derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
+    equations = []
+    for x, image in pairwise(orbit):
+        values = _values(exponents, x, p)
+        changes = (derivative.transpose() * flint.nmod_mat(_gradient(exponents, x, p), p)) * c
+        equations.append([values[i] for i in varying] + [int(a) for a in changes.entries()])
+        A, B = _evaluate(forward, [1, *x]), _evaluate(backward, [1, *image])
+        derivative = _solve_modulo([r[:-1] for r in A], [r[:-1] for r in B], p) * derivative
+    solved = flint.nmod_mat(equations, p).rref()[0].tolist()
+    width = len(relations)
+    changes = [
+        row[len(varying) + j :: width] for row in solved[: len(varying)] for j in range(width)
     ]
-    return int(flint.nmod_mat(by_direction, p).rank()) if by_direction else 0
+    return int(flint.nmod_mat(changes, p).rank()) if changes else 0
 
 
 # --- Darboux polynomials --------------------------------------------------------------------------
@@ -770,38 +760,40 @@ def _independent(map: KahanMap, exponents: Any, rng: random.Random, p: int) -> i
 def darboux_polynomials(
     map: KahanMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x) for a given cofactor C.
+    """Find the polynomials P with P(map(x)) = C(x) P(x), for a cofactor C.
 
     Parameters
     ----------
     map : KahanMap
+        The map to examine.
     degree : int
         Largest degree of P.
     cofactor : number or callable, optional
         C: a rational number, or a function that takes a point, a tuple of fractions, and returns
-        a rational number, exactly. By default the determinant of the Jacobian matrix.
+        a rational number, exactly. By default it is ``map.determinant``.
     seed : int, optional
-        Of the points that are drawn.
+        Seed of the random points.
 
     Returns
     -------
     Polynomials
-        A basis of all such polynomials, a tuple of ``flint.fmpz_mpoly`` in x1, ..., xD without
-        common factors of their coefficients. It has `as_sympy`.
+        A basis of these polynomials: a tuple of ``flint.fmpz_mpoly`` in x1, ..., xD, whose
+        coefficients have no common factor. `as_sympy()` converts them.
 
     Raises
     ------
     TypeError, ValueError
         If an argument is not as above, or `cofactor` does not return rational numbers.
     ArithmeticError
-        If the coefficients have more than about 1000 digits, or fresh points do not confirm them.
+        If the coefficients have more than 1000 digits, if the result fails at fresh points, or if
+        the map or the cofactor is undefined at most points.
 
     Notes
     -----
-    For the default cofactor 1/P is the density of an invariant measure, and for any the quotients
-    of two such polynomials are first integrals. The linear equations are those of random integer
-    points, 10 more than there are monomials, modulo primes; the result is confirmed at fresh points
-    over the rationals.
+    For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
+    quotients of two such polynomials are first integrals. The equations for the coefficients are
+    those of random integer points, 10 more than there are monomials, solved modulo primes; fresh
+    points confirm the result over the rationals.
 
     References
     ----------
@@ -812,106 +804,54 @@ def darboux_polynomials(
     --------
     >>> from suslov_fast import Suslov3D
     >>> from suslov_fast.integrability import QuadraticField, darboux_polynomials, kahan
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, 0, 1)), eps=1)
+    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     >>> for P in darboux_polynomials(map, 3):
     ...     print(P.factor())
+    (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
+    (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
     _check_map(map)
-    exponents = _up_to(map.dimension, _count("degree", degree))
-    if cofactor is None:
-        cofactor = map.determinant
-    elif not callable(cofactor):
-        cofactor = lambda x, constant=_exact("cofactor", cofactor): constant  # noqa: E731
+    exponents = _exponents(_count("degree", degree), map.dimension)
+    C = map.determinant if cofactor is None else cofactor
+    if not callable(C):
+        _array("cofactor", C, ())
     rng = random.Random(seed)
 
     def samples(count: int) -> list[tuple[Point, Point, Fraction]]:
-        found: list[tuple[Point, Point, Fraction]] = []
+        found = []
         for _ in range(2 * count):
             x = tuple(Fraction(rng.randrange(-(2**30), 2**30)) for _ in range(map.dimension))
-            with contextlib.suppress(ZeroDivisionError):  # a pole: another point
-                found.append((x, map(x), _exact("cofactor", cofactor(x))))
+            with contextlib.suppress(ZeroDivisionError):  # at poles
+                found.append((x, map(x), _array("cofactor", C(x) if callable(C) else C, ()).item()))
             if len(found) == count:
                 return found
         raise ArithmeticError("the map or the cofactor is undefined at most points")
 
     equations = samples(len(exponents) + _MORE)
 
-    def solutions(p: int) -> list[list[int]]:
+    def solutions(p: int) -> Residues:
         rows = []
-        for x, image, factor in equations:
-            before, after = (_values(exponents, [_mod(a, p) for a in y], p) for y in (x, image))
-            c = _mod(factor, p)
-            rows.append([(a - c * b) % p for a, b in zip(after, before, strict=True)])
+        for x, image, c in equations:
+            before, after = (_values(exponents, [_residue(a, p) for a in y], p) for y in (x, image))
+            factor = _residue(c, p)
+            rows.append([(a - factor * b) % p for a, b in zip(after, before, strict=True)])
         return _null_space(rows, p)
 
     basis = _over_rationals(map, solutions)
     if basis is None:
-        raise ArithmeticError(f"the coefficients have more than {_MOST_PRIMES * 9} digits")
-    for x, image, factor in samples(3) if basis else ():
-        before, after = (_values(exponents, y) for y in (x, image))
-        for row in basis:
-            if _dot(row, after) != factor * _dot(row, before):
-                raise ArithmeticError("fresh points do not confirm the polynomials")
+        raise ArithmeticError("the coefficients have more than 1000 digits")
+    for x, image, c in samples(3):
+        before, after = (np.array(_values(exponents, y)) for y in (x, image))
+        if any(np.array(row) @ (after - c * before) for row in basis):
+            raise ArithmeticError("the polynomials fail at fresh points")
     return _polynomials(_short(basis), exponents)
 
 
-class Polynomials(tuple[Any, ...]):
-    """A tuple of polynomials of python-flint, in the variables x1, ..., xD."""
-
-    __slots__ = ()
-
-    def as_sympy(self, symbols: Sequence[Any] | None = None) -> list[Any]:
-        """Return the polynomials as SymPy expressions.
-
-        Parameters
-        ----------
-        symbols : sequence of sympy.Symbol, optional
-            The variables, by default x1, ..., xD.
-
-        Returns
-        -------
-        list of sympy.Expr
-
-        Raises
-        ------
-        ImportError
-            If SymPy is not installed.
-        ValueError
-            If `symbols` are not as many as the variables.
-
-        Examples
-        --------
-        >>> from suslov_fast.integrability import QuadraticField
-        >>> QuadraticField([[[1]]]).components.as_sympy()
-        [x1**2]
-        """
-        import sympy
-
-        def expression(polynomial: Any) -> Any:
-            names = polynomial.context().names()
-            x = sympy.symbols(names) if symbols is None else symbols
-            if len(x) != len(names):
-                raise ValueError(f"symbols: expected {len(names)}, got {len(x)}")
-            terms = polynomial.to_dict().items()
-            return sympy.Add(
-                *(
-                    sympy.Rational(str(a))
-                    * sympy.Mul(*(v**e for v, e in zip(x, each, strict=True)))
-                    for each, a in terms
-                )
-            )
-
-        return [expression(polynomial) for polynomial in self]
-
-    def __repr__(self) -> str:
-        return f"({', '.join(_shortened(str(each)) for each in self)})"
-
-
-# --- Linear algebra modulo primes, and back to the rationals --------------------------------------
+# --- Modulo primes, and back to the rationals -----------------------------------------------------
 
 
 def _primes(map: KahanMap) -> Iterator[int]:
-    """Primes below 2**62, in descending order, at which the map has good reduction."""
+    """Primes below 2**62, in descending order, that divide no denominator of the map."""
     denominator = math.lcm(*(a.denominator for row in map._forms for form in row for _, a in form))
     for p in range(2**62 - 1, 0, -2):
         if flint.fmpz(p).is_prime() and denominator % p:
@@ -919,144 +859,134 @@ def _primes(map: KahanMap) -> Iterator[int]:
 
 
 def _confirmed(
-    map: KahanMap, count: Callable[[int], int], best: Callable[[list[int]], int] = min
-) -> tuple[int, int]:
-    """A number that is `best` for generic points and primes: a prime that gives it, and it."""
-    found: list[int] = []
+    map: KahanMap, result: Callable[[int], Any], generic: Callable[[Any], Any] = min
+) -> tuple[int, Any]:
+    """A prime, and the result for it, if it is `generic` of all results and occurs twice."""
+    found: list[Any] = []
     for p in islice(_primes(map), _DRAWS):
         with contextlib.suppress(_BadDrawError):
-            found.append(count(p))
-            if found[-1] == best(found) and found.count(found[-1]) > 1:
+            found.append(result(p))
+            if found[-1] == generic(found) and found.count(found[-1]) > 1:
                 return p, found[-1]
-    raise ArithmeticError(f"no two of {_DRAWS} random orbits agree: {found}")
+    if not found:
+        raise ArithmeticError("the iterates run into points without an image")
+    raise ArithmeticError(f"results modulo primes do not agree: {found}")
 
 
-def _over_rationals(
-    map: KahanMap, matrix: Callable[[int], list[list[int]]]
-) -> tuple[Point, ...] | None:
-    """The rational matrix that `matrix` returns modulo primes; None if its entries are too long."""
-    modulus, residues, shape, candidate = 1, [], None, None
-    good = 0
-    for p in islice(_primes(map), _MOST_PRIMES):
-        try:
+def _over_rationals(map: KahanMap, matrix: Callable[[int], Residues]) -> Matrix | None:
+    """The rational matrix with these residues modulo primes; None if its entries are too long."""
+    _, height = _confirmed(map, lambda p: len(matrix(p)))
+    modulus, used = 1, 0
+    residues: list[int] = []
+    candidate = None
+    for p in islice(_primes(map), _PRIMES):
+        with contextlib.suppress(_BadDrawError):
             rows = matrix(p)
-        except _BadDrawError:
-            continue
-        new = [a for row in rows for a in row]
-        if good and len(rows) > shape:
-            continue  # a prime for which the rank is lower
-        if good == 0 or len(rows) < shape:
-            modulus, residues, shape, candidate, good = 1, [0] * len(new), len(rows), None, 0
-        if candidate is not None and [_mod(a, p) for a in candidate] == new:
-            width = len(rows[0]) if rows else 1
-            return tuple(tuple(candidate[i : i + width]) for i in range(0, len(new), width))
-        lift = modulus * pow(modulus, -1, p)
-        residues = [r + lift * (a - r) % (modulus * p) for r, a in zip(residues, new, strict=True)]
-        modulus *= p
-        residues = [r % modulus for r in residues]
-        good += 1
-        if good & (good - 1) == 0:
-            candidate = _reconstructed(residues, modulus)
-    if not good:
-        raise ArithmeticError("the orbit ends at a pole")
+            if len(rows) != height:
+                continue
+            new = [a for row in rows for a in row]
+            if candidate is not None and [_residue(a, p) for a in candidate] == new:
+                width = len(new) // max(height, 1)
+                return tuple(tuple(candidate[i * width : (i + 1) * width]) for i in range(height))
+            inverse = pow(modulus, -1, p)
+            old = residues or [0] * len(new)
+            residues = [
+                r + modulus * ((a - r) * inverse % p) for r, a in zip(old, new, strict=True)
+            ]
+            modulus *= p
+            used += 1
+            if used & (used - 1) == 0:  # a power of two
+                candidate = _reconstructed(residues, modulus)
     return None
 
 
 def _reconstructed(residues: list[int], modulus: int) -> list[Fraction] | None:
-    """The fractions of these residues, numerators and denominators below sqrt(modulus / 2)."""
+    """The fractions with these residues, numerators and denominators below sqrt(modulus / 2)."""
     bound = math.isqrt(modulus // 2)
     fractions = []
     for residue in residues:
         (r0, t0), (r1, t1) = (modulus, 0), (residue, 1)
         while r1 > bound:
-            quotient = r0 // r1
-            (r0, t0), (r1, t1) = (r1, t1), (r0 - quotient * r1, t0 - quotient * t1)
+            q = r0 // r1
+            (r0, t0), (r1, t1) = (r1, t1), (r0 - q * r1, t0 - q * t1)
         if abs(t1) > bound or math.gcd(r1, t1) != 1:
             return None
         fractions.append(Fraction(r1, t1))
     return fractions
 
 
-def _null_space(rows: list[list[int]], p: int) -> list[list[int]]:
+def _null_space(rows: Residues, p: int) -> Residues:
     """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
-    width = len(rows[0])
     reduced, rank = flint.nmod_mat(rows, p).rref()
-    reduced = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
-    pivots = [next(i for i, a in enumerate(row) if a) for row in reduced]
+    entries = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
+    pivots = [next(i for i, a in enumerate(row) if a) for row in entries]
     vectors = []
-    for free in sorted({*range(width)} - {*pivots}):
-        vector = [0] * width
-        vector[free] = 1
-        for pivot, row in zip(pivots, reduced, strict=True):
+    for free in sorted({*range(len(rows[0]))} - {*pivots}):
+        vector = [int(i == free) for i in range(len(rows[0]))]
+        for pivot, row in zip(pivots, entries, strict=True):
             vector[pivot] = -row[free] % p
         vectors.append(vector)
     return vectors
 
 
-def _solve_mod(system: list[list[int]], right: list[list[int]], p: int) -> Any:
+def _solve_modulo(A: Residues, b: Residues, p: int) -> Any:
     try:
-        return flint.nmod_mat([row[: len(system)] for row in system], p).solve(
-            flint.nmod_mat(right, p)
-        )
+        return flint.nmod_mat(A, p).solve(flint.nmod_mat(b, p))
     except ZeroDivisionError:
         raise _BadDrawError from None
 
 
-def _evaluate(forms: Any, x: Any) -> list[list[Any]]:
+def _residue(a: Fraction, p: int) -> int:
+    if a.denominator % p == 0:
+        raise _BadDrawError
+    return a.numerator * pow(a.denominator, -1, p) % p
+
+
+# --- Linear forms, monomials, numbers -------------------------------------------------------------
+
+
+def _evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
     zero = x[0] - x[0]
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
 
 
-def _values(exponents: Any, x: Sequence[Any], p: int | None = None) -> list[Any]:
-    """The monomials at a point, modulo p if it is given."""
-    highest = max(max(each) for each in exponents)
+def _values(exponents: Exponents, x: Sequence[Any], p: int | None = None) -> list[Any]:
+    """The monomials at a point, modulo p unless that is None."""
+    highest = max(map(max, exponents))
     powers = [[pow(a, e, p) for e in range(highest + 1)] for a in x]
-    values = []
-    for each in exponents:
-        value = 1
-        for i, e in enumerate(each):
-            if e:
-                value *= powers[i][e]
-        values.append(value if p is None else value % p)
-    return values
+    values = (math.prod(powers[i][e] for i, e in enumerate(each) if e) for each in exponents)
+    return list(values) if p is None else [value % p for value in values]
 
 
-def _gradients(exponents: Any, x: list[int], p: int) -> list[list[int]]:
-    """The derivatives of the monomials at a point: a row for each."""
-    columns = []
+def _gradient(exponents: Exponents, x: list[int], p: int) -> Residues:
+    """The derivatives of the monomials at a point: a row for each variable."""
+    rows = []
     for i in range(len(x)):
-        lowered = [(*each[:i], max(each[i] - 1, 0), *each[i + 1 :]) for each in exponents]
-        values = _values(lowered, x, p)
-        columns.append([each[i] * v % p for each, v in zip(exponents, values, strict=True)])
-    return [list(row) for row in zip(*columns, strict=True)]
+        lower = tuple((*each[:i], max(each[i] - 1, 0), *each[i + 1 :]) for each in exponents)
+        values = _values(lower, x, p)
+        rows.append([each[i] * value % p for each, value in zip(exponents, values, strict=True)])
+    return rows
 
 
-# --- Monomials, numbers, matrices -----------------------------------------------------------------
-
-
-def _up_to(n: int, degree: int) -> tuple[tuple[int, ...], ...]:
-    """Exponents of the monomials in n variables up to a degree, the lowest first."""
-    return tuple(
-        tuple(chosen.count(i) for i in range(n))
-        for d in range(degree + 1)
-        for chosen in combinations_with_replacement(range(n), d)
-    )
-
-
-def _monomials(monomials: Any, n: int) -> tuple[tuple[int, ...], ...]:
-    if isinstance(monomials, (int, np.integer)):
-        return _up_to(n, _count("monomials", monomials))
+def _exponents(monomials: Any, n: int) -> Exponents:
+    """The exponents of monomials in n variables, those up to a degree in ascending order."""
+    if isinstance(monomials, int | np.integer):
+        return tuple(
+            tuple(chosen.count(i) for i in range(n))
+            for degree in range(_count("monomials", monomials) + 1)
+            for chosen in combinations_with_replacement(range(n), degree)
+        )
     try:
         exponents = tuple(tuple(_count("monomials", e) for e in each) for each in monomials)
     except TypeError:
         raise TypeError(
             f"monomials: expected a degree or a list of exponents, got {monomials!r}"
         ) from None
-    wrong = next((each for each in exponents if len(each) != n), None)
-    if wrong is not None:
-        raise ValueError(f"monomials: expected {n} exponents for each monomial, got {wrong}")
+    for each in exponents:
+        if len(each) != n:
+            raise ValueError(f"monomials: expected {n} exponents for each monomial, got {each}")
     if not exponents or len({*exponents}) < len(exponents):
-        raise ValueError("monomials: expected one monomial or more, each once")
+        raise ValueError("monomials: expected at least one monomial, and none twice")
     return exponents
 
 
@@ -1064,121 +994,71 @@ def _ring(n: int, context: Any) -> Any:
     return context.get([f"x{i}" for i in range(1, n + 1)], "deglex")
 
 
-def _polynomials(rows: Sequence[Sequence[Any]], exponents: Any) -> Polynomials:
-    """Polynomials with these coefficients, made integers without a common factor."""
+def _polynomials(rows: Sequence[Sequence[Any]], exponents: Exponents) -> Polynomials:
+    """Polynomials that are proportional to these, with coprime integer coefficients."""
     ring = _ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
-    result = []
+    polynomials = []
     for row in rows:
-        terms = zip(exponents, _primitive(row), strict=True)
-        polynomial = ring.from_dict({e: a for e, a in terms if a})
-        result.append(-polynomial if polynomial.coeffs()[0] < 0 else polynomial)
-    return Polynomials(result)
+        terms = zip(exponents, _coprime(row), strict=True)
+        polynomial = ring.from_dict({each: a for each, a in terms if a})
+        polynomials.append(-polynomial if polynomial.coeffs()[0] < 0 else polynomial)
+    return Polynomials(polynomials)
 
 
-def _primitive(row: Sequence[Any]) -> list[int]:
+def _coprime(row: Sequence[Any]) -> list[int]:
     denominator = math.lcm(*(a.denominator for a in row))
     integers = [int(a * denominator) for a in row]
     divisor = math.gcd(*integers)
     return [a // divisor for a in integers]
 
 
-def _short(rows: Sequence[Point]) -> Sequence[Sequence[int]]:
-    """Short integer vectors with the same span."""
+def _short(rows: Sequence[Sequence[Any]]) -> Residues:
+    """Short integer vectors with the same span, for the sake of readers."""
     if not rows:
-        return ()
-    reduced = flint.fmpz_mat([_primitive(row) for row in rows]).lll()
+        return []
+    reduced = flint.fmpz_mat([_coprime(row) for row in rows]).lll()
     return [[int(a) for a in row] for row in reduced.tolist()]
 
 
-def _exact(name: str, value: Any) -> Fraction:
-    if isinstance(value, Rational):
-        return Fraction(int(value.numerator), int(value.denominator))
-    if isinstance(value, flint.fmpz | flint.fmpq):
-        return _fraction(flint.fmpq(value))
-    if isinstance(value, float | np.floating):
-        if not math.isfinite(value):
-            raise ValueError(f"{name}: expected finite numbers, got {value}")
-        return Fraction(*value.as_integer_ratio())
-    raise TypeError(f"{name}: expected integers, fractions or floats, got {type(value).__name__}")
-
-
 def _array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Array of fractions, of a given shape."""
-    for unit in ("unit", "units"):
-        if hasattr(value, unit):
-            raise TypeError(f"{name}: expected numbers without units, got {type(value).__name__}")
+    """Array of fractions."""
+    if hasattr(value, "unit") or hasattr(value, "units"):
+        raise TypeError(f"{name}: expected numbers without units, got {type(value).__name__}")
     try:
         raw = np.array(value, dtype=object)
     except ValueError:
         raise ValueError(f"{name}: expected an array, got rows of different lengths") from None
     if shape is not None and raw.shape != shape:
         raise ValueError(f"{name}: expected the shape {shape}, got {raw.shape}")
-    array = np.empty(raw.shape, object)
-    array[...] = (
-        np.vectorize(lambda each: _exact(name, each), otypes=[object])(raw) if raw.size else 0
-    )
-    return array
-
-
-def _point(map: KahanMap | QuadraticField, point: Any) -> Point:
-    return tuple(_array("point", point, (map.dimension,)))
-
-
-def _value(f: Callable[[Point], Any], x: Point, n: int) -> Any:
-    value = _array("from_function", f(x), (n,))
-    return value
-
-
-def _rows(matrix: Any) -> Matrix:
-    return tuple(tuple(row) for row in matrix)
+    result = np.empty(raw.shape, object)
+    for index, each in np.ndenumerate(raw):
+        try:
+            result[index] = Fraction(each.item() if isinstance(each, np.generic) else each)
+        except TypeError:
+            kind = type(each).__name__
+            raise TypeError(f"{name}: expected integers, fractions or floats, got {kind}") from None
+        except (ValueError, OverflowError):
+            raise ValueError(f"{name}: expected finite numbers, got {each}") from None
+    return result
 
 
 def _count(name: str, value: Any, least: int = 0) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer | flint.fmpz):
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name}: expected an integer, got {type(value).__name__}")
     if value < least:
-        raise ValueError(f"{name}: expected an integer >= {least}, got {value}")
+        raise ValueError(f"{name}: expected an integer of at least {least}, got {value}")
     return int(value)
 
 
 def _check_map(map: Any) -> None:
     if not isinstance(map, KahanMap):
-        raise TypeError(
-            f"map: expected a map that kahan(field, eps) returns, got {type(map).__name__}"
-        )
+        kind = type(map).__name__
+        raise TypeError(f"map: expected a map made by kahan(field, eps), got {kind}")
 
 
-def _mod(a: Fraction, p: int) -> int:
-    try:
-        return a.numerator * pow(a.denominator, -1, p) % p
-    except ValueError:
-        raise _BadDrawError from None
-
-
-def _dot(row: Point, values: list[Any]) -> Any:
-    return sum(a * b for a, b in zip(row, values, strict=True))
-
-
-def _fmpq(a: Fraction) -> Any:
-    return flint.fmpq(a.numerator, a.denominator)
+def _rational_matrix(rows: Sequence[Sequence[Fraction]]) -> Any:
+    return flint.fmpq_mat([[flint.fmpq(a.numerator, a.denominator) for a in row] for row in rows])
 
 
 def _fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
-
-
-def _fmpq_mat(rows: Any) -> Any:
-    return flint.fmpq_mat([[_fmpq(a) for a in row] for row in rows])
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= 300 else f"{text[:297]}..."
-
-
-def _sum_of(terms: list[tuple[int, str]]) -> str:
-    """2 a - b from the terms (2, "a"), (-1, "b")."""
-    text = ""
-    for factor, name in terms:
-        sign = " - " if factor < 0 else " + "
-        text += sign + (name if abs(factor) == 1 else f"{abs(factor)} {name}")
-    return text[3:] if text.startswith(" + ") else f"-{text[3:]}"

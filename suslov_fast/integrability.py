@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations_with_replacement, islice, pairwise
+from numbers import Rational
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -170,7 +171,7 @@ class QuadraticField:
         unit = _array("unit", np.eye(n, dtype=int))
 
         def at(x: Any) -> Any:
-            return _array("the value of f", f(tuple(x)), (n,))
+            return _array("the value of f", f(tuple(x)), (n,), (Rational,))
 
         c = at(0 * unit[0])
         l = np.stack([at(e) - at(-e) for e in unit], axis=-1) / 2
@@ -410,8 +411,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
 
     Notes
     -----
-    The image of a random line is iterated modulo a prime. An exceptional line or prime can only
-    lower a degree; so the largest degrees count, as soon as a second line and prime confirm them.
+    The image of a random line is iterated modulo a prime, and so is another line modulo another
+    prime. Should they disagree, further ones are drawn until two agree.
     The time for an iterate grows a little faster than its degree.
 
     Examples
@@ -435,8 +436,7 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
                 report(done + len(found))
             return found
 
-        _, agreed = _confirmed(map, on_a_line, lambda all: [max(d) for d in zip(*all, strict=True)])
-    return [int(d) for d in agreed]
+        return list(_confirmed(map, on_a_line))
 
 
 def _degrees_on_a_line(map: KahanMap, n: int, p: int, rng: random.Random) -> Iterator[list[int]]:
@@ -674,10 +674,10 @@ def hk_bases(
         start = [rng.randrange(p) if x is None else _residue(x[i], p) for i in range(n)]
         return _relations(map, exponents, start, p)
 
-    p, dimension = _confirmed(map, lambda p: len(relations(p)))
+    dimension = _confirmed(map, lambda p: len(relations(p)))
     independent, integrals = 0, Polynomials()
     if dimension > 0:
-        _, independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p), max)
+        independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p))
         span = _over_rationals(map, lambda p: _span(relations, dimension, p))
         integrals = _polynomials(_short(span or ()), exponents)
     if point is not None:
@@ -686,7 +686,7 @@ def hk_bases(
         for _ in range(_DRAWS):
             start = _array("point", rng.choices(range(-9, 10), k=n))
             with contextlib.suppress(_BadDrawError):
-                if len(relations(p, start)) == dimension:
+                if len(relations(next(_primes(map)), start)) == dimension:
                     break
     basis = _over_rationals(map, lambda p: relations(p, start))
     of_point = dimension if basis is None else len(basis)
@@ -814,7 +814,8 @@ def darboux_polynomials(
     exponents = _exponents(_count("degree", degree), map.dimension)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
-        _array("cofactor", C, ())
+        constant = _array("cofactor", cofactor, ()).item()
+        C = lambda x: constant  # noqa: E731
     rng = random.Random(seed)
 
     def samples(count: int) -> list[tuple[Point, Point, Fraction]]:
@@ -822,7 +823,7 @@ def darboux_polynomials(
         for _ in range(2 * count):
             x = tuple(Fraction(rng.randrange(-(2**30), 2**30)) for _ in range(map.dimension))
             with contextlib.suppress(ZeroDivisionError):  # at poles
-                found.append((x, map(x), _array("cofactor", C(x) if callable(C) else C, ()).item()))
+                found.append((x, map(x), _array("cofactor", C(x), (), (Rational,)).item()))
             if len(found) == count:
                 return found
         raise ArithmeticError("the map or the cofactor is undefined at most points")
@@ -851,23 +852,23 @@ def darboux_polynomials(
 
 
 def _primes(map: KahanMap) -> Iterator[int]:
-    """Primes below 2**62, in descending order, that divide no denominator of the map."""
-    denominator = math.lcm(*(a.denominator for row in map._forms for form in row for _, a in form))
+    """Primes below 2**62, in descending order, that divide no coefficient of the map."""
+    coefficients = {a for row in map._forms for form in row for _, a in form}
     for p in range(2**62 - 1, 0, -2):
-        if flint.fmpz(p).is_prime() and denominator % p:
+        if flint.fmpz(p).is_prime() and all(
+            a.numerator % p and a.denominator % p for a in coefficients
+        ):
             yield p
 
 
-def _confirmed(
-    map: KahanMap, result: Callable[[int], Any], generic: Callable[[Any], Any] = min
-) -> tuple[int, Any]:
-    """A prime, and the result for it, if it is `generic` of all results and occurs twice."""
+def _confirmed(map: KahanMap, result: Callable[[int], Any]) -> Any:
+    """The first result on which two primes agree, with points or lines of their own."""
     found: list[Any] = []
     for p in islice(_primes(map), _DRAWS):
         with contextlib.suppress(_BadDrawError):
             found.append(result(p))
-            if found[-1] == generic(found) and found.count(found[-1]) > 1:
-                return p, found[-1]
+            if found.count(found[-1]) > 1:
+                return found[-1]
     if not found:
         raise ArithmeticError("the iterates run into points without an image")
     raise ArithmeticError(f"results modulo primes do not agree: {found}")
@@ -875,7 +876,7 @@ def _confirmed(
 
 def _over_rationals(map: KahanMap, matrix: Callable[[int], Residues]) -> Matrix | None:
     """The rational matrix with these residues modulo primes; None if its entries are too long."""
-    _, height = _confirmed(map, lambda p: len(matrix(p)))
+    height = _confirmed(map, lambda p: len(matrix(p)))
     modulus, used = 1, 0
     residues: list[int] = []
     candidate = None
@@ -1020,25 +1021,29 @@ def _short(rows: Sequence[Sequence[Any]]) -> Residues:
     return [[int(a) for a in row] for row in reduced.tolist()]
 
 
-def _array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Array of fractions."""
+def _array(name: str, value: Any, shape: Any = None, kinds: Any = (Rational, float)) -> Any:
+    """Array of fractions, made of numbers of these kinds."""
     if hasattr(value, "unit") or hasattr(value, "units"):
         raise TypeError(f"{name}: expected numbers without units, got {type(value).__name__}")
-    try:
-        raw = np.array(value, dtype=object)
-    except ValueError:
-        raise ValueError(f"{name}: expected an array, got rows of different lengths") from None
+    raw = np.array(value, dtype=object)
+    if any(isinstance(each, list | tuple | np.ndarray) for each in raw.flat):
+        raise ValueError(f"{name}: expected an array, got rows of different lengths")
     if shape is not None and raw.shape != shape:
         raise ValueError(f"{name}: expected the shape {shape}, got {raw.shape}")
     result = np.empty(raw.shape, object)
     for index, each in np.ndenumerate(raw):
-        try:
-            result[index] = Fraction(each.item() if isinstance(each, np.generic) else each)
-        except TypeError:
-            kind = type(each).__name__
-            raise TypeError(f"{name}: expected integers, fractions or floats, got {kind}") from None
-        except (ValueError, OverflowError):
-            raise ValueError(f"{name}: expected finite numbers, got {each}") from None
+        number = each.item() if isinstance(each, np.generic) else each
+        if not isinstance(number, kinds):
+            expected = (
+                "integers, fractions or floats" if float in kinds else "integers or fractions"
+            )
+            raise TypeError(f"{name}: expected {expected}, got {type(each).__name__}")
+        if isinstance(number, float) and not math.isfinite(number):
+            raise ValueError(f"{name}: expected finite numbers, got {number}")
+        if isinstance(number, float):
+            number = Fraction(number)
+        # NumPy's integers would overflow, also as parts of a Fraction.
+        result[index] = Fraction(int(number.numerator), int(number.denominator))
     return result
 
 

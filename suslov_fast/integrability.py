@@ -798,7 +798,7 @@ def darboux_polynomials(
     References
     ----------
     E. Celledoni, C. Evripidou, D. I. McLaren, B. Owren, G. R. W. Quispel, B. K. Tapley,
-    P. H. van der Kamp, arXiv:1902.04685.
+    P. H. van der Kamp, arXiv:1902.04715.
 
     Examples
     --------

@@ -675,22 +675,31 @@ def hk_bases(
         return _relations(map, exponents, start, p)
 
     dimension = _confirmed(map, lambda p: len(relations(p)))
+    if point is None:
+        start = _ordinary_point(map, rng, lambda p, x: len(relations(p, x)) == dimension)
+    else:
+        start = _array("point", point, (n,))
+    basis: Matrix | None = ()
+    if dimension > 0 or point is not None:
+        basis = _over_rationals(map, lambda p: relations(p, start))
     independent, integrals = 0, Polynomials()
     if dimension > 0:
         independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p))
         span = _over_rationals(map, lambda p: _span(relations, dimension, p))
         integrals = _polynomials(_short(span or ()), exponents)
-    if point is not None:
-        start = _array("point", point, (n,))
-    else:
-        for _ in range(_DRAWS):
-            start = _array("point", rng.choices(range(-9, 10), k=n))
-            with contextlib.suppress(_BadDrawError):
-                if len(relations(next(_primes(map)), start)) == dimension:
-                    break
-    basis = _over_rationals(map, lambda p: relations(p, start))
     of_point = dimension if basis is None else len(basis)
     return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
+
+
+def _ordinary_point(map: KahanMap, rng: random.Random, ordinary: Callable[[int, Any], bool]) -> Any:
+    """A point with small integers that is `ordinary` modulo a prime."""
+    p = next(_primes(map))
+    for _ in range(_DRAWS):
+        x = _array("point", rng.choices(range(-9, 10), k=map.dimension))
+        with contextlib.suppress(_BadDrawError):
+            if ordinary(p, x):
+                return x
+    raise ArithmeticError("the orbits of small integers are exceptional: pass `point`")
 
 
 def _relations(map: KahanMap, exponents: Exponents, x: list[int], p: int) -> Residues:
@@ -919,6 +928,8 @@ def _reconstructed(residues: list[int], modulus: int) -> list[Fraction] | None:
 def _null_space(rows: Residues, p: int) -> Residues:
     """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
     reduced, rank = flint.nmod_mat(rows, p).rref()
+    if rank == len(rows[0]):
+        return []
     entries = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
     pivots = [next(i for i, a in enumerate(row) if a) for row in entries]
     vectors = []
@@ -953,10 +964,11 @@ def _evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
 
 def _values(exponents: Exponents, x: Sequence[Any], p: int | None = None) -> list[Any]:
     """The monomials at a point, modulo p unless that is None."""
-    highest = max(map(max, exponents))
-    powers = [[pow(a, e, p) for e in range(highest + 1)] for a in x]
-    values = (math.prod(powers[i][e] for i, e in enumerate(each) if e) for each in exponents)
-    return list(values) if p is None else [value % p for value in values]
+    values = np.ones(len(exponents), object)
+    for a, powers in zip(x, np.array(exponents).T, strict=True):
+        table = np.array([pow(a, e, p) for e in range(powers.max() + 1)], object)
+        values *= table[powers]
+    return list(values if p is None else values % p)
 
 
 def _gradient(exponents: Exponents, x: list[int], p: int) -> Residues:

@@ -2,11 +2,13 @@
 
 import math
 import random
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,7 +66,7 @@ def euler_top(x):
 
 
 def clebsch(x):
-    """Petrera, Pfadler, Suris (2011), Section 8: (m, p) with omega = (1, 2, 5)."""
+    """Petrera, Pfadler, Suris (2011): (m, p) with omega = (1, 2, 5)."""
     m, p, omega = x[:3], x[3:], (1, 2, 5)
     after = [((i + 1) % 3, (i + 2) % 3) for i in range(3)]
     return (
@@ -396,13 +398,13 @@ def test_first_integral_of_a_solved_body():
     assert same_span(found, expected, 3)
 
 
-@pytest.mark.parametrize(("n", "degree"), [(4, 10), (5, 6), (6, 4)])
+@pytest.mark.parametrize(("n", "degree"), [(4, 10), (5, 8), (6, 6)])
 def test_no_rational_integral_of_a_generic_body(n, degree):
     J = [1.25, 2.125, 3.75, 5.5, 7][: n - 1]
     I = [0.5, -0.75, 0.25, 1, -0.625][: n - 1]
     map = kahan(QuadraticField.of(SuslovND(J=J, I=I)), 0.5)
     assert hk_bases(map, degree).dimension == 0
-    assert darboux_polynomials(map, 3) == ()
+    assert darboux_polynomials(map, 6 if n == 4 else 3) == ()
 
 
 def test_euler_top():
@@ -627,3 +629,9 @@ def test_primes():
     primes = list(islice(integrability._primes(MAP), 3))
     assert [2**62 - p for p in primes] == sorted(2**62 - p for p in primes)
     assert all(sympy.isprime(p) for p in primes)
+
+
+def test_the_reference_has_every_public_name():
+    text = (Path(__file__).parent.parent / "docs" / "api.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^   integrability\.(\w+)$", text, re.MULTILINE)
+    assert sorted(listed) == sorted(integrability.__all__)

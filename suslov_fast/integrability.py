@@ -23,7 +23,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -80,7 +80,10 @@ class Polynomials(tuple[Any, ...]):
 
         expressions = []
         for polynomial in self:
-            x = symbols or sympy.symbols(polynomial.context().names())
+            names = polynomial.context().names()
+            x = sympy.symbols(names) if symbols is None else symbols
+            if len(x) != len(names):
+                raise ValueError(f"symbols: expected {len(names)}, got {len(x)}")
             terms = [
                 sympy.Mul(sympy.Rational(str(a)), *(v**e for v, e in zip(x, each, strict=True)))
                 for each, a in polynomial.to_dict().items()
@@ -89,8 +92,7 @@ class Polynomials(tuple[Any, ...]):
         return expressions
 
     def __repr__(self) -> str:
-        texts = map(str, self)
-        return f"({', '.join(text if len(text) < 300 else text[:297] + '...' for text in texts)})"
+        return f"({', '.join(_shortened(str(each)) for each in self)})"
 
 
 # --- Fields and maps ------------------------------------------------------------------------------
@@ -251,8 +253,7 @@ class QuadraticField:
 
     def __repr__(self) -> str:
         equations = (f"x{i}' = {each}" for i, each in enumerate(self.components, start=1))
-        text = ", ".join(equations)
-        return f"QuadraticField({text if len(text) < 300 else text[:297] + '...'})"
+        return f"QuadraticField({_shortened(', '.join(equations))})"
 
 
 def _suslov_3d(I1: Any, I2: Any, I13: Any, I23: Any, k: Any, omega1: Any, omega2: Any) -> Any:
@@ -520,6 +521,8 @@ def growth(degrees: Sequence[int]) -> Growth:
     >>> kind, round(entropy, 6)  # the log of the golden ratio
     ('exponential', 0.481212)
     """
+    if not isinstance(degrees, Iterable):
+        raise TypeError(f"degrees: expected a sequence of integers, got {type(degrees).__name__}")
     d = [_count("degrees", each) for each in degrees]
     recurrence = _recurrence(d)
     if recurrence:
@@ -1079,3 +1082,7 @@ def _rational_matrix(rows: Sequence[Sequence[Fraction]]) -> Any:
 
 def _fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= 300 else f"{text[:297]}..."

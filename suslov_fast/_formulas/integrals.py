@@ -55,7 +55,7 @@ def level(X, Y):
 
 # X and Y are computed for steps of at most this power of two in the units of body and state: no
 # product is out of range then, however far apart moments are.
-LONGEST = 64
+LONGEST = 64.0
 
 
 @formula
@@ -81,7 +81,7 @@ def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """t = eps sqrt(h / (I1 I2)), with the sign of eps."""
     omega1, omega2, W = normal_state(omega1, omega2)
     K = E + W + P - M
-    k = select(K < LONGEST, K, np.int64(LONGEST))
+    k = select(K < LONGEST, K, LONGEST)
     X, Y, _ = to_canonical(I1, I2, I13, I23, scaled(eps, k), omega1, omega2)
     T, Y = level_of_longer_step(level(X, Y), X, K - k), scaled(Y, K - k)
     # Rounding must not carry an orbit across the border: T < 1 exactly where |Y| < 1.

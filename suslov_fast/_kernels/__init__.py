@@ -1,0 +1,1 @@
+"""Kernels: plain loops over formulas; they never validate, raise or allocate."""

@@ -12,6 +12,8 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._engine.iterate_3d import JUMP
+from .._maps.record import Map
+from .._maps.registry import map_of
 from .._runs.schema import parameters_of
 from .plan import Plan, work_of
 from .starts import Slices, Source, own_part
@@ -41,6 +43,11 @@ class Job:
     plan: Plan
     store: Any
     compression: str | None
+
+    @property
+    def map(self) -> Map:
+        """The map that is iterated."""
+        return map_of(self.body)
 
     @property
     def keeps_states(self) -> bool:

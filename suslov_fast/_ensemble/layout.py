@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from .._runs import labelled
 from .._core.codes import NOT_COMPUTED
-from .._runs.schema import FORMAT, parameters_of
+from .._runs import labelled
 from .._runs.replacing import kind_of, replacing
+from .._runs.schema import FORMAT, parameters_of
 from .job import Job
 from .reductions import REDUCTIONS
 from .settling import settle, settle_all
@@ -140,6 +140,7 @@ def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     entries: dict[str, Any] = {
         "format": np.array(FORMAT),
         "version": np.array(__version__),
+        "map": np.array(job.map.name),
         "body": np.array(kind),
         "method": np.array(job.method),
         "steps": np.array(job.steps),

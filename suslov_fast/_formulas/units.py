@@ -56,13 +56,6 @@ def normal_state(omega1, omega2):
 
 
 @formula
-def own_unit(eps, omega1, omega2):
-    """A step size and a state in units in which the state is of the order of 1, and its unit."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    return scaled(eps, W), omega1, omega2, two_to_the(W)
-
-
-@formula
 def moderate(v, k):
     """v 2**k for v of the order of 1, or 2**900 in its place: far enough, and no square of a
     ratio of such numbers leaves the range.

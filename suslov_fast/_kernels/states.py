@@ -1,13 +1,14 @@
 """Quantities of states: one loop over states, which takes a formula.
 
 States stand one after the other. Those of a whole run repeat the batch at each time, and with it
-the bodies. A task takes blocks of LANES bodies, and of each block all times: what is made of bodies
-alone is made once.
+the bodies. A task takes blocks of LANES bodies, and of each block all times: what depends on the
+bodies alone is computed once. Arguments of a kernel:
 
-parameters   the body's and eps: arrays of `period` numbers each, or of one that serves all.
-omega        (count, 2), the states.
-out          (count, size), the results.
-report       (tasks, 3), at first 0: see MISSING, FIRST, INFINITE.
+parameters   those of the body, and eps: arrays of `period` numbers each, or of one that serves all
+omega        (count, 2), the states
+out          (count, size), the results
+period       after how many states the bodies repeat
+report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
 import types
@@ -15,196 +16,215 @@ import types
 import numpy as np
 from numba import prange
 
-from .._formulas import continuous, coordinates, integrals, linearised, section4
-from .._formulas.elementary import larger
-from .._formulas.units import normal_body
+from .._formulas import continuous, coordinates, gyrostat, integrals, linearised, section4, units
 from .._jit import carray, formula, inner, kernel, stack
 
 LANES = 128
-# Rows of a block: the parameters, and the body in units of powers of two.
-GIVEN, NORMAL, OMEGA, RESULT = 6, 10, 3, 4
-ROOM_GIVEN, ROOM_NORMAL, ROOM_OMEGA, ROOM_RESULT = GIVEN * LANES, NORMAL * LANES, OMEGA * LANES, RESULT * LANES
-# Columns of the report: the states that have no result, the first of them, and whether there is an
-# infinite state.
+# Rows of a block: parameters; the body; the state and its largest component so far; results.
+GIVEN, BODY, STATE, RESULT = 6, 10, 3, 4
+_GIVEN, _BODY, _STATE, _RESULT = GIVEN * LANES, BODY * LANES, STATE * LANES, RESULT * LANES
+LARGEST = 2
+# The number of states that are not NaN and have no result, the first of them, and 1 if a state is
+# infinite.
 MISSING, FIRST, INFINITE = range(3)
 
 
 @formula
 def spread(parameter, first, width, row):
-    """Fill one row of a block."""
+    """Fill a row with a parameter of the bodies of a block."""
     if parameter.size == 1:
         for l in range(width):
             row[l] = parameter[0]
     else:
+        # Of indices from 0 on LLVM knows that they do not count from the end.
         numbers = parameter[first : first + width]
         for l in range(width):
             row[l] = numbers[l]
 
 
 @formula
-def enter_states(flat, first, width, states):
-    """Fill the rows of states, and of the largest number in them so far."""
+def enter_states(flat, first, width, s):
+    """Fill the rows of states, and update that of the largest components."""
     numbers = flat[2 * first : 2 * (first + width)]
     for l in range(width):
         omega1, omega2 = numbers[2 * l], numbers[2 * l + 1]
-        states[0, l] = omega1
-        states[1, l] = omega2
-        states[2, l] = max(max(abs(omega1), abs(omega2)), states[2, l])
+        s[0, l] = omega1
+        s[1, l] = omega2
+        s[LARGEST, l] = max(max(abs(omega1), abs(omega2)), s[LARGEST, l])
 
 
 @formula
-def count_missing(results, states, width):
+def count_missing(r, s, width):
     """Return how many states have no result, and the lane of the first."""
-    lost = 0
+    count = 0
     for l in range(width):
-        total = states[0, l] + states[1, l]
-        lost += (results[0, l] != results[0, l]) & (total == total)
+        total = s[0, l] + s[1, l]
+        count += (r[0, l] != r[0, l]) & (total == total)
     l = 0
-    if lost > 0:
-        while results[0, l] == results[0, l] or np.isnan(states[0, l] + states[1, l]):
+    if count > 0:
+        while r[0, l] == r[0, l] or np.isnan(s[0, l] + s[1, l]):
             l += 1
-    return lost, l
+    return count, l
 
 
 @formula
-def any_infinite(states):
+def any_infinite(s):
+    """Test that a state so far was infinite."""
     infinite = False
     for l in range(LANES):
-        infinite |= states[2, l] == np.inf
+        infinite |= s[LARGEST, l] == np.inf
     return infinite
 
 
 @formula
-def enter(given, body, l):
-    """Enter the body of a lane."""
-    (
-        body[0, l],
-        body[1, l],
-        body[2, l],
-        body[3, l],
-        body[4, l],
-        body[5, l],
-        body[6, l],
-        body[7, l],
-    ) = normal_body(given[0, l], given[1, l], given[2, l], given[3, l], given[4, l])
-
-
-def of_body(quantity):
-    @formula
-    def at_lane(body, states, l):
-        return quantity(
-            body[0, l],
-            body[1, l],
-            body[2, l],
-            body[3, l],
-            body[4, l],
-            body[5, l],
-            body[6, l],
-            body[7, l],
-            states[0, l],
-            states[1, l],
-        )
-    return at_lane
+def write(r, first, width, size, flat):
+    """Write the results of a block."""
+    numbers = flat[size * first : size * (first + width)]
+    if size == 1:
+        for l in range(width):
+            numbers[l] = r[0, l]
+    elif size == 2:
+        for l in range(width):
+            numbers[2 * l] = r[0, l]
+            numbers[2 * l + 1] = r[1, l]
+    else:
+        for l in range(width):
+            numbers[4 * l] = r[0, l]
+            numbers[4 * l + 1] = r[1, l]
+            numbers[4 * l + 2] = r[2, l]
+            numbers[4 * l + 3] = r[3, l]
 
 
 @formula
-def enter_moments(given, body, l):
-    """Enter the moments of inertia alone, in their own unit."""
-    body[0, l], body[1, l] = given[0, l], given[1, l]
+def put_one(r, l, value):
+    r[0, l] = value
 
 
 @formula
-def energy_at_lane(body, states, l):
-    return integrals.energy(body[0, l], body[1, l], states[0, l], states[1, l])
+def put_pair(r, l, values):
+    r[0, l], r[1, l] = values
 
 
 @formula
-def put_1(results, l, value):
-    results[0, l] = value
+def put_matrix(r, l, values):
+    r[0, l], r[1, l], r[2, l], r[3, l] = values
 
 
-@formula
-def put_2(results, l, values):
-    results[0, l], results[1, l] = values
-
-
-@formula
-def put_4(results, l, values):
-    results[0, l], results[1, l], results[2, l], results[3, l] = values
-
-
-@formula
-def write_1(results, width, out):
-    for l in range(width):
-        out[1 * l + 0] = results[0, l]
-
-
-@formula
-def write_2(results, width, out):
-    for l in range(width):
-        out[2 * l + 0], out[2 * l + 1] = results[0, l], results[1, l]
-
-
-@formula
-def write_4(results, width, out):
-    for l in range(width):
-        out[4 * l + 0], out[4 * l + 1] = results[0, l], results[1, l]
-        out[4 * l + 2], out[4 * l + 3] = results[2, l], results[3, l]
-
-
-OF_SIZE = {1: (put_1, write_1), 2: (put_2, write_2), 4: (put_4, write_4)}
-
-
-def all_states(parameters, omega, out, period, report):
-    """Evaluate a quantity, `evaluate`, of all states."""
-    for task in prange(len(report)):
-        evaluate(parameters, omega, out, period, task, report)  # noqa: F821
-
-
-def quantity(name, at_lane, size=1, enter=enter):
-    put, write = OF_SIZE[size]
+def evaluation(enter, at_lane, size):
+    """Make the loop of a task from the formulas of a body and of a quantity at a lane."""
+    put = {1: put_one, 2: put_pair, 4: put_matrix}[size]
 
     @inner
     def evaluate(parameters, omega, out, period, task, report):
-        """What one task does."""
-        given = carray(stack(ROOM_GIVEN), (GIVEN, LANES))
-        body = carray(stack(ROOM_NORMAL), (NORMAL, LANES))
-        states = carray(stack(ROOM_OMEGA), (OMEGA, LANES))
-        results = carray(stack(ROOM_RESULT), (RESULT, LANES))
+        g, b = carray(stack(_GIVEN), (GIVEN, LANES)), carray(stack(_BODY), (BODY, LANES))
+        s, r = carray(stack(_STATE), (STATE, LANES)), carray(stack(_RESULT), (RESULT, LANES))
         for l in range(LANES):
-            states[2, l] = 0.0
-        count, missing = len(omega), 0
-        flat, flat_out = omega.reshape(omega.size), out.reshape(out.size)
+            s[LARGEST, l] = 0.0
+        states, results = omega.reshape(omega.size), out.reshape(out.size)
+        count, missing, entered = len(omega), 0, -1
         times = (count + period - 1) // period
         parts, tasks = (period + LANES - 1) // LANES * times, len(report)
-        entered = -1
         for part in range(task * parts // tasks, (task + 1) * parts // tasks):
             block, time = part // times, part % times
             width = min(LANES, period - block * LANES)
             if block != entered:
                 for k in range(len(parameters)):
-                    spread(parameters[k], block * LANES, width, given[k])
+                    spread(parameters[k], block * LANES, width, g[k])
                 for l in range(width):
-                    enter(given, body, l)
+                    enter(g, b, l)
                 entered = block
             first = time * period + block * LANES
-            width = max(min(width, count - first), 0)  # of the last time there may be less
-            enter_states(flat, first, width, states)
+            width = max(min(width, count - first), 0)  # the last repetition may be incomplete
+            enter_states(states, first, width, s)
             for l in range(width):
-                put(results, l, at_lane(body, states, l))
-            write(results, width, flat_out[size * first : size * (first + width)])
-            lost, lane = count_missing(results, states, width)
+                put(r, l, at_lane(b, s, l))
+            write(r, first, width, size, results)
+            lost, lane = count_missing(r, s, width)
             if lost > 0 and missing == 0:
                 report[task, FIRST] = first + lane
             missing += lost
-        report[task, MISSING], report[task, INFINITE] = missing, any_infinite(states)
+        report[task, MISSING], report[task, INFINITE] = missing, any_infinite(s)
 
-    # Numba names cache files after functions, and caches none that has a closure.
-    code, names = all_states.__code__, globals() | {"evaluate": evaluate}
-    return kernel(types.FunctionType(code, names, name))
+    return evaluate
 
 
-energy = quantity("energy", energy_at_lane, enter=enter_moments)
-first_integral = quantity("first_integral", of_body(integrals.first_integral))
-vector_field = quantity("vector_field", of_body(continuous.vector_field), 2)
-jacobian = quantity("jacobian", of_body(linearised.jacobian), 4)
+def all_states(parameters, omega, out, period, report):
+    """Evaluate a quantity of all states."""
+    for task in prange(len(report)):
+        evaluate(parameters, omega, out, period, task, report)  # noqa: F821
+
+
+def quantity(name, enter, at_lane, size=1):
+    """Make the kernel of a quantity of `size` numbers."""
+    # Numba caches no function with a closure, and names cache files after functions.
+    names = globals() | {"evaluate": evaluation(enter, at_lane, size)}
+    return kernel(types.FunctionType(all_states.__code__, names, name))
+
+
+@formula
+def enter_moments(g, b, l):
+    b[0, l], b[1, l] = g[0, l], g[1, l]
+
+
+@formula
+def energy_at_lane(b, s, l):
+    return integrals.energy(b[0, l], b[1, l], s[0, l], s[1, l])
+
+
+@formula
+def enter_body(g, b, l):
+    b[0, l], b[1, l], b[2, l], b[3, l], b[4, l], b[5, l], b[6, l], b[7, l] = units.normal_body(
+        g[0, l], g[1, l], g[2, l], g[3, l], g[4, l]
+    )
+
+
+def of_body(name, quantity_of, size=1):
+    """Make the kernel of a formula of a body in 3D and a state."""
+
+    @formula
+    def at_lane(b, s, l):
+        return quantity_of(
+            b[0, l], b[1, l], b[2, l], b[3, l], b[4, l], b[5, l], b[6, l], b[7, l], s[0, l], s[1, l]
+        )  # fmt: skip
+
+    return quantity(name, enter_body, at_lane, size)
+
+
+@formula
+def enter_gyrostat(g, b, l):
+    (
+        b[0, l], b[1, l], b[2, l], b[3, l], b[4, l], b[5, l], b[6, l], b[7, l], b[8, l], b[9, l]
+    ) = gyrostat.normal_gyrostat(g[0, l], g[1, l], g[2, l], g[3, l], g[4, l], g[5, l])  # fmt: skip
+
+
+def of_gyrostat(name, quantity_of, size=1):
+    """Make the kernel of a formula of a gyrostat and a state."""
+
+    @formula
+    def at_lane(b, s, l):
+        return quantity_of(
+            b[0, l], b[1, l], b[2, l], b[3, l], b[4, l], b[5, l], b[6, l], b[7, l], b[8, l],
+            b[9, l], s[0, l], s[1, l]
+        )  # fmt: skip
+
+    return quantity(name, enter_gyrostat, at_lane, size)
+
+
+energy = quantity("energy", enter_moments, energy_at_lane)
+first_integral = of_body("first_integral", integrals.first_integral)
+modified_energy = of_body("modified_energy", integrals.modified_energy)
+criticality = of_body("criticality", integrals.criticality)
+invariant_density = of_body("invariant_density", integrals.invariant_density)
+to_xy = of_body("to_xy", coordinates.xy_of_state, 2)
+from_xy = of_body("from_xy", coordinates.state_of_xy, 2)
+vector_field = of_body("vector_field", continuous.vector_field, 2)
+reaction = of_body("reaction", continuous.reaction)
+discrete_reaction = of_body("discrete_reaction", continuous.discrete_reaction)
+jacobian = of_body("jacobian", linearised.jacobian, 4)
+matrix = of_body("matrix", linearised.matrix, 4)
+constants = of_body("constants", section4.constants, 4)
+
+gyrostat_first_integral = of_gyrostat("gyrostat_first_integral", gyrostat.first_integral)
+gyrostat_invariant_density = of_gyrostat("gyrostat_invariant_density", gyrostat.invariant_density)
+gyrostat_vector_field = of_gyrostat("gyrostat_vector_field", gyrostat.vector_field, 2)
+gyrostat_jacobian = of_gyrostat("gyrostat_jacobian", gyrostat.jacobian, 4)

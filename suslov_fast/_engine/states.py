@@ -53,9 +53,7 @@ def of_state(
         blocks = -(-period // LANES) * -(-count // period)
         report = np.zeros((min(blocks, TASKS), 3), np.int64)
         out_part = results[begin : begin + count]
-        _threads.run(
-            kernel, WORK * count, threads, parameters, states, out_part, period, report
-        )
+        _threads.run(kernel, WORK * count, threads, parameters, states, out_part, period, report)
         if omega.size > LARGE and report[:, INFINITE].any():
             real_array(name, omega, allow_nan=True)
         if warn:

@@ -41,7 +41,7 @@ def lyapunov_exponents(
     steps : int
         Number of steps, 1 or more.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def lyapunov_exponents(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from .._formulas import canonical_map, coordinates, full_map, printed_map
+from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, kernel, select
 from . import codes

@@ -587,7 +587,7 @@ class HKBasis:
     monomials: Exponents
     """Exponents of each monomial."""
     dimension: int
-    """Number of independent relations along an orbit."""
+    """Number of independent relations along the orbit of `point`."""
     independent: int
     """Number of independent first integrals among their coefficients."""
     integrals: Polynomials
@@ -626,7 +626,8 @@ def hk_bases(
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` belongs to; by default one with small integers.
+        Point whose orbit `basis` and `dimension` belong to; by default one with small integers
+        whose orbit has as many relations as a random one.
     seed : int, optional
         Seed of the random points.
 

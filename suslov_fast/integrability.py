@@ -538,7 +538,7 @@ def growth(degrees: Sequence[int]) -> Growth:
     (rate, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
     if of_rate < of_power:
         return Growth("exponential", float(rate), what)
-    return Growth(_polynomial(max(round(power), 1)), 0.0, what)
+    return Growth(_power_law(max(round(power), 1)), 0.0, what)
 
 
 def _recurrence(d: list[int]) -> list[int]:
@@ -569,10 +569,10 @@ def _growth_of(recurrence: list[int], n: int) -> Growth:
             radius = max(radius, *(abs(complex(root)) for root, _ in factor.complex_roots()))
     if radius > 1:
         return Growth("exponential", math.log(radius), what)
-    return Growth(_polynomial(exponent), 0.0, what)
+    return Growth(_power_law(exponent), 0.0, what)
 
 
-def _polynomial(exponent: int) -> str:
+def _power_law(exponent: int) -> str:
     kinds = ("bounded", "linear", "quadratic", "cubic")
     return kinds[exponent] if exponent < len(kinds) else f"polynomial of degree {exponent}"
 

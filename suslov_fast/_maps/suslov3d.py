@@ -14,7 +14,7 @@ MAP = Map(
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
     run=run,
-    resume=(Kept("state", (2, "B")), Kept("turn", (4, "B"), attitude=True)),
+    resume=(Kept("state", (2, "flat")), Kept("turn", (4, "flat"), attitude=True)),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),

@@ -14,9 +14,9 @@ MAP = Map(
     parameters=parameters,
     run=run,
     resume=(
-        Kept("state", (3, "B")),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
+        Kept("state", (3, "flat")),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
     ),
     quantities=frozenset(),
     carries_attitude=False,

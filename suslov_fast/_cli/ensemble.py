@@ -20,6 +20,7 @@ from .._engine.status import Status
 from .._ensemble.api import ensemble, open_ensemble
 from .._ensemble.starts import RandomStarts
 from .._maps.registry import map_named
+from .._runs import labelled
 from .errors import UserError
 from .files import read_states
 from .problem import EXTENT, TRAJECTORIES

@@ -57,7 +57,9 @@ def folder(tmp_path):
 
 def call(folder, **environment):
     """The result of the kernel, and whether it came from the cache, in a new process."""
-    output = children.run(CALL, str(folder), NUMBA_CACHE_DIR="", NUMBA_DEBUG_CACHE="1", **environment)
+    output = children.run(
+        CALL, str(folder), NUMBA_CACHE_DIR="", NUMBA_DEBUG_CACHE="1", **environment
+    )
     result = next(line for line in output.splitlines() if line.startswith("result"))
     return result, "data loaded from" in output
 

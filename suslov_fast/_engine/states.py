@@ -59,7 +59,7 @@ def of_state(
         if warn:
             missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
     if missing:
-        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
+        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch, stacklevel=5)
     return out[()]
 
 
@@ -87,17 +87,17 @@ def by_slabs(
             absent = np.isnan(values.reshape((*some.shape[:-1], -1))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
     if lost.any():
-        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch)
+        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch, stacklevel=6)
     return out[()]
 
 
-def warn_of_missing(count: int, first: int, batch: tuple[int, ...]) -> None:
+def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: int) -> None:
     """Warn of states that have no next one; `first` counts them in C order."""
     index = tuple(int(i) for i in np.unravel_index(first, batch))
     warnings.warn(
         f"{count} of {math.prod(batch)} states: singular or non-finite step, first: {spell(index)}",
         SingularStepWarning,
-        stacklevel=5,
+        stacklevel=stacklevel,
     )
 
 

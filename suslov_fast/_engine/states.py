@@ -11,7 +11,7 @@ import numpy as np
 
 from .._checks import LARGE, FloatArray, real_array
 from .._jit import Kernel
-from .._kernels.states import FIRST, INFINITE, LANES, MISSING
+from .._kernels.states import INFINITE, LANES
 from . import threads as _threads
 from .layout import flat_parameter, for_kernel, spell
 from .status import SingularStepWarning
@@ -57,10 +57,9 @@ def of_state(
         if omega.size > LARGE and report[:, INFINITE].any():
             real_array(name, omega, allow_nan=True)
         if warn:
-            rows = report[report[:, MISSING] > 0].tolist()
-            missing += [(begin + row[FIRST], row[MISSING]) for row in rows]
+            missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
     if missing:
-        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
+        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch, stacklevel=5)
     return out[()]
 
 
@@ -88,17 +87,17 @@ def by_slabs(
             absent = np.isnan(values.reshape((*some.shape[:-1], -1))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
     if lost.any():
-        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch)
+        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch, stacklevel=6)
     return out[()]
 
 
-def warn_of_missing(count: int, first: int, batch: tuple[int, ...]) -> None:
+def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: int) -> None:
     """Warn of states that have no next one; `first` counts them in C order."""
     index = tuple(int(i) for i in np.unravel_index(first, batch))
     warnings.warn(
         f"{count} of {math.prod(batch)} states: singular or non-finite step, first: {spell(index)}",
         SingularStepWarning,
-        stacklevel=5,
+        stacklevel=stacklevel,
     )
 
 
@@ -124,20 +123,21 @@ def _parts(
     axes = batch[len(batch) - depth :]
     period = math.prod(axes)
     copies = sum(period for each in varying if each.shape != axes or not each.flags.carray)
-    if omega.shape[:-1] != batch or not omega.flags.carray:
+    if omega.shape[:-1] != batch:
+        omega = np.broadcast_to(omega, (*batch, omega.shape[-1]))
+    if not omega.flags.carray:
         copies += 2 * size
-    full = np.broadcast_to(omega, (*batch, omega.shape[-1]))
     if copies <= max(COPIES, size // 4):
         parameters = _flat(given, axes, ...)
         if varying and period < min(REPEATED, size):
             times = min(REPEATED, size) // period + 1
             parameters = tuple(np.tile(p, times) if p.size > 1 else p for p in parameters)
             period *= times
-        yield 0, parameters, for_kernel(full).reshape(size, -1), period
+        yield 0, parameters, for_kernel(omega).reshape(size, -1), period
         return
     begin = 0
     for part in _slabs(batch, COPIES // 4):
-        states = for_kernel(full[part]).reshape(-1, omega.shape[-1])
+        states = for_kernel(omega[part]).reshape(-1, omega.shape[-1])
         yield begin, _flat(given, batch, part), states, len(states)
         begin += len(states)
 
@@ -162,7 +162,8 @@ def _flat(given: list[FloatArray], batch: tuple[int, ...], part: Any) -> tuple[F
     for each in given:
         if each.size > 1:
             shape = each.shape[max(each.ndim - len(batch), 0) :]
-            each = np.broadcast_to(each.reshape(shape), batch)[part]
+            each = each.reshape(shape)
+            each = each[part] if shape == batch else np.broadcast_to(each, batch)[part]
         flat.append(for_kernel(each).reshape(-1))
     return tuple(flat)
 

@@ -121,13 +121,15 @@ def evaluation(enter, at_lane, size):
         for l in range(LANES):
             s[LARGEST, l] = 0.0
         states, results = omega.reshape(omega.size), out.reshape(out.size)
-        count, missing, entered = len(omega), 0, -1
+        count, missing, entered, shared = len(omega), 0, -1, True
+        for k in range(len(parameters)):
+            shared &= parameters[k].size == 1
         times = (count + period - 1) // period
         parts, tasks = (period + LANES - 1) // LANES * times, len(report)
         for part in range(task * parts // tasks, (task + 1) * parts // tasks):
             block, time = part // times, part % times
             width = min(LANES, period - block * LANES)
-            if block != entered:
+            if entered < 0 or (block != entered and not shared):
                 for k in range(len(parameters)):
                     spread(parameters[k], block * LANES, width, g[k])
                 for l in range(width):

@@ -28,7 +28,7 @@ import numpy as np
 from .._core.codes import NOT_COMPUTED
 from .._runs import labelled
 from .._runs.replacing import kind_of, replacing
-from .._runs.schema import FORMAT, header_of
+from .._runs.schema import header_of
 from .job import Job
 from .reductions import REDUCTIONS
 from .settling import settle, settle_all

@@ -14,7 +14,12 @@ MAP = Map(
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
     run=run,
-    resume=(Kept("state", (2, "flat")), Kept("turn", (4, "flat"), attitude=True)),
+    resume=(
+        Kept("state", ("flat", 2)),
+        Kept("turn", ("flat", 4), attitude=True),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+    ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .._checks import FloatArray
-from .._engine.problem import Outcome, Problem
+if TYPE_CHECKING:
+    from .._checks import FloatArray
+    from .._engine.problem import Outcome, Problem
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,11 @@ _BODIES = {
 }
 
 
+def body_names() -> list[str]:
+    """Return the names of the classes of bodies that have a map."""
+    return list(dict.fromkeys(_BODIES.values()))
+
+
 @cache
 def map_named(name: str) -> Map:
     """Return the map of a name; ValueError if there is none."""

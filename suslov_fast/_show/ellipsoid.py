@@ -40,6 +40,6 @@ def ellipsoid(body: Suslov3D) -> Ellipsoid:
 def sphere(turns: int = 64) -> FloatArray:
     """Return the points (3, turns / 2 + 1, turns + 1) of a grid on the unit sphere."""
     pole = 1e-3  # patches with two equal corners have no normal to shade by
-    v = np.linspace(pole, np.pi - pole, turns // 2 + 1)
+    v = np.linspace(np.pi - pole, pole, turns // 2 + 1)  # normals point outwards
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, turns + 1), v)
     return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])

@@ -28,7 +28,7 @@ _LINE, _ACCENT = "crimson", "steelblue"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2 = 0$"
 # Orbits start and end at this angle from the line, seen where levels of the energy are circles.
 _NEAR = 0.03
-# A body of matter: admissible_I3() is (2.14, 5.96).
+# A body of matter: admissible_I3() is (2.27, 5.68).
 _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 

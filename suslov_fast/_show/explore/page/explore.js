@@ -13,7 +13,7 @@ const FIELDS = {
   Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
 };
 const SHOWN = ["F", "energy"];
-const MARGIN = { left: 46, right: 12, top: 10, bottom: 34 };
+const MARGIN = { left: 46, right: 12, top: 24, bottom: 34 };
 const SMALL = "12px system-ui, 'DejaVu Sans', sans-serif";
 const MATH = "italic 15px Georgia, 'DejaVu Serif', serif";
 const values = {}; // texts of the fields: a wrong value stays as the user wrote it
@@ -348,7 +348,7 @@ function drawGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
     stroke(pen, [[x0, y], [x1, y]], k ? colours.grid : colours.axis, 1);
     labels.push([named(k * step), x0 - 6, y + 4, "right", SMALL]);
   }
-  return [...labels, ["Ω₁", (x0 + x1) / 2, y1 + 30, "center", MATH], ["Ω₂", x0 + 8, y0 + 18, "left", MATH]];
+  return [...labels, ["Ω₁", (x0 + x1) / 2, y1 + 30, "center", MATH], ["Ω₂", x0, y0 - 8, "center", MATH]];
 }
 
 // Puts the start at the pointer, with as many digits as a pixel resolves.

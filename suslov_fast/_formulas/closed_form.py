@@ -63,36 +63,18 @@ LARGEST = 2.0**500
 # Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
 # states, which would leave the range of float64 in between.
 PART_OF_COEFFICIENTS = 300.0
-# Codes of orbits, beside those of `_kernels.codes`: the closed form is beyond float64.
-OUT_OF_RANGE = -3.0
-
-
-class Body(NamedTuple):
-    """A body and a step size eps = own_eps 2**power.
-
-    canonical   what `canonical_body` returns.
-    matrix      from (X, Y) of own_eps to omega.
-    """
-
-    I13: float
-    I23: float
-    eps: float
-    own_eps: float
-    power: float
-    canonical: tuple  # type: ignore[type-arg]
-    matrix: tuple  # type: ignore[type-arg]
+# A flow whose unit of time is farther from 1 than this power of two is out of range.
+LONGEST_UNIT = 960.0
 
 
 class Orbit(NamedTuple):
-    """Time-independent data of an orbit: numbers, or for a block of orbits rows of numbers.
+    """Time-independent data of an orbit.
 
-    omega = (a1 A + b1 B, a2 A + b2 B) 2**power, where A and B follow from kappa and
+    omega = (a1 A + b1 B, a2 A + b2 B) 2**power, where A and B follow from
     w_n = v 2**k r**(n - lag), or where h is not 0 from X_0 (1 + T) / (2 T) = g and Y_0 / T = h.
 
-    unit     the unit of time, a power of two: 1 for the map.
-    code     the status of the orbit after any number of steps, or `OUT_OF_RANGE`.
-    fails    the number of the first state that does not exist, inf if all do; before
-             `locate_pole` a real number next to it.
+    fate   one of the constants below, or 1 more than a real number next to which the number of a
+           state that does not exist may be.
     """
 
     a1: float
@@ -100,7 +82,6 @@ class Orbit(NamedTuple):
     a2: float
     b2: float
     power: float
-    kappa: float
     v: float
     k: float
     lag: float
@@ -109,25 +90,14 @@ class Orbit(NamedTuple):
     log_lost: float
     g: float
     h: float
-    unit: float
-    code: float
-    fails: float
+    fate: float
 
 
-@formula
-def enter_body(I1, I2, I13, I23, eps):
-    """Return what is known of a body and a step size before any state is."""
-    power = exponent(eps)
-    own_eps = eps * two_to_the(-power)
-    return Body(
-        I13,
-        I23,
-        eps,
-        own_eps,
-        power,
-        canonical_body(I1, I2, I13, I23),
-        from_canonical(I1, I2, I13, I23, own_eps),
-    )
+# Fates of orbits: out of the range of float64, unknown because state 0 is NaN, at the point (0, 1)
+# that has no next state, below t = 1, and above it with no pole ahead.
+OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 0.5
+# What the coordinates of a state are beside these: it does not move.
+RESTS = 1.0
 
 
 @formula
@@ -187,121 +157,120 @@ def first_of_sequence(X, Y, T, one, lag):
 
 
 @formula
-def coefficients(matrix, of_x, of_y, power):
-    """Return the a1, b1, a2, b2 and power of an orbit."""
-    m11, m12, m21, m22 = matrix
-    own = within(power, PART_OF_COEFFICIENTS)
-    unit = two_to_the(own)
-    of_x, of_y = of_x * unit, of_y * unit
-    return m11 * of_x, m12 * of_y, m21 * of_x, m22 * of_y, power - own
+def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return X, Y and what rounding lost of Y, with back = -1 for the inverse map; the power of two
+    that the states have as a factor; that of time; and a fate or `RESTS`.
+    """
+    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
+    body = canonical_body(I1, I2, I13, I23)
+    own, inverse = eps * two_to_the(-power), two_to_the(-o)
+    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
+    factor = two_to_the(within(power + o, 1022.0))
+    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
+    rests = (X == 0.0) | at_rest(I13, I23, eps, X, Y)
+    kind = select(rests, select((1.0 - Y) - lost == 0.0, UNDEFINED, RESTS), REGULAR)
+    kind = select((abs(X) + abs(Y) < LARGEST) & (power + o < 1022.0), kind, OUT_OF_RANGE)
+    kind = select((I13 == 0.0) & (I23 == 0.0) | (eps == 0.0), RESTS, kind)
+    unknown = omega1 + omega2 != omega1 + omega2
+    return X, Y, lost, -power, 0.0, select(unknown, UNKNOWN, kind)
 
 
 @formula
-def enter_map(body, back, omega1, omega2):
-    """Return the `Orbit` of the map, or with back = -1 of its inverse."""
-    o = exponent(larger(abs(omega1), abs(omega2)))
-    inverse = two_to_the(-o)
-    X, Y, lost = canonical_state(
-        body.I13, body.I23, *body.canonical, body.own_eps, omega1 * inverse, omega2 * inverse
-    )
-    factor = two_to_the(within(body.power + o, 1022.0))
+def coordinates_of_flow(back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return the same for the flow, in the unit of the orbit; eps is the unit of time."""
+    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
+    body = canonical_body(I1, I2, I13, I23)
+    own, inverse = eps * two_to_the(-power), two_to_the(-o)
+    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
+    e = exponent(larger(abs(X), abs(Y)))
+    factor, time = two_to_the(-e), power + o + e
     X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
-    out_of_range = (abs(X) + abs(Y) > LARGEST) | (body.power + o > 1022.0)
-    X, Y = select(out_of_range, 1.0, X), select(out_of_range, 0.0, Y)
+    kind = select(abs(time) < LONGEST_UNIT, REGULAR, OUT_OF_RANGE)
+    kind = select(X == 0.0, RESTS, kind)
+    unknown = omega1 + omega2 != omega1 + omega2
+    return X, Y, lost, o + e, time, select(unknown, UNKNOWN, kind)
 
-    # T and r; both factors are of the order of 1 or smaller however large X and Y are.
+
+@formula
+def sequence_of_map(X, Y, lost, time, kind):
+    """Return T and the fields of an `Orbit` from v on."""
+    moves = kind == REGULAR
+    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
+    # Both factors of r are of the order of 1 or smaller however large X and Y are.
     T = level(X, Y)
-    to_one, to_minus_one = (1.0 - Y) - lost, (1.0 + Y) + lost
     below = 1.0 / (abs(X) + 1.0)
-    share, X1 = below / (1.0 + T), X * below
-    r = (to_one * share) * (to_minus_one * share) / (below * below + 0.5 * X1 * X1)
-    XT = X * (1.0 + T)
-    correction = 0.5 * r * XT * (XT / (T + abs(Y)))  # T - |Y|
-    pole = Y + T
+    share, X1, XT = below / (1.0 + T), X * below, X * (1.0 + T)
+    r = (((1.0 - Y) - lost) * share) * (((1.0 + Y) + lost) * share)
+    r = r / (below * below + 0.5 * X1 * X1)
+    sum_with_Y = T + abs(Y)
+    correction = 0.5 * r * XT * (XT / sum_with_Y)  # T - |Y|
     T, T_lost = level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
     log_r, log_lost = logarithm_of_ratio(T, T_lost, r)
     v, k, lag = first_of_sequence(X, Y, T, 1.0 + T, 1.0)
     far = (r <= 0.0) & (abs(Y) > FAR_OUT * T)
-    g, h = select(far, 0.5 * X * (1.0 / T + 1.0), 0.0), select(far, Y / T, 0.0)
-
     # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1. Where state
     # n does not exist, r**(2 n) = (Y - T) / (Y + T).
     ahead = (Y >= 1.0) & (r < 0.0)
-    fails = 0.5 * logarithm(select(ahead, -correction / pole, 1.0), 2.0 * T / pole) / log_r
-    code = select(abs(Y) >= 1.0, 1.0, 0.0)
-
-    # A state that does not move is what its b alone makes; none follows (X, Y) = (0, 1).
-    rests = (X == 0.0) | at_rest(body.I13, body.I23, body.eps, X, Y)
-    undefined, unknown = rests & (to_one == 0.0), omega1 + omega2 != omega1 + omega2
-    s = exponent(T)
-    own = two_to_the(-s)
-    a1, b1, a2, b2, power = coefficients(
-        body.matrix, 4.0 * (T / (1.0 + T)) * own, back * T * own, s - body.power
-    )
-    out_of_range = out_of_range | (abs(a1) + abs(a2) + abs(b1) + abs(b2) > LARGEST) & (~rests)
-    ends = undefined | unknown | out_of_range
-    code = select(rests, 0.0, code)
-    code = select(undefined, -1.0, select(unknown, -2.0, select(out_of_range, OUT_OF_RANGE, code)))
-    fails = select(ahead & (~rests), fails, np.inf)
-    return Orbit(
-        select(rests | ends, 0.0, a1),
-        select(ends, np.nan, select(rests, -omega1, b1)),
-        select(rests | ends, 0.0, a2),
-        select(ends, np.nan, select(rests, -omega2, b2)),
-        select(rests | ends, 0.0, power),
-        select(rests, 0.0, 2.0 * r),
-        select(rests, 0.0, v),
-        select(rests, 0.0, k),
-        select(rests, 0.0, lag),
-        select(rests, 1.0, r),
-        select(rests, 0.0, log_r),
-        select(rests, 0.0, log_lost),
-        select(rests, 0.0, g),
-        select(rests, 0.0, h),
-        1.0,
-        code,
-        select(unknown, 0.0, select(undefined, 1.0, fails)),
+    q = select(ahead, -correction / sum_with_Y, 1.0)
+    pole = 0.5 * logarithm(q, 2.0 * (T / sum_with_Y)) / log_r
+    fate = select(ahead, 1.0 + pole, select(abs(Y) >= 1.0, SUPERCRITICAL, REGULAR))
+    return (
+        T,
+        select(moves, v, 0.0),
+        select(moves, k, 0.0),
+        select(moves, lag, 0.0),
+        select(moves, r, 1.0),
+        select(moves, log_r, 0.0),
+        select(moves, log_lost, 0.0),
+        select(moves & far, 0.5 * X * (1.0 / T + 1.0), 0.0),
+        select(moves & far, Y / T, 0.0),
+        select(moves, fate, select(kind == RESTS, REGULAR, kind)),
     )
 
 
 @formula
-def enter_flow(body, back, omega1, omega2):
-    """Return the `Orbit` of the flow; eps of the body is the unit of time."""
-    o = exponent(larger(abs(omega1), abs(omega2)))
-    inverse = two_to_the(-o)
-    X, Y, lost = canonical_state(
-        body.I13, body.I23, *body.canonical, body.own_eps, omega1 * inverse, omega2 * inverse
-    )
-    e = exponent(larger(abs(X), abs(Y)))
-    factor = two_to_the(-e)
-    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
+def sequence_of_flow(X, Y, lost, time, kind):
+    """Return K and the fields of an `Orbit` from v on."""
+    moves = kind == REGULAR
+    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
     K = np.sqrt(0.5 * X * X + Y * Y)
     K, K_lost = level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
-    v, k, lag = first_of_sequence(X, Y, K, 1.0, 0.0)
-    a1, b1, a2, b2, power = coefficients(body.matrix, 4.0 * K, back * K, o + e)
-    rests, unknown = X == 0.0, omega1 + omega2 != omega1 + omega2
-    # The unit of time, and what of it is no power of two that float64 holds.
-    time = body.power + o + e
-    unit = within(time, 1022.0)
-    rest = two_to_the(within(time - unit, 900.0))
-    return Orbit(
-        select(rests, 0.0, a1),
-        select(unknown, np.nan, select(rests, -omega1, b1)),
-        select(rests, 0.0, a2),
-        select(unknown, np.nan, select(rests, -omega2, b2)),
-        select(rests | unknown, 0.0, power),
-        select(rests, 0.0, 2.0),
-        select(rests, 0.0, v),
-        select(rests, 0.0, k),
+    v, k, _ = first_of_sequence(X, Y, K, 1.0, 0.0)
+    unit = -2.0 * two_to_the(within(time, LONGEST_UNIT))
+    return (
+        K,
+        select(moves, v, 0.0),
+        select(moves, k, 0.0),
         0.0,
         1.0,
-        select(rests, 0.0, -2.0 * K * rest),
-        select(rests, 0.0, -2.0 * K_lost * rest),
+        select(moves, K * unit, 0.0),
+        select(moves, K_lost * unit, 0.0),
         0.0,
         0.0,
-        two_to_the(unit),
-        select(unknown, -2.0, 0.0),
-        select(unknown, 0.0, np.inf),
+        select(kind == RESTS, REGULAR, kind),
+    )
+
+
+@formula
+def coefficients(of_x, of_y, power, kind, back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return a1, b1, a2, b2 and power of an `Orbit` for which x is of_x A and y is of_y B."""
+    m11, m12, m21, m22 = from_canonical(I1, I2, I13, I23, eps * two_to_the(-exponent(eps)))
+    s = exponent(of_y)
+    power = power + s
+    own = within(power, PART_OF_COEFFICIENTS)
+    unit = two_to_the(own)
+    of_x, of_y = of_x * two_to_the(-s) * unit, back * of_y * two_to_the(-s) * unit
+    moves, ends = kind == REGULAR, kind < 0.0
+    a1, b1, a2, b2 = m11 * of_x, m12 * of_y, m21 * of_x, m22 * of_y
+    fits = abs(a1) + abs(a2) + abs(b1) + abs(b2) < LARGEST
+    ends = ends | moves & (~fits)
+    # A state that does not move is what its b alone makes.
+    return (
+        select(moves, a1, 0.0),
+        select(ends, np.nan, select(moves, b1, -omega1)),
+        select(moves, a2, 0.0),
+        select(ends, np.nan, select(moves, b2, -omega2)),
+        select(moves & fits, power - own, 0.0),
     )
 
 
@@ -323,7 +292,7 @@ def power_of_ratio(n, r, log_r, log_lost):
 @formula
 def growth(n, orbit):
     """Return f and k for which w_n = f 2**k."""
-    steps = smaller(n * orbit.unit, LONG_TIME) - orbit.lag
+    steps = smaller(n, LONG_TIME) - orbit.lag
     p, k, sign = power_of_ratio(steps, orbit.r, orbit.log_r, orbit.log_lost)
     v = orbit.v * sign
     return v + v * p, orbit.k + k
@@ -380,7 +349,7 @@ def near_state(half, kappa, a1, b1, a2, b2):
 def state_at(n, orbit):
     """Return state n >= 0 of any orbit, which is infinite or NaN where there is none."""
     f, k = growth(n, orbit)
-    A, B = near_point(f, k, orbit.kappa)
+    A, B = near_point(f, k, 2.0 * orbit.r)
     far_A, far_B = far_point(n, orbit)
     far = orbit.h != 0.0
     A, B = select(far, far_A, A), select(far, far_B, B)

@@ -23,17 +23,21 @@ import numpy as np
 from numba import prange
 
 from .._formulas.closed_form import (
-    FAR_OUT,
     OUT_OF_RANGE,
+    SUPERCRITICAL,
+    UNDEFINED,
+    UNKNOWN,
     Orbit,
-    enter_body,
-    enter_flow,
-    enter_map,
+    coefficients,
+    coordinates_of_flow,
+    coordinates_of_map,
     far_point,
     growth,
     near_point,
     near_state,
     power_of_ratio,
+    sequence_of_flow,
+    sequence_of_map,
     state_at,
 )
 from .._formulas.elementary import larger, scaled, smaller
@@ -42,13 +46,14 @@ from . import codes
 from .tiles import lead_of, missing_of_first_block, write_row
 
 LANES, EIGHT, GROUP = 128, 8, 64
-# Rows of a block: the fields of an orbit, those named here, r**(8 a every), and r**(a every).
-OMEGA1, OMEGA2, NUMBER, SEED, LARGE, HALF, KAPPA, SLOW = range(len(Orbit._fields), len(Orbit._fields) + 8)
+# Rows of a block: the fields of an orbit, and what is known of the lanes of some rows.
+A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
+OMEGA1, OMEGA2, NUMBER, FAILS, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
+# r**(8 a every), and r**(a every), a = 0 ... 7.
 EIGHTHS, ROWS = SLOW + 1, SLOW + 9
-FIELDS = SLOW + 17
-A1, B1, A2, B2, POWER, ORBIT_KAPPA, _, _, _, R, LOG_R, LOG_LOST, _, H, UNIT, CODE, FAILS = range(
-    len(Orbit._fields)
-)
+FIELDS = ROWS + 8
+# Rows from SEED on while orbits are entered. Loops over lanes become SIMD for up to 16 rows.
+I1_, I2_, I13_, I23_, EPS_, X_, Y_, LOST, UNIT, TIME, KIND, T_ = range(SEED, SEED + 12)
 ROOM, WIDE = FIELDS * LANES, 2 * LANES
 TILE = EIGHT * WIDE
 # States of one task.
@@ -59,15 +64,23 @@ LARGE_SEED, NEAR_POLE = 200.0, 0.25
 NEGLIGIBLE, NO_SQUARE = 2.0**-960, 2.0**-300
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
+# The status of a trajectory that must be iterated.
+NOT_FOUND = -3
 
 
 @formula
 def orbit_of(r, l):
     """Return the orbit in lane l of a block."""
     return Orbit(
-        *(r[0, l], r[1, l], r[2, l], r[3, l], r[4, l], r[5, l], r[6, l], r[7, l], r[8, l]),
-        *(r[9, l], r[10, l], r[11, l], r[12, l], r[13, l], r[14, l], r[15, l], r[16, l]),
+        *(r[0, l], r[1, l], r[2, l], r[3, l], r[4, l], r[5, l], r[6, l]),
+        *(r[7, l], r[8, l], r[9, l], r[10, l], r[11, l], r[12, l], r[13, l]),
     )
+
+
+@formula
+def body_and_state_of(r, l):
+    """Return I1, I2, I13, I23, eps and omega in lane l of a block."""
+    return r[I1_, l], r[I2_, l], r[I13_, l], r[I23_, l], r[EPS_, l], r[OMEGA1, l], r[OMEGA2, l]
 
 
 @formula
@@ -95,48 +108,14 @@ def plan_of(lanes, out, count, length):
     return blocks * parts, parts, some, groups, shift
 
 
-def entrance(enter):
-    """Make the loop that enters orbits."""
-
-    @inner
-    def enter_block(sign, parameters, omega, first, width, groups, room):
-        """Enter trajectories, and repeat them for each group; return the lanes in use."""
-        I1, I2, I13, I23, eps = parameters
-        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
-        for l in range(lanes):  # lanes beyond the last trajectory repeat it
-            b = first + min(l, width - 1)
-            room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
-        shared = I1.size * I2.size * I13.size * I23.size * eps.size == 1
-        body = enter_body(I1[0], I2[0], I13[0], I23[0], eps[0])
-        for l in range(lanes):
-            b = first + min(l, width - 1)
-            if not shared:
-                body = enter_body(
-                    I1[min(b, I1.size - 1)],
-                    I2[min(b, I2.size - 1)],
-                    I13[min(b, I13.size - 1)],
-                    I23[min(b, I23.size - 1)],
-                    eps[min(b, eps.size - 1)],
-                )
-            put(room, l, enter(body, sign, room[OMEGA1, l], room[OMEGA2, l]))
-        if groups > 1:
-            lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
-            repeat(room, width, lanes, 0, NUMBER)
-        return lanes
-
-    return enter_block
+@formula
+def gather(parameter, first, width, lanes, row):
+    """Fill a row with a parameter of the body."""
+    for l in range(lanes):
+        row[l] = parameter[min(first + min(l, width - 1), parameter.size - 1)]
 
 
 @formula
-def put(room, l, orbit):
-    """Put an orbit into lane l."""
-    row = 0
-    for number in orbit:
-        room[row, l] = number
-        row += 1
-
-
-@inner
 def repeat(room, width, lanes, row, stop):
     """Repeat what the first lanes of some rows hold."""
     for k in range(row, stop):
@@ -145,23 +124,26 @@ def repeat(room, width, lanes, row, stop):
 
 
 @inner
-def end_of(orbit):
-    """Return the status of an orbit, and the number of the first state that does not exist."""
-    if orbit.code < 0.0:
-        return orbit.code, orbit.fails
+def end_of(orbit, stop):
+    """Return how an orbit ends up to a step, and the number of the first state that it lacks."""
+    if orbit.fate <= OUT_OF_RANGE:
+        return NOT_FOUND, np.inf
+    if orbit.fate < 0.0:
+        unknown = orbit.fate == UNKNOWN
+        return (codes.NONFINITE, 0.0) if unknown else (codes.SINGULAR, 1.0)
     if orbit.power > 0.0:
-        largest = (abs(orbit.a1) + abs(orbit.a2)) / np.sqrt(abs(orbit.kappa) + 1e-300)
+        largest = (abs(orbit.a1) + abs(orbit.a2)) / np.sqrt(abs(2.0 * orbit.r) + 1e-300)
         largest += abs(orbit.b1) + abs(orbit.b2)
         if np.log2(largest) + orbit.power > LARGEST_EXPONENT:
-            return OUT_OF_RANGE, np.inf
-    if orbit.fails < np.inf:
-        nearest = np.floor(orbit.fails + 0.5)
+            return NOT_FOUND, np.inf
+    if orbit.fate >= 1.0:
+        nearest = np.floor(orbit.fate - 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             omega1, omega2 = state_at(n, orbit)
             size = abs(omega1) + abs(omega2)
-            if n >= 1.0 and not size < np.inf:
-                return select(size == np.inf, float(codes.NONFINITE), float(codes.SINGULAR)), n
-    return orbit.code, np.inf
+            if 1.0 <= n <= stop and not size < np.inf:
+                return codes.NONFINITE if size == np.inf else codes.SINGULAR, n
+    return codes.SUPERCRITICAL if orbit.fate >= SUPERCRITICAL else codes.OK, np.inf
 
 
 @inner
@@ -170,11 +152,8 @@ def write_ends(room, first, width, lanes, ends):
     status, failed_at, stop = ends
     any_fails = False
     for l in range(width):
-        code, fails = end_of(orbit_of(room, l))
-        if fails > stop:
-            code, fails = abs(code), np.inf
-        room[FAILS, l] = fails
-        status[first + l] = int(code)
+        code, fails = end_of(orbit_of(room, l), stop)
+        room[FAILS, l], status[first + l] = fails, code
         if fails < np.inf:
             failed_at[first + l], any_fails = int(fails), True
     repeat(room, width, lanes, FAILS, FAILS + 1)
@@ -194,9 +173,9 @@ def mend(room, l, n, tile, i, missing):
         omega1, omega2 = room[OMEGA1, l], room[OMEGA2, l]
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        if room[CODE, l] == OUT_OF_RANGE or size == np.inf:
+        if room[FATE, l] == OUT_OF_RANGE or size == np.inf:
             missing[2] += 1.0
-        elif room[CODE, l] != codes.NONFINITE:
+        elif room[FATE, l] != UNKNOWN:
             missing[0 if np.floor(n) == n else 1] += 1.0
     tile[i], tile[i + 1] = omega1, omega2
 
@@ -208,121 +187,168 @@ def end_rows(room, l, n, tile, i):
         tile[i], tile[i + 1] = np.nan, np.nan
 
 
-@inner
-def enter_ratios(room, every, lanes):
-    """Fill the powers of r from one seed to the next."""
-    for table, eights in ((EIGHTHS, 8.0), (ROWS, 1.0)):
-        for a in range(EIGHT):
-            for l in range(lanes):
-                steps = a * eights * every * room[UNIT, l]
-                p, k, sign = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
-                power = sign * scaled(1.0 + p, larger(k, -1000.0))
-                room[table + a, l] = not_negligible(power)
-
-
-@inner
-def enter_seeds(room, first, every, top, lanes):
-    """Fill the w of each lane at its row, and whether all rows after it are slow."""
-    for l in range(lanes):
-        n = first + every * (top + room[NUMBER, l])
-        f, k = growth(n, orbit_of(room, l))
-        w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
-        room[SEED, l] = not_negligible(w)
-        between = (room[R, l] <= 0.0) & (room[EIGHTHS + 1, l] != room[EIGHTHS + 1, l])
-        slow = (k >= LARGE_SEED) | (room[CODE, l] < 0.0) | between | (w != w)
-        room[LARGE, l] = select(slow, 1.0, 0.0)
-
-
-@inner
-def enter_eighth(room, a, lanes):
-    """Fill what eight rows share; return how many lanes must be taken one by one."""
-    slow = 0.0
-    for l in range(lanes):
-        u = room[SEED, l] * room[EIGHTHS + a, l]
-        kappa = room[ORBIT_KAPPA, l]
-        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
-        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
-        room[HALF, l] = 0.5 * not_negligible(u)
-        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
-        slow += room[SLOW, l]
-    return slow
-
-
-@formula
-def fill_row(room, b, lanes, tile, i):
-    """Fill a row of the tile from i on."""
-    for l in range(lanes):
-        tile[i + 2 * l], tile[i + 2 * l + 1] = near_state(
-            room[HALF, l] * room[ROWS + b, l],
-            room[KAPPA, l],
-            room[A1, l],
-            room[B1, l],
-            room[A2, l],
-            room[B2, l],
-        )
-
-
-@inner
-def any_power(room, lanes):
-    """Return True if the states of a lane are multiplied by a power of two."""
-    found = 0.0
-    for l in range(lanes):
-        found += abs(room[POWER, l])
-    return found > 0.0
-
-
-def loop_over_rows(enter_block):
-    """Make the loop over the rows or times of a task."""
+def loop(of_map, of_rows):
+    """Make the loop over the rows or the times of a task of the map or the flow."""
+    coordinates, sequence = coordinates_of_flow, sequence_of_flow
+    if of_map:
+        coordinates, sequence = coordinates_of_map, sequence_of_map
 
     @inner
-    def fill_rows(task, arguments):
-        """Fill the rows of one task; return how many states are missing."""
-        sign, parameters, omega, steps, rows, lanes_asked, out, ends = arguments
-        (first_number, every), (begin, end, origin, direction) = steps, rows
-        low = begin // GROUP * GROUP
-        _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
+    def fill(task, arguments, times):
+        """Fill the states of a task; return how many are missing.
+
+        times   first, every, begin, end, origin and direction of rows; or times and rows (N,)
+        """
+        sign, parameters, omega, lanes_asked, out, ends = arguments
+        if of_rows:
+            first_number, every, begin, end, origin, direction = times
+            low = begin // GROUP * GROUP
+            _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
+        else:
+            moments, to = times
+            _, parts, some, groups, shift = plan_of(lanes_asked, out, moments.size, 1)
         block, part = task // parts, task % parts
         first = lanes_asked[0] + max(block * LANES - shift, 0)
         width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
-        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (TILE,))
+        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
         missing = carray(stack(3), (3,))
         missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
         flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
-        lanes = enter_block(sign, parameters, omega, first, width, groups, room)
+
+        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            b = first + min(l, width - 1)
+            room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
+        gather(parameters[0], first, width, lanes, room[I1_])
+        gather(parameters[1], first, width, lanes, room[I2_])
+        gather(parameters[2], first, width, lanes, room[I13_])
+        gather(parameters[3], first, width, lanes, room[I23_])
+        gather(parameters[4], first, width, lanes, room[EPS_])
         for l in range(lanes):
-            room[NUMBER, l] = float(l // width * GROUP)
+            o = coordinates(sign, *body_and_state_of(room, l))
+            room[X_, l], room[Y_, l], room[LOST, l] = o[0], o[1], o[2]
+            room[UNIT, l], room[TIME, l], room[KIND, l] = o[3], o[4], o[5]
+        for l in range(lanes):
+            o = sequence(room[X_, l], room[Y_, l], room[LOST, l], room[TIME, l], room[KIND, l])
+            room[T_, l], room[V, l], room[K, l], room[LAG, l], room[R, l] = o[:5]
+            room[LOG_R, l], room[LOG_LOST, l], room[G, l], room[H, l], room[FATE, l] = o[5:]
+        for l in range(lanes):
+            T = room[T_, l]
+            of_x = 4.0 * (T / (1.0 + T) if of_map else T)
+            o = coefficients(of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state_of(room, l))
+            room[A1, l], room[B1, l], room[A2, l], room[B2, l], room[POWER, l] = o
+            room[FATE, l] = select(room[B1, l] == room[B1, l], room[FATE, l], smaller(room[FATE, l], UNDEFINED))
+        lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
+        if groups > 1:
+            repeat(room, width, lanes, 0, NUMBER)
         fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
-        scales = any_power(room, lanes)
-        enter_ratios(room, every, lanes)
-        begin_of_task = low + part * some
-        for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
-            enter_seeds(room, first_number, every, top, lanes)
-            starts = top == 0 and first_number == 0.0
-            for a in range(EIGHT):
-                row = top + EIGHT * a
-                if groups == 1 and (row >= end or row + EIGHT <= begin):
-                    continue
-                mends = enter_eighth(room, a, lanes) > 0.0 or scales or (starts and a == 0)
-                for b in range(EIGHT):
-                    i = 0 if groups == 1 else b * WIDE
-                    fill_row(room, b, lanes, tile, i)
-                    if groups == 1 and not begin <= row + b < end:
+        scales = 0
+        for l in range(lanes):
+            room[SLOW, l] = 0.0
+            scales += select(room[POWER, l] != 0.0, 1, 0)
+
+        if of_rows:
+            for a in range(2 * EIGHT):
+                steps = (8.0 * a if a < EIGHT else a - 8.0) * every
+                for l in range(lanes):
+                    p, k, s = power_of_ratio(
+                        steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l]
+                    )
+                    power = s * scaled(1.0 + p, larger(k, -1000.0))
+                    room[EIGHTHS + a, l] = not_negligible(power)
+            for l in range(lanes):
+                room[NUMBER, l] = float(l // width * GROUP)
+            begin_of_task = low + part * some
+            for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
+                for l in range(lanes):
+                    n = first_number + every * (top + room[NUMBER, l])
+                    f, k = growth(n, orbit_of(room, l))
+                    w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
+                    room[SEED, l] = not_negligible(w)
+                    between = (room[R, l] <= 0.0) & (room[EIGHTHS + 1, l] != room[EIGHTHS + 1, l])
+                    slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
+                    room[LARGE, l] = select(slow, 1.0, 0.0)
+                starts = top == 0 and first_number == 0.0
+                for a in range(EIGHT):
+                    row, slow = top + EIGHT * a, 0
+                    if groups == 1 and (row >= end or row + EIGHT <= begin):
                         continue
-                    for l in range(width * groups if mends or fails else 0):
-                        place = row + b + room[NUMBER, l]
-                        n = first_number + every * place
-                        if mends and begin <= place < end:
-                            mend(room, l, n, tile, i + 2 * l, missing)
-                        if fails:
-                            end_rows(room, l, n, tile, i + 2 * l)
+                    for l in range(lanes):
+                        u = room[SEED, l] * room[EIGHTHS + a, l]
+                        kappa = 2.0 * room[R, l]
+                        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
+                        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
+                        room[HALF, l] = 0.5 * not_negligible(u)
+                        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
+                        slow += select(room[SLOW, l] != 0.0, 1, 0)
+                    mends = slow > 0 or scales > 0 or (starts and a == 0)
+                    for b in range(EIGHT):
+                        line = tile[b if groups > 1 else 0]
+                        for l in range(lanes):
+                            line[2 * l], line[2 * l + 1] = near_state(
+                                room[HALF, l] * room[ROWS + b, l],
+                                room[KAPPA, l],
+                                room[A1, l],
+                                room[B1, l],
+                                room[A2, l],
+                                room[B2, l],
+                            )
+                        if groups == 1 and not begin <= row + b < end:
+                            continue
+                        for l in range(width * groups if mends or fails else 0):
+                            place = row + b + room[NUMBER, l]
+                            n = first_number + every * place
+                            if mends and begin <= place < end:
+                                mend(room, l, n, line, 2 * l, missing)
+                            if fails:
+                                end_rows(room, l, n, line, 2 * l)
+                        if groups == 1:
+                            target = 2 * ((origin + direction * (row + b)) * batch + first)
+                            stride = 2 * direction * batch
+                            write_row(line, flat, target, 2 * width, stride, lead)
+                    if groups > 1:
+                        scatter_rows(tile, flat, row, (begin, end, origin, direction), width, groups)
+        else:
+            far = 0
+            for l in range(lanes):
+                far += select(room[H, l] != 0.0, 1, 0)
+            for j in range(part * some, min((part + 1) * some, moments.size), groups):
+                for l in range(lanes):
+                    room[NUMBER, l] = moments[min(j + l // width, moments.size - 1)]
+                line, odd = tile[0], 0
+                for l in range(lanes):
+                    room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
+                for l in range(lanes):
+                    o = orbit_of(room, l)
+                    A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
+                    omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
+                    line[2 * l], line[2 * l + 1] = omega1, omega2
+                    finite = abs(omega1) + abs(omega2) < np.inf
+                    odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
+                if far > 0:
+                    for l in range(lanes):
+                        o = orbit_of(room, l)
+                        A, B = far_point(room[NUMBER, l], o)
+                        is_far = o.h != 0.0
+                        omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
+                        omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
+                        line[2 * l], line[2 * l + 1] = omega1, omega2
+                        odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
+                used = min(groups, moments.size - j)
+                for l in range(width * used if odd > 0 or scales > 0 or fails else 0):
+                    mend(room, l, room[NUMBER, l], line, 2 * l, missing)
+                    if fails:
+                        end_rows(room, l, room[NUMBER, l], line, 2 * l)
+                for g in range(used):
+                    target = 2 * (to[j + g] * batch + first)
                     if groups == 1:
-                        target = 2 * ((origin + direction * (row + b)) * batch + first)
-                        write_row(tile, flat, target, 2 * width, 2 * direction * batch, lead)
-                if groups > 1:
-                    scatter_rows(tile, flat, row, (begin, end, origin, direction), width, groups)
+                        write_row(line, flat, target, 2 * width, 0, lead)
+                    else:
+                        for i in range(2 * width):
+                            flat[target + i] = line[2 * g * width + i]
         return missing[0], missing[1], missing[2]
 
-    return fill_rows
+    return fill
 
 
 @inner
@@ -335,93 +361,11 @@ def scatter_rows(tile, flat, row, rows, width, groups):
             if begin <= place < end:
                 target = 2 * (origin + direction * place) * width
                 for i in range(2 * width):
-                    flat[target + i] = tile[b * WIDE + 2 * g * width + i]
+                    flat[target + i] = tile[b, 2 * g * width + i]
 
 
-def loop_over_times(enter_block):
-    """Make the loop over the rows or times of a task."""
-
-    @inner
-    def fill_states(task, arguments):
-        """Fill the states of one task; return how many are missing."""
-        sign, parameters, omega, times, to, lanes_asked, out, ends = arguments
-        _, parts, some, groups, shift = plan_of(lanes_asked, out, times.size, 1)
-        block, part = task // parts, task % parts
-        first = lanes_asked[0] + max(block * LANES - shift, 0)
-        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
-        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (TILE,))
-        missing = carray(stack(3), (3,))
-        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
-        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
-        lanes = enter_block(sign, parameters, omega, first, width, groups, room)
-        fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
-        scales, far = any_power(room, lanes), 0.0
-        for l in range(lanes):
-            far += abs(room[H, l])
-            room[SLOW, l] = 0.0
-        for j in range(part * some, min((part + 1) * some, times.size), groups):
-            for l in range(lanes):
-                room[NUMBER, l] = times[min(j + l // width, times.size - 1)]
-            used = width * min(groups, times.size - j)
-            odd = fill_near(room, lanes, tile)
-            if far > 0.0:
-                odd = fill_far(room, lanes, tile)
-            if odd > 0.0 or scales or fails:
-                for l in range(used):
-                    mend(room, l, room[NUMBER, l], tile, 2 * l, missing)
-                    if fails:
-                        end_rows(room, l, room[NUMBER, l], tile, 2 * l)
-            for g in range(min(groups, times.size - j)):
-                target = 2 * (to[j + g] * batch + first)
-                if groups == 1:
-                    write_row(tile, flat, target, 2 * width, 0, lead)
-                else:
-                    for i in range(2 * width):
-                        flat[target + i] = tile[2 * g * width + i]
-        return missing[0], missing[1], missing[2]
-
-    return fill_states
-
-
-@inner
-def fill_near(room, lanes, tile):
-    """Fill the tile with a state for each lane; return how many must be mended."""
-    odd = 0.0
-    for l in range(lanes):
-        orbit = orbit_of(room, l)
-        f, k = growth(room[NUMBER, l], orbit)
-        room[HALF, l], room[KAPPA, l] = f, k
-    for l in range(lanes):
-        orbit = orbit_of(room, l)
-        A, B = near_point(room[HALF, l], room[KAPPA, l], orbit.kappa)
-        omega1, omega2 = orbit.a1 * A + orbit.b1 * B, orbit.a2 * A + orbit.b2 * B
-        tile[2 * l], tile[2 * l + 1] = omega1, omega2
-        finite = abs(omega1) + abs(omega2) < np.inf
-        odd += select(finite & (room[NUMBER, l] != 0.0), 0.0, 1.0)
-    return odd
-
-
-@inner
-def fill_far(room, lanes, tile):
-    """Replace the states of lanes that are far out; return how many must be mended."""
-    odd = 0.0
-    for l in range(lanes):
-        orbit = orbit_of(room, l)
-        A, B = far_point(room[NUMBER, l], orbit)
-        far = orbit.h != 0.0
-        omega1 = select(far, orbit.a1 * A + orbit.b1 * B, tile[2 * l])
-        omega2 = select(far, orbit.a2 * A + orbit.b2 * B, tile[2 * l + 1])
-        tile[2 * l], tile[2 * l + 1] = omega1, omega2
-        finite = abs(omega1) + abs(omega2) < np.inf
-        odd += select(finite & (room[NUMBER, l] != 0.0), 0.0, 1.0)
-    return odd
-
-
-enter_block_of_map, enter_block_of_flow = entrance(enter_map), entrance(enter_flow)
-fill_rows_of_map = loop_over_rows(enter_block_of_map)
-fill_rows_of_flow = loop_over_rows(enter_block_of_flow)
-fill_states_of_map = loop_over_times(enter_block_of_map)
-fill_states_of_flow = loop_over_times(enter_block_of_flow)
+fill_rows_of_map, fill_rows_of_flow = loop(True, True), loop(False, True)
+fill_states_of_map, fill_states_of_flow = loop(True, False), loop(False, False)
 
 
 @kernel
@@ -431,10 +375,9 @@ def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing)
     steps   first, every
     rows    begin, end, origin, direction
     """
-    arguments = sign, parameters, omega, steps, rows, lanes, out, ends
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        some = fill_rows_of_map(task, arguments)
+        some = fill_rows_of_map(task, (sign, parameters, omega, lanes, out, ends), steps + rows)
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -444,20 +387,18 @@ def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing)
 @kernel
 def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
     """Fill rows as `rows_of_map` does, of states at times."""
-    arguments = sign, parameters, omega, steps, rows, lanes, out, ends
     beyond = 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        beyond += fill_rows_of_flow(task, arguments)[2]
+        beyond += fill_rows_of_flow(task, (sign, parameters, omega, lanes, out, ends), steps + rows)[2]
     missing[2] = beyond
 
 
 @kernel
 def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing):
     """Fill row to[j] with the states of number times[j]."""
-    arguments = sign, parameters, omega, times, to, lanes, out, ends
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        some = fill_states_of_map(task, arguments)
+        some = fill_states_of_map(task, (sign, parameters, omega, lanes, out, ends), (times, to))
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -467,8 +408,7 @@ def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing)
 @kernel
 def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing):
     """Fill row to[j] with the states at times[j]."""
-    arguments = sign, parameters, omega, times, to, lanes, out, ends
     beyond = 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        beyond += fill_states_of_flow(task, arguments)[2]
+        beyond += fill_states_of_flow(task, (sign, parameters, omega, lanes, out, ends), (times, to))[2]
     missing[2] = beyond

@@ -16,7 +16,7 @@ from .._core.cpu.orbits import WIDTH
 from .._core.cpu.seeds import GROUP
 from .._core.cpu.vector import VECTOR, aligned
 from . import closed_form as closed
-from . import iterate_3d, iterate_nd, threads
+from . import iterate_3d, iterate_nd, jump, threads
 from .layout import for_kernel
 from .problem import Outcome, Problem, check_computed, never, worst
 from .progress import reporter
@@ -31,7 +31,7 @@ def run(problem: Problem) -> Outcome:
 
     A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
     """
-    if not (problem.size and iterate_3d.jumps(problem)):
+    if not (problem.size and jump.jumps(problem)):
         return iterate_nd.run(problem)
     solved = _solved(problem)
     if not solved.any():
@@ -171,7 +171,7 @@ class _Reduced:
         if problem.saves_last:
             final = saved[-1]
         else:
-            last = iterate_3d.last(self.three, self.three.omega, problem.stop, status)
+            last = jump.last(self.three, self.three.omega, problem.stop, status)
             final = np.empty_like(problem.omega)
             together = max(_TOGETHER // final.shape[1], 1)
             for some in (slice(k, k + together) for k in range(0, size, together)):
@@ -216,7 +216,7 @@ class _Reduced:
                 self.three.omega,
                 self.along,
                 self.across,
-                closed.NO_START,
+                np.zeros(1),
                 (0.0, float(problem.every)),
                 lanes,
                 (problem.first_row + begin, problem.first_row + end, problem.first_row),

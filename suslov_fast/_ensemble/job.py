@@ -11,7 +11,7 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
-from .._engine.iterate_3d import JUMP
+from .._engine.jump import JUMP
 from .._maps.record import Map
 from .._maps.registry import map_of
 from .plan import Plan, work_of

@@ -46,7 +46,7 @@ def results(store):
     return {
         str(path.relative_to(store)): path.read_bytes()
         for path in store.rglob("*")
-        if path.is_file() and path.name != "zarr.json" and path.parts[-3] not in ("n", "t")
+        if path.is_file() and path.name != "zarr.json" and path.parts[-3] not in ("n", "time")
     }
 
 

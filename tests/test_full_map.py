@@ -245,3 +245,16 @@ def test_bad_input(body, change, message):
         sf.iterate_full(body, **arguments)
     with pytest.raises(TypeError, match="body: expected Suslov3D"):
         sf.iterate_full(sf.SuslovND([1, 2], [1, 2]), [1.0, 0.5, 0.1], 0.1, 4, 3.0)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".nc", ".zarr"])
+def test_files_of_runs(suffix, tmp_path, body):
+    whole = sf.iterate_full(body, [[1.0, 0.5, 0.1], [0.2, -0.7, 0.0]], 0.2, 20, 3)
+    sf.iterate_full(body, [[1.0, 0.5, 0.1], [0.2, -0.7, 0.0]], 0.2, 12, 3).save(
+        tmp_path / f"run{suffix}"
+    )
+    loaded = sf.Trajectories.load(tmp_path / f"run{suffix}")
+    assert loaded.body.I3 == 3
+    assert (loaded.extend(8).omega == whole.omega).all()
+    with pytest.raises(TypeError, match="energy: expected a map that has it, got a run of suslov3d_full"):
+        loaded.energy()

@@ -184,11 +184,11 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     finished = int((np.asarray(done) == int(dataset.attrs["steps"])).sum())
     dataset.attrs["tiles_done"] = f"{finished} of {np.size(done)}"
     if "n" in dataset.coords:
-        times = (dataset["n"] * dataset["eps"].chunk()).assign_attrs(long_name="time", units="time")
-        if "t" in dataset:
-            dataset = dataset.set_coords("t")
+        times = (dataset["n"] * dataset["eps"].chunk()).assign_attrs(long_name="time")
+        if "time" in dataset:
+            dataset = dataset.set_coords("time")
         else:
-            dataset = dataset.assign_coords(t=times)
+            dataset = dataset.assign_coords(time=times)
     return dataset
 
 

@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._runs import labelled
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, integer, one_of, real_array, rotations
 from .._engine.arguments import Body
+from .._maps.registry import map_of
+from .._runs import labelled
 from .job import Job
 from .layout import resolved
 from .plan import plan_of
@@ -53,9 +54,7 @@ def job_of(asked: Asked, wanted: Wanted) -> Job:
     save_every = asked.save_every
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    in_3d = isinstance(body, Suslov3D)
-    methods = ("auto", "canonical", "ds2") if in_3d else ("auto", "gauss", "rank2")
-    method = one_of("method", asked.method, methods)
+    method = one_of("method", asked.method, map_of(body).methods)
     reductions = checked(body, wanted.reductions)
     if reductions and save_every is None:
         save_every = 1

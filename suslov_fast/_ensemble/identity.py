@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from .._runs.schema import parameters_of
 from .job import Job
 from .starts import described
 
@@ -20,7 +19,7 @@ def identity_of(job: Job) -> dict[str, Any]:
 
     assert job.source is not None
     kind = type(job.body).__name__
-    body = {name: described(getattr(job.body, name)) for name in parameters_of(kind)}
+    body = {name: described(value) for name, value in job.body._values.items()}
     return {
         "body": {"type": kind, **body},
         "eps": described(job.eps),

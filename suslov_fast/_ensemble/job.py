@@ -11,8 +11,9 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
-from .._engine.iterate_3d import JUMP
-from .._runs.schema import parameters_of
+from .._engine.jump import JUMP
+from .._maps.record import Map
+from .._maps.registry import map_of
 from .plan import Plan, work_of
 from .starts import Slices, Source, own_part
 
@@ -41,6 +42,11 @@ class Job:
     plan: Plan
     store: Any
     compression: str | None
+
+    @property
+    def map(self) -> Map:
+        """The map that is iterated."""
+        return map_of(self.body)
 
     @property
     def keeps_states(self) -> bool:
@@ -83,11 +89,10 @@ class Job:
 
     def of(self, where: Slices) -> Job:
         """The same for a part of the batch, with its starts left where they are."""
-        kind = type(self.body).__name__
-        own = 0 if kind == "Suslov3D" else 1
+        own = self.body._own_axes
         parameters = []
-        for name in parameters_of(kind):
-            array = np.asarray(getattr(self.body, name))
+        for value in self.body._values.values():
+            array = np.asarray(value)
             parameters.append(array[own_part(array.shape[: array.ndim - own], where)])
         orientation = self.orientation
         if orientation is not None:

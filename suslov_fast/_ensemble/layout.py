@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
-from .._runs import labelled
 from .._core.codes import NOT_COMPUTED
-from .._runs.schema import FORMAT, parameters_of
+from .._runs import labelled
 from .._runs.replacing import kind_of, replacing
+from .._runs.schema import header_of
 from .job import Job
 from .reductions import REDUCTIONS
 from .settling import settle, settle_all
@@ -128,36 +128,27 @@ def create(
 
 def _skeleton(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """The dataset, with arrays of no memory in place of results."""
-    from .. import __version__
-
     batch, D = job.plan.batch, job.body.dimension
     n = job.numbers
-    kind = type(job.body).__name__
 
     def empty(lead: tuple[int, ...], tail: tuple[int, ...], dtype: str = "f8") -> Any:
         return np.broadcast_to(np.zeros((), dtype), (*lead, *batch, *tail))
 
     entries: dict[str, Any] = {
-        "format": np.array(FORMAT),
-        "version": np.array(__version__),
-        "body": np.array(kind),
-        "method": np.array(job.method),
-        "steps": np.array(job.steps),
+        **header_of(job.map, job.method, job.steps, job.save_every),
         "omega": empty(n.shape, (D,)),
         "n": n,
         "eps": job.eps,
         "status": empty((), (), "i1"),
         "failed_at": empty((), (), "i8"),
         "final": empty((), (D,)),
-        **{name: np.asarray(getattr(job.body, name)) for name in parameters_of(kind)},
+        **{name: np.asarray(value) for name, value in job.body._values.items()},
     }
-    if job.save_every is not None:
-        entries["save_every"] = np.array(job.save_every)
     if job.orientation is not None and job.keeps_states:
         entries["attitude"] = empty(n.shape, (D + 1, D + 1))
     dataset = labelled.dataset_of(entries, job.dims, coords)
-    if dataset["t"].ndim > 1 or not job.keeps_states:
-        dataset = dataset.drop_vars("t")  # made when the store is opened
+    if dataset["time"].ndim > 1 or not job.keeps_states:
+        dataset = dataset.drop_vars("time")  # made when the store is opened
     if not job.keeps_states:
         dataset = dataset.drop_vars(["omega", "n"])
     for name, variable in dataset.coords.items():
@@ -348,7 +339,7 @@ def lengthen(job: Job, group: Arrays) -> None:
     _consolidate(job.store)
     if is_folder(job.store):
         root = Path(job.store)
-        for name in ("n", "t"):
+        for name in ("n", "time"):
             if name in group and job.keeps_states:
                 settle_all(root / name)
         for folder in (root, *(root / name for name in ("omega", "attitude") if name in group)):
@@ -362,8 +353,8 @@ def _make_rows(job: Job, group: Arrays) -> None:
         if name in group:
             group[name].resize((len(numbers), *group[name].shape[1:]))
     values: dict[str, Any] = {"n": numbers}
-    if "t" in group:
-        values["t"] = numbers * float(job.eps)
+    if "time" in group:
+        values["time"] = numbers * float(job.eps)
     for name, array in values.items():
         group[name].resize(array.shape)
         group[name][:] = array

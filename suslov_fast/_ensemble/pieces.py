@@ -86,6 +86,7 @@ def pieces(tile: Tile, group: Arrays, threads: int | None) -> Iterator[Piece]:
     work = job.work(tile.where)
     for segment in segments(start, job.steps, job.save_every, job.plan.rows, work, whole):
         run = Run(
+            map=job.map,
             body=job.body,
             batch=tile.shape,
             omega0=flat,
@@ -176,6 +177,7 @@ def resume_size(job: Job) -> int:
     where = tuple(slice(0, 1) for _ in job.plan.batch)
     one, n = job.of(where), job.body.dimension + 1
     run = Run(
+        map=one.map,
         body=one.body,
         batch=tuple(1 for _ in where),
         omega0=np.array(job.starts(where).reshape(1, -1)),

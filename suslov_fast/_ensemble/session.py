@@ -88,7 +88,7 @@ def _is_short(job: Job, arrays: Arrays) -> bool:
     if not job.keeps_states:
         return False
     rows = len(job.numbers)
-    names = [name for name in ("omega", "attitude", "n", "t") if name in arrays]
+    names = [name for name in ("omega", "attitude", "n", "time") if name in arrays]
     return any(arrays[name].shape[0] != rows for name in names) or (
         not np.array_equal(arrays["n"][...], job.numbers)
     )

@@ -1,1 +1,1 @@
-"""Kernels: plain loops over formulas; they never validate, raise or allocate."""
+"""Loops over trajectories, steps and states: plain njit, numbers only."""

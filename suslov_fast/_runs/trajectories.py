@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray, integer, one_of
 from .._engine.arguments import Body
 from .._engine.layout import first_index, spell
 from .._engine.problem import worst
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved
-from .._engine.threads import thread_count
 from .._engine.status import SingularStepWarning, Status
+from .._engine.threads import thread_count
+from .._maps.record import Map
 
 if TYPE_CHECKING:
     import xarray
@@ -95,7 +95,8 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | None = None
-    # What the iteration needs to go on with, beside the states that it shows.
+    # The map, and what it needs to go on with, beside the states that are saved.
+    _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
@@ -114,6 +115,7 @@ class Trajectories:
             steps=run.steps,
             save_every=run.save_every,
             attitude=results.attitude,
+            _map=run.map,
             _resume=results.resume,
         )
         return self
@@ -158,10 +160,12 @@ class Trajectories:
         check_progress(progress)
         if "omega0" not in self._resume:
             raise ValueError(
-                "extend: expected a whole run, got a part of a batch read from a dataset"
+                "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
+                "of to_xarray does not hold what a run needs to go on"
             )
         resume = dict(self._resume)
         run = Run(
+            map=self._map,
             body=self.body,
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
@@ -185,7 +189,7 @@ class Trajectories:
         return numbers_of_saved(self.steps, self.save_every)
 
     @property
-    def t(self) -> FloatArray:
+    def time(self) -> FloatArray:
         """The times n eps of the saved states.
 
         Shape (n_saved,); where eps varies, (n_saved, ...), which broadcasts against the states.
@@ -208,12 +212,14 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
+        self._require("first_integral")
         from .._states.conserved import first_integral
 
         return first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
+        self._require("energy")
         from .._states.conserved import energy
 
         return energy(self.body, self.omega)
@@ -223,6 +229,7 @@ class Trajectories:
 
         See :func:`suslov_fast.modified_energy`.
         """
+        self._require("modified_energy")
         from .._states.conserved import modified_energy
 
         return modified_energy(self.body, self.omega, self.eps)
@@ -237,6 +244,7 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
+        self._require("criticality")
         from .._states.conserved import criticality
 
         return criticality(self.body, self.omega, self.eps)
@@ -251,11 +259,10 @@ class Trajectories:
         TypeError
             If the body is not three-dimensional.
         """
-        if not isinstance(self.body, Suslov3D):
-            raise TypeError(f"to_xy: expected a body in 3D, got {type(self.body).__name__}")
+        self._require("to_xy")
         from .._states.coordinates import to_xy
 
-        return to_xy(self.body, self.omega)
+        return to_xy(self.body, self.omega)  # type: ignore[arg-type]
 
     def reaction(self) -> FloatArray:
         """The discrete multiplier of the constraint, from each saved state to the next of the map.
@@ -263,19 +270,27 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
+        self._require("reaction")
         from .._states.continuous import reaction
 
         return reaction(self.body, self.omega, self.eps)
 
-    def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
-        """Draw the saved states of all trajectories: one component over another.
+    def _require(self, quantity: str) -> None:
+        """TypeError for a quantity that the map of the run does not have."""
+        if quantity not in self._map.quantities:
+            raise TypeError(
+                f"{quantity}: expected a map that has it, got a run of {self._map.name}"
+            )
+
+    def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
+        """Draw the saved states of all trajectories, one component over another.
 
         Parameters
         ----------
         components : tuple of int
-            The numbers of the two, from 0 on: the horizontal and the vertical axis.
-        axes : matplotlib.axes.Axes, optional
-            Where to draw; by default axes of a new figure.
+            Numbers of the components on the horizontal and the vertical axis, from 0 on.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
 
         Returns
         -------
@@ -292,24 +307,25 @@ class Trajectories:
         --------
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> axes = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
-        >>> len(axes.lines)
+        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_or_new
+        from .._show.figures import axes_for, style
 
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
-        axes = axes_or_new(axes, (5.0, 5.0))
         states = self.omega.reshape(len(self.omega), -1, D)
-        axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
-        last = "" if isinstance(self.body, Suslov3D) else "n"
-        axes.set_xlabel(rf"$\Omega_{{{first + 1}{last}}}$")
-        axes.set_ylabel(rf"$\Omega_{{{second + 1}{last}}}$")
-        axes.set_aspect("equal", adjustable="datalim")
+        labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
+        with style():
+            [axes] = axes_for(ax, (5.0, 5.0))
+            axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
+            axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
+            axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
+            axes.set_aspect("equal", adjustable="datalim")
         return axes
 
     def to_xarray(
@@ -317,7 +333,7 @@ class Trajectories:
         dims: str | Sequence[str] | None = None,
         coords: Mapping[Any, Any] | None = None,
     ) -> xarray.Dataset:
-        """The run as an `xarray.Dataset`, with all that :meth:`from_xarray` needs.
+        """The run as an `xarray.Dataset`, with all that a user looks at.
 
         What does not vary along an axis of the batch is not repeated along it, and the last state
         is a variable of its own, `final`, only where it is not saved. The arrays are not copied.
@@ -326,6 +342,8 @@ class Trajectories:
         ----------
         dims : str or sequence of str, optional
             Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
+            The name of a parameter that varies along this axis alone, "eps" for one, makes it the
+            coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
 
@@ -333,7 +351,7 @@ class Trajectories:
         -------
         xarray.Dataset
             Its dimensions are "n", those of the batch, and "component". It goes through NetCDF
-            and Zarr without loss.
+            and Zarr without loss; what the run needs to go on is only in files of :meth:`save`.
 
         Raises
         ------
@@ -360,9 +378,8 @@ class Trajectories:
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
         """The run that a dataset of :meth:`to_xarray` holds.
 
-        It may have been written to a file and opened again. Coordinates that were given by the
-        user stay with the dataset. A dataset that is a part of a batch gives the trajectories of
-        that part if the variables whose names begin with "resume" are dropped first.
+        It may have been written to a file and opened again, and may be a part of a batch. What it
+        does not hold is what a run needs to go on: :meth:`extend` raises ValueError.
 
         Raises
         ------

@@ -1,0 +1,26 @@
+"""The discrete Suslov problem in three dimensions, equation (ds2)."""
+
+from __future__ import annotations
+
+from .._bodies.three import Suslov3D
+from .._engine.iterate_3d import run
+from .._engine.units import for_loops
+from .record import Kept, Map
+
+MAP = Map(
+    name="suslov3d",
+    body=Suslov3D,
+    components=lambda body: ("Omega1", "Omega2"),
+    methods=("auto", "canonical", "ds2"),
+    parameters=for_loops,
+    run=run,
+    resume=(
+        Kept("state", ("flat", 2)),
+        Kept("turn", ("flat", 4), attitude=True),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+    ),
+    quantities=frozenset(
+        ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
+    ),
+)

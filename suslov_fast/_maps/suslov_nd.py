@@ -1,0 +1,27 @@
+"""The discrete Suslov problem in n dimensions, equation (dsn)."""
+
+from __future__ import annotations
+
+from .._bodies.nd import SuslovND
+from .._engine.jump_nd import run
+from .._engine.units import for_loops
+from .record import Kept, Map
+
+MAP = Map(
+    name="suslov_nd",
+    body=SuslovND,
+    components=lambda body: tuple(f"Omega{i + 1}n" for i in range(body.dimension)),
+    methods=("auto", "gauss", "rank2"),
+    parameters=for_loops,
+    run=run,
+    resume=(
+        Kept("state", ("flat", "component")),
+        Kept("exponent", ("flat",)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+        Kept("columns", ("flat", "space", "space")),
+    ),
+    quantities=frozenset(
+        ("first_integral", "energy", "modified_energy", "criticality", "reaction")
+    ),
+)

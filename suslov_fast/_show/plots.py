@@ -363,8 +363,8 @@ def animate_body(
     steps : int
         Number of steps.
     I3 : float, optional
-        The third moment of inertia, which decides the shape alone; by default the larger one of I1
-        and I2.
+        The third moment of inertia, which decides the shape alone; by default that of the body, or
+        if it has none the larger one of I1 and I2.
     every : int
         Steps from one frame to the next.
     fps : int
@@ -396,7 +396,8 @@ def animate_body(
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
     omega = iterate(body, omega0, eps, steps).omega
-    third = float(max(body.I1, body.I2)) if I3 is None else I3
+    largest = max(body.I1, body.I2)
+    third = float(next(each for each in (I3, body.I3, largest) if each is not None))
     scene = _Scene(body, third, attitude(body, omega, eps))
     return FuncAnimation(
         scene.figure, scene.draw, frames=range(0, steps + 1, every), interval=1000.0 / fps

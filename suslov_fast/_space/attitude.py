@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
+from .._checks import FloatArray, aligned, common_shape, instance, real_array, rotations, vectors
 from .._core.cpu import attitude as loops
 from .._core.cpu.blocks import LANES, TASKS
 from .._engine import threads as _threads
@@ -85,6 +85,7 @@ def attitude(
     """
     instance("body", body, (Suslov3D, SuslovND))
     m = body.dimension
+    omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}).values()
     states = vectors("omega", omega, m, allow_nan=True)
     if states.ndim < 2 or len(states) == 0:
         raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")

@@ -170,7 +170,7 @@ class Trajectories:
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
             eps=self.eps,
-            steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
+            steps=self.steps + integer("steps", steps, 0),
             save_every=self.save_every,
             method=self.method,
             orientation=resume.pop("R0", None),

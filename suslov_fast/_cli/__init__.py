@@ -12,9 +12,7 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, NoReturn
 
-from .options import COMMANDS, FAILURE, CommandError, parse
-
-_INTERRUPTED = 130
+from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -44,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except (ImportError, MemoryError) as error:
         _stop(FAILURE, str(error) or "expected more memory")
     except KeyboardInterrupt as error:
-        _stop(_INTERRUPTED, str(error) or "interrupted")
+        _stop(INTERRUPTED, str(error) or "interrupted")
     except OSError as error:
         if error.filename is not None:
             _stop(FAILURE, f"{error.filename}: {error.strerror or error}")
@@ -76,7 +74,7 @@ def _signals(handler: Any) -> Iterator[None]:
 def _exit_at_once(number: int, frame: FrameType | None) -> NoReturn:
     sys.stderr.write("suslov-fast: interrupted\n")
     sys.stderr.flush()
-    os._exit(_INTERRUPTED)
+    os._exit(INTERRUPTED)
 
 
 def _prepare_streams() -> None:

@@ -57,7 +57,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], object]]]:
     ]
     bodies.append(sf.SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]))  # with a closed form
     for count, body in itertools.product(_COUNTS.values(), bodies):
-        for name in sf.__all__:
+        for name in dir(sf):
             function = getattr(sf, name)
             if inspect.isfunction(function) and not name.startswith(_WITHOUT):
                 yield name, partial(_call, function, body, count)

@@ -346,6 +346,7 @@ def animate_body(
     eps: float = 0.05,
     steps: int = 440,
     *,
+    R0: ArrayLike | None = None,
     I3: float | None = None,
     every: int = 2,
     fps: int = 25,
@@ -362,6 +363,8 @@ def animate_body(
         Step size.
     steps : int
         Number of steps.
+    R0 : array_like(float, shape=(3, 3)), optional
+        The orientation at the start; by default the identity.
     I3 : float, optional
         The third moment of inertia, which decides the shape alone; by default the larger one of I1
         and I2.
@@ -397,7 +400,7 @@ def animate_body(
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
     omega = iterate(body, omega0, eps, steps).omega
     third = float(max(body.I1, body.I2)) if I3 is None else I3
-    scene = _Scene(body, third, attitude(body, omega, eps))
+    scene = _Scene(body, third, attitude(body, omega, eps, R0))
     return FuncAnimation(
         scene.figure, scene.draw, frames=range(0, steps + 1, every), interval=1000.0 / fps
     )

@@ -14,7 +14,7 @@ import numpy as np
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, vectors
+from .._checks import FloatArray, rotations, vectors
 from .._maps.registry import map_of
 from .._runs.replacing import kind_of
 from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, body_classes, flag, usage_error
@@ -150,7 +150,10 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
     """Return the orientation at the start, if one is given."""
     source = options.orientation
     if not isinstance(source, list):
-        return None if source is None else read_matrix(source)
+        if source is None:
+            return None
+        with reading(source):
+            return rotations("orientation", read_matrix(source), n)
     if len(source) != 3 or n != 3:
         raise usage_error(
             "argument --orientation: expected a rotation vector of three numbers for a "

@@ -47,7 +47,9 @@ def outcome_of(orbits: sf.Trajectories, start: FloatArray | None, report: Report
     outcome = _Outcome(orbits._map)
     outcome.count(orbits.status)
     if start is not None:
-        rows = [*_slabs(orbits.omega), orbits.final[np.newaxis]]
+        rows = [*_slabs(orbits.omega)]
+        if orbits.n[-1] != orbits.steps:
+            rows.append(orbits.final[np.newaxis])
         outcome.compare(orbits.body, orbits.eps, start, rows, report)
     return outcome.facts()
 

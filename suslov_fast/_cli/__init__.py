@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
+from .work import interrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
                 options = parse(words)
                 module = import_module(f".{COMMANDS[options.command].module}", __package__)
                 function = getattr(module, options.command.replace("-", "_"))
-            with _signals(signal.default_int_handler):
+            with _signals(interrupt):
                 text = function(options)
             if text:
                 print(text)

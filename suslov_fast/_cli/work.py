@@ -7,13 +7,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
 from .options import FAILURE, USAGE, CommandError
 
 # Bytes of a file whose size is said before it is written; seconds from one bar to the next; its
 # characters.
 _LARGE, _INTERVAL, _WIDTH = 10**8, 0.1, 30
+
+_received: list[int] = []
+
+
+def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    """Note a signal and raise KeyboardInterrupt, which callbacks of the compiler may drop."""
+    _received.append(number)
+    raise KeyboardInterrupt
 
 
 class Work:
@@ -22,14 +31,21 @@ class Work:
     def __init__(self, output: Path | None = None) -> None:
         self.output, self.written = output, False
         self._phase, self._begin, self._shown = "starting", 0.0, 0.0
+        _received.clear()
 
     def phase(self, name: str) -> Callable[[int, int], None]:
         """Begin a phase, and return a function that takes how much of it is done and its total."""
+        self._stop_if_asked()
         self._phase, self._begin = name, time.monotonic()
         _show(name)
         return self._report
 
+    def _stop_if_asked(self) -> None:
+        if _received:
+            raise KeyboardInterrupt
+
     def _report(self, done: int, total: int) -> None:
+        self._stop_if_asked()
         now = time.monotonic()
         if now > self._shown + _INTERVAL and 0 < done <= total:
             self._shown = now

@@ -12,8 +12,8 @@ import numpy as np
 
 from suslov_fast import Suslov3D, iterate, to_vector
 
-body = Suslov3D(I1=4, I2=3, I13=-0.4, I23=-1.2, I3=5)
-run = iterate(body, [-2.0, 0.5], eps=0.02, steps=900, attitude=True)
+body = Suslov3D(I1=4, I2=1, I13=-0.3, I23=-1, I3=3.7)
+run = iterate(body, [-1.0, 0.32], eps=0.02, steps=900, attitude=True)
 axis = run.attitude[..., 2]
 rotation = to_vector(body, run.omega, attitude=run.attitude)[[0, -1]]
 rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
@@ -35,7 +35,7 @@ for end, style, name in zip(rotation, ("--", "-"), ("first", "last"), strict=Tru
         line = np.outer([sign, 1.3 * sign], end)
         axes.plot(*line.T, style, color="crimson", linewidth=2, zorder=order, label=label)
 front = axis @ eye > 0
-axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.25, zorder=0, vmin=0, vmax=18)
+axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
 path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
 axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$", box_aspect=(1, 1, 1))
 axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])

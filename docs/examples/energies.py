@@ -17,6 +17,6 @@ for eps, style in ((0.4, "-"), (0.2, "--"), (0.1, ":")):
     orbit = iterate(body, [-0.9, 1.3], eps, steps=round(80 / eps))
     for panel, quantity in zip(axes, (orbit.energy(), orbit.modified_energy()), strict=True):
         panel.plot(orbit.time, quantity / quantity[0] - 1, style, label=rf"$\epsilon = {eps}$")
-axes[0].set(ylabel="relative change\nof the energy", yscale="log", ylim=(1e-9, 1e-2))
+axes[0].set(ylabel="relative change\nof the energy")
 axes[1].set(ylabel="relative change of\nthe modified energy", xlabel="time", ylim=(-3e-15, 3e-15))
 axes[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))

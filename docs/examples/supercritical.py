@@ -14,7 +14,7 @@ import xarray as xr
 from suslov_fast import Suslov3D, criticality
 
 I13 = np.linspace(0.02, 0.9, 60)
-eps = np.geomspace(0.5, 50, 48)
+eps = np.geomspace(2, 100, 48)
 omega = np.random.default_rng(0).uniform(-2, 2, (2000, 2))
 
 bodies = Suslov3D(I1=4, I2=2, I13=I13[:, None, None], I23=-0.3)

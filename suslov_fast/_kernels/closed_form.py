@@ -265,7 +265,7 @@ def loop(of_map, of_rows):
                     f, k = growth(n, orbit_of(room, l))
                     w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
                     room[SEED, l] = not_negligible(w)
-                    between = (room[R, l] <= 0.0) & (room[EIGHTHS + 1, l] != room[EIGHTHS + 1, l])
+                    between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
                     slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
                     room[LARGE, l] = select(slow, 1.0, 0.0)
                 starts = top == 0 and first_number == 0.0

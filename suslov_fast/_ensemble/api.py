@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,13 +14,15 @@ from numpy.typing import ArrayLike
 from .._engine.arguments import Body
 from .._engine.progress import Progress, check_progress
 from .._runs.iterate import Method
-from .arguments import Asked, Wanted, job_of
+from .control import meter, only_writer, stopping
 from .starts import RandomStarts
 
 if TYPE_CHECKING:
     import dask.array
     import distributed
     import xarray
+
+    from .job import Job
 
 Compression = Literal["lz4", "zstd"]
 
@@ -127,14 +131,78 @@ def ensemble(
     """
     _require_large()
     check_progress(progress)
-    from . import session
+    from .job import job_of
+    from .store import open_dataset, resolved
 
     job = job_of(
-        Asked(body, omega0, eps, steps, save_every, method, attitude),
-        Wanted(store, reductions, dims, chunk, compression),
+        body,
+        omega0,
+        eps,
+        steps,
+        save_every,
+        method,
+        attitude,
+        reductions,
+        dims,
+        chunk,
+        compression,
+        resolved(store),
     )
-    session.finish(job, coords, scheduler, verify, progress)
-    return open_ensemble(job.store)
+    _finish(job, coords, scheduler, verify, progress)
+    return open_dataset(job.store)
+
+
+def _finish(
+    job: Job,
+    coords: Mapping[Any, Any] | None,
+    scheduler: Any,
+    verify: bool,
+    progress: Progress,
+) -> None:
+    """Create or recognise the store, and compute what it lacks."""
+    from . import compute, store, workers
+
+    identity = job.identity()
+    with (
+        nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
+        only_writer(job.store, store.is_folder(job.store)),
+    ):
+        if store.exists(job.store):
+            job = store.recognised(job, identity)
+            if verify:
+                store.mend(job, coords)
+            with store.advice(job.store):
+                store.lengthen(job, store.Arrays(job.store))
+        else:
+            store.create(job, identity, coords)
+        arrays = store.Arrays(job.store)
+        if verify:
+            for index in np.ndindex(job.plan.grid):
+                if not compute.is_whole(job.part(job.plan.where(index)), index, arrays):
+                    store.withdraw(job, arrays, index, whole=True)
+        with store.advice(job.store):
+            done = arrays.marks()
+        missing = [tuple(map(int, index)) for index in np.argwhere(done != job.steps)]
+        if not missing:
+            return
+        for index in missing:
+            if done[index] >= 0:
+                store.withdraw(job, arrays, index)
+        made = sum(
+            job.plan.size(index) * max(int(done[index]), 0) for index in np.ndindex(done.shape)
+        )
+        total = math.prod(job.plan.batch) * job.steps
+        with stopping() as stop, meter(progress, total, made) as report:
+            if client is None:
+                compute.run(job, arrays, missing, report, stop)
+            else:
+                workers.run(job, client, missing, report, stop)
+            left = int((arrays.marks() != job.steps).sum()) if stop.asked else 0
+        if left:
+            raise KeyboardInterrupt(
+                f"stopped with {done.size - left} of {done.size} tiles in {job.store} finished; "
+                "the same call goes on from there"
+            )
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:
@@ -171,30 +239,15 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     '3 of 3'
     """
     _require_large()
-    import xarray
+    from .store import open_dataset, resolved
 
-    from . import layout
-
-    store = layout.resolved(store)
-    if not layout.exists(store):
-        raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
-    dataset = xarray.open_zarr(store, consolidated=False, chunks={})
-    group = layout.Arrays(store)
-    done = group[layout.STEPS_DONE][...]
-    finished = int((np.asarray(done) == int(dataset.attrs["steps"])).sum())
-    dataset.attrs["tiles_done"] = f"{finished} of {np.size(done)}"
-    if "n" in dataset.coords:
-        times = (dataset["n"] * dataset["eps"].chunk()).assign_attrs(long_name="time", units="time")
-        if "t" in dataset:
-            dataset = dataset.set_coords("t")
-        else:
-            dataset = dataset.assign_coords(t=times)
-    return dataset
+    return open_dataset(resolved(store))
 
 
 def _require_large() -> None:
     try:
         import dask.array  # noqa: F401
+        import filelock  # noqa: F401
         import xarray  # noqa: F401
         import zarr  # noqa: F401
     except ImportError as error:

@@ -10,8 +10,8 @@ import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
 from .._checks import FloatArray
-from .._states.conserved import energy, first_integral, modified_energy
 from .._engine.arguments import Body
+from .._states.conserved import energy, first_integral, modified_energy
 
 # States (rows, ..., D) and the first ones (..., D) to one number, or vector, a trajectory.
 Reduce = Callable[[Body, FloatArray, FloatArray, FloatArray], FloatArray]

@@ -75,7 +75,7 @@ def test_from_inertia(rng):
 def test_an_adapted_basis_is_kept(axis, I1):
     inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
     body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
-    assert body == sf.Suslov3D(I1, 2, -0.5, -0.3)
+    assert body == sf.Suslov3D(I1, 2, -0.5, -0.3, 3)
     assert (rotation == np.eye(3)).all()
 
 

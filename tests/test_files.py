@@ -176,7 +176,7 @@ def test_arrays_that_do_not_belong_together(tmp_path):
         ("I1", np.array(-1.0), "I1: expected positive"),
         ("attitude", entries["attitude"][1:], "attitude: expected shape"),
         ("steps", np.array(2**61), "n: expected the saved steps"),
-        ("format", np.array(2), "expected a run in format 1, got format 2"),
+        ("format", np.array(1), "expected a run in format 2, got format 1"),
         ("body", np.array("Euler"), "body: expected Suslov3D or SuslovND, got 'Euler'"),
     ]:
         np.savez(path, **{**entries, name: value})
@@ -197,7 +197,11 @@ def test_damage_is_found_or_harmless(suffix, tmp_path):
     found = 0
     for file in files:
         data = file.read_bytes()
-        for position in rng.integers(0, len(data), 3 if suffix == ".zarr" else 60):
+        low, high = 0, len(data)
+        if suffix == ".nc":  # of damaged metadata, the HDF5 library itself may crash
+            low = data.index(OTHER.omega.tobytes())
+            high = low + OTHER.omega.nbytes
+        for position in rng.integers(low, high, 3 if suffix == ".zarr" else 60):
             file.write_bytes(flipped(data, position))
             try:
                 loaded = sf.Trajectories.load(path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
 from .._engine.layout import flat_parameter
 from .matter import admissible_I3, check_triangles
-from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
+from .values import (
+    equal,
+    frozen,
+    hash_of,
+    line_of,
+    named,
+    parameters_of,
+    plain,
+    table_of,
+    times_power,
+)
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
@@ -24,7 +34,7 @@ class Suslov3D:
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
-    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``; I3 enters nothing but :func:`step_full`.
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``.
 
     Parameters
     ----------
@@ -32,12 +42,15 @@ class Suslov3D:
         Moments of inertia, positive, in any unit that all four share.
     I13, I23 : array_like(float, shape=(...))
         Products of inertia. Where both are 0 every angular velocity is constant.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, positive. It does not enter the map; :func:`iterate_full`,
+        :func:`momentum` and :func:`animate_body` take it from the body.
 
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not a finite real number, I1 or I2 is not positive, they are more than
-        2**1800 apart, or the shapes do not broadcast.
+        If a parameter is not a finite real number, a moment is not positive, I1 and I2 are more
+        than 2**1800 apart, or the shapes do not broadcast.
 
     Notes
     -----
@@ -56,13 +69,12 @@ class Suslov3D:
     I2: float | FloatArray
     I13: float | FloatArray
     I23: float | FloatArray
+    I3: float | FloatArray | None = None
 
     def __post_init__(self) -> None:
-        arrays = {
-            field.name: real_array(field.name, getattr(self, field.name)) for field in fields(self)
-        }
-        for name in ("I1", "I2"):
-            if not (arrays[name] > 0).all():
+        arrays = {name: real_array(name, value) for name, value in parameters_of(self).items()}
+        for name in ("I1", "I2", "I3"):
+            if name in arrays and not (arrays[name] > 0).all():
                 smallest = arrays[name].min()
                 raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
         common_shape({name: array.shape for name, array in arrays.items()})
@@ -85,7 +97,9 @@ class Suslov3D:
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        return np.broadcast_shapes(*(np.shape(parameter) for parameter in self.parameters))
+        return np.broadcast_shapes(
+            *(np.shape(parameter) for parameter in parameters_of(self).values())
+        )
 
     @property
     def parameters(
@@ -160,7 +174,7 @@ class Suslov3D:
         return table_of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Suslov3D, self.parameters
+        return Suslov3D, tuple(parameters_of(self).values())
 
     def to_dict(self) -> dict[str, Any]:
         """The parameters as numbers and nested lists, which JSON can hold, without loss.
@@ -268,7 +282,7 @@ class Suslov3D:
         >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
         >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
         >>> body
-        Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3)
+        Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         >>> bool((rotation == np.eye(3)).all())
         True
         """
@@ -284,7 +298,7 @@ class Suslov3D:
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
         rotation = _about_e3(angle) @ to_e3
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
-        body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2])
+        body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2], I[..., 2, 2])
         return body, rotation
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 import numpy as np
@@ -30,24 +30,34 @@ def times_power(value: float, exponent: int) -> float:
         return math.copysign(math.inf, value)
 
 
+def parameters_of(body: Any) -> dict[str, float | FloatArray]:
+    """The parameters that are set, by name."""
+    values = {field: getattr(body, field.name) for field in fields(body)}
+    return {
+        field.name: value
+        for field, value in values.items()
+        if value is not None or field.default is MISSING
+    }
+
+
 def equal(body: Any, other: Any) -> Any:
     """Whether both are bodies of one kind with the same parameters."""
     if type(other) is not type(body):
         return NotImplemented
-    return all(map(np.array_equal, body.parameters, other.parameters))
+    own, others = parameters_of(body), parameters_of(other)
+    return own.keys() == others.keys() and all(map(np.array_equal, own.values(), others.values()))
 
 
 def hash_of(body: Any) -> int:
     # Adding 0 makes one of the two zeros, which are equal.
-    arrays = [np.asarray(parameter) + 0.0 for parameter in body.parameters]
+    arrays = [np.asarray(parameter) + 0.0 for parameter in parameters_of(body).values()]
     return hash(tuple((array.shape, array.tobytes()) for array in arrays))
 
 
 def line_of(body: Any) -> str:
     """The call that makes the body, or where that is too long the shapes of its parameters."""
-    names = [field.name for field in fields(body)]
-    pairs = list(zip(names, body.parameters, strict=True))
-    small = sum(np.size(parameter) for parameter in body.parameters) <= _LINE // 4
+    pairs = parameters_of(body).items()
+    small = sum(np.size(parameter) for _, parameter in pairs) <= _LINE // 4
     if small:
         shown = ", ".join(f"{name}={_whole(parameter)}" for name, parameter in pairs)
         if len(shown) < _LINE:
@@ -58,10 +68,9 @@ def line_of(body: Any) -> str:
 
 def table_of(body: Any) -> str:
     """The parameters as a short table in HTML, for notebooks: of many numbers, the range."""
-    names = [field.name for field in fields(body)]
     rows = "".join(
         f"<tr><th>{name}</th><td>{_brief(parameter)}</td></tr>"
-        for name, parameter in zip(names, body.parameters, strict=True)
+        for name, parameter in parameters_of(body).items()
     )
     of_shape = f", shape {body.shape}" if body.shape else ""
     return f"<table><caption>{type(body).__name__}{of_shape}</caption>{rows}</table>"
@@ -84,18 +93,15 @@ def _short(parameter: float | FloatArray) -> str:
 
 def plain(body: Any) -> dict[str, Any]:
     """The parameters as numbers and nested lists by name."""
-    names = [field.name for field in fields(body)]
-    return {
-        name: np.asarray(parameter).tolist()
-        for name, parameter in zip(names, body.parameters, strict=True)
-    }
+    return {name: np.asarray(parameter).tolist() for name, parameter in parameters_of(body).items()}
 
 
 def named(cls: Any, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """The reverse of `plain`, or an error that says what names were expected."""
     names = [field.name for field in fields(cls)]
+    optional = {field.name for field in fields(cls) if field.default is not MISSING}
     if not isinstance(parameters, Mapping):
         raise TypeError(f"expected a mapping of {names}, got {type(parameters).__name__}")
-    if set(parameters) != set(names):
+    if not set(names) - optional <= set(parameters) <= set(names):
         raise ValueError(f"expected the names {names}, got {sorted(map(str, parameters))}")
     return dict(parameters)

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
+from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import full_map
 from .._core.cpu.blocks import LANES
 from .._core.formulas.full_map import full_coefficients
 from . import threads
-from .arguments import Body
 from .layout import flat_parameter
 from .problem import Outcome, Problem
 
@@ -20,13 +20,12 @@ from .problem import Outcome, Problem
 _STEP = 2
 
 
-def parameters(
-    body: Body, eps: float | FloatArray, batch: tuple[int, ...], I3: FloatArray
-) -> list[FloatArray]:
+def parameters(body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
     """The coefficients of the scheme, (8, B)."""
-    given = [flat_parameter(each, batch) for each in (*body.parameters, eps)]
+    assert body.I3 is not None
+    given = [flat_parameter(each, batch) for each in (*body.parameters, eps, body.I3)]
     with np.errstate(all="ignore"):
-        coefficients = full_coefficients(*given, I3)
+        coefficients = full_coefficients(*given)
     size = (math.prod(batch),)
     return [np.stack([np.broadcast_to(each, size) for each in coefficients])]
 

@@ -9,7 +9,6 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._core import codes
 from .._core.cpu import closed_form, reduced_nd
@@ -27,21 +26,38 @@ _NO_STATES, _NO_TURNS = np.empty((0, 0, 2)), np.empty((0, 0, 3, 3))
 _TOGETHER = 2**20
 
 
-def run(problem: Problem, body: SuslovND, batch: tuple[int, ...]) -> Outcome:
+def run(problem: Problem) -> Outcome:
     """The last states, and how each trajectory ended; saved states are filled on the way.
 
     A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
     """
-    if not (body.any_solved and problem.size and iterate_3d.jumps(problem)):
+    if not (problem.size and iterate_3d.jumps(problem)):
+        return iterate_nd.run(problem)
+    solved = _solved(problem)
+    if not solved.any():
         return iterate_nd.run(problem)
     reduced = _Reduced(problem)
-    jumping = reduced.fits & np.broadcast_to(body.solved, batch).reshape(-1)
+    jumping = reduced.fits & solved
     if jumping.all():
         with reporter(problem.progress, problem.stop - problem.start) as report:
             outcome = reduced.run()
             report(problem.stop - problem.start)
         return outcome
     return _one_or_the_other(problem, jumping) if jumping.any() else iterate_nd.run(problem)
+
+
+def _solved(problem: Problem) -> NDArray[np.bool_]:
+    """Where J I = b I and J = a on the vectors orthogonal to I, to the last bit, or n < 4."""
+    J, I, _ = problem.parameters
+    if J.shape[1] == 2:
+        return np.ones(1, np.bool_)
+    J, coupled = np.broadcast_arrays(J, I != 0)
+    several = coupled.sum(axis=-1) > 1
+    # Without the coupled component, if it is one.
+    left_out = coupled & ~several[:, np.newaxis]
+    low = np.where(left_out, np.inf, J).min(axis=-1)
+    solved: NDArray[np.bool_] = low >= np.where(left_out, 0.0, J).max(axis=-1)
+    return solved | ~coupled.any(axis=-1)
 
 
 def _in_three(problem: Problem) -> Problem:

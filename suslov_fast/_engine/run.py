@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from . import iterate_3d, jump_nd
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
-from .problem import Problem
+from .problem import Outcome, Problem
 from .progress import Progress
+
+
+class Map(Protocol):
+    """The fields of a map that a run needs; `_maps.record.Map` has them."""
+
+    @property
+    def parameters(
+        self,
+    ) -> Callable[[Any, float | FloatArray, tuple[int, ...]], list[FloatArray]]: ...
+    @property
+    def run(self) -> Callable[[Problem], Outcome]: ...
 
 
 @dataclass(slots=True)  # not frozen: that would take longer than a short run
@@ -25,6 +35,8 @@ class Run:
 
     Attributes
     ----------
+    map
+        The map that is iterated, a record.
     omega0
         (B, D), the states at step 0; of a run that may be gone on with, in memory that nobody else
         writes to.
@@ -40,6 +52,7 @@ class Run:
         Whether it is a single step that nobody goes on from.
     """
 
+    map: Map
     body: Body
     batch: tuple[int, ...]
     omega0: FloatArray
@@ -137,15 +150,7 @@ def _room(
 def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
     """Make the steps, and fill what is kept from row `begin` on."""
     problem = _problem(run, saved, turns, begin)
-    if run.method == "full":
-        from . import iterate_full  # which few need: imports take time
-
-        problem.parameters = iterate_full.parameters(run.body, run.eps, run.batch, run.resume["I3"])
-        final, status, failed_at, resume = iterate_full.run(problem)
-    elif isinstance(run.body, Suslov3D):
-        final, status, failed_at, resume = iterate_3d.run(problem)
-    else:
-        final, status, failed_at, resume = jump_nd.run(problem, run.body, run.batch)
+    final, status, failed_at, resume = run.map.run(problem)
     batch, every = run.batch, run.save_every
     if saved is None or every is None or run.steps % every or not len(saved):
         final = final.reshape((*batch, final.shape[1]))
@@ -159,15 +164,13 @@ def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin
     resume["omega0"] = run.omega0
     if run.orientation is not None:
         resume["R0"] = run.orientation
-    if run.method == "full":
-        resume["I3"] = run.resume["I3"]
     return Results(saved, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)
 
 
 def _problem(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Problem:
     """The flat problem."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
-    parameters = run.body.for_loops(run.eps, batch)
+    parameters = run.map.parameters(run.body, run.eps, batch)
     time_step, rows, turned = parameters[-1], _no_rows(D), _no_rows(D + 1, D + 1)
     if saved is not None and every is not None:
         rows = saved.reshape((len(saved), size, D))

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._engine.arguments import Body
-from .._engine.progress import Progress, check_progress
+from .._engine.progress import Progress, check_progress, reporter
 from .._runs.iterate import Method
-from .control import meter, only_writer, stopping
+from .control import only_writer, stopping
 from .starts import RandomStarts
 
 if TYPE_CHECKING:
@@ -139,25 +139,21 @@ def ensemble(
         omega0,
         eps,
         steps,
-        save_every,
-        method,
-        attitude,
-        reductions,
-        dims,
-        chunk,
-        compression,
-        resolved(store),
+        store=resolved(store),
+        save_every=save_every,
+        method=method,
+        attitude=attitude,
+        reductions=reductions,
+        dims=dims,
+        chunk=chunk,
+        compression=compression,
     )
     _finish(job, coords, scheduler, verify, progress)
     return open_dataset(job.store)
 
 
 def _finish(
-    job: Job,
-    coords: Mapping[Any, Any] | None,
-    scheduler: Any,
-    verify: bool,
-    progress: Progress,
+    job: Job, coords: Mapping[Any, Any] | None, scheduler: Any, verify: bool, progress: Progress
 ) -> None:
     """Create or recognise the store, and compute what it lacks."""
     from . import compute, store, workers
@@ -167,40 +163,42 @@ def _finish(
         nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
         only_writer(job.store, store.is_folder(job.store)),
     ):
-        if store.exists(job.store):
-            job = store.recognised(job, identity)
-            if verify:
-                store.mend(job, coords)
-            with store.advice(job.store):
-                store.lengthen(job, store.Arrays(job.store))
-        else:
+        if (known := store.recognised(job, identity)) is None:
             store.create(job, identity, coords)
+        else:
+            job = known
+            with store.advice(job.store):
+                store.lengthen(job, coords, verify)
         arrays = store.Arrays(job.store)
-        if verify:
-            for index in np.ndindex(job.plan.grid):
-                if not compute.is_whole(job.part(job.plan.where(index)), index, arrays):
-                    store.withdraw(job, arrays, index, whole=True)
+        tiles = list(np.ndindex(job.plan.grid))
+        for index in tiles if verify else ():
+            if not compute.is_whole(job.part(job.plan.where(index)), index, arrays):
+                store.withdraw(job, arrays, index, whole=True)
         with store.advice(job.store):
-            done = arrays.marks()
-        missing = [tuple(map(int, index)) for index in np.argwhere(done != job.steps)]
+            done = np.asarray(arrays[store.STEPS_DONE][...])
+        missing = [index for index in tiles if done[index] != job.steps]
+        for index in missing:
+            if done[index] >= 0:  # of a shorter run
+                store.withdraw(job, arrays, index)
         if not missing:
             return
-        for index in missing:
-            if done[index] >= 0:
-                store.withdraw(job, arrays, index)
-        made = sum(
-            job.plan.size(index) * max(int(done[index]), 0) for index in np.ndindex(done.shape)
-        )
-        total = math.prod(job.plan.batch) * job.steps
-        with stopping() as stop, meter(progress, total, made) as report:
+        made = sum(math.prod(job.plan.shape(each)) * max(int(done[each]), 0) for each in tiles)
+        with stopping() as stop, reporter(progress, math.prod(job.plan.batch) * job.steps) as show:
+
+            def report(steps: int) -> None:
+                nonlocal made
+                made += steps
+                show(made)
+
+            report(0)
             if client is None:
                 compute.run(job, arrays, missing, report, stop)
             else:
                 workers.run(job, client, missing, report, stop)
-            left = int((arrays.marks() != job.steps).sum()) if stop.asked else 0
+        left = int((arrays[store.STEPS_DONE][...] != job.steps).sum())
         if left:
             raise KeyboardInterrupt(
-                f"stopped with {done.size - left} of {done.size} tiles in {job.store} finished; "
+                f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
                 "the same call goes on from there"
             )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -21,14 +21,15 @@ from numpy.typing import NDArray
 from .._checks import FloatArray
 from .._engine.layout import flat_matrices, flat_vectors
 from .._engine.run import Results, Run, go_on
-from .control import Report, Stop
+from .control import Stop
 from .job import Job
-from .plan import piece_end, step_work
+from .plan import Index, piece_end, step_work
 from .reductions import REDUCTIONS
 from .store import RECORD, STEPS_DONE, Arrays, place_of
 
-Index = tuple[int, ...]
 Values = dict[str, NDArray[Any]]
+# Called with the number of trajectory-steps made since the last call.
+Report = Callable[[int], object]
 
 # Duration of a piece in seconds, which bounds what a killed process loses, and the work of the
 # first one, in trajectory-steps of the 3D map.
@@ -50,13 +51,7 @@ class Piece:
     @property
     def steps(self) -> int:
         """Number of trajectory-steps."""
-        return (self.stop - self.start) * self.job.plan.size(self.index)
-
-    @property
-    def nbytes(self) -> int:
-        """Size of its states."""
-        arrays = (self.results.omega, self.results.attitude)
-        return sum(array.nbytes for array in arrays if array is not None)
+        return (self.stop - self.start) * self.results.status.size
 
 
 def pieces(
@@ -66,19 +61,18 @@ def pieces(
 
     `job` is the part of the run that the tile covers, and `starts` are its initial states.
     """
-    shape = tuple(part.stop - part.start for part in job.plan.where(index))
-    mark = int(arrays[STEPS_DONE][index])
-    start, resume, reduced = _left(job, index, arrays, mark)
-    if mark == start == job.steps:
-        return
+    shape, D = job.plan.shape(index), job.body.dimension
+    start, resume, reduced = _left(job, index, arrays)
     flat = np.array(flat_vectors(starts, shape))
     flat[np.isnan(flat).any(axis=-1)] = np.nan
     turned = None if job.orientation is None else flat_matrices(job.orientation, shape)
-    most = int(_FIRST / max(math.prod(shape) * step_work(job.body.dimension), 1.0))
-    while True:
+    most = int(_FIRST / max(math.prod(shape) * step_work(D), 1.0))
+    stop = -1
+    while stop < job.steps:
         stop = piece_end(start, job.steps, job.every, job.plan.rows, most)
         begin = time.perf_counter()
         run = Run(
+            map=job.map,
             body=job.body,
             batch=shape,
             omega0=flat,
@@ -92,107 +86,82 @@ def pieces(
             threads=threads,
         )
         results = go_on(run)
-        resume = {name: results.resume[name] for name in _kept(job) if name in results.resume}
-        reduced = _accumulated(job, starts, shape, results, reduced)
-        rows = slice(run.rows_before, run.rows_before + len(results.omega))
+        names = {each.name for each in job.map.resume}
+        resume = {name: array for name, array in results.resume.items() if name in names}
+        for name in job.reductions if len(results.omega) else ():
+            first = np.broadcast_to(starts, (*shape, D))
+            values = REDUCTIONS[name].reduce(job.body, job.eps, results.omega, first)
+            if name in reduced:
+                values = REDUCTIONS[name].combine(reduced[name], values)
+            reduced = {**reduced, name: values}
         # Where the closed form is evaluated steps cost nothing, and soon one piece has them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
+        rows = slice(run.rows_before, run.rows_before + len(results.omega))
         yield Piece(job, index, start, stop, rows, results, reduced)
-        if stop == job.steps:
-            return
         del results, run  # the next piece takes the same memory
         start, most = stop, int(speed * _DURATION)
 
 
-def _accumulated(
-    job: Job, starts: FloatArray, shape: tuple[int, ...], results: Results, before: Values
-) -> Values:
-    if not (job.reductions and len(results.omega)):
-        return before
-    first = np.broadcast_to(starts, (*shape, job.body.dimension))
-    values = {}
-    for name in job.reductions:
-        reduction = REDUCTIONS[name]
-        values[name] = reduction.reduce(job.body, results.omega, job.eps, first)
-        if before:
-            values[name] = reduction.combine(before[name], values[name])
-    return values
-
-
 def write(piece: Piece, arrays: Arrays) -> None:
     """Write a piece."""
-    job, results, stop = piece.job, piece.results, piece.stop
-    where, last = job.plan.where(piece.index), piece.stop == piece.job.steps
+    job, results, last = piece.job, piece.results, piece.stop == piece.job.steps
+    where = job.plan.where(piece.index)
     if job.keeps_states and len(results.omega) and (job.save_every is not None or last):
         arrays["omega"][(piece.rows, *where)] = results.omega
         if results.attitude is not None:
             arrays["attitude"][(piece.rows, *where)] = results.attitude
     if last:
-        for name, values in _ends(piece).items():
+        ends = {name: getattr(results, name) for name in ("final", "status", "failed_at")}
+        for name, values in {**ends, **piece.reduced}.items():
             arrays[name][where] = values
     arrays[RECORD][where] = _record(piece)
-    arrays[STEPS_DONE][place_of(piece.index)] = np.full((1,) * len(piece.index), stop)
-
-
-def _ends(piece: Piece) -> Values:
-    results = piece.results
-    ends = {"final": results.final, "status": results.status, "failed_at": results.failed_at}
-    return {**ends, **piece.reduced}
-
-
-# The record: for each trajectory, 64-bit words of the number of steps, `failed_at`, the arrays that
-# the map needs to go on, and the reductions so far.
-
-
-def _kept(job: Job) -> dict[str, tuple[tuple[str | int, ...], str]]:
-    """Axes and type of the arrays that a map needs to go on; "B" are the trajectories."""
-    from .._bodies.three import Suslov3D
-
-    turned, n = job.orientation is not None, job.body.dimension + 1
-    if isinstance(job.body, Suslov3D):
-        return {"state": ((2, "B"), "f8"), "turn": ((4, "B" if turned else 0), "f8")}
-    return {
-        "state": (("B", n - 1), "f8"),
-        "exponent": (("B",), "f8"),
-        "status": (("B",), "i1"),
-        "failed_at": (("B",), "i8"),
-        **({"columns": (("B", n, n), "f8")} if turned else {}),
-    }
+    arrays[STEPS_DONE][place_of(piece.index)] = piece.stop
 
 
 def _words(job: Job) -> Iterator[tuple[str, slice, tuple[str | int, ...], str]]:
-    """Name, place in the record, axes and type of each array."""
-    at = 2
-    for name, (dims, dtype) in _kept(job).items():
+    """Name, place in the record, axes and type of the arrays that a piece starts from.
+
+    The record of a trajectory are words of 64 bits: the number of steps, `failed_at`, what the map
+    needs to go on, and the reductions so far.
+    """
+    at, n = 2, job.body.dimension + 1
+    lengths = {"D": n - 1, "n": n}
+    for kept in job.map.resume:
+        dims = tuple(lengths.get(dim, dim) if isinstance(dim, str) else dim for dim in kept.dims)
+        if kept.attitude and job.orientation is None:
+            dims = tuple(0 if dim == "B" else dim for dim in dims)
         count = math.prod(length for length in dims if isinstance(length, int))
-        yield name, slice(at, at := at + count), dims, dtype
+        yield kept.name, slice(at, at := at + count), dims, kept.dtype
     for name in job.reductions:
-        own: tuple[int, ...] = (job.body.dimension,) if REDUCTIONS[name].of_components else ()
-        yield f"reduced {name}", slice(at, at := at + math.prod(own)), ("B", *own), "f8"
+        own: tuple[int, ...] = (n - 1,) if REDUCTIONS[name].of_components else ()
+        yield f"reduced {name}", slice(at, at := at + math.prod(own)), ("B", *own), "float64"
 
 
 def record_size(job: Job) -> int:
-    """Return the number of words for each trajectory."""
+    """Return the number of words of a trajectory."""
     return max((place.stop for _, place, _, _ in _words(job)), default=2)
 
 
 def _record(piece: Piece) -> NDArray[np.int64]:
-    job, failed_at = piece.job, piece.results.failed_at
-    values = {**piece.results.resume, **{f"reduced {k}": v for k, v in piece.reduced.items()}}
-    record = np.zeros((failed_at.size, record_size(job)), np.int64)
+    failed_at = piece.results.failed_at
+    size, values = failed_at.size, dict(piece.results.resume)
+    values |= {f"reduced {name}": array for name, array in piece.reduced.items()}
+    record = np.zeros((size, record_size(piece.job)), np.int64)
     record[:, 0], record[:, 1] = piece.stop, failed_at.reshape(-1)
-    for name, place, dims, dtype in _words(job):
+    for name, place, dims, dtype in _words(piece.job):
         if name in values and "B" in dims:
-            array = np.asarray(values[name], dtype)
-            if name.startswith("reduced "):
-                array = array.reshape(failed_at.size, *dims[1:])
-            words = np.moveaxis(array, dims.index("B"), 0).reshape(failed_at.size, -1)
-            wide = np.ascontiguousarray(words, "f8" if dtype == "f8" else "i8")
-            record[:, place] = wide.view(np.int64)
+            shape: list[Any] = [size if dim == "B" else dim for dim in dims]
+            array = values[name].reshape(shape)
+            words = np.moveaxis(array, dims.index("B"), 0).reshape(size, -1)
+            if dtype == "float64":
+                words = np.ascontiguousarray(words).view(np.int64)
+            record[:, place] = words
     return record.reshape(*failed_at.shape, -1)
 
 
-def read_record(job: Job, index: Index, arrays: Arrays) -> tuple[int, FloatArray, Values, Values]:
+def _read_record(
+    job: Job, index: Index, arrays: Arrays
+) -> tuple[int, NDArray[np.int64], Values, Values]:
     """Return steps, `failed_at`, the arrays to go on from, and the reductions of a tile."""
     record = np.asarray(arrays[RECORD][job.plan.where(index)])
     batch, words = record.shape[:-1], record.reshape(-1, record.shape[-1])
@@ -200,69 +169,62 @@ def read_record(job: Job, index: Index, arrays: Arrays) -> tuple[int, FloatArray
     for name, place, dims, dtype in _words(job):
         own = [length for length in dims if isinstance(length, int)]
         if "B" not in dims:  # an array that this run does not need
-            resume[name] = np.empty(own)
+            resume[name] = np.empty(own, dtype)
             continue
-        values = np.ascontiguousarray(words[:, place]).reshape(len(words), *own)
-        values = values.view("f8") if dtype == "f8" else values.astype(dtype)
+        values = np.ascontiguousarray(words[:, place])
+        values = values.view(np.float64) if dtype == "float64" else values.astype(dtype)
         if name.startswith("reduced "):
             reduced[name.removeprefix("reduced ")] = values.reshape(*batch, *own)
         else:
-            resume[name] = np.ascontiguousarray(np.moveaxis(values, 0, dims.index("B")))
-    steps = int(words[0, 0]) if len(words) else job.steps
-    return steps, record[..., 1], resume, reduced
+            values = np.moveaxis(values.reshape(len(words), *own), 0, dims.index("B"))
+            resume[name] = np.ascontiguousarray(values)
+    return int(words[0, 0]), record[..., 1], resume, reduced
 
 
-def _left(job: Job, index: Index, arrays: Arrays, mark: int) -> tuple[int, Values, Values]:
-    """Return the step from which to go on with a tile, and the record of it."""
+def _left(job: Job, index: Index, arrays: Arrays) -> tuple[int, Values, Values]:
+    """Return the step from which to go on with a tile, and what the steps before left."""
+    mark = int(arrays[STEPS_DONE][index])
     if mark < 0:
         return 0, {}, {}
-    steps, _, resume, reduced = read_record(job, index, arrays)
-    # The mark may be older: it is written last.
+    steps, _, resume, reduced = _read_record(job, index, arrays)
+    # The mark may be older, as it is written last.
     return (steps, resume, reduced) if mark <= steps <= job.steps else (0, {}, {})
 
 
 def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
-    """Return True if a tile holds all that its mark stands for.
+    """Return True if a tile holds all that its mark stands for; `job` is the part it covers.
 
-    A missing chunk reads as NaN. States are NaN from `failed_at` on, and there only.
+    States are NaN from `failed_at` on, and only there, so that other NaN are those of a chunk that
+    is absent.
     """
     where = job.plan.where(index)
     try:
         mark = int(arrays[STEPS_DONE][index])
         if mark < 0:
             return True
-        steps, failed_at, _, reduced = read_record(job, index, arrays)
-        if steps != mark:
-            return False
+        steps, failed_at, _, reduced = _read_record(job, index, arrays)
+        failed = failed_at >= 0
+        same = steps == mark
         if mark == job.steps:
-            ends = {"failed_at": failed_at, **reduced}
-            if any(not _equal(arrays[name][where], ends[name]) for name in ends):
-                return False
-            status, final = arrays["status"][where], arrays["final"][where]
-            if not _equal(status < 0, failed_at >= 0) or not _nan_where(final, failed_at >= 0):
-                return False
-        if not job.keeps_states or (job.save_every is None and mark < job.steps):
-            return True
-        numbers = job.numbers[job.numbers <= mark]
+            for name, values in {"failed_at": failed_at, **reduced}.items():
+                same &= np.asarray(arrays[name][where]).tobytes() == values.tobytes()
+            same &= np.array_equal(arrays["status"][where] < 0, failed)
+            same &= _is_nan_where(arrays["final"][where], failed)
+        numbers = job.numbers[job.numbers <= mark] if job.keeps_states else ()
         for first in range(0, len(numbers), job.plan.rows):
-            n = numbers[first : first + job.plan.rows].reshape(-1, *(1,) * len(where))
-            gone = (failed_at >= 0) & (n >= failed_at)
+            n = np.reshape(numbers[first : first + job.plan.rows], (-1, *(1,) * failed.ndim))
             rows = slice(first, first + len(n))
-            for name in ("omega", "attitude"):
-                if name in arrays and not _nan_where(arrays[name][(rows, *where)], gone):
-                    return False
-    except (ValueError, RuntimeError, OSError, IndexError):  # checksums, codecs, cut files
+            for name in ("omega",) if job.orientation is None else ("omega", "attitude"):
+                values = arrays[name][(rows, *where)]
+                same &= _is_nan_where(values, failed & (n >= failed_at))
+    except (ValueError, RuntimeError, OSError):  # of checksums and codecs
         return False
-    return True
+    return bool(same)
 
 
-def _nan_where(values: Any, expected: NDArray[np.bool_]) -> bool:
+def _is_nan_where(values: Any, expected: NDArray[np.bool_]) -> bool:
     found = np.isnan(values).reshape(*expected.shape, -1)
     return bool((found == expected[..., np.newaxis]).all())
-
-
-def _equal(one: Any, other: Any) -> bool:
-    return np.asarray(one).tobytes() == np.asarray(other).tobytes()
 
 
 def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: Stop) -> None:
@@ -270,7 +232,7 @@ def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: 
 
     def keep(piece: Piece) -> None:
         write(piece, arrays)
-        report(piece.steps, piece.nbytes)
+        report(piece.steps)
 
     with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
         writing: Future[None] | None = None

@@ -1,4 +1,4 @@
-"""One writer of a store at a time; signals; progress."""
+"""One writer of a store at a time; a request to stop."""
 
 from __future__ import annotations
 
@@ -6,15 +6,10 @@ import errno
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
-
-from .._engine.progress import Progress, _tqdm
-
-# Called with trajectory-steps made and bytes written since the last call.
-Report = Callable[[int, int], object]
 
 # Stores other than folders that this process writes to.
 _in_use: set[str] = set()
@@ -31,34 +26,31 @@ def only_writer(store: Any, folder: bool) -> Iterator[None]:
     Raises BlockingIOError if there is another writer, and OSError if the lock file is a symbolic
     link.
     """
+    name = store if isinstance(store, str) else f"{type(store).__name__} {id(store)}"
+    in_use = BlockingIOError(
+        errno.EAGAIN, "expected a store without another writer, got one in use", name
+    )
     if folder:
         from filelock import FileLock, Timeout
 
         lock = FileLock(f"{os.path.realpath(store)}.lock")
         try:
             lock.acquire(blocking=False)
-        except Timeout as error:
-            raise _blocked(store) from error
+        except Timeout:
+            raise in_use from None
         try:
             yield
         finally:
             lock.release()
         return
-    name = store if isinstance(store, str) else f"{type(store).__name__} {id(store)}"
     with _guard:
         if name in _in_use:
-            raise _blocked(name)
+            raise in_use
         _in_use.add(name)
     try:
         yield
     finally:
         _in_use.discard(name)
-
-
-def _blocked(store: str) -> BlockingIOError:
-    return BlockingIOError(
-        errno.EAGAIN, "expected a store without another writer, got one that is written to", store
-    )
 
 
 class Stop:
@@ -76,40 +68,12 @@ class Stop:
 @contextmanager
 def stopping() -> Iterator[Stop]:
     """Turn SIGINT and SIGTERM into a request to stop; only the main thread receives them."""
-    stop = Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = {number: signal.signal(number, stop.ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    stop, before = Stop(), {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before[number] = signal.signal(number, stop.ask)
     try:
         yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-@contextmanager
-def meter(progress: Progress, total: int, done: int) -> Iterator[Report]:
-    """Return the function that reports progress, in trajectory-steps."""
-    if progress is True:
-        with _tqdm()(total=total, initial=done, unit="step", unit_scale=True) as bar:
-            written = 0
-
-            def advance(steps: int, nbytes: int) -> None:
-                nonlocal written
-                written += nbytes
-                bar.set_postfix_str(f"{written / 1e9:.3g} GB written", refresh=False)
-                bar.update(steps)
-
-            yield advance
-    elif callable(progress):
-        progress(done, total)
-
-        def call(steps: int, nbytes: int) -> None:
-            nonlocal done
-            done += steps
-            progress(done, total)
-
-        yield call
-    else:
-        yield lambda steps, nbytes: None

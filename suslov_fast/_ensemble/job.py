@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._bodies import values
 from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
-from .._checks import FloatArray, common_shape, instance, integer, one_of, real_array, rotations
+from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
 from .._engine.arguments import Body
+from .._engine.run import numbers_of_saved
+from .._maps.record import Map
+from .._maps.registry import map_of
 from .._runs.labelled import batch_names
 from .plan import Plan, Slices, plan_of, step_work
 from .reductions import checked
@@ -28,8 +31,6 @@ class Job:
         Initial states of the batch; None where a worker receives those of its tile apart.
     orientation
         Orientations at step 0, which broadcast to the batch, or None.
-    keeps_states
-        False if only reductions are stored.
     """
 
     body: Body
@@ -46,20 +47,24 @@ class Job:
     compression: str | None
 
     @property
+    def map(self) -> Map:
+        """The map that is iterated."""
+        return map_of(self.body)
+
+    @property
     def keeps_states(self) -> bool:
+        """True if states are stored, and not only reductions of them."""
         return self.save_every is not None or not self.reductions
 
     @property
     def every(self) -> int | None:
-        """Stride of the states that are computed: reductions look at all that are not stored."""
-        return 1 if self.save_every is None and self.reductions else self.save_every
+        """Stride of the states that are computed; where none is stored reductions look at all."""
+        return self.save_every if self.keeps_states else 1
 
     @property
     def numbers(self) -> NDArray[np.int64]:
         """Step numbers of the stored states."""
-        if self.save_every is None:
-            return np.array([self.steps])
-        return np.arange(0, self.steps + 1, self.save_every)
+        return numbers_of_saved(self.steps, self.save_every)
 
     def starts(self, where: Slices) -> FloatArray:
         """Return the initial states of a part of the batch, which broadcast to it."""
@@ -68,15 +73,16 @@ class Job:
 
     def part(self, where: Slices) -> Job:
         """Return the job of a part of the batch, with the source of the whole."""
-        orientation = self.orientation
-        if orientation is not None:
-            orientation = orientation[own_part(orientation.shape[:-2], where)]
-        return replace(
-            self,
-            body=_body_part(self.body, where),
-            eps=self.eps[own_part(self.eps.shape, where)],
-            orientation=orientation,
-        )
+        own = 1 if isinstance(self.body, SuslovND) else 0  # axes of a parameter of one body
+        parameters = {
+            name: value[own_part(value.shape[: value.ndim - own], where)]
+            for name, value in parameters_of(self.body).items()
+        }
+        turned = self.orientation
+        if turned is not None:
+            turned = turned[own_part(turned.shape[:-2], where)]
+        eps = self.eps[own_part(self.eps.shape, where)]
+        return replace(self, body=type(self.body)(**parameters), eps=eps, orientation=turned)
 
     def identity(self) -> dict[str, Any]:
         """Return plain values that are equal where the results are, whatever the steps."""
@@ -85,7 +91,7 @@ class Job:
         assert self.source is not None
         parameters = {name: described(value) for name, value in parameters_of(self.body).items()}
         return {
-            "body": {"type": type(self.body).__name__, **parameters},
+            "body": {"map": self.map.name, **parameters},
             "eps": described(self.eps),
             "omega0": self.source.identity(),
             "batch": list(self.plan.batch),
@@ -98,11 +104,18 @@ class Job:
         }
 
 
+def parameters_of(body: Body) -> dict[str, FloatArray]:
+    """Return the parameters of a body that are set, as arrays."""
+    return {name: np.asarray(value) for name, value in values.parameters_of(body).items()}
+
+
 def job_of(
     body: Body,
     omega0: Any,
     eps: Any,
     steps: Any,
+    *,
+    store: Any,
     save_every: Any,
     method: Any,
     attitude: Any,
@@ -110,10 +123,9 @@ def job_of(
     dims: Any,
     chunk: Any,
     compression: Any,
-    store: Any,
 ) -> Job:
-    """Return the job of checked arguments of `ensemble`; `store` is resolved already."""
-    instance("body", body, (Suslov3D, SuslovND))
+    """Check the arguments of `ensemble`; `store` is resolved already."""
+    methods = map_of(body).methods
     source = source_of(omega0, body.dimension)
     eps = real_array("eps", eps).copy()
     side = body.dimension + 1
@@ -126,51 +138,29 @@ def job_of(
     steps = integer("steps", steps, 0, "an integer of at least 0")
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    in_3d = isinstance(body, Suslov3D)
-    methods = ("auto", "canonical", "ds2") if in_3d else ("auto", "gauss", "rank2")
     one_of("method", method, methods)
     names = checked(body, reductions)
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
     dims = batch_names(dims, len(batch))
+    state_bytes = 8 * (body.dimension + (0 if orientation is None else side * side))
     every = 1 if names and save_every is None else save_every
-    plan = plan_of(
-        batch,
-        dims,
-        chunk,
-        state_bytes=8 * (body.dimension + (side * side if orientation is not None else 0)),
-        rows=1 if every is None else steps // every + 1,
-        work=steps * step_work(body.dimension),
-    )
+    rows = 1 if every is None else steps // every + 1
+    plan = plan_of(batch, dims, chunk, state_bytes, rows, steps * step_work(body.dimension))
     return Job(
-        body=body,
-        eps=eps,
-        source=source,
-        orientation=orientation,
-        steps=steps,
-        save_every=save_every,
-        method=method,
-        reductions=names,
-        dims=dims,
-        plan=plan,
-        store=store,
-        compression=compression,
+        body,
+        eps,
+        source,
+        orientation,
+        steps,
+        save_every,
+        method,
+        names,
+        dims,
+        plan,
+        store,
+        compression,
     )
-
-
-def parameters_of(body: Body) -> dict[str, FloatArray]:
-    """Return the parameters of a body that are set."""
-    values = {field.name: getattr(body, field.name) for field in fields(body)}
-    return {name: np.asarray(value) for name, value in values.items() if value is not None}
-
-
-def _body_part(body: Body, where: Slices) -> Body:
-    own = 1 if isinstance(body, SuslovND) else 0
-    parts = {
-        name: value[own_part(value.shape[: value.ndim - own], where)]
-        for name, value in parameters_of(body).items()
-    }
-    return type(body)(**parts)
 
 
 def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:

@@ -6,8 +6,9 @@ What is needed to go on lies in the group "progress":
     steps_done    the mark of a tile: number of its steps that are stored; -1 before state 0 is
     record        for each trajectory what the next piece starts from, see `compute`
 
-The root group holds a copy of the metadata of all arrays ("consolidated"), which is one object:
-readers see the arrays of a run that is being lengthened either all short or all long.
+A chunk that is absent reads as not computed: NaN, or the status PENDING. The root group holds a
+copy of the metadata of all arrays ("consolidated"), which is one object, so that readers see the
+arrays of a run that is being lengthened either all short or all long.
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ import errno
 import json
 import os
 import warnings
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -30,15 +33,19 @@ from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
 STEPS_DONE, RECORD = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
-# The arrangement of a store: 1 is that of version 0.2.
+# Number of this arrangement; stores of version 0.2 have none.
 _LAYOUT = 2
 _CREATING = "creating"
-_TIMES = ("t", "time")
 
-# Codecs that only move or compress bytes.
+# Integers that stand for what is not computed; floats are NaN.
+_NOT_COMPUTED = {
+    **dict.fromkeys(("status", "failed_at"), NOT_COMPUTED),
+    **dict.fromkeys(("steps_done", "record"), -1),
+}
+# Codecs that move, compress or check bytes, and do nothing else.
 _CODECS = frozenset(
-    "bytes vlen-utf8 string vlen-bytes transpose sharding_indexed crc32c blosc gzip zstd lz4 zlib "
-    "bz2 lzma shuffle adler32 crc32 fletcher32".split()
+    "bytes vlen-utf8 vlen-bytes transpose sharding_indexed crc32c blosc gzip zstd lz4 zlib bz2 "
+    "lzma shuffle delta adler32 crc32 fletcher32".split()
 )
 
 
@@ -48,47 +55,22 @@ def resolved(store: Any) -> Any:
         from fsspec.core import url_to_fs
 
         store = url_to_fs(store)[1]
-    if isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store):
-        try:
-            return os.path.abspath(os.fspath(store))
-        except OSError as error:  # the working directory was deleted
-            message = f"expected a name in a folder that can be written to, got: {error.strerror}"
-            raise OSError(error.errno, message, os.fspath(store)) from error
-    return store
+    if not is_folder(store):
+        return store
+    try:
+        return os.path.abspath(os.fspath(store))
+    except OSError as error:  # the working directory was deleted
+        message = f"expected a name in a folder that can be written to, got: {error.strerror}"
+        raise OSError(error.errno, message, os.fspath(store)) from error
 
 
 def is_folder(store: Any) -> bool:
-    """Return True if a resolved store is a folder of the file system."""
-    return isinstance(store, str) and "://" not in store
+    """Return True if a store is a folder of the file system."""
+    return isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store)
 
 
-def exists(store: Any) -> bool:
-    """Return True for a store of `ensemble`, False for a name that is free.
-
-    Raises FileExistsError for a file and for another folder, ValueError for another Zarr store.
-    """
-    group = _group(store)
-    if group is None:
-        if is_folder(store) and os.path.lexists(store):
-            if not os.path.isdir(store):
-                raise _occupied(store, "a file")
-            if any(not name.endswith(".partial") for name in os.listdir(store)):
-                raise _occupied(store, "another folder")
-        return False
-    if _CREATING in group.attrs:
-        return False  # the process that was creating it was killed
-    _notes(group, store)
-    return True
-
-
-def _occupied(store: str, received: str) -> OSError:
-    return OSError(
-        errno.EEXIST, f"expected the name of a Zarr store to write, got {received}", store
-    )
-
-
-def _group(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
-    """Open the root group, or return None if there is none."""
+def _root(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
+    """Open the root group; None if there is none."""
     import zarr
 
     if is_folder(store) and not os.path.isdir(store):
@@ -99,220 +81,244 @@ def _group(store: Any, mode: Any = "r", consolidated: bool | None = False) -> An
         return None
 
 
+def _group(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
+    """Open the root group of a store whose creation was finished, else None."""
+    group = _root(store, mode, consolidated)
+    return None if group is None or _CREATING in group.attrs else group
+
+
 def _notes(group: Any, store: Any) -> dict[str, Any]:
-    """Return what a store says of its run; ValueError if it is not of this version."""
+    """Return what a store says of its run.
+
+    Raises ValueError if it is not of this version, or decoding an array could run code.
+    """
+    for name, array in group.members(max_depth=None):
+        metadata = array.metadata.to_dict()
+        unknown = set(_codecs_of(metadata.get("codecs", ()))) - _CODECS
+        if unknown or metadata["zarr_format"] != 3:
+            raise ValueError(
+                f"store: expected arrays of Zarr 3 with its standard codecs, got {name} with "
+                f"{', '.join(sorted(unknown)) or 'those of Zarr 2'}"
+            )
     notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
-    if notes.get("layout") == _LAYOUT:
-        return notes
-    received = "another"
-    if "run" in notes:
-        received = f"one that was written by {group.attrs.get('source', 'another version')}"
-    raise ValueError(
-        "store: expected a new name or a store that ensemble of this version made, "
-        f"got {received}: {store}"
-    )
+    if notes.get("layout") != _LAYOUT:
+        source = group.attrs.get("source", "") if "run" in notes else ""
+        raise ValueError(
+            "store: expected a new name or a store that ensemble of this version made, "
+            f"got another{f', of {source}' if source else ''}: {store}"
+        )
+    return notes
 
 
-class Arrays:
-    """The arrays of a store by name, to be written to."""
-
-    def __init__(self, store: Any) -> None:
-        self.store = store
-        self.group = _group(store, "r+")
-        self._opened: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._opened:
-            # Chunks of NaN are written like others: looking for them takes longer.
-            array = self.group[name].with_config({"write_empty_chunks": True})
-            self._opened[name] = array
-        return self._opened[name]
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._opened or name in self.group
-
-    @property
-    def steps(self) -> int:
-        """Number of steps of the run."""
-        return int(self.group.attrs["steps"])
-
-    def clear(self, name: str, where: Slices) -> None:
-        """Remove values, so that they read as not computed."""
-        array = self.group[name].with_config({"write_empty_chunks": False})
-        array[where] = array.fill_value
-
-    def marks(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Return the marks of all tiles."""
-        return np.asarray(self[STEPS_DONE][...])
+def _codecs_of(codecs: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    for codec in codecs:
+        yield str(codec["name"]).removeprefix("numcodecs.")
+        settings = codec.get("configuration") or {}
+        for inner in ("codecs", "index_codecs"):
+            yield from _codecs_of(settings.get(inner, ()))
 
 
-def place_of(index: tuple[int, ...]) -> Slices:
-    """Return the place of a tile in the grid of tiles."""
-    return tuple(slice(k, k + 1) for k in index)
+def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
+    """Return the job with the chunks of its store; None if the name is free.
+
+    Raises ValueError if the store holds another run, or none, and FileExistsError for what is no
+    Zarr store.
+    """
+    group, store = _group(job.store), job.store
+    if group is None:
+        if is_folder(store) and os.path.lexists(store):
+            received = "another folder" if os.path.isdir(store) else "a file"
+            if received == "a file" or not _is_begun(store):
+                message = f"expected the name of a Zarr store to write, got {received}"
+                raise OSError(errno.EEXIST, message, store)
+        return None
+    notes = _notes(group, store)
+    require_same(identity, json.loads(notes["run"]), store)
+    stored = int(group.attrs["steps"])
+    if stored > job.steps:
+        raise ValueError(
+            f"steps: expected at least the {stored} of the run in {store}, got {job.steps}"
+        )
+    return replace(job, plan=Plan(job.plan.batch, tuple(notes["tile"]), int(notes["rows"])))
 
 
-class _Result(NamedTuple):
-    """An array to be filled with results."""
-
-    name: str
-    dims: tuple[str, ...]
-    shape: tuple[int, ...]
-    chunks: tuple[int, ...]
-    dtype: str
-    attributes: dict[str, Any]
-    plain: bool = False  # never compressed
-
-    @property
-    def fill(self) -> Any:
-        if self.name == STEPS_DONE or self.name == RECORD:
-            return -1
-        return np.nan if self.dtype == "f8" else NOT_COMPUTED
-
-
-def _described(job: Job, coords: Mapping[Any, Any] | None) -> tuple[Any, list[_Result]]:
-    """Return the dataset of all that is known before the run, and the arrays of the rest."""
-    from .. import __version__
-
-    batch, D = job.plan.batch, job.body.dimension
-    kind = type(job.body).__name__
-
-    def empty(lead: tuple[int, ...], tail: tuple[int, ...], dtype: str = "f8") -> Any:
-        return np.broadcast_to(np.zeros((), dtype), (*lead, *batch, *tail))
-
-    # One row stands for all: only names, dimensions and attributes are taken from it.
-    entries: dict[str, Any] = {
-        "format": np.array(FORMAT),
-        "version": np.array(__version__),
-        "body": np.array(kind),
-        "method": np.array(job.method),
-        "steps": np.array(job.steps),
-        "omega": empty((1,), (D,)),
-        "n": np.zeros(1, np.int64),
-        "eps": job.eps,
-        "status": empty((), (), "i1"),
-        "failed_at": empty((), (), "i8"),
-        "final": empty((), (D,)),
-        **parameters_of(job.body),
-    }
-    if job.save_every is not None:
-        entries["save_every"] = np.array(job.save_every)
-    if job.orientation is not None:
-        entries["attitude"] = empty((1,), (D + 1, D + 1))
-    dataset = labelled.dataset_of(entries, job.dims, coords)
-    dataset = dataset.drop_vars([name for name in _TIMES if name in dataset.variables])
-    for name in job.reductions:
-        own = ("component",) if REDUCTIONS[name].of_components else ()
-        attributes = {"long_name": REDUCTIONS[name].meaning}
-        dataset[name] = ((*job.dims, *own), empty((), (D,) if own else ()), attributes)
-    status = dataset["status"].attrs
-    status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
-    status["flag_meanings"] += " PENDING"
-
-    results = ["omega", "attitude", "final", "status", "failed_at", *job.reductions]
-    results = [name for name in results if name in dataset.variables]
-    arrays = [_result(job, name, dataset[name]) for name in results]
-    n = dataset["n"].attrs
-    dataset = dataset.drop_vars([*results, "n"])
-    if job.keeps_states:
-        dataset = dataset.assign_coords(n=("n", job.numbers, n))
-    else:
-        arrays = [each for each in arrays if "n" not in each.dims]
-    for name, variable in dataset.variables.items():
-        if variable.dtype.kind == "U":  # Zarr 3 has strings of any length only
-            dataset[name] = variable.astype(object)
-    return dataset, [*arrays, *_progress(job)]
-
-
-def _result(job: Job, name: str, variable: Any) -> _Result:
-    sizes = {"n": len(job.numbers)}
-    parts = {"n": job.plan.rows, **dict(zip(job.dims, job.plan.tile, strict=True))}
-    shape = tuple(sizes.get(dim, variable.sizes[dim]) for dim in variable.dims)
-    chunks = tuple(
-        parts.get(dim, max(length, 1)) for dim, length in zip(variable.dims, shape, strict=True)
-    )
-    attributes = {
-        key: value.tolist() if isinstance(value, np.ndarray) else value
-        for key, value in variable.attrs.items()
-    }
-    return _Result(name, variable.dims, shape, chunks, variable.dtype.str[1:], attributes)
-
-
-def _progress(job: Job) -> Iterator[_Result]:
-    from .compute import record_size
-
-    size, grid = record_size(job), job.plan.grid
-    axes = tuple(f"tile_{k}" for k in range(len(grid)))
-    yield _Result(STEPS_DONE, axes, grid, (1,) * len(grid), "i8", {}, plain=True)
-    yield _Result(
-        RECORD,
-        (*job.dims, "word"),
-        (*job.plan.batch, size),
-        (*job.plan.tile, size),
-        "i8",
-        {},
-        plain=True,
-    )
-
-
-def _make(job: Job, group: Any, result: _Result, overwrite: bool = False) -> None:
-    """Create an array; each of its chunks has a checksum, which Zarr verifies when it reads."""
-    from zarr.codecs import BloscCodec, Crc32cCodec
-
-    codecs: list[Any] = [Crc32cCodec()]
-    if job.compression is not None and not result.plain:
-        typesize = int(result.dtype[1:])
-        blosc = BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle", typesize=typesize)
-        codecs.insert(0, blosc)
-    group.create_array(
-        result.name,
-        shape=result.shape,
-        chunks=result.chunks,
-        dtype=result.dtype,
-        fill_value=result.fill,
-        compressors=codecs,
-        dimension_names=result.dims,
-        attributes=result.attributes,
-        overwrite=overwrite,
-    )
-
-
-def _write_known(dataset: Any, store: Any, existing: Any) -> None:
-    """Write the variables of a dataset, each chunk with a checksum."""
-    from zarr.codecs import Crc32cCodec
-
-    encoding: dict[Any, Any] = {}
-    for name in set(dataset.variables) - set(existing):
-        variable = dataset[name]
-        encoding[name] = {"compressors": (Crc32cCodec(),)}
-        if variable.dtype.kind == "f":
-            encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
-        if variable.ndim:
-            encoding[name]["chunks"] = tuple(max(1, length) for length in variable.shape)
-    dataset.to_zarr(store, mode="a", consolidated=False, encoding=encoding, write_empty_chunks=True)
+def _is_begun(folder: str) -> bool:
+    """Return True for a folder that is empty, or that a killed process began to fill."""
+    names = [name for name in os.listdir(folder) if not name.endswith(".partial")]
+    return not names or "zarr.json" in names
 
 
 def create(job: Job, identity: dict[str, Any], coords: Mapping[Any, Any] | None) -> None:
-    """Create the arrays of a store; it is one once the last step is done."""
+    """Create a store, which counts as one once the last step is done."""
     import zarr
 
-    dataset, results = _described(job, coords)
-    begun = _group(job.store) is not None
-    group = zarr.create_group(
-        job.store, overwrite=begun, zarr_format=3, attributes={_CREATING: True}
-    )
-    _write_known(dataset.assign_attrs({_CREATING: True}), job.store, ())
-    notes: dict[str, Any] = {
+    begun = _root(job.store) is not None  # by a process that was killed
+    zarr.create_group(job.store, overwrite=begun, zarr_format=3, attributes={_CREATING: True})
+    dataset = _dataset(job, coords).assign_attrs({_CREATING: True})
+    _write(job, dataset)
+    notes = {
+        "variables": sorted(map(str, dataset.variables)),
+        "known": ["eps", "component", *parameters_of(job.body)],
         "layout": _LAYOUT,
         "run": json.dumps(identity),
         "tile": list(job.plan.tile),
         "rows": job.plan.rows,
-        "variables": [*dataset.variables, *(each.name for each in results)],
     }
-    group.create_group(PROGRESS, attributes=notes)
-    for result in results:
-        _make(job, group, result)
-    del _group(job.store, "r+").attrs[_CREATING]
+    _write(job, _progress(job).assign_attrs(notes), PROGRESS)
+    del _root(job.store, "r+").attrs[_CREATING]
     _consolidate(job.store)
+
+
+def lengthen(job: Job, coords: Mapping[Any, Any] | None, verify: bool) -> None:
+    """Make room for the states of a longer run, which a process may have begun before.
+
+    With `verify` all that is known without computing is written again, and arrays that are lost are
+    created.
+    """
+    group = _group(job.store, "r+")
+    consolidated = _group(job.store, consolidated=None).metadata.consolidated_metadata
+    if int(group.attrs["steps"]) == job.steps and consolidated is not None and not verify:
+        return
+    rows = len(job.numbers)
+    for name in ("omega", "attitude", "n"):
+        array = _array(group, name)
+        if array is not None and array.shape[0] != rows:
+            array.resize((rows, *array.shape[1:]))
+    if verify:
+        dataset = _dataset(job, coords)
+        if coords is None:
+            dataset = dataset.assign_attrs({**group.attrs, **dataset.attrs})
+        _write(job, dataset)
+        _write(job, _progress(job).assign_attrs(group[PROGRESS].attrs), PROGRESS)
+    elif job.keeps_states:
+        group["n"][:] = job.numbers
+    group.attrs["steps"] = job.steps
+    _consolidate(job.store)
+
+
+def _array(group: Any, name: str) -> Any:
+    """Return an array; None if its metadata are lost or damaged."""
+    try:
+        return group[name]
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return None
+
+
+def _write(job: Job, dataset: Any, path: str | None = None) -> None:
+    """Write the known variables of a dataset, and create arrays for the others, which are lazy.
+
+    Each chunk has a checksum, which Zarr verifies when it reads.
+    """
+    from zarr.codecs import BloscCodec, Crc32cCodec
+
+    group = _group(job.store, "r+")
+    group = group.get(path) if group is not None and path else group
+    encoding: dict[Any, Any] = {}
+    for name, variable in dataset.variables.items():
+        array = None if group is None else _array(group, name)
+        if array is not None and array.shape == variable.shape:
+            continue
+        if group is not None:
+            del group[name]
+        codecs: list[Any] = [Crc32cCodec()]
+        if job.compression is not None and path is None and variable.dtype.kind in "iuf":
+            codecs.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
+        sizes = _tile(job) if variable.chunks is not None else {}
+        encoding[name] = {
+            "compressors": tuple(codecs),
+            "chunks": tuple(max(1, sizes.get(dim, n)) for dim, n in variable.sizes.items()),
+        }
+        if variable.dtype.kind == "f":
+            encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
+        elif name in _NOT_COMPUTED:
+            encoding[name]["fill_value"] = _NOT_COMPUTED[name]
+    dataset.to_zarr(
+        job.store,
+        group=path,
+        mode="a",
+        compute=False,
+        consolidated=False,
+        encoding=encoding,
+        safe_chunks=False,
+        write_empty_chunks=True,
+        zarr_format=3,
+    )
+
+
+def _tile(job: Job) -> dict[str, int]:
+    grid = {f"tile_{k}": 1 for k in range(len(job.dims))}
+    return {"n": job.plan.rows, **dict(zip(job.dims, job.plan.tile, strict=True)), **grid}
+
+
+def _dataset(job: Job, coords: Mapping[Any, Any] | None) -> Any:
+    """Return the dataset of a run, with lazy zeros for what is to be computed."""
+    from dask.array import zeros
+
+    from .. import __version__
+
+    batch, D = job.plan.batch, job.body.dimension
+
+    def lazy(shape: tuple[int, ...], dtype: str = "f8") -> Any:
+        return zeros(shape, dtype=dtype, chunks=shape)
+
+    entries: dict[str, Any] = {
+        "format": FORMAT,
+        "version": __version__,
+        "map": job.map.name,
+        "body": type(job.body).__name__,
+        "method": job.method,
+        "steps": job.steps,
+        **({} if job.save_every is None else {"save_every": job.save_every}),
+        "n": np.zeros(1, np.int64),
+        "eps": job.eps,
+        **parameters_of(job.body),
+        "omega": lazy((1, *batch, D)),
+        "final": lazy((*batch, D)),
+        "status": lazy(batch, "i1"),
+        "failed_at": lazy(batch, "i8"),
+    }
+    if job.orientation is not None:
+        entries["attitude"] = lazy((1, *batch, D + 1, D + 1))
+    entries = {k: v if hasattr(v, "shape") else np.array(v) for k, v in entries.items()}
+    dataset = labelled.dataset_of(entries, job.dims, coords)
+    # One row stands for all so far: times of all would be as many as states.
+    rows = {name: dataset[name].variable for name in ("omega", "attitude") if name in dataset}
+    number = dataset["n"].attrs
+    dataset = dataset.drop_vars([*rows, *({"n", "t", "time"} & set(dataset.variables))])
+    if job.keeps_states:
+        dataset = dataset.assign_coords(n=("n", job.numbers, number))
+        for name, row in rows.items():
+            dataset[name] = (row.dims, lazy((len(job.numbers), *row.shape[1:])), row.attrs)
+    for name in job.reductions:
+        own, tail = (("component",), (D,)) if REDUCTIONS[name].of_components else ((), ())
+        attributes = {"long_name": REDUCTIONS[name].meaning}
+        dataset[name] = ((*job.dims, *own), lazy((*batch, *tail)), attributes)
+    status = dataset["status"].attrs
+    status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
+    status["flag_meanings"] += " PENDING"
+    for name, variable in dataset.variables.items():
+        if variable.dtype.kind == "U":  # Zarr 3 has strings of any length only
+            dataset[name] = variable.astype(object)
+    return dataset
+
+
+def _progress(job: Job) -> Any:
+    """Return the dataset of what is needed to go on, lazy."""
+    import xarray
+    from dask.array import zeros
+
+    from .compute import record_size
+
+    grid, record = job.plan.grid, (*job.plan.batch, record_size(job))
+    return xarray.Dataset(
+        {
+            "steps_done": (
+                [f"tile_{k}" for k in range(len(grid))],
+                zeros(grid, dtype="i8", chunks=grid),
+            ),
+            "record": ((*job.dims, "word"), zeros(record, dtype="i8", chunks=record)),
+        }
+    )
 
 
 def _consolidate(store: Any) -> None:
@@ -324,87 +330,41 @@ def _consolidate(store: Any) -> None:
         zarr.consolidate_metadata(store, zarr_format=3)
 
 
-def recognised(job: Job, identity: dict[str, Any]) -> Job:
-    """Return the job with the chunks of its store, which must hold the same run."""
-    from dataclasses import replace
+class Arrays(dict[str, Any]):
+    """The arrays of a store by name, to be written to."""
 
-    group = _group(job.store)
-    notes = _notes(group, job.store)
-    require_same(identity, json.loads(notes["run"]), job.store)
-    stored = int(group.attrs["steps"])
-    if stored > job.steps:
-        raise ValueError(
-            f"steps: expected at least the {stored} of the run in {job.store}, got {job.steps}"
-        )
-    return replace(job, plan=Plan(job.plan.batch, tuple(notes["tile"]), int(notes["rows"])))
+    def __init__(self, store: Any) -> None:
+        self.group = _group(store, "r+")
+
+    def __missing__(self, name: str) -> Any:
+        # Chunks of NaN are written like others: looking for them takes longer.
+        self[name] = self.group[name].with_config({"write_empty_chunks": True})
+        return self[name]
+
+    def remove(self, name: str, where: Slices) -> None:
+        """Remove the chunks of a tile, so that they read as not computed."""
+        if name in self.group:
+            array = self.group[name].with_config({"write_empty_chunks": False})
+            array[where] = array.fill_value
 
 
-def lengthen(job: Job, arrays: Arrays) -> None:
-    """Make room for the states of a longer run; a process that was killed here is no obstacle."""
-    group = arrays.group
-    consolidated = _group(job.store, consolidated=None).metadata.consolidated_metadata
-    if arrays.steps == job.steps and consolidated is not None:
-        return
-    if job.keeps_states:
-        rows = len(job.numbers)
-        for name in ("omega", "attitude", "n"):
-            if name in group and group[name].shape[0] != rows:
-                group[name].resize((rows, *group[name].shape[1:]))
-        group["n"][:] = job.numbers
-    group.attrs["steps"] = job.steps
-    _consolidate(job.store)
+def place_of(index: tuple[int, ...]) -> Slices:
+    """Return the place of a tile in the grid of tiles."""
+    return tuple(slice(k, k + 1) for k in index)
 
 
 def withdraw(job: Job, arrays: Arrays, index: tuple[int, ...], whole: bool = False) -> None:
-    """Remove the last states of a tile, or the whole of it, with its mark."""
-    where, every_row = job.plan.where(index), slice(0, len(job.numbers))
+    """Remove the last states of a tile, or with `whole` all that it has, its mark first."""
+    where = job.plan.where(index)
     names = ["final", "status", "failed_at", *job.reductions]
     if whole:
-        arrays[STEPS_DONE][place_of(index)] = np.full((1,) * len(index), -1)
+        arrays[STEPS_DONE][place_of(index)] = -1
         names.append(RECORD)
-    if job.keeps_states and (whole or job.save_every is None):
-        for name in ("omega", "attitude"):
-            if name in arrays:
-                arrays.clear(name, (every_row, *where))
     for name in names:
-        arrays.clear(name, where)
-
-
-def mend(job: Job, coords: Mapping[Any, Any] | None) -> None:
-    """Write again all that is known without computing, and create arrays that are not there.
-
-    `lengthen` has to follow.
-    """
-    dataset, results = _described(job, coords)
-    group = _group(job.store, "r+")
-    attributes = dict(group.attrs)
-    existing = []
-    for name, variable in dataset.variables.items():
-        if _state_of(group, str(name), variable.dims, variable.shape) == "fits":
-            existing.append(name)
-        elif str(name) in group:
-            del group[str(name)]
-    if "n" in existing:  # `lengthen` writes it
-        dataset = dataset.drop_vars("n")
-    _write_known(dataset, job.store, existing)
-    group = _group(job.store, "r+")
-    group.attrs.put(attributes)
-    for result in results:
-        state = _state_of(group, result.name, result.dims, result.shape)
-        if state != "fits":
-            _make(job, group, result, overwrite=state == "damaged")
-
-
-def _state_of(group: Any, name: str, dims: Any, shape: tuple[int, ...]) -> str:
-    """Return "fits", "absent" or "damaged" for the metadata of an array."""
-    axes = slice(1 if dims and dims[0] == "n" else 0, None)
-    try:
-        array = group[name]
-        return "fits" if array.shape[axes] == shape[axes] else "damaged"
-    except KeyError:
-        return "absent"
-    except (ValueError, TypeError, AttributeError):
-        return "damaged"
+        arrays.remove(name, where)
+    if whole or job.save_every is None:
+        for name in ("omega", "attitude"):
+            arrays.remove(name, (slice(None), *where))
 
 
 def open_dataset(store: Any) -> Any:
@@ -412,76 +372,45 @@ def open_dataset(store: Any) -> Any:
     import xarray
 
     group = _group(store, consolidated=None)
-    if group is None or _CREATING in group.attrs:
-        if group is None and is_folder(store) and os.path.lexists(store):
+    if group is None:
+        if is_folder(store) and os.path.lexists(store) and not _is_begun(store):
             raise ValueError(f"store: expected one that ensemble made, got another: {store}")
         raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
-    _require_harmless(group)
     notes = _notes(group, store)
     with advice(store):
-        for name in notes["variables"]:
-            array = group[name] if name in group else None
-            if array is None or (_is_known(array) and array.nchunks_initialized < array.nchunks):
-                raise ValueError(f"{name} is missing")
-        consolidated = group.metadata.consolidated_metadata is not None
         dataset = xarray.open_zarr(
-            store, consolidated=consolidated, zarr_format=3, chunks={}, drop_variables=["n"]
+            store,
+            consolidated=group.metadata.consolidated_metadata is not None,
+            zarr_format=3,
+            chunks={},
+            drop_variables=["n"],
         )
         done = np.asarray(group[STEPS_DONE][...])
         steps, every = int(dataset.attrs["steps"]), dataset.attrs.get("save_every")
-        dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
-        if "n" in dataset.dims:
-            numbers = np.array([steps]) if every is None else np.arange(0, steps + 1, every)
-            numbers = numbers[: dataset.sizes["n"]]
-            dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
-            eps = dataset["eps"] if dataset["eps"].ndim else dataset["eps"].load()
-            with np.errstate(over="ignore"):
-                times = (dataset["n"] * eps).assign_attrs(long_name="time")
-            dataset = dataset.assign_coords(time=times)
+        for name in notes["variables"]:
+            if name not in group:
+                raise ValueError(f"{name} is missing")
+        for name in notes["known"]:
+            values = dataset[name].load().values
+            if (values == "" if values.dtype.kind in "OT" else values != values).any():
+                raise ValueError(f"a chunk of {name} is missing")
+    dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
+    if "n" in dataset.dims:
+        numbers = np.array([steps]) if every is None else np.arange(0, steps + 1, every)
+        dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
+        with np.errstate(over="ignore"):
+            times = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
+        dataset = dataset.assign_coords(time=times)
     return dataset
 
 
-def _is_known(array: Any) -> bool:
-    """Return True for an array that was written as a whole when the store was created."""
-    return array.basename not in (
-        *("omega", "attitude", "final", "status", "failed_at", "steps_done", "record"),
-        *REDUCTIONS,
-    )
-
-
-class advice:
+@contextmanager
+def advice(store: Any) -> Iterator[None]:
     """Say how damage that an error is about is mended."""
-
-    def __init__(self, store: Any) -> None:
-        self.store = store
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if isinstance(error, (ValueError, RuntimeError, KeyError)):
-            raise ValueError(
-                f"store: expected an undamaged one, got {self.store}: {error}; "
-                "ensemble with verify=True mends it"
-            ) from error
-
-
-def _require_harmless(group: Any) -> None:
-    """Refuse arrays whose decoding could run code, before anything is decoded."""
-    for name, array in group.members(max_depth=None):
-        if not hasattr(array, "dtype"):
-            continue
-        unknown = sorted(set(_codecs_of(array.metadata.to_dict().get("codecs", ()))) - _CODECS)
-        if unknown or array.metadata.zarr_format != 3:
-            raise ValueError(
-                f"store: expected arrays of Zarr 3 with its standard codecs, got {name} with "
-                f"{', '.join(unknown) or 'format 2'}"
-            )
-
-
-def _codecs_of(codecs: Any) -> Iterator[str]:
-    for codec in codecs:
-        yield str(codec["name"]).removeprefix("numcodecs.")
-        settings = codec.get("configuration") or {}
-        for inner in ("codecs", "index_codecs"):
-            yield from _codecs_of(settings.get(inner, ()))
+    try:
+        yield
+    except (ValueError, RuntimeError, KeyError) as error:
+        raise ValueError(
+            f"store: expected an undamaged one, got {store}: {error}; "
+            "ensemble with verify=True mends it"
+        ) from error

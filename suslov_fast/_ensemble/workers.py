@@ -9,9 +9,10 @@ from itertools import islice
 from typing import Any
 
 from .._checks import FloatArray
-from .compute import Index, pieces, write
-from .control import Report, Stop
+from .compute import Report, pieces, write
+from .control import Stop
 from .job import Job
+from .plan import Index
 from .starts import Kept
 from .store import Arrays
 
@@ -50,7 +51,7 @@ def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Sto
     futures = as_completed([submit(each) for each in islice(left, abreast)], loop=client.loop)
     try:
         for future in futures:
-            report(*future.result())
+            report(future.result())
             if not stop.asked:
                 for index in islice(left, 1):
                     futures.add(submit(index))
@@ -68,13 +69,12 @@ def _sent(job: Job, index: Index) -> tuple[Job, Index, FloatArray | None]:
     return part, index, None
 
 
-def _compute(part: Job, index: Index, starts: FloatArray | None) -> tuple[int, int]:
-    """Compute what a tile lacks, on one thread; return trajectory-steps and bytes."""
-    arrays = Arrays(part.store)
+def _compute(part: Job, index: Index, starts: FloatArray | None) -> int:
+    """Compute what a tile lacks, on one thread; return the number of trajectory-steps."""
+    arrays, steps = Arrays(part.store), 0
     if starts is None:
         starts = part.starts(part.plan.where(index))
-    steps = nbytes = 0
     for piece in pieces(part, index, starts, arrays, 1):
         write(piece, arrays)
-        steps, nbytes = steps + piece.steps, nbytes + piece.nbytes
-    return steps, nbytes
+        steps += piece.steps
+    return steps

@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from . import labelled
-from .schema import Entries
 from .replacing import replacing
+from .schema import Entries
 
 SUFFIXES = (".npz", ".nc", ".zarr")
 

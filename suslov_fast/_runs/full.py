@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, integer, one_of
+from .._checks import FloatArray, instance, integer, one_of
 from .._engine.arguments import check
-from .._engine.layout import checked_out, flat_parameter, own_parameter, own_states
+from .._engine.layout import checked_out, own_parameter, own_states
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Run, execute
 from .._engine.threads import thread_count
+from .._maps.registry import map_of
 from .trajectories import OnSingular, Trajectories, report
 
 
-def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> FloatArray:
+def step_full(
+    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None = None
+) -> FloatArray:
     """One step of the three-component scheme, equation (ds).
 
     The constraint asks for Omega3 = 0; the scheme itself only changes the sign of Omega3.
@@ -30,8 +32,8 @@ def step_full(body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -
         Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
-    I3 : array_like(float, shape=(...))
-        The third moment of inertia, positive.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, positive; by default that of the body.
 
     Returns
     -------
@@ -63,7 +65,7 @@ def iterate_full(
     omega0: ArrayLike,
     eps: ArrayLike,
     steps: int,
-    I3: ArrayLike,
+    I3: ArrayLike | None = None,
     *,
     save_every: int | None = 1,
     out: FloatArray | None = None,
@@ -86,8 +88,8 @@ def iterate_full(
         Step size, in the unit of time of omega0; a negative one gives the inverse map.
     steps : int
         Number of steps, 0 or more.
-    I3 : array_like(float, shape=(...))
-        The third moment of inertia, positive.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, positive; by default that of the body.
     save_every : int or None
         Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
     out : ndarray(float64, shape=(n_saved, ..., 3)), optional
@@ -154,20 +156,23 @@ def iterate_full(
     return Trajectories.of(run, results)
 
 
-def _checked(body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike) -> Run:
+def _checked(
+    body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None
+) -> Run:
     """A run of one step."""
-    (state, step_size, third), batch = check(
-        body, {name: omega}, {"eps": eps, "I3": I3}, dimension=3
-    )
-    if not np.all(np.greater(third, 0)):
-        raise ValueError(f"I3: expected a positive moment of inertia, got {np.min(third)}")
+    instance("body", body, Suslov3D)
+    if I3 is not None:
+        body = replace(body, I3=I3)  # type: ignore[arg-type]
+    elif body.I3 is None:
+        raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
+    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, dimension=3)
     return Run(
+        map=map_of(body, full=True),
         body=body,
         batch=batch,
         omega0=own_states(state, batch),
         eps=own_parameter(step_size),
         steps=1,
         save_every=None,
-        method="full",
-        resume={"I3": flat_parameter(third, batch).copy()},
+        method="auto",
     )

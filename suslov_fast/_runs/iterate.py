@@ -7,13 +7,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray, integer, one_of
 from .._engine.arguments import Body, check
 from .._engine.layout import checked_out, flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Run, execute
 from .._engine.threads import thread_count
+from .._maps.registry import map_of
 from .trajectories import OnSingular, Trajectories, report
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
@@ -54,7 +54,9 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
     threads = thread_count(threads)
     states = flat_vectors(state, batch)
-    run = Run(body, batch, states, step_size, 1, None, "auto", None, threads, single=True)
+    run = Run(
+        map_of(body), body, batch, states, step_size, 1, None, "auto", None, threads, single=True
+    )
     results = execute(run)
     # A state that does not exist has no next one, and that is no news.
     report(run, results, "warn", 1, stacklevel=2)
@@ -156,13 +158,14 @@ def iterate(
     if save_every is not None:
         expected = "None or an integer of at least 1"
         save_every = integer("save_every", save_every, 1, expected)
-    in_3d = isinstance(body, Suslov3D)
-    one_of("method", method, ("auto", "canonical", "ds2") if in_3d else ("auto", "gauss", "rank2"))
+    map = map_of(body)
+    one_of("method", method, map.methods)
     threads = thread_count(threads)
     check_progress(progress)
     if attitude is True or attitude is np.True_:
         turned = [np.eye(body.dimension + 1)]
     run = Run(
+        map,
         body,
         batch,
         own_states(state, batch),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .schema import BODIES, PLAIN, RESUME, Entries, parameters_of
 from .._engine.status import Status
+from .schema import BODIES, PLAIN, RESUME, Entries, parameters_in, parameters_of
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +66,7 @@ def dataset_of(
         "failed_at": (batch, entries["failed_at"]),
         "eps": _varying(entries["eps"], batch),
     }
-    for name in parameters_of(kind):
+    for name in parameters_in(entries):
         own = ("component",) if kind == "SuslovND" else ()
         variables[name] = _varying(entries[name], batch, own)
     if "final" in entries:
@@ -81,7 +81,7 @@ def dataset_of(
         coords={
             "n": entries["n"],
             "t": _times(entries["n"], variables["eps"]),
-            "component": _component_names(kind, omega.shape[-1]),
+            "component": _component_names(entries),
         },
         attrs=_global_attributes(entries),
     )
@@ -135,8 +135,9 @@ def _times(n: NDArray[np.int64], eps: tuple[Any, NDArray[Any], Any]) -> Any:
         return ("n", *dims), np.multiply.outer(n, values)
 
 
-def _component_names(kind: str, dimension: int) -> NDArray[Any]:
-    last = "n" if kind == "SuslovND" else ""
+def _component_names(entries: Entries) -> NDArray[Any]:
+    last = "n" if str(entries["map"]) == "suslov_nd" else ""
+    dimension = entries["omega"].shape[-1]
     # Strings of any length: those of fixed length are no part of Zarr's third format.
     return np.array([f"Omega{i + 1}{last}" for i in range(dimension)], dtype=object)
 
@@ -198,7 +199,7 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
     for name, order in orders.items():
         if name in dataset.variables:
             entries[name] = _in_order(dataset, name, order)
-    for name in ("eps", *parameters_of(str(entries["body"]))):
+    for name in ("eps", *parameters_of(str(entries["body"])), "I3"):
         if name in dataset.variables:
             entries[name] = unvarying(dataset, name, batch)
     entries.update(_resume_entries(dataset, entries))

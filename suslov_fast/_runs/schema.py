@@ -6,7 +6,7 @@ Both are made from these entries and read back to them, so that what they hold i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 import numpy as np
@@ -14,23 +14,30 @@ from numpy.typing import NDArray
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
+from .._bodies.values import parameters_of as set_parameters
 from .._engine.arguments import Body
 from .._engine.run import numbers_of_saved
+from .._maps.registry import map_named
 
 Entries = dict[str, NDArray[Any]]
 
 # The number of this arrangement: a file that a later one wrote is refused, not misread.
-FORMAT = 1
+FORMAT = 2
 BODIES: dict[str, type[Suslov3D] | type[SuslovND]] = {"Suslov3D": Suslov3D, "SuslovND": SuslovND}
 RESUME = "resume_"
 # Entries that are one number or one string.
-PLAIN = ("format", "version", "body", "method", "steps", "save_every")
-_ALWAYS = ("omega", "n", "eps", "status", "failed_at", "body", "method", "steps")
+PLAIN = ("format", "version", "map", "body", "method", "steps", "save_every")
+_ALWAYS = ("omega", "n", "eps", "status", "failed_at", "map", "body", "method", "steps")
 
 
 def parameters_of(kind: str) -> list[str]:
     """The names of the parameters of a body."""
-    return [field.name for field in fields(BODIES[kind])]
+    return [field.name for field in fields(BODIES[kind]) if field.default is MISSING]
+
+
+def parameters_in(entries: Mapping[str, NDArray[Any]]) -> list[str]:
+    """The names of the parameters of the body that entries hold."""
+    return [f.name for f in fields(BODIES[str(entries["body"])]) if f.name in entries]
 
 
 def entries_of(run: Mapping[str, Any]) -> Entries:
@@ -42,12 +49,13 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
     entries = {
         "format": FORMAT,
         "version": __version__,
+        "map": run["_map"].name,
         "body": kind,
         "method": run["method"],
         "steps": run["steps"],
         "n": numbers_of_saved(run["steps"], run["save_every"]),
         **{name: run[name] for name in ("omega", "eps", "status", "failed_at")},
-        **{name: getattr(body, name) for name in parameters_of(kind)},
+        **set_parameters(body),
         **{RESUME + name: array for name, array in run["_resume"].items()},
     }
     if run["save_every"] is not None:
@@ -97,6 +105,7 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         "omega": omega,
         "eps": float(eps) if eps.ndim == 0 else eps,
         "body": _body_of(entries),
+        "_map": map_named(str(entries["map"])),
         "status": entries["status"],
         "failed_at": entries["failed_at"],
         "final": entries["final"] if "final" in entries else omega[-1:].reshape(omega.shape[1:]),
@@ -121,7 +130,7 @@ def _body_of(entries: Mapping[str, NDArray[Any]]) -> Body:
     missing = [name for name in parameters_of(kind) if name not in entries]
     if missing:
         raise ValueError(f"expected all parameters of the body, got no {', '.join(missing)}")
-    return BODIES[kind](*(entries[name] for name in parameters_of(kind)))
+    return BODIES[kind](**{name: entries[name] for name in parameters_in(entries)})
 
 
 def _check(run: Mapping[str, Any], n: NDArray[Any]) -> None:
@@ -136,12 +145,13 @@ def _check(run: Mapping[str, Any], n: NDArray[Any]) -> None:
             f"got {_short(n)}"
         )
     batch = run["status"].shape
-    side = body.dimension + 1
+    D = len(run["_map"].components(body))
+    side = D + 1
     expected = {
-        "omega": ((n.size, *batch, body.dimension), np.float64),
+        "omega": ((n.size, *batch, D), np.float64),
         "status": (batch, np.int8),
         "failed_at": (batch, np.int64),
-        "final": ((*batch, body.dimension), np.float64),
+        "final": ((*batch, D), np.float64),
         "attitude": ((n.size, *batch, side, side), np.float64),
     }
     for name, (shape, dtype) in expected.items():

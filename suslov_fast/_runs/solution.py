@@ -12,8 +12,8 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray, finite_floats, integers_or_floats
 from .._engine.arguments import Body, check
 from .._engine.closed_form import Times, runs_of, states_at
-from .._engine.threads import thread_count
 from .._engine.status import SingularStepWarning
+from .._engine.threads import thread_count
 
 
 def exact(

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray, integer, one_of
 from .._engine.arguments import Body
 from .._engine.layout import first_index, spell
 from .._engine.problem import worst
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved
-from .._engine.threads import thread_count
 from .._engine.status import SingularStepWarning, Status
+from .._engine.threads import thread_count
+from .._maps.record import Map
 
 if TYPE_CHECKING:
     import xarray
@@ -95,7 +95,8 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | None = None
-    # What the iteration needs to go on with, beside the states that it shows.
+    # The map, and what it needs to go on with, beside the states that are saved.
+    _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
@@ -114,6 +115,7 @@ class Trajectories:
             steps=run.steps,
             save_every=run.save_every,
             attitude=results.attitude,
+            _map=run.map,
             _resume=results.resume,
         )
         return self
@@ -162,6 +164,7 @@ class Trajectories:
             )
         resume = dict(self._resume)
         run = Run(
+            map=self._map,
             body=self.body,
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
@@ -208,12 +211,14 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
+        self._require("first_integral")
         from .._states.conserved import first_integral
 
         return first_integral(self.body, self.omega, self.eps)
 
     def energy(self) -> FloatArray:
         """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
+        self._require("energy")
         from .._states.conserved import energy
 
         return energy(self.body, self.omega)
@@ -223,6 +228,7 @@ class Trajectories:
 
         See :func:`suslov_fast.modified_energy`.
         """
+        self._require("modified_energy")
         from .._states.conserved import modified_energy
 
         return modified_energy(self.body, self.omega, self.eps)
@@ -237,6 +243,7 @@ class Trajectories:
         NotIntegrableError
             If no first integral is known for the body.
         """
+        self._require("criticality")
         from .._states.conserved import criticality
 
         return criticality(self.body, self.omega, self.eps)
@@ -251,11 +258,10 @@ class Trajectories:
         TypeError
             If the body is not three-dimensional.
         """
-        if not isinstance(self.body, Suslov3D):
-            raise TypeError(f"to_xy: expected a body in 3D, got {type(self.body).__name__}")
+        self._require("to_xy")
         from .._states.coordinates import to_xy
 
-        return to_xy(self.body, self.omega)
+        return to_xy(self.body, self.omega)  # type: ignore[arg-type]
 
     def reaction(self) -> FloatArray:
         """The discrete multiplier of the constraint, from each saved state to the next of the map.
@@ -263,9 +269,15 @@ class Trajectories:
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
         :func:`suslov_fast.reaction`.
         """
+        self._require("reaction")
         from .._states.continuous import reaction
 
         return reaction(self.body, self.omega, self.eps)
+
+    def _require(self, quantity: str) -> None:
+        """TypeError for a quantity that the map of the run does not have."""
+        if quantity not in self._map.quantities:
+            raise TypeError(f"{quantity}: not defined for runs of the map {self._map.name}")
 
     def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
         """Draw the saved states of all trajectories: one component over another.
@@ -306,9 +318,9 @@ class Trajectories:
         axes = axes_or_new(axes, (5.0, 5.0))
         states = self.omega.reshape(len(self.omega), -1, D)
         axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
-        last = "" if isinstance(self.body, Suslov3D) else "n"
-        axes.set_xlabel(rf"$\Omega_{{{first + 1}{last}}}$")
-        axes.set_ylabel(rf"$\Omega_{{{second + 1}{last}}}$")
+        labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
+        axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
+        axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
         axes.set_aspect("equal", adjustable="datalim")
         return axes
 

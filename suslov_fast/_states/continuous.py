@@ -12,6 +12,7 @@ from .._engine.layout import flat_vectors
 from .._engine.observables import by_slabs, of_state, of_state_nd
 from .._engine.run import Run, execute
 from .._engine.threads import thread_count
+from .._maps.registry import map_of
 
 
 def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:
@@ -118,6 +119,7 @@ def reaction(
 def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
     run = Run(
+        map=map_of(body),
         body=body,
         batch=batch,
         omega0=flat_vectors(omega, batch),

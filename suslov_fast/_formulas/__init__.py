@@ -1,0 +1,1 @@
+"""Formulas: scalars in, scalars out. No loops, nothing about memory or threads."""

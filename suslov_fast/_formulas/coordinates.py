@@ -1,0 +1,131 @@
+"""The coordinates (x, y) of equation (xy), and the same made dimensionless: (X, Y)."""
+
+import numpy as np
+
+from .._jit import formula, select, two_product
+from .units import exponent, normal_state, scaled
+
+# |X| + |Y| below this: a step changes the state by less than one part in 1e150.
+MOTIONLESS = 1e-150
+
+
+@formula
+def two_sum(v, w):
+    """v + w, rounded, and what the rounding lost (Knuth)."""
+    total = v + w
+    t = total - v
+    return total, (v - (total - t)) + (w - t)
+
+
+@formula
+def sum_of_ordered(v, w):
+    """`two_sum` where |v| is not less than |w|, or v = 0."""
+    total = v + w
+    return total, w - (total - v)
+
+
+@formula
+def sum_of_products(v1, w1, v2, w2):
+    """v1*w1 + v2*w2 to a few ulps of the sum, however much of it cancels.
+
+    Near the steady-state line x is a small difference, and the map amplifies its relative error.
+    """
+    p1, error1 = two_product(v1, w1)
+    p2, error2 = two_product(v2, w2)
+    total, error = two_sum(p1, p2)
+    return total + (error + (error1 + error2))
+
+
+@formula
+def to_xy(I1, I2, I13, I23, omega1, omega2):
+    """Equation (xy)."""
+    x = sum_of_products(I13, omega1, I23, omega2)
+    y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
+    return x, y
+
+
+@formula
+def from_xy(I1, I2, I13, I23, x, y):
+    """The inverse of equation (xy)."""
+    D = I13 * I13 * I2 + I23 * I23 * I1
+    return (I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D
+
+
+@formula
+def canonical_body(I1, I2, I13, I23):
+    """What `canonical_state` needs of a body: 2 I1 I2, I23 I1 and -I13 I2, each with what rounding
+    lost of it, and the inverse of the first with its square root.
+    """
+    a2, a2_lost = two_product(2.0 * I1, I2)
+    c1, c1_lost = two_product(I23, I1)
+    c2, c2_lost = two_product(-I13, I2)
+    inverse = 1.0 / a2
+    return a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, np.sqrt(inverse)
+
+
+@formula
+def canonical_state(
+    I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
+):
+    """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and what rounding lost of Y.
+
+    No parameter is left in the map. Next to Y = 1 it amplifies the relative error of 1 - Y, which
+    is (1 - Y) - lost to a few ulps.
+    """
+    x = sum_of_products(I13, omega1, I23, omega2)
+    y1, y1_lost = two_product(c1, omega1)
+    y2, y2_lost = two_product(c2, omega2)
+    y, y_lost = two_sum(y1, y2)
+    y_lost = y_lost + ((y1_lost + c1_lost * omega1) + (y2_lost + c2_lost * omega2))
+    n, n_lost = two_product(eps, y)
+    Y = n * inverse
+    back, back_lost = two_product(Y, a2)
+    lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
+    return eps * x * root, Y, lost
+
+
+@formula
+def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
+    """`canonical_state` of any body."""
+    a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root = canonical_body(I1, I2, I13, I23)
+    return canonical_state(
+        I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
+    )
+
+
+@formula
+def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+    """`to_xy` of a body in the units of `units`, whose logarithms are M and P, and of any state."""
+    omega1, omega2, W = normal_state(omega1, omega2)
+    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
+    return scaled(x, W + P), scaled(y, W + P + M)
+
+
+@formula
+def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
+    """The inverse of `xy_of_state`."""
+    W, of_y = exponent(x) - P, exponent(y) - P - M
+    W = select(of_y < W, W, of_y)
+    omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
+    return scaled(omega1, W), scaled(omega2, W)
+
+
+@formula
+def at_rest(I13, I23, eps, X, Y):
+    """Whether the map is the identity, or does not move this state by any digit."""
+    return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
+
+
+@formula
+def from_canonical(I1, I2, I13, I23, eps):
+    """The matrix (m11, m12, m21, m22) that takes (X, Y) back to (Omega1, Omega2)."""
+    a2 = 2.0 * I1 * I2
+    m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(a2) / eps, 0.0)
+    m12, m22 = from_xy(I1, I2, I13, I23, 0.0, a2 / eps)
+    return m11, m12, m21, m22
+
+
+@formula
+def angular_velocity(m11, m12, m21, m22, rest1, rest2, unit, X, Y):
+    """omega = (m (X, Y) + rest) unit; both are NaN where X is."""
+    return (m11 * X + m12 * Y + rest1) * unit, (m21 * X + m22 * Y + rest2) * unit

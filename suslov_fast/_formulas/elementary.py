@@ -1,0 +1,105 @@
+"""Elementary functions as plain arithmetic: a call of the C library keeps loops scalar.
+
+To a few ulps where the closed form needs them. Integers are held as floats where they are used
+with floats.
+"""
+
+from .._jit import bits_of, formula, number_of_bits, select
+
+LOG2_E = 1.4426950408889634
+# log 2 as two numbers, the first of so few bits that its products with integers are exact.
+LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+# Adding this rounds to an integer and leaves it in the last bits of the sum.
+TO_INTEGER = 1.5 * 2.0**52
+BITS_OF_TO_INTEGER = 0x4338000000000000
+BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
+
+
+@formula
+def larger(a, b):
+    """Return the larger number; b where one is NaN."""
+    return select(a > b, a, b)
+
+
+@formula
+def smaller(a, b):
+    """Return the smaller number; b where one is NaN."""
+    return select(a < b, a, b)
+
+
+@formula
+def is_integer(v):
+    """Whether a number v >= 0 is one; `floor` would be a call."""
+    return (v >= 2.0**52) | ((v + 2.0**52) - 2.0**52 == v)
+
+
+@formula
+def two_to_the(k):
+    """2**k for an integer k from -1022 to 1023."""
+    return number_of_bits(bits_of(k + (TO_INTEGER + 1023.0)) << 52)
+
+
+@formula
+def scaled(v, k):
+    """v 2**k for an integer k from -2044 to 2046, exact where the result is a normal number."""
+    half = (0.5 * k + TO_INTEGER) - TO_INTEGER
+    return v * two_to_the(half) * two_to_the(k - half)
+
+
+@formula
+def within(v, bound):
+    """The number next to v that is no larger than a bound."""
+    return larger(smaller(v, bound), -bound)
+
+
+@formula
+def exponent(v):
+    """The k from -1022 to 1022 for which 2**k <= |v| < 2**(k + 1), as near as there is one."""
+    k = number_of_bits((bits_of(abs(v)) >> 52) + BITS_OF_TO_INTEGER) - TO_INTEGER
+    return within(k - 1023.0, 1022.0)
+
+
+@formula
+def exponential(x, lost):
+    """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, |x| <= 1e6."""
+    k = (x * LOG2_E + TO_INTEGER) - TO_INTEGER
+    z = ((x - k * LN2_HIGH) - k * LN2_LOW) + lost
+    # (exp(z) - 1 - z) / z**2 by Taylor's series, |z| <= log(2)/2, summed in pairs and pairs of
+    # them: one after the other, terms would wait for each other.
+    z2 = z * z
+    z4 = z2 * z2
+    low = (1.0 / 2.0 + z * (1.0 / 6.0)) + z2 * (1.0 / 24.0 + z * (1.0 / 120.0))
+    middle = (1.0 / 720.0 + z * (1.0 / 5040.0)) + z2 * (1.0 / 40320.0 + z * (1.0 / 362880.0))
+    high = (1.0 / 3628800.0 + z * (1.0 / 39916800.0)) + z2 * (
+        1.0 / 479001600.0 + z * (1.0 / 6227020800.0)
+    )
+    return (low + z4 * (middle + z4 * high)) * z2 + z, k
+
+
+@formula
+def halvings(value):
+    """The integer k for which value / 2**k lies between sqrt(1/2) and sqrt(2), value > 0."""
+    k = (bits_of(value) - BITS_OF_ROOT_HALF) >> 52
+    return number_of_bits(k + BITS_OF_TO_INTEGER) - TO_INTEGER
+
+
+@formula
+def logarithm_beyond(s):
+    """log((1 + s) / (1 - s)) - 2 s, |s| < 0.172."""
+    q = s * s
+    q2 = q * q
+    q4 = q2 * q2
+    low = (1.0 / 3.0 + q * (1.0 / 5.0)) + q2 * (1.0 / 7.0 + q * (1.0 / 9.0))
+    middle = (1.0 / 11.0 + q * (1.0 / 13.0)) + q2 * (1.0 / 15.0 + q * (1.0 / 17.0))
+    high = (1.0 / 19.0 + q * (1.0 / 21.0)) + q2 * (1.0 / 23.0)
+    return 2.0 * (s * (q * (low + q4 * (middle + q4 * high))))
+
+
+@formula
+def logarithm(value, distance):
+    """log(value) for 0 < value <= 1, where distance = 1 - value has digits that value lacks."""
+    k = halvings(value)
+    m = value * two_to_the(-k)
+    near = k == 0.0
+    s = select(near, distance, m - 1.0) / select(near, distance - 2.0, m + 1.0)
+    return k * LN2_HIGH + ((2.0 * s + logarithm_beyond(s)) + k * LN2_LOW)

@@ -1,0 +1,64 @@
+"""A body in n dimensions whose problem is solved, as one in three.
+
+With J I = b I, J = a on the vectors orthogonal to I, and across = that part of omega, the 3D body
+I1 = b, I2 = a, I13 = 0 has x = |I| |across|, y = b I.omega if I23 Omega1 = I.omega and
+I23 Omega2 = |I| |across|.
+"""
+
+import numpy as np
+
+from .._jit import formula, select, two_product
+from .coordinates import two_sum
+from .elementary import TO_INTEGER, exponent, larger, scaled
+
+# What a unit in the last place is from 2 to 4.
+_LAST_PLACE = 2.0**-51
+
+
+@formula
+def sum_in_two(total, lost, v, w):
+    """total + lost + v w: the rounded sum, and what rounding lost."""
+    product, of_product = two_product(v, w)
+    total, of_sum = two_sum(total, product)
+    return total, lost + (of_product + of_sum)
+
+
+@formula
+def as_product(p, lost):
+    """A and B, 1 <= B < 2 or nearly, whose product is p + lost to 76 bits; p is a finite number.
+
+    Next to Y = 1, and from next to X = 0, more digits of y count than one number has, and it is as
+    a product of two that the 3D map takes them: (S + i u)(S + j u) = S**2 + (i + j) S u + i j u**2
+    for a rounded root S and u in its last place. i + j makes up for what one number holds, i j for
+    the rest.
+    """
+    half = 2.0 * np.floor(0.5 * exponent(p))
+    whole = scaled(abs(p), -half)
+    more = scaled(select(p > 0.0, lost, -lost), -half)
+    S = (np.sqrt(whole) + 2.0) - 2.0
+    square, square_lost = two_product(S, S)
+    unit = S * _LAST_PLACE
+    rest = whole - square
+    k = np.ceil((rest + (more - square_lost)) / unit)
+    rest = (rest - k * unit) + (more - square_lost)
+    root = np.sqrt(larger(k * k - 4.0 * (rest / _LAST_PLACE) / _LAST_PLACE, 0.0))
+    i = (0.5 * (k + root) + TO_INTEGER) - TO_INTEGER
+    A = scaled(S + i * _LAST_PLACE, half)
+    B = S + (k - i) * _LAST_PLACE
+    A = select(p > 0.0, A, -A)
+    return select(lost == 0.0, p, A), select(lost == 0.0, 1.0, B)
+
+
+@formula
+def orthogonal(across, I_i, along, I_k):
+    """A component of omega orthogonal to I, from I_k omega_i - I_i omega_k.
+
+    along   The component of the vector of these differences along I, over |I|.
+    """
+    return (across - I_i * along) / I_k
+
+
+@formula
+def state_nd(along_i, across_i, omega1, omega2):
+    """A component of the state, from that of the 3D body."""
+    return along_i * omega1 + across_i * omega2

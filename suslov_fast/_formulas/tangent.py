@@ -1,0 +1,53 @@
+"""What the derivative of the map does to small displacements, and the growth of products."""
+
+from .._jit import formula, select
+from .elementary import LN2_HIGH, LN2_LOW, logarithm
+
+# Products are brought back into range by this, often enough that none overflows.
+UNIT = 2.0**300
+LOG2_OF_UNIT = 300.0
+
+
+@formula
+def canonical_derivative(X, Z, c):
+    """The entries (XX, XY, YX, YY) of the derivative of the canonical map, and its determinant.
+
+    The determinant follows from the invariant density 1 / (X (2 + X**2)); nothing cancels in it,
+    nor in the entries but where they vanish.
+    """
+    above, below = (1.0 + c) - Z, (1.0 - c) + Z  # 1 + Y and 1 - Y
+    r = 1.0 / (below + X * X)
+    X_r, above_r, below_r = X * r, above * r, below * r
+    X_next = X * above_r
+    return (
+        above_r * (below_r - X * X_r),
+        X_r * ((2.0 + X * X) * r),
+        -2.0 * X_r * (above * below_r),
+        below_r * below_r - 2.0 * (c - Z) * (X_r * X_r),
+        above_r * ((2.0 + X_next * X_next) / (2.0 + X * X)),
+    )
+
+
+@formula
+def times_matrix(h_i, I_i, omega_i, v_i, p, I_v, omega_v):
+    """Component i of A(omega) v, for the matrix A below (dsn).
+
+    h_i = eps / (2 J_i), p = I.omega, I_v = I.v and omega_v = omega.v.
+    """
+    return (1.0 - h_i * p) * v_i + h_i * (2.0 * I_i * omega_v - omega_i * I_v)
+
+
+@formula
+def multiplied(product, exponent, factor):
+    """A product |factor| UNIT**exponent times larger, its first number kept in range."""
+    product = product * abs(factor)
+    large, small = product > UNIT, product < 1.0 / UNIT
+    scaled = product * (select(large, 1.0 / UNIT, select(small, UNIT, 1.0)))
+    return scaled, exponent + (select(large, 1.0, select(small, -1.0, 0.0)))
+
+
+@formula
+def mean_logarithm(product, exponent, power, steps):
+    """log(2**power product UNIT**exponent) / steps, for 1/2 <= product <= 1."""
+    twos = power + LOG2_OF_UNIT * exponent
+    return (twos * LN2_HIGH + (logarithm(product, 1.0 - product) + twos * LN2_LOW)) / steps

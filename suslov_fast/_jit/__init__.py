@@ -1,0 +1,26 @@
+"""Numba: its options, the instructions that it lacks, and its cache."""
+
+from .instructions import (
+    bits_of,
+    carray,
+    number_of_bits,
+    select,
+    stack,
+    stream_line,
+    two_product,
+)
+from .options import Kernel, formula, inner, kernel
+
+__all__ = [
+    "Kernel",
+    "bits_of",
+    "carray",
+    "formula",
+    "inner",
+    "kernel",
+    "number_of_bits",
+    "select",
+    "stack",
+    "stream_line",
+    "two_product",
+]

@@ -1,0 +1,1 @@
+"""The maps of the package, one record each."""

@@ -1,0 +1,44 @@
+"""Finding a map: by its name, or by a body."""
+
+from __future__ import annotations
+
+import copyreg
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from .record import Map
+
+# The class of the bodies of each map, which is imported when it is first used. The first map of a
+# class is that of `iterate`.
+_BODIES = {
+    "suslov3d": "Suslov3D",
+    "suslov_nd": "SuslovND",
+    "suslov3d_full": "Suslov3D",
+}
+
+
+@cache
+def map_named(name: str) -> Map:
+    """Return the map of a name; ValueError if there is none."""
+    if name not in _BODIES:
+        raise ValueError(f"map: expected {' or '.join(_BODIES)}, got {name!r}")
+    record: Map = import_module(f".{name}", __package__).MAP
+    return record
+
+
+# A record is pickled by its name: functions of no name are no obstacle then.
+copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
+
+
+@cache
+def _map_of_class(body: str) -> Map:
+    for name, each in _BODIES.items():
+        if each == body:
+            return map_named(name)
+    raise TypeError(f"body: expected {' or '.join({*_BODIES.values()})}, got {body}")
+
+
+def map_of(body: Any, full: bool = False) -> Map:
+    """Return the map of a body, or with `full` its three-component scheme."""
+    return map_named("suslov3d_full") if full else _map_of_class(type(body).__name__)

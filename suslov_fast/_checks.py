@@ -237,3 +237,13 @@ def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
+    """The index of the first element that is true."""
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def spell(index: tuple[int, ...]) -> str:
+    """An index as users write it: `3`, `(1, 2)`, or `0` where there is only one."""
+    return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
-from suslov_fast._space import attitude as _attitude
 from suslov_fast._core.formulas import rotation
+from suslov_fast._space import attitude as _attitude
 
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 BODIES = {"3D": (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}

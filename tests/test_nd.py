@@ -14,6 +14,7 @@ from suslov_fast._engine import threads
 from suslov_fast._engine.iterate_nd import run
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
+from suslov_fast._engine.units import for_loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -239,7 +240,7 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
     return Problem(
         method=method,
         omega=omega,
-        parameters=body.for_loops(eps, (size,)),
+        parameters=for_loops(body, eps, (size,)),
         time_step=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,

@@ -1,5 +1,7 @@
 """Where n dimensions are solved, `auto` takes states from the closed form."""
 
+from types import SimpleNamespace
+
 import naive
 import numba
 import numpy as np
@@ -10,6 +12,7 @@ import suslov_fast as sf
 from suslov_fast._core.cpu import reduced_nd
 from suslov_fast._core.formulas.reduction import as_product
 from suslov_fast._engine import closed_form, iterate_3d, iterate_nd, jump_nd, threads
+from suslov_fast._engine.units import for_loops
 
 
 def same(first, second):
@@ -144,6 +147,11 @@ def test_two_numbers_whose_product_has_76_bits(rng):
                 assert 0.999 < B < 2.001
 
 
+def solved(body):
+    parameters = for_loops(body, 0.2, body.shape)
+    return jump_nd._solved(SimpleNamespace(parameters=parameters))
+
+
 def test_which_bodies_are_solved():
     """To the last bit of J and I; the functions that say so by name allow for rounding."""
     after = np.nextafter(2.0, 3.0)
@@ -157,15 +165,10 @@ def test_which_bodies_are_solved():
         ([1.0, 2.0, 3.0], [0.0, 0.0, 0.0], True),
     ]
     for J, I, expected in cases:
-        body = sf.SuslovND(J, I)
-        assert body.solved.tolist() is expected
-        assert body.any_solved is expected
+        assert solved(sf.SuslovND(J, I)).tolist() == [expected]
     J, I, expected = zip(*cases, strict=True)
-    assert sf.SuslovND(J, I).solved.tolist() == list(expected)
-    assert sf.SuslovND([1.0, 2.0, 3.0], np.array(I)[:, None]).solved.shape == (7, 1)
-    assert sf.SuslovND([[1.0, 2.0], [1.0, 1.0]], [0.1, 0.2]).solved.tolist() == [True, True]
-    assert sf.SuslovND([3.0], [0.1]).any_solved
-    assert not sf.SuslovND(np.ones((0, 3)), np.ones(3)).any_solved
+    assert solved(sf.SuslovND(J, I)).tolist() == list(expected)
+    assert solved(sf.SuslovND([3.0], [0.1])).all()
 
 
 def test_other_bodies_are_iterated(rng):
@@ -321,9 +324,9 @@ def test_a_run_that_is_gone_on_with(rng, tmp_path, m, save_every):
 def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
     body, omega, eps = mixed_batch(rng, 150, m)
     whole = run(body, omega, eps, 500, save_every=2)
-    solved = body.solved & (abs(omega).max(axis=-1) < 1e100)
-    alone = run(some(body, solved), omega[solved], eps[solved], 500, save_every=2)
-    assert same(alone.omega, whole.omega[:, solved])
+    chosen = solved(body) & (abs(omega).max(axis=-1) < 1e100)
+    alone = run(some(body, chosen), omega[chosen], eps[chosen], 500, save_every=2)
+    assert same(alone.omega, whole.omega[:, chosen])
     calls = []
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
     monkeypatch.setattr(jump_nd, "_TOGETHER", 2**12)
@@ -333,7 +336,7 @@ def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
     cut = run(body, omega, eps, 500, save_every=2, progress=lambda *each: seen.append(each))
     assert seen == sorted(seen)
     assert seen[-1] == (500, 500)
-    alone_too = run(some(body, solved), omega[solved], eps[solved], 500, save_every=2)
+    alone_too = run(some(body, chosen), omega[chosen], eps[chosen], 500, save_every=2)
     assert len(calls) > 10
     assert same(whole.omega, cut.omega)
     assert same(whole.status, cut.status)

@@ -15,6 +15,7 @@ from suslov_fast._core.cpu import closed_form as loops
 from suslov_fast._core.cpu import equal_steps, tiles
 from suslov_fast._engine import closed_form
 from suslov_fast._engine.iterate_3d import jumps
+from suslov_fast._engine.units import for_loops
 
 
 def random_problem(rng):
@@ -739,7 +740,7 @@ def test_rows_before_the_start_stay(body, rng):
     omega, start = rng.normal(size=(70, 2)), rng.integers(0, 150, 70).astype(float)
     out = np.full((200, 70, 2), 7.0)
     missing = closed_form.none_missing()
-    parameters = body.for_loops(0.2, ())
+    parameters = for_loops(body, 0.2, ())
     run = closed_form.Run(1.0, (0.0, 1.0), (0, 200, 0, 1))
     closed_form.fill_run(
         *run, False, parameters, omega, start, out, closed_form.NO_STATUS, missing, None

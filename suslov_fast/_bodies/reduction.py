@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
+from .._checks import FloatArray, first_index, spell
 from .._core.formulas.coordinates import sum_of_products
-from .._engine.layout import first_index, spell
 from .nd import SuslovND
 from .three import Suslov3D
+from .units import units_of
 
 # What rounding of J and I may come to: from_mass_tensor turns matrices.
 _ROUNDING = 1e-14
@@ -29,7 +29,7 @@ class Reduction:
     then the direction of the part of omega orthogonal to I is constant, and with x = |I| times its
     length and y = b I.omega the closed form of Section 4 holds, a b in place of I1 I2.
 
-    a, b, and I here are those of the body over powers of two, as `SuslovND.normalised` says, and
+    a, b, and I here are those of the body over powers of two, as `units_of` says, and
     `three` is a body over 2**unit of I1 I2 = a b.
     """
 
@@ -120,7 +120,7 @@ def reduce(body: SuslovND, function: str) -> Reduction:
         J, I = body.J, body.I
         three = Suslov3D(J[..., 1], J[..., 0], -I[..., 0], -I[..., 1])
         return Reduction(body, three, I, J[..., 1], J[..., 0], np.zeros((), np.intc))
-    J, I = body.normalised
+    moments, couplings, (J, I), _ = units_of(body)
     norm = _length(I)[..., np.newaxis]
     coupled = np.broadcast_to(abs(I) > _ROUNDING * norm, np.broadcast_shapes(I.shape, J.shape))
     count = coupled.sum(axis=-1)
@@ -137,7 +137,6 @@ def reduce(body: SuslovND, function: str) -> Reduction:
             f"{function}: expected a body with all J equal, or with I along one axis and all other "
             f"J equal; body {which} is not, and no closed form is known for it: use iterate"
         )
-    moments, couplings = body.exponents
     root, half = np.sqrt(a) * np.sqrt(b), (couplings - moments) // 2
     three = Suslov3D(
         np.ldexp(root, -half),

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
-from .._runs import labelled
 from .._bodies.nd import SuslovND
 from .._checks import FloatArray
 from .._engine.arguments import Body
+from .._engine.status import Status
 from .._ensemble.api import ensemble, open_ensemble
 from .._ensemble.starts import RandomStarts
+from .._runs import labelled
 from .._runs.schema import BODIES, parameters_of
-from .._engine.status import Status
 from .errors import UserError
 from .files import read_states
 from .problem import EXTENT, TRAJECTORIES

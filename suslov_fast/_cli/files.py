@@ -16,8 +16,8 @@ import numpy as np
 
 from .._checks import FloatArray, vectors
 from .._runs.files import engine_of, place_for, suffix_of
-from .._runs.schema import entries_of
 from .._runs.replacing import kind_of, replacing
+from .._runs.schema import entries_of
 from .._runs.trajectories import Trajectories
 from .errors import UserError
 

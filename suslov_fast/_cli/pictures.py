@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from .._show import plots as _plots
 from .._bodies.paper import PICTURES
+from .._show import plots as _plots
 from .errors import UserError
 from .files import written_whole
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._states.conserved import energy, first_integral, modified_energy
 from .._engine.arguments import Body
-from .._runs.schema import parameters_of
 from .._engine.status import Status
+from .._runs.schema import parameters_of
 from .._runs.trajectories import Trajectories
+from .._states.conserved import energy, first_integral, modified_energy
 
 # States whose observables stay in the cache while they are compared.
 _PORTION = 2**17

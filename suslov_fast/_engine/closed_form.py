@@ -19,6 +19,7 @@ from .._core.cpu.seeds import GROUP
 from . import threads as _threads
 from .layout import flat_vectors, for_kernel
 from .problem import alike
+from .units import for_loops
 
 # States of one call of a loop: some 10 ms. A quarter of them lost a twentieth to threads that wait.
 SLICE = 2**24
@@ -107,7 +108,7 @@ def states_at(
     values, runs = times
     out = _new((*values.shape, *batch, 2))
     states, moments = flat_vectors(state, batch), values.reshape(-1)
-    parameters = body.for_loops(eps, batch)
+    parameters = for_loops(body, eps, batch)
     size, rows = len(states), moments.size
     flat, missing = out.reshape((rows, size, 2)), none_missing(rows * size)
     for run in runs:

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._core.cpu import blocks, closed_form, map_3d
+from .._core.cpu import blocks, closed_form
+from .._kernels import maps_3d
 from . import closed_form as closed
 from . import threads
+from .iterate import iterate
 from .problem import Outcome, Problem, check_computed, never, not_computed
 from .progress import reporter
 
@@ -18,10 +20,6 @@ JUMP = 32
 _AHEAD = 256
 # So many of their states at a time, in arrays of their own.
 _TOGETHER = 2**20
-# Steps of all failed trajectories between two looks for Ctrl-C.
-_SEARCH = 2**24
-# Where no orientation is wanted, and nothing to go on from.
-_NO_TURN, _NO_STATE = np.empty((4, 0)), np.empty((2, 0))
 
 
 def run(problem: Problem) -> Outcome:
@@ -39,69 +37,7 @@ def jumps(problem: Problem) -> bool:
 
 def _iterate(problem: Problem) -> Outcome:
     """Step by step."""
-    size = problem.size
-    arguments = _method(problem), *problem.parameters, problem.omega
-    final, status = problem.room_for_last(), not_computed(size)
-    state, turn = _taken_up(problem)
-    turning = None
-    if problem.orientation is not None:
-        R0 = np.ascontiguousarray(problem.orientation.transpose(1, 2, 0))
-        turning = problem.time_step, R0, turn, problem.turns
-    for part in problem.parts(1.0, blocks.LANES):
-        threads.run(
-            map_3d.iterate,
-            part.work(blocks.LANES, 1.0),
-            problem.threads,
-            *arguments,
-            *part,
-            problem.every,
-            problem.first_row,
-            problem.saved,
-            state,
-            turning,
-            final,
-            status,
-        )
-    failed_at = never(size)
-    if check_computed(status):
-        failed_at = _failures(problem, arguments, status)
-    return Outcome(final, status, failed_at, {"state": state, "turn": turn})
-
-
-def _taken_up(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """The states (2, B) and the orientations (4, B), or (4, 0), as a run begins with them."""
-    if problem.start:
-        return problem.resume["state"].copy(), problem.resume["turn"].copy()
-    state = _NO_STATE if problem.single else np.empty((2, problem.size))
-    if problem.orientation is None:
-        return state, _NO_TURN
-    turn = np.zeros((4, problem.size))
-    turn[0] = 1.0
-    return state, turn
-
-
-def _failures(problem: Problem, arguments: tuple, status: NDArray[np.int8]) -> NDArray[np.int64]:  # type: ignore[type-arg]
-    """Where trajectories came to an end; their statuses then say how."""
-    failed_at = np.full(problem.size, -1)
-    failed = np.flatnonzero(status < 0)
-    state = np.empty((2, failed.size))
-    start = 0
-    while (failed_at[failed] < 0).any():
-        stop = min(start + max(_SEARCH // failed.size, 1), problem.stop)
-        threads.run(
-            map_3d.locate_failure,
-            failed.size * (stop - start),
-            problem.threads,
-            *arguments,
-            failed,
-            start,
-            stop,
-            state,
-            status,
-            failed_at,
-        )
-        start = stop
-    return failed_at
+    return iterate(problem, maps_3d.printed if problem.method == "ds2" else maps_3d.canonical)
 
 
 def _jump(problem: Problem) -> Outcome:
@@ -203,7 +139,3 @@ def last(problem: Problem, omega: FloatArray, n: int, status: NDArray[np.int8]) 
         status,
     )
     return final
-
-
-def _method(problem: Problem) -> int:
-    return map_3d.PRINTED if problem.method == "ds2" else map_3d.CANONICAL

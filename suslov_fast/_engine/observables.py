@@ -15,10 +15,11 @@ from .._checks import LARGE, FloatArray, real_array
 from .._core.cpu import observables, observables_nd
 from .._core.cpu.blocks import LANES, TASKS
 from .._core.jit import Loop
-from .status import SingularStepWarning
 from . import threads as _threads
 from .arguments import Body
 from .layout import flat_parameter, for_kernel, spell
+from .status import SingularStepWarning
+from .units import flat_of_one
 
 # What a state costs, in steps of the map.
 WORK = 4
@@ -175,7 +176,7 @@ def _parts(
     if eps is None:
         eps = 1.0
     if not batch:  # one state: most of the time of a call would go into what follows
-        one = [*body.flat, flat_parameter(eps, ())]
+        one = [*flat_of_one(body), flat_parameter(eps, ())]
         yield 0, one, [for_kernel(v).reshape(-1) for v in vectors], 1
         return
     size = math.prod(batch)

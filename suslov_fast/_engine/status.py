@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from .._core import codes
+from .._kernels import codes
 
 
 class Status(IntEnum):

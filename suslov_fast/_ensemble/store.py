@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from .._core.codes import NOT_COMPUTED
+from .._kernels.codes import NOT_COMPUTED
 from .._runs import labelled
 from .._runs.schema import FORMAT
 from .job import Job, parameters_of, require_same

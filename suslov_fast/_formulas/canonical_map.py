@@ -17,9 +17,13 @@ ZERO_TO_ROUNDING = 2.0**-50
 # is not a small change of the old one.
 LARGE = 2.0
 
-# No orbit that is tame at its start gets to a larger |X| + |Z|: by H = (X**2 + 2 Y**2)/(2 + X**2),
+# Arithmetic with subnormal numbers is four times slower or more: X**2 where |X| is below the first,
+# and soon X itself where it is below the second.
+SMALLEST_SQUARED, NEGLIGIBLE = 2.0**-510, 2.0**-960
+
+# No such orbit gets to a larger |X| + |Z|: by H = (X**2 + 2 Y**2)/(2 + X**2),
 # which is conserved, its X**2 is below 6 and its |Y| below 1.
-LARGEST_TAME = 5.0
+LARGEST_BOUNDED = 5.0
 
 
 @formula
@@ -36,9 +40,21 @@ def shifted(Y, lost):
 
 
 @formula
-def tame(X, Z, c, bound):
-    """Whether an orbit has c = 0, never meets a pole or a bound, -1 < Y <= 1/2, and no large X."""
-    return (c == 0.0) & (Z < 1.0) & (abs(X) < LARGE) & (bound > LARGEST_TAME)
+def stays_bounded(X, Z, c, bound):
+    """Test that an orbit has c = 0, -1 < Y <= 1/2 and no large X: it meets no pole and no bound."""
+    return (c == 0.0) & (Z < 1.0) & (abs(X) < LARGE) & (bound > LARGEST_BOUNDED)
+
+
+@formula
+def has_subnormal_square(X):
+    """Test that X**2 is subnormal; beside a state that moves at all it is 0 to rounding."""
+    return abs(X) < SMALLEST_SQUARED
+
+
+@formula
+def without_negligible(X, Z, c):
+    """X, or 0 where it is next to the smallest normal number on its way to a fixed point."""
+    return select((abs(X) < NEGLIGIBLE) & (c < Z), 0.0, X)
 
 
 @formula
@@ -58,7 +74,7 @@ def denominator(X, Z, c):
     Near X = 0, where the steady states (0, Y) reach up to the point (0, 1), less and less is taken
     for 0. While |Y| < 1 nothing is.
     """
-    square = X * X
+    square = select(has_subnormal_square(X), 0.0, X) * X
     d = ((1.0 - c) + Z) + square
     return d, abs(d) > ZERO_TO_ROUNDING * smaller(1.0 + square, 2.0**20 * square)
 
@@ -67,7 +83,8 @@ def denominator(X, Z, c):
 def guarded_step(X, Z, c, bound):
     """`canonical_step` for any state: NaN where there is no next one or it is beyond a bound."""
     d, regular = denominator(X, Z, c)
-    X_next, Z_next = canonical_step(X, Z, c)
+    X_next = X * ((1.0 + c) - Z) / d
+    Z_next = Z + select(has_subnormal_square(X), 0.0, X) * X_next
     # c - (Y (1 - Y) - X**2) / (1 - Y + X**2), which then cancels nowhere.
     quotient = ((1.0 + c) * (X * X) + Z * ((1.0 - c) + Z)) / d
     Z_next = select(abs(X) > LARGE, quotient, Z_next)

@@ -3,6 +3,7 @@
 from .instructions import (
     bits_of,
     carray,
+    expect_store,
     number_of_bits,
     select,
     stack,
@@ -15,6 +16,7 @@ __all__ = [
     "Kernel",
     "bits_of",
     "carray",
+    "expect_store",
     "formula",
     "inner",
     "kernel",

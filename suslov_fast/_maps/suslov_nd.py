@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from .._bodies.nd import SuslovND
-from .._checks import FloatArray
 from .._engine.jump_nd import run
+from .._engine.units import for_loops
 from .record import Kept, Map
-
-
-def _parameters(
-    body: SuslovND, eps: float | FloatArray, batch: tuple[int, ...]
-) -> list[FloatArray]:
-    return body.for_loops(eps, batch)
-
 
 MAP = Map(
     name="suslov_nd",
     body=SuslovND,
     components=lambda body: tuple(f"Omega{i + 1}n" for i in range(body.dimension)),
     methods=("auto", "gauss", "rank2"),
-    parameters=_parameters,
+    parameters=for_loops,
     run=run,
     resume=(
         Kept("state", ("B", "D")),

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._bodies.values import parameters_of as set_parameters
 from .._engine.arguments import Body
 from .._engine.run import numbers_of_saved
 from .._maps.registry import map_named
@@ -55,7 +54,7 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
         "steps": run["steps"],
         "n": numbers_of_saved(run["steps"], run["save_every"]),
         **{name: run[name] for name in ("omega", "eps", "status", "failed_at")},
-        **set_parameters(body),
+        **body._values,
         **{RESUME + name: array for name, array in run["_resume"].items()},
     }
     if run["save_every"] is not None:

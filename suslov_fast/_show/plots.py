@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._space.attitude import attitude
 from .._bodies.matter import ellipsoid_of_inertia
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
+from .._runs.iterate import iterate
+from .._runs.solution import exact, flow
+from .._space.attitude import attitude
+from .._space.scattering import scattering_angle
 from .._states.conserved import criticality, energy, modified_energy
 from .._states.continuous import vector_field
 from .._states.coordinates import from_xy, to_xy
 from .figures import axes_or_new, new_figure
-from .._runs.iterate import iterate
 from .plane import conic, level_curves, repelling_direction
-from .._space.scattering import scattering_angle
-from .._runs.solution import exact, flow
 
 # Legible without colour too: lines differ in style, not in colour alone.
 _LINE, _ACCENT = "crimson", "steelblue"
@@ -407,7 +407,7 @@ class _Scene:
     """The figure of an animation, drawn anew for each frame."""
 
     def __init__(self, body: Suslov3D, I3: float, turns: FloatArray) -> None:
-        radii, principal = ellipsoid_of_inertia(*body.parameters, I3)
+        radii, principal = ellipsoid_of_inertia(body.parameters, I3)
         self.turns = turns
         self.path = 1.15 * turns[:, :, 2]
         u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 41), np.linspace(0, np.pi, 21))

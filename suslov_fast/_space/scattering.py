@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._bodies.three import Suslov3D
+from .._bodies.units import units_of
 from .._checks import FloatArray, instance
 from .._core.cpu import scattering
 from .._engine import threads as _threads
@@ -65,11 +66,11 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     """
     instance("body", body, Suslov3D)
     threads = _threads.thread_count(threads)
-    moments, products = body.exponents
-    unit = np.ldexp(1.0, np.clip(moments - products, -1000, 1000))
+    units = units_of(body)
+    unit = np.ldexp(1.0, np.clip(units.moments - units.couplings, -1000, 1000))
     flat: list[Any] = [
         np.ascontiguousarray(np.broadcast_to(each, body.shape)).reshape(-1)
-        for each in (*body.normalised, unit)
+        for each in (*units.parameters, unit)
     ]
     angles = np.empty(math.prod(body.shape))
     _threads.run(scattering.scatter, angles.size * scattering.WORK, threads, *flat, angles)

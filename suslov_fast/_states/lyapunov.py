@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
+from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray, integer
 from .._core.cpu import lyapunov as loops
 from .._core.cpu.blocks import LANES, TASKS
@@ -113,7 +114,7 @@ def _growth(
     size = len(omega)
     parameters = [
         np.broadcast_to(each, batch).reshape(size).copy()
-        for each in (*body.normalised, body.normalised_eps(eps))
+        for each in (*units_of(body).parameters, scaled_eps(body, eps))
     ]
     carried = np.empty((loops.ROWS, size))
     _threads.run(loops.enter, size * _STEP, threads, *parameters, omega, carried)

@@ -10,14 +10,14 @@ import numpy as np
 from ..._bodies.matter import ellipsoid_of_inertia
 from ..._bodies.three import Suslov3D
 from ..._checks import FloatArray
+from ..._engine.status import Status
+from ..._runs.iterate import iterate
+from ..._runs.solution import flow, limits
+from ..._space.scattering import scattering_angle
+from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.continuous import vector_field
-from ..._runs.iterate import iterate
 from ..plane import energy_level, level_curves, repelling_direction
-from ..._space.scattering import scattering_angle
-from ..._runs.solution import flow, limits
-from ..._space.vectors import to_vector
-from ..._engine.status import Status
 from .parameters import Parameters
 
 # Branches that do not end are drawn as far as anyone zooms out.
@@ -138,7 +138,7 @@ def _ellipsoid(body: Suslov3D, low: FloatArray, high: FloatArray) -> dict[str, A
     I3 = float(0.5 * (low + high)) if of_matter else float(np.maximum(body.I1, body.I2))
     for _ in range(_DOUBLINGS):
         try:
-            radii, axes = ellipsoid_of_inertia(*body.parameters, I3)
+            radii, axes = ellipsoid_of_inertia(body.parameters, I3)
         except ValueError:
             I3 *= 2.0
         else:

@@ -1,0 +1,1 @@
+"""Loops over trajectories, steps and states: plain njit, numbers only."""

@@ -1,0 +1,232 @@
+"""The loop over steps that all maps in three dimensions share.
+
+A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
+inside, so that LLVM puts lanes side by side in vector registers. The constants of each trajectory
+stand in the rows of `c`, its state in those of `s`. A map is given by six formulas of one lane l:
+
+enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
+                                       its steps must be guarded, else 0.
+advance(c, s, l)                       Make one step of a trajectory that cannot meet a pole.
+guarded(c, s, l)                       Make one step of any trajectory: NaN where no next state
+                                       exists, else equal to `advance` bit for bit.
+show(c, s, l, out, i)                  Write the angular velocity to out[i:].
+cause(c, s, l)                         Return the status of a trajectory that has no next state.
+settle(c, s, l, rounds)                Return 1 if steps must be guarded against subnormal numbers,
+                                       which are slow, else 0. With `rounds`, replace numbers that
+                                       do not count any more by 0.
+
+The arithmetic of a trajectory depends neither on its block nor on how its steps are cut into calls.
+Arguments of a kernel, over a batch of B trajectories:
+
+parameters   arrays (B,) or (1,): those of the body, and the step size
+omega        (B, D), the states at step 0
+span         begin, end, start, stop, every, first_row: trajectories begin to end are taken from
+             state start to state stop, states whose number is a multiple of `every` are saved, the
+             first of them is number first_row * every
+saved        (rows, B, D); no rows if states are not wanted
+turning      None, or time_step (B,) or (1,); R0 (B, 3, 3); quaternions (B, 4), the rotations since
+             then; turns (rows, B, 3, 3), the orientations at the saved states, or the last alone
+kept         final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
+             fails; state (B, S), from which a run goes on, or (0, S)
+"""
+
+import numpy as np
+
+from .._formulas.rotation import row_times_matrix, turn_between, turned
+from .._jit import carray, formula, inner, stack
+from . import codes
+from .tiles import lead_of, missing_of_first_block, write_row
+
+# 64 lanes lose a quarter to the loop around them, 256 gain nothing.
+LANES = 128
+# Rows of a block: constants of a trajectory at most, and numbers of its state.
+CONSTANTS, STATE = 10, 3
+# Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
+_TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
+_C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
+# Trajectories are tested for failure every so many steps; steps since then are then repeated.
+CHECK_EVERY = 256
+
+
+@formula
+def blocks_of(span, saved):
+    """Return how many blocks a call has, and by how much the first one is shorter."""
+    shift = missing_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
+    return (span[1] - span[0] + shift + LANES - 1) // LANES, shift
+
+
+@formula
+def whole(width):
+    """Return the lanes in use: whole vectors."""
+    return (width + 7) // 8 * 8
+
+
+def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):
+    """Make the loop over the steps of a block from the formulas of a map.
+
+    A state has D components, and is held as so many numbers.
+    """
+
+    @formula
+    def show_before(c, s, r, tile, lanes):
+        """Fill the angular velocities before the next step, of a run that is gone on with."""
+        for l in range(lanes):
+            show(c, s, l, tile, 2 * l)
+        for l in range(lanes):
+            r[_BEFORE, l], r[_BEFORE + 1, l] = tile[2 * l], tile[2 * l + 1]
+
+    @inner
+    def find_failure(c, s, l, n):
+        """Return the cause of a failure after state n, and the first missing state."""
+        code = codes.OK
+        while not np.isnan(s[0, l]):
+            code = cause(c, s, l)
+            guarded(c, s, l)
+            n += 1
+        return code, n
+
+    @inner
+    def run_block(block, arguments, turning):
+        """Take one block of trajectories from state `start` to state `stop`."""
+        parameters, omega, span, saved, kept, shift = arguments
+        begin, end, start, stop, every, first_row = span
+        final, status, failed_at, state = kept
+        first = begin + max(block * LANES - shift, 0)
+        width = min(begin + (block + 1) * LANES - shift, end) - first
+        lanes = whole(width)
+        c, s = carray(stack(_C), (CONSTANTS, LANES)), carray(stack(_S), (STATE, LANES))
+        before, tile = carray(stack(_S), (STATE, LANES)), carray(stack(_TILE), (_TILE,))
+        saves, flat, lead = len(saved) > 0, saved.reshape(saved.size), lead_of(saved)
+        stride = D * saved.shape[1]
+
+        to_guard = 0
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            b = first + min(l, width - 1)
+            code, guards = enter(parameters, omega, b, c, s, l)
+            to_guard += guards
+            if start == 0 and l < width:
+                status[b] = code
+                if code == codes.NONFINITE:
+                    failed_at[b] = 0
+        if start > 0:
+            for l in range(lanes):
+                for k in range(numbers):
+                    s[k, l] = state[first + min(l, width - 1), k]
+        elif saves:
+            write_starts(omega, flat, first, width)
+        if turning is not None:
+            r = carray(stack(_TURN), (_TURNING, LANES))
+            enter_turns(turning, omega, first, width, lanes, r)
+            if start > 0:
+                show_before(c, s, r, tile, lanes)
+            elif saves:
+                write_turns(turning, r, 0, first, width)
+
+        n, next_saved = start, (start // every + 1) * every if saves else stop + 1
+        place = (next_saved // every - first_row) * stride + D * first
+        while n < stop:
+            since, until = n, min(stop, (n // CHECK_EVERY + 1) * CHECK_EVERY)
+            guards = to_guard
+            for l in range(lanes):
+                guards += settle(c, s, l, n % CHECK_EVERY == 0)
+                for k in range(numbers):
+                    before[k, l] = s[k, l]
+            while n < until:
+                pause = min(until, next_saved) if turning is None else n + 1
+                if guards > 0:
+                    for _ in range(n, pause):
+                        for l in range(lanes):
+                            guarded(c, s, l)
+                else:
+                    for _ in range(n, pause):
+                        for l in range(lanes):
+                            advance(c, s, l)
+                for l in range(lanes):
+                    show(c, s, l, tile, D * l)
+                n = pause
+                if turning is not None:
+                    turn_on(tile, r, lanes)
+                if n == next_saved:
+                    write_row(tile, flat, place, D * width, stride, lead)
+                    if turning is not None:
+                        write_turns(turning, r, next_saved // every - first_row, first, width)
+                    next_saved, place = next_saved + every, place + stride
+            if to_guard > 0:
+                for l in range(width):
+                    if status[first + l] >= 0 and np.isnan(s[0, l]):
+                        for k in range(numbers):
+                            s[k, l] = before[k, l]
+                        code, m = find_failure(c, s, l, since)
+                        status[first + l], failed_at[first + l] = code, m
+
+        flat_final = final.reshape(final.size)
+        if stop == 0:
+            write_starts(omega, flat_final, first, width)
+        else:
+            for l in range(width):
+                show(c, s, l, flat_final, D * (first + l))
+        if len(state) > 0:
+            for l in range(width):
+                for k in range(numbers):
+                    state[first + l, k] = s[k, l]
+        if turning is not None:
+            leave_turns(turning, r, first, width)
+            if not saves and len(turning[3]) > 0:
+                write_turns(turning, r, 0, first, width)
+
+    return run_block
+
+
+@formula
+def write_starts(omega, flat, first, width):
+    """Copy the states at step 0."""
+    D = omega.shape[1]
+    for l in range(width):
+        for k in range(D):
+            flat[D * (first + l) + k] = omega[first + l, k]
+
+
+@formula
+def enter_turns(turning, omega, first, width, lanes, r):
+    """Fill the rows of `r`: quaternions since step 0, time steps, and the states at step 0."""
+    time_step, _, quaternions, _ = turning
+    for l in range(lanes):
+        b = first + min(l, width - 1)
+        for k in range(4):
+            r[k, l] = quaternions[b, k]
+        r[_TIME_STEP, l] = time_step[min(b, time_step.size - 1)]
+        r[_BEFORE, l], r[_BEFORE + 1, l] = omega[b, 0], omega[b, 1]
+
+
+@formula
+def turn_on(tile, r, lanes):
+    """Turn the bodies from the angular velocities before the step to those in the tile."""
+    for l in range(lanes):
+        next1, next2 = tile[2 * l], tile[2 * l + 1]
+        unit, b1, b2 = turn_between(
+            r[_TIME_STEP, l], r[_BEFORE, l], r[_BEFORE + 1, l], next1, next2
+        )
+        r[0, l], r[1, l], r[2, l], r[3, l] = turned(
+            r[0, l], r[1, l], r[2, l], r[3, l], unit, b1, b2
+        )
+        r[_BEFORE, l], r[_BEFORE + 1, l] = next1, next2
+
+
+@inner
+def write_turns(turning, r, row, first, width):
+    """Write orientations."""
+    _, R0, _, turns = turning
+    for l in range(width):
+        b = first + l
+        for i in range(3):
+            turns[row, b, i, 0], turns[row, b, i, 1], turns[row, b, i, 2] = row_times_matrix(
+                R0[b, i, 0], R0[b, i, 1], R0[b, i, 2], r[0, l], r[1, l], r[2, l], r[3, l]
+            )
+
+
+@formula
+def leave_turns(turning, r, first, width):
+    """Write the quaternions from which a run goes on."""
+    for l in range(width):
+        for k in range(4):
+            turning[2][first + l, k] = r[k, l]

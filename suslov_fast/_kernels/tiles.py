@@ -1,0 +1,43 @@
+"""Rows of states that leave a block: written past the caches where they do not fit in them.
+
+A result (rows, B, D) is written as a flat array. A block of trajectories makes its part of a row in
+a tile, which stays in the first cache.
+"""
+
+from .._jit import expect_store, formula, stream_line
+
+LINE = 8  # numbers of a cache line
+# Results of at least so many numbers leave past the caches.
+_LARGE = 2**21
+
+
+@formula
+def lead_of(out):
+    """Return how many numbers of `out` lie before its first cache line, -1 if it is small."""
+    return -(out.ctypes.data // 8) % LINE if out.size >= _LARGE else -1
+
+
+@formula
+def write_row(tile, flat, start, size, stride, lead):
+    """Copy the first `size` numbers of a tile to flat[start:], `lead` being that of `lead_of`.
+
+    The next row begins `stride` numbers later.
+    """
+    if lead >= 0:
+        expect_store(flat, min(start + stride, flat.size - 1))
+        expect_store(flat, min(start + stride + size, flat.size) - 1)
+    head = min((lead - start) % LINE, size) if lead >= 0 else size
+    for i in range(head):
+        flat[start + i] = tile[i]
+    lines = (size - head) // LINE
+    for line in range(lines):
+        stream_line(flat, start + head + LINE * line, tile, head + LINE * line)
+    for i in range(head + LINE * lines, size):
+        flat[start + i] = tile[i]
+
+
+@formula
+def missing_of_first_block(lead, batch, D):
+    """Return by how many trajectories the first block is shorter, for others to begin on lines."""
+    fits = (lead >= 0) & (batch * D % LINE == 0) & (lead % D == 0) & (LINE % D == 0)
+    return -(lead // D) % (LINE // D) if fits else 0

@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies import values
-from .._bodies.nd import SuslovND
+from .._bodies.base import Body
 from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
-from .._engine.arguments import Body
 from .._engine.run import numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
@@ -33,7 +31,7 @@ class Job:
         Orientations at step 0, which broadcast to the batch, or None.
     """
 
-    body: Body
+    body: Any
     eps: FloatArray
     source: Source | None
     orientation: FloatArray | None
@@ -73,7 +71,7 @@ class Job:
 
     def part(self, where: Slices) -> Job:
         """Return the job of a part of the batch, with the source of the whole."""
-        own = 1 if isinstance(self.body, SuslovND) else 0  # axes of a parameter of one body
+        own = self.body._own_axes
         parameters = {
             name: value[own_part(value.shape[: value.ndim - own], where)]
             for name, value in parameters_of(self.body).items()
@@ -106,11 +104,11 @@ class Job:
 
 def parameters_of(body: Body) -> dict[str, FloatArray]:
     """Return the parameters of a body that are set, as arrays."""
-    return {name: np.asarray(value) for name, value in values.parameters_of(body).items()}
+    return {name: np.asarray(value) for name, value in body._values.items()}
 
 
 def job_of(
-    body: Body,
+    body: Any,
     omega0: Any,
     eps: Any,
     steps: Any,

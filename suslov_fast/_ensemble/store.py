@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from .._kernels.codes import NOT_COMPUTED
+from .._engine.run import numbers_of_saved
 from .._runs import labelled
 from .._runs.schema import FORMAT
 from .job import Job, parameters_of, require_same
@@ -88,18 +89,7 @@ def _group(store: Any, mode: Any = "r", consolidated: bool | None = False) -> An
 
 
 def _notes(group: Any, store: Any) -> dict[str, Any]:
-    """Return what a store says of its run.
-
-    Raises ValueError if it is not of this version, or decoding an array could run code.
-    """
-    for name, array in group.members(max_depth=None):
-        metadata = array.metadata.to_dict()
-        unknown = set(_codecs_of(metadata.get("codecs", ()))) - _CODECS
-        if unknown or metadata["zarr_format"] != 3:
-            raise ValueError(
-                f"store: expected arrays of Zarr 3 with its standard codecs, got {name} with "
-                f"{', '.join(sorted(unknown)) or 'those of Zarr 2'}"
-            )
+    """Return what a store says of its run; ValueError if it is not of this version."""
     notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
     if notes.get("layout") != _LAYOUT:
         source = group.attrs.get("source", "") if "run" in notes else ""
@@ -108,6 +98,18 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
             f"got another{f', of {source}' if source else ''}: {store}"
         )
     return notes
+
+
+def _harmless(array: Any) -> Any:
+    """Return an array, or raise a ValueError if decoding it could run code."""
+    metadata = array.metadata.to_dict()
+    unknown = set(_codecs_of(metadata.get("codecs", ()))) - _CODECS
+    if unknown or metadata["zarr_format"] != 3:
+        raise ValueError(
+            f"store: expected arrays of Zarr 3 with its standard codecs, got {array.path} with "
+            f"{', '.join(sorted(unknown)) or 'those of Zarr 2'}"
+        )
+    return array
 
 
 def _codecs_of(codecs: Iterable[Mapping[str, Any]]) -> Iterator[str]:
@@ -338,13 +340,13 @@ class Arrays(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         # Chunks of NaN are written like others: looking for them takes longer.
-        self[name] = self.group[name].with_config({"write_empty_chunks": True})
+        self[name] = _harmless(self.group[name]).with_config({"write_empty_chunks": True})
         return self[name]
 
     def remove(self, name: str, where: Slices) -> None:
         """Remove the chunks of a tile, so that they read as not computed."""
         if name in self.group:
-            array = self.group[name].with_config({"write_empty_chunks": False})
+            array = self[name].with_config({"write_empty_chunks": False})
             array[where] = array.fill_value
 
 
@@ -369,39 +371,51 @@ def withdraw(job: Job, arrays: Arrays, index: tuple[int, ...], whole: bool = Fal
 
 def open_dataset(store: Any) -> Any:
     """Return the dataset of a store, lazy."""
-    import xarray
-
-    group = _group(store, consolidated=None)
+    group = _group(store)
     if group is None:
         if is_folder(store) and os.path.lexists(store) and not _is_begun(store):
             raise ValueError(f"store: expected one that ensemble made, got another: {store}")
         raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
     notes = _notes(group, store)
     with advice(store):
-        dataset = xarray.open_zarr(
-            store,
-            consolidated=group.metadata.consolidated_metadata is not None,
-            zarr_format=3,
-            chunks={},
-            drop_variables=["n"],
-        )
+        try:
+            dataset = _opened(group, store, notes, consolidated=False)
+        except ValueError:  # some arrays are longer already, in a run that is being lengthened
+            group = _group(store, consolidated=None)
+            if group.metadata.consolidated_metadata is None:
+                raise
+            dataset = _opened(group, store, notes, consolidated=True)
         done = np.asarray(group[STEPS_DONE][...])
-        steps, every = int(dataset.attrs["steps"]), dataset.attrs.get("save_every")
-        for name in notes["variables"]:
-            if name not in group:
-                raise ValueError(f"{name} is missing")
         for name in notes["known"]:
             values = dataset[name].load().values
             if (values == "" if values.dtype.kind in "OT" else values != values).any():
                 raise ValueError(f"a chunk of {name} is missing")
+    steps, every = int(dataset.attrs["steps"]), dataset.attrs.get("save_every")
     dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
     if "n" in dataset.dims:
-        numbers = np.array([steps]) if every is None else np.arange(0, steps + 1, every)
+        numbers = numbers_of_saved(steps, every)
+        dataset = dataset.isel(n=slice(0, len(numbers)))
         dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
         with np.errstate(over="ignore"):
             times = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
         dataset = dataset.assign_coords(time=times)
     return dataset
+
+
+def _opened(group: Any, store: Any, notes: dict[str, Any], consolidated: bool) -> Any:
+    """Return the dataset as it is stored, without n, once all arrays are known to be harmless."""
+    import xarray
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of what is no part of Zarr 3
+        found = {name: _harmless(array) for name, array in group.arrays()}
+        _harmless(group[STEPS_DONE])
+    missing = [name for name in notes["variables"] if name not in found]
+    if missing:
+        raise ValueError(f"{', '.join(missing)} missing")
+    return xarray.open_zarr(
+        store, consolidated=consolidated, zarr_format=3, chunks={}, drop_variables=["n"]
+    )
 
 
 @contextmanager

@@ -50,9 +50,9 @@ def assert_same(dataset, orbits):
         if expected is None:
             assert name not in dataset
         else:
-            found = np.ascontiguousarray(dataset[name].values)
+            found = np.asarray(dataset[name].values)
             assert found.shape == np.shape(expected), name
-            assert found.tobytes() == np.ascontiguousarray(expected).tobytes(), name
+            assert found.tobytes() == np.asarray(expected).tobytes(), name
 
 
 def contents(store):
@@ -75,7 +75,7 @@ def assert_undisturbed(store, kind, steps):
     assert sorted(found) == sorted(expected)
     assert [name for name in found if found[name] != expected[name]] == []
     if "reductions" not in kind:
-        settings = {name: value for name, value in KINDS[kind].items()}
+        settings = dict(KINDS[kind].items())
         asked = arguments(kind)
         states = asked["omega0"].states(16 * 24, dimension=asked["body"].dimension)
         orbits = iterate(asked["body"], states, 0.3, steps, on_singular="ignore", **settings)
@@ -113,7 +113,10 @@ def workers(store, kind, seed, kills):
     from distributed import Client, LocalCluster
 
     dask.config.set(
-        {"distributed.deploy.lost-worker-timeout": "1h", "distributed.scheduler.allowed-failures": 99}
+        {
+            "distributed.deploy.lost-worker-timeout": "1h",
+            "distributed.scheduler.allowed-failures": 99,
+        }
     )
     chance, killed, over = random.Random(seed), [], threading.Event()
 

@@ -31,7 +31,9 @@ VARIABLES = (VARIABLES + "progress/record progress/steps_done").split()
 
 
 def expected(steps):
-    return iterate(BODY, STARTS.states(20), EPS, steps, save_every=2, attitude=True, method="canonical")
+    return iterate(
+        BODY, STARTS.states(20), EPS, steps, save_every=2, attitude=True, method="canonical"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +81,10 @@ def test_a_store_without_parameters_is_refused(tmp_path, finished, name):
         shutil.copytree(finished, store)
         shutil.rmtree(store / name if harm == "array" else store / name / "c", ignore_errors=True)
         (store / name / "c").unlink(missing_ok=True)
-        for opened in (lambda: open_ensemble(store), lambda: ensemble(**ASKED, steps=20, store=store)):
+        for opened in (
+            lambda: open_ensemble(store),
+            lambda: ensemble(**ASKED, steps=20, store=store),
+        ):
             with pytest.raises(ValueError, match="verify=True"):
                 opened()
 

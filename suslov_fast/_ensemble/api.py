@@ -158,17 +158,17 @@ def _finish(
     """Create or recognise the store, and compute what it lacks."""
     from . import compute, store, workers
 
-    identity = job.identity()
+    identity, dataset = job.identity(), store.dataset_of(job, coords)
     with (
         nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
         only_writer(job.store, store.is_folder(job.store)),
     ):
         if (known := store.recognised(job, identity)) is None:
-            store.create(job, identity, coords)
+            store.create(job, identity, dataset)
         else:
             job = known
             with store.advice(job.store):
-                store.lengthen(job, coords, verify)
+                store.lengthen(job, dataset, verify)
         arrays = store.Arrays(job.store)
         tiles = list(np.ndindex(job.plan.grid))
         for index in tiles if verify else ():

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from .._kernels.codes import NOT_COMPUTED
 from .._engine.run import numbers_of_saved
+from .._kernels.codes import NOT_COMPUTED
 from .._runs import labelled
 from .._runs.schema import FORMAT
 from .job import Job, parameters_of, require_same
@@ -150,14 +150,13 @@ def _is_begun(folder: str) -> bool:
     return not names or "zarr.json" in names
 
 
-def create(job: Job, identity: dict[str, Any], coords: Mapping[Any, Any] | None) -> None:
+def create(job: Job, identity: dict[str, Any], dataset: Any) -> None:
     """Create a store, which counts as one once the last step is done."""
     import zarr
 
     begun = _root(job.store) is not None  # by a process that was killed
     zarr.create_group(job.store, overwrite=begun, zarr_format=3, attributes={_CREATING: True})
-    dataset = _dataset(job, coords).assign_attrs({_CREATING: True})
-    _write(job, dataset)
+    _write(job, dataset.assign_attrs({_CREATING: True}))
     notes = {
         "variables": sorted(map(str, dataset.variables)),
         "known": ["eps", "component", *parameters_of(job.body)],
@@ -171,10 +170,10 @@ def create(job: Job, identity: dict[str, Any], coords: Mapping[Any, Any] | None)
     _consolidate(job.store)
 
 
-def lengthen(job: Job, coords: Mapping[Any, Any] | None, verify: bool) -> None:
+def lengthen(job: Job, dataset: Any, verify: bool) -> None:
     """Make room for the states of a longer run, which a process may have begun before.
 
-    With `verify` all that is known without computing is written again, and arrays that are lost are
+    With `verify` the known variables of the dataset are written again, and arrays that are lost are
     created.
     """
     group = _group(job.store, "r+")
@@ -186,15 +185,17 @@ def lengthen(job: Job, coords: Mapping[Any, Any] | None, verify: bool) -> None:
         array = _array(group, name)
         if array is not None and array.shape[0] != rows:
             array.resize((rows, *array.shape[1:]))
+    attributes = dict(group.attrs)
     if verify:
-        dataset = _dataset(job, coords)
-        if coords is None:
-            dataset = dataset.assign_attrs({**group.attrs, **dataset.attrs})
-        _write(job, dataset)
+        lazy = [name for name, each in dataset.variables.items() if each.chunks is not None]
+        whole = [name for name in lazy if _fits(group, name, dataset[name].shape)]
+        _write(job, dataset.drop_vars(whole))
         _write(job, _progress(job).assign_attrs(group[PROGRESS].attrs), PROGRESS)
+        group = _group(job.store, "r+")
     elif job.keeps_states:
         group["n"][:] = job.numbers
-    group.attrs["steps"] = job.steps
+    # Coordinates of the user that are not given now stay.
+    group.attrs.put({**group.attrs, **attributes, "steps": job.steps})
     _consolidate(job.store)
 
 
@@ -204,6 +205,10 @@ def _array(group: Any, name: str) -> Any:
         return group[name]
     except (KeyError, ValueError, TypeError, AttributeError):
         return None
+
+
+def _fits(group: Any, name: str, shape: tuple[int, ...]) -> bool:
+    return getattr(_array(group, name), "shape", None) == shape
 
 
 def _write(job: Job, dataset: Any, path: str | None = None) -> None:
@@ -217,10 +222,9 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
     group = group.get(path) if group is not None and path else group
     encoding: dict[Any, Any] = {}
     for name, variable in dataset.variables.items():
-        array = None if group is None else _array(group, name)
-        if array is not None and array.shape == variable.shape:
-            continue
         if group is not None:
+            if _fits(group, name, variable.shape):
+                continue
             del group[name]
         codecs: list[Any] = [Crc32cCodec()]
         if job.compression is not None and path is None and variable.dtype.kind in "iuf":
@@ -252,7 +256,7 @@ def _tile(job: Job) -> dict[str, int]:
     return {"n": job.plan.rows, **dict(zip(job.dims, job.plan.tile, strict=True)), **grid}
 
 
-def _dataset(job: Job, coords: Mapping[Any, Any] | None) -> Any:
+def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with lazy zeros for what is to be computed."""
     from dask.array import zeros
 

@@ -12,9 +12,9 @@ OMEGA = [[1.0, 0.5], [0.2, 0.3]]
 
 # A call with one bad argument, the error, and what its message says was received and expected.
 BAD_BODIES = [
-    ({"I1": 0}, ValueError, "I1: expected positive moments of inertia, got 0.0"),
-    ({"I2": -2}, ValueError, "I2: expected positive moments of inertia, got -2.0"),
-    ({"I1": [1, 2, -3]}, ValueError, "I1: expected positive .* got -3.0"),
+    ({"I1": 0}, ValueError, "I1: expected a positive moment of inertia, got 0.0"),
+    ({"I2": -2}, ValueError, "I2: expected a positive moment of inertia, got -2.0"),
+    ({"I1": [1, 2, -3]}, ValueError, "I1: expected a positive .* got -3.0"),
     ({"I1": NAN}, ValueError, "I1: expected finite real numbers, got nan"),
     ({"I13": [1, INF]}, ValueError, r"I13: expected finite real numbers, got inf at index \(1,\)"),
     ({"I23": 1j}, TypeError, "I23: expected real numbers, got 1j of dtype complex128"),
@@ -157,7 +157,7 @@ def test_eps_of_other_functions(body, function):
 def test_step_full(body):
     with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
         sf.step_full(body, [1, 2], 0.1, 3)
-    with pytest.raises(ValueError, match=r"I3: expected positive moments of inertia, got 0\.0"):
+    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
         sf.step_full(body, [1, 2, 3], 0.1, 0)
     with pytest.raises(TypeError, match="body: expected Suslov3D"):
         sf.step_full(4, [1, 2, 3], 0.1, 3)

@@ -19,8 +19,8 @@ from .._engine.arguments import Body
 from .._engine.status import Status
 from .._ensemble.api import ensemble, open_ensemble
 from .._ensemble.starts import RandomStarts
+from .._maps.registry import map_named
 from .._runs import labelled
-from .._runs.schema import BODIES, parameters_of
 from .errors import UserError
 from .files import read_states
 from .problem import EXTENT, TRAJECTORIES
@@ -174,7 +174,7 @@ def _swept(
 def _with_parameter(body: Body, name: str, values: FloatArray) -> Body:
     try:
         if not isinstance(body, SuslovND):
-            if name in parameters_of("Suslov3D"):
+            if name in body._names():
                 return replace(body, **{name: values})
             raise UserError(f"argument --sweep: expected eps, I1, I2, I13 or I23, got {name}")
         match = re.fullmatch(r"([JI])([1-9]\d*)", name)
@@ -205,12 +205,14 @@ def _starts(options: argparse.Namespace, dimension: int) -> Any:
 def _parameters(dataset: Any) -> tuple[Body, FloatArray]:
     """The body and the step sizes of a part of a dataset."""
     batch = tuple(dataset["status"].dims)
+    body = map_named(dataset.attrs["map"]).body
     values = {
         name: labelled.unvarying(dataset, name, batch)
-        for name in ("eps", *parameters_of(dataset.attrs["body"]))
+        for name in ("eps", *body._names())
+        if name in dataset.variables
     }
     eps = values.pop("eps")
-    return BODIES[dataset.attrs["body"]](**values), eps
+    return body(**values), eps
 
 
 def _parts(dataset: Any) -> Iterator[Any]:

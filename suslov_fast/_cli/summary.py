@@ -12,7 +12,6 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.arguments import Body
 from .._engine.status import Status
-from .._runs.schema import parameters_of
 from .._runs.trajectories import Trajectories
 from .._states.conserved import energy, first_integral, modified_energy
 
@@ -67,12 +66,8 @@ def as_text(facts: Facts) -> str:
 
 def described(body: Body) -> Facts:
     """The parameters of a body."""
-    kind = type(body).__name__
-    single = 0 if isinstance(body, Suslov3D) else 1
-    return {
-        "type": kind,
-        **{name: brief(getattr(body, name), single) for name in parameters_of(kind)},
-    }
+    parameters = {name: brief(value, body._own_axes) for name, value in body._values.items()}
+    return {"type": type(body).__name__, **parameters}
 
 
 def brief(value: Any, axes: int = 0) -> Any:

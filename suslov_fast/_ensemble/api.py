@@ -169,6 +169,7 @@ def _finish(
             job = known
             with store.advice(job.store):
                 store.lengthen(job, dataset, verify)
+            store.refuse_code(job.store)
         arrays = store.Arrays(job.store)
         tiles = list(np.ndindex(job.plan.grid))
         for index in tiles if verify else ():

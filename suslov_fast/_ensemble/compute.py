@@ -118,28 +118,27 @@ def write(piece: Piece, arrays: Arrays) -> None:
     arrays[STEPS_DONE][place_of(piece.index)] = piece.stop
 
 
-def _words(job: Job) -> Iterator[tuple[str, slice, tuple[str | int, ...], str]]:
-    """Name, place in the record, axes and type of the arrays that a piece starts from.
+def _words(job: Job) -> Iterator[tuple[str, slice, tuple[int, ...], str]]:
+    """Name, place in the record, shape and type of what a piece starts from.
 
     The record of a trajectory are words of 64 bits: the number of steps, `failed_at`, what the map
-    needs to go on, and the reductions so far.
+    needs to go on, and the reductions so far. An array that the run does not need has no place.
     """
-    at, n = 2, job.body.dimension + 1
-    lengths = {"D": n - 1, "n": n}
+    at, D = 2, job.body.dimension
+    lengths = {"component": D, "space": D + 1}
     for kept in job.map.resume:
-        dims = tuple(lengths.get(dim, dim) if isinstance(dim, str) else dim for dim in kept.dims)
-        if kept.attitude and job.orientation is None:
-            dims = tuple(0 if dim == "B" else dim for dim in dims)
-        count = math.prod(length for length in dims if isinstance(length, int))
-        yield kept.name, slice(at, at := at + count), dims, kept.dtype
+        shape = tuple(lengths[dim] if isinstance(dim, str) else dim for dim in kept.dims[1:])
+        turning = kept.attitude or "space" in kept.dims
+        size = 0 if turning and job.orientation is None else math.prod(shape)
+        yield kept.name, slice(at, at := at + size), shape, kept.dtype
     for name in job.reductions:
-        own: tuple[int, ...] = (n - 1,) if REDUCTIONS[name].of_components else ()
-        yield f"reduced {name}", slice(at, at := at + math.prod(own)), ("B", *own), "float64"
+        shape = (D,) if REDUCTIONS[name].of_components else ()
+        yield f"reduced {name}", slice(at, at := at + math.prod(shape)), shape, "float64"
 
 
 def record_size(job: Job) -> int:
     """Return the number of words of a trajectory."""
-    return max((place.stop for _, place, _, _ in _words(job)), default=2)
+    return max(place.stop for _, place, _, _ in _words(job))
 
 
 def _record(piece: Piece) -> NDArray[np.int64]:
@@ -148,14 +147,10 @@ def _record(piece: Piece) -> NDArray[np.int64]:
     values |= {f"reduced {name}": array for name, array in piece.reduced.items()}
     record = np.zeros((size, record_size(piece.job)), np.int64)
     record[:, 0], record[:, 1] = piece.stop, failed_at.reshape(-1)
-    for name, place, dims, dtype in _words(piece.job):
-        if name in values and "B" in dims:
-            shape: list[Any] = [size if dim == "B" else dim for dim in dims]
-            array = values[name].reshape(shape)
-            words = np.moveaxis(array, dims.index("B"), 0).reshape(size, -1)
-            if dtype == "float64":
-                words = np.ascontiguousarray(words).view(np.int64)
-            record[:, place] = words
+    for name, place, _, dtype in _words(piece.job):
+        if name in values and place.start < place.stop:
+            words = np.ascontiguousarray(values[name]).reshape(size, -1)
+            record[:, place] = words.view(np.int64) if dtype == "float64" else words
     return record.reshape(*failed_at.shape, -1)
 
 
@@ -166,18 +161,13 @@ def _read_record(
     record = np.asarray(arrays[RECORD][job.plan.where(index)])
     batch, words = record.shape[:-1], record.reshape(-1, record.shape[-1])
     resume, reduced = {}, {}
-    for name, place, dims, dtype in _words(job):
-        own = [length for length in dims if isinstance(length, int)]
-        if "B" not in dims:  # an array that this run does not need
-            resume[name] = np.empty(own, dtype)
-            continue
+    for name, place, shape, dtype in _words(job):
         values = np.ascontiguousarray(words[:, place])
         values = values.view(np.float64) if dtype == "float64" else values.astype(dtype)
         if name.startswith("reduced "):
-            reduced[name.removeprefix("reduced ")] = values.reshape(*batch, *own)
+            reduced[name.removeprefix("reduced ")] = values.reshape(*batch, *shape)
         else:
-            values = np.moveaxis(values.reshape(len(words), *own), 0, dims.index("B"))
-            resume[name] = np.ascontiguousarray(values)
+            resume[name] = values.reshape(len(words) if values.size else 0, *shape)
     return int(words[0, 0]), record[..., 1], resume, reduced
 
 

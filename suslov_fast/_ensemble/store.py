@@ -17,7 +17,7 @@ import errno
 import json
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -27,7 +27,8 @@ import numpy as np
 from .._engine.run import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._runs import labelled
-from .._runs.schema import FORMAT
+from .._runs.codecs import refuse_codecs
+from .._runs.schema import header_of
 from .job import Job, parameters_of, require_same
 from .plan import Plan, Slices
 from .reductions import REDUCTIONS
@@ -43,11 +44,6 @@ _NOT_COMPUTED = {
     **dict.fromkeys(("status", "failed_at"), NOT_COMPUTED),
     **dict.fromkeys(("steps_done", "record"), -1),
 }
-# Codecs that move, compress or check bytes, and do nothing else.
-_CODECS = frozenset(
-    "bytes vlen-utf8 vlen-bytes transpose sharding_indexed crc32c blosc gzip zstd lz4 zlib bz2 "
-    "lzma shuffle delta adler32 crc32 fletcher32".split()
-)
 
 
 def resolved(store: Any) -> Any:
@@ -98,26 +94,6 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
             f"got another{f', of {source}' if source else ''}: {store}"
         )
     return notes
-
-
-def _harmless(array: Any) -> Any:
-    """Return an array, or raise a ValueError if decoding it could run code."""
-    metadata = array.metadata.to_dict()
-    unknown = set(_codecs_of(metadata.get("codecs", ()))) - _CODECS
-    if unknown or metadata["zarr_format"] != 3:
-        raise ValueError(
-            f"store: expected arrays of Zarr 3 with its standard codecs, got {array.path} with "
-            f"{', '.join(sorted(unknown)) or 'those of Zarr 2'}"
-        )
-    return array
-
-
-def _codecs_of(codecs: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    for codec in codecs:
-        yield str(codec["name"]).removeprefix("numcodecs.")
-        settings = codec.get("configuration") or {}
-        for inner in ("codecs", "index_codecs"):
-            yield from _codecs_of(settings.get(inner, ()))
 
 
 def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
@@ -260,21 +236,13 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with lazy zeros for what is to be computed."""
     from dask.array import zeros
 
-    from .. import __version__
-
     batch, D = job.plan.batch, job.body.dimension
 
     def lazy(shape: tuple[int, ...], dtype: str = "f8") -> Any:
         return zeros(shape, dtype=dtype, chunks=shape)
 
     entries: dict[str, Any] = {
-        "format": FORMAT,
-        "version": __version__,
-        "map": job.map.name,
-        "body": type(job.body).__name__,
-        "method": job.method,
-        "steps": job.steps,
-        **({} if job.save_every is None else {"save_every": job.save_every}),
+        **header_of(job.map, job.method, job.steps, job.save_every),
         "n": np.zeros(1, np.int64),
         "eps": job.eps,
         **parameters_of(job.body),
@@ -285,7 +253,6 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     }
     if job.orientation is not None:
         entries["attitude"] = lazy((1, *batch, D + 1, D + 1))
-    entries = {k: v if hasattr(v, "shape") else np.array(v) for k, v in entries.items()}
     dataset = labelled.dataset_of(entries, job.dims, coords)
     # One row stands for all so far: times of all would be as many as states.
     rows = {name: dataset[name].variable for name in ("omega", "attitude") if name in dataset}
@@ -344,7 +311,7 @@ class Arrays(dict[str, Any]):
 
     def __missing__(self, name: str) -> Any:
         # Chunks of NaN are written like others: looking for them takes longer.
-        self[name] = _harmless(self.group[name]).with_config({"write_empty_chunks": True})
+        self[name] = self.group[name].with_config({"write_empty_chunks": True})
         return self[name]
 
     def remove(self, name: str, where: Slices) -> None:
@@ -375,6 +342,8 @@ def withdraw(job: Job, arrays: Arrays, index: tuple[int, ...], whole: bool = Fal
 
 def open_dataset(store: Any) -> Any:
     """Return the dataset of a store, lazy."""
+    import xarray
+
     group = _group(store)
     if group is None:
         if is_folder(store) and os.path.lexists(store) and not _is_begun(store):
@@ -382,13 +351,18 @@ def open_dataset(store: Any) -> Any:
         raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
     notes = _notes(group, store)
     with advice(store):
+        refuse_code(store)
+        missing = [name for name in notes["variables"] if name not in group]
+        if missing:
+            raise ValueError(f"{', '.join(missing)} missing")
+        options: dict[str, Any] = {"zarr_format": 3, "chunks": {}, "drop_variables": ["n"]}
         try:
-            dataset = _opened(group, store, notes, consolidated=False)
+            dataset = xarray.open_zarr(store, consolidated=False, **options)
         except ValueError:  # some arrays are longer already, in a run that is being lengthened
             group = _group(store, consolidated=None)
             if group.metadata.consolidated_metadata is None:
                 raise
-            dataset = _opened(group, store, notes, consolidated=True)
+            dataset = xarray.open_zarr(store, consolidated=True, **options)
         done = np.asarray(group[STEPS_DONE][...])
         for name in notes["known"]:
             values = dataset[name].load().values
@@ -406,20 +380,11 @@ def open_dataset(store: Any) -> Any:
     return dataset
 
 
-def _opened(group: Any, store: Any, notes: dict[str, Any], consolidated: bool) -> Any:
-    """Return the dataset as it is stored, without n, once all arrays are known to be harmless."""
-    import xarray
-
+def refuse_code(store: Any) -> None:
+    """Raise a ValueError if decoding an array of a store could run code."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of what is no part of Zarr 3
-        found = {name: _harmless(array) for name, array in group.arrays()}
-        _harmless(group[STEPS_DONE])
-    missing = [name for name in notes["variables"] if name not in found]
-    if missing:
-        raise ValueError(f"{', '.join(missing)} missing")
-    return xarray.open_zarr(
-        store, consolidated=consolidated, zarr_format=3, chunks={}, drop_variables=["n"]
-    )
+        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of Zarr 3
+        refuse_codecs(store)
 
 
 @contextmanager

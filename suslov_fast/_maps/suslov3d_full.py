@@ -30,9 +30,9 @@ MAP = Map(
     parameters=_parameters,
     run=_run,
     resume=(
-        Kept("state", ("B", 3)),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
+        Kept("state", ("flat", 3)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
     ),
     quantities=frozenset(),
     carries_attitude=False,

@@ -78,8 +78,10 @@ def exact(
     return states
 
 
-def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = None) -> FloatArray:
-    """The continuous motion at time t, by its closed form.
+def flow(
+    body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """The continuous motion at some times, by its closed form.
 
     Parameters
     ----------
@@ -87,7 +89,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
         The body, or a batch of them.
     omega0 : array_like(float, shape=(..., D))
         The angular velocity at time 0.
-    t : array_like(float, shape=() or (N,))
+    time : array_like(float, shape=() or (N,))
         Times, of either sign and any size, in the unit of time of omega0.
     threads : int, optional
         Number of threads; by default what Numba is set to. Results do not depend on it.
@@ -112,7 +114,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     --------
     >>> from suslov_fast import Suslov3D, energy, flow
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> states = flow(body, [1.0, 0.5], t=[0.0, 5.0, 1e6])
+    >>> states = flow(body, [1.0, 0.5], time=[0.0, 5.0, 1e6])
     >>> states.round(6)
     array([[ 1.      ,  0.5     ],
            [ 0.873751, -1.093725],
@@ -121,7 +123,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
-    times, count = _times("t", t, flow=True), thread_count(threads)
+    times, count = _times("time", time, flow=True), thread_count(threads)
     return _solve("flow", body, state, 1.0, batch, times, count)[0]
 
 

@@ -64,7 +64,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     return {
         "parameters": parameters._asdict(),
         "omega": _rows(run.omega),
-        "flow": _flow(body, start, run.t),
+        "flow": _flow(body, start, run.time),
         "attitude": _rows(run.attitude.reshape(-1, 9)),
         "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
         "line": _line(body, eps),

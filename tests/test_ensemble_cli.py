@@ -63,7 +63,7 @@ def test_it_goes_on(tmp_path, capsys):
     [
         ("--sweep eps", "NAME=LOW:HIGH:COUNT"),
         ("--sweep mass=1:2:3", "expected eps, I1, I2, I13 or I23, got mass"),
-        ("--sweep I1=-1:2:3", "--sweep: I1: expected positive"),
+        ("--sweep I1=-1:2:3", "--sweep: I1: expected a positive"),
         ("--reduce mean", "reductions: expected names"),
     ],
 )
@@ -102,5 +102,5 @@ def test_a_signal_says_how_to_go_on(tmp_path):
         errors = [child.communicate(timeout=120)[1] for child in children]
     for child, store, err in zip(children, stores, errors, strict=True):
         assert child.returncode == 130
-        assert "the same call again goes on from there" in err
+        assert "the same call goes on from there" in err
         assert open_ensemble(store).attrs["tiles_done"].endswith("of 2000")

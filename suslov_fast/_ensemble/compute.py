@@ -24,10 +24,10 @@ from .._engine.run import Results, Run, go_on
 from .control import Stop
 from .job import Job
 from .plan import Index, piece_end, step_work
+from .record import Values, packed, unpacked
 from .reductions import REDUCTIONS
 from .store import RECORD, STEPS_DONE, Arrays, place_of
 
-Values = dict[str, NDArray[Any]]
 # Called with the number of trajectory-steps made since the last call.
 Report = Callable[[int], object]
 
@@ -51,7 +51,7 @@ class Piece:
     @property
     def steps(self) -> int:
         """Number of trajectory-steps."""
-        return (self.stop - self.start) * self.results.status.size
+        return (self.stop - self.start) * int(self.results.status.size)
 
 
 def pieces(
@@ -114,61 +114,10 @@ def write(piece: Piece, arrays: Arrays) -> None:
         ends = {name: getattr(results, name) for name in ("final", "status", "failed_at")}
         for name, values in {**ends, **piece.reduced}.items():
             arrays[name][where] = values
-    arrays[RECORD][where] = _record(piece)
+    arrays[RECORD][where] = packed(
+        job, piece.stop, results.failed_at, results.resume, piece.reduced
+    )
     arrays[STEPS_DONE][place_of(piece.index)] = piece.stop
-
-
-def _words(job: Job) -> Iterator[tuple[str, slice, tuple[int, ...], str]]:
-    """Name, place in the record, shape and type of what a piece starts from.
-
-    The record of a trajectory are words of 64 bits: the number of steps, `failed_at`, what the map
-    needs to go on, and the reductions so far. An array that the run does not need has no place.
-    """
-    at, D = 2, job.body.dimension
-    lengths = {"component": D, "space": D + 1}
-    for kept in job.map.resume:
-        shape = tuple(lengths[dim] if isinstance(dim, str) else dim for dim in kept.dims[1:])
-        turning = kept.attitude or "space" in kept.dims
-        size = 0 if turning and job.orientation is None else math.prod(shape)
-        yield kept.name, slice(at, at := at + size), shape, kept.dtype
-    for name in job.reductions:
-        shape = (D,) if REDUCTIONS[name].of_components else ()
-        yield f"reduced {name}", slice(at, at := at + math.prod(shape)), shape, "float64"
-
-
-def record_size(job: Job) -> int:
-    """Return the number of words of a trajectory."""
-    return max(place.stop for _, place, _, _ in _words(job))
-
-
-def _record(piece: Piece) -> NDArray[np.int64]:
-    failed_at = piece.results.failed_at
-    size, values = failed_at.size, dict(piece.results.resume)
-    values |= {f"reduced {name}": array for name, array in piece.reduced.items()}
-    record = np.zeros((size, record_size(piece.job)), np.int64)
-    record[:, 0], record[:, 1] = piece.stop, failed_at.reshape(-1)
-    for name, place, _, dtype in _words(piece.job):
-        if name in values and place.start < place.stop:
-            words = np.ascontiguousarray(values[name]).reshape(size, -1)
-            record[:, place] = words.view(np.int64) if dtype == "float64" else words
-    return record.reshape(*failed_at.shape, -1)
-
-
-def _read_record(
-    job: Job, index: Index, arrays: Arrays
-) -> tuple[int, NDArray[np.int64], Values, Values]:
-    """Return steps, `failed_at`, the arrays to go on from, and the reductions of a tile."""
-    record = np.asarray(arrays[RECORD][job.plan.where(index)])
-    batch, words = record.shape[:-1], record.reshape(-1, record.shape[-1])
-    resume, reduced = {}, {}
-    for name, place, shape, dtype in _words(job):
-        values = np.ascontiguousarray(words[:, place])
-        values = values.view(np.float64) if dtype == "float64" else values.astype(dtype)
-        if name.startswith("reduced "):
-            reduced[name.removeprefix("reduced ")] = values.reshape(*batch, *shape)
-        else:
-            resume[name] = values.reshape(len(words) if values.size else 0, *shape)
-    return int(words[0, 0]), record[..., 1], resume, reduced
 
 
 def _left(job: Job, index: Index, arrays: Arrays) -> tuple[int, Values, Values]:
@@ -176,7 +125,7 @@ def _left(job: Job, index: Index, arrays: Arrays) -> tuple[int, Values, Values]:
     mark = int(arrays[STEPS_DONE][index])
     if mark < 0:
         return 0, {}, {}
-    steps, _, resume, reduced = _read_record(job, index, arrays)
+    steps, _, resume, reduced = unpacked(job, arrays[RECORD][job.plan.where(index)])
     # The mark may be older, as it is written last.
     return (steps, resume, reduced) if mark <= steps <= job.steps else (0, {}, {})
 
@@ -192,7 +141,7 @@ def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
         mark = int(arrays[STEPS_DONE][index])
         if mark < 0:
             return True
-        steps, failed_at, _, reduced = _read_record(job, index, arrays)
+        steps, failed_at, _, reduced = unpacked(job, arrays[RECORD][where])
         failed = failed_at >= 0
         same = steps == mark
         if mark == job.steps:

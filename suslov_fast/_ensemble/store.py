@@ -4,7 +4,7 @@ Results lie in the root group, under the names and with the attributes of `Traje
 What is needed to go on lies in the group "progress":
 
     steps_done    the mark of a tile: number of its steps that are stored; -1 before state 0 is
-    record        for each trajectory what the next piece starts from, see `compute`
+    record        for each trajectory what the next piece starts from, see `record`
 
 A chunk that is absent reads as not computed: NaN, or the status PENDING. The root group holds a
 copy of the metadata of all arrays ("consolidated"), which is one object, so that readers see the
@@ -31,6 +31,7 @@ from .._runs.codecs import refuse_codecs
 from .._runs.schema import header_of
 from .job import Job, parameters_of, require_same
 from .plan import Plan, Slices
+from .record import words
 from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
@@ -280,9 +281,7 @@ def _progress(job: Job) -> Any:
     import xarray
     from dask.array import zeros
 
-    from .compute import record_size
-
-    grid, record = job.plan.grid, (*job.plan.batch, record_size(job))
+    grid, record = job.plan.grid, (*job.plan.batch, words(job))
     return xarray.Dataset(
         {
             "steps_done": (

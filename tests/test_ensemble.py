@@ -12,7 +12,6 @@ from ensemble_runs import BODY, BODY_4D, CUT, assert_same, contents
 from suslov_fast import (
     RandomStarts,
     Suslov3D,
-    SuslovND,
     Trajectories,
     ensemble,
     first_integral,

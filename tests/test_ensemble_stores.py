@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import warnings
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -22,9 +23,16 @@ pytest.importorskip("dask")
 STARTS = RandomStarts(20, 2.0, seed=3)
 EPS = np.array([0.2, 0.3])[:, None]
 ASKED = {
-    **{"body": BODY, "omega0": STARTS, "eps": EPS, "save_every": 2, "method": "canonical"},
-    **{"attitude": True, "reductions": ["omega_max"], "dims": ("step_size", "trajectory")},
-    **{"coords": {"step_size": ["a", "b"]}, "chunk": CUT},
+    "body": BODY,
+    "omega0": STARTS,
+    "eps": EPS,
+    "save_every": 2,
+    "method": "canonical",
+    "attitude": True,
+    "reductions": ["omega_max"],
+    "dims": ("step_size", "trajectory"),
+    "coords": {"step_size": ["a", "b"]},
+    "chunk": CUT,
 }
 VARIABLES = "omega attitude final status failed_at omega_max eps I1 I13 n component step_size "
 VARIABLES = (VARIABLES + "progress/record progress/steps_done").split()
@@ -81,12 +89,10 @@ def test_a_store_without_parameters_is_refused(tmp_path, finished, name):
         shutil.copytree(finished, store)
         shutil.rmtree(store / name if harm == "array" else store / name / "c", ignore_errors=True)
         (store / name / "c").unlink(missing_ok=True)
-        for opened in (
-            lambda: open_ensemble(store),
-            lambda: ensemble(**ASKED, steps=20, store=store),
-        ):
-            with pytest.raises(ValueError, match="verify=True"):
-                opened()
+        with pytest.raises(ValueError, match="verify=True"):
+            open_ensemble(store)
+        with pytest.raises(ValueError, match="verify=True"):
+            ensemble(**ASKED, steps=20, store=store)
 
 
 def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
@@ -104,7 +110,7 @@ def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
     next((store / "omega").rglob("1")).joinpath("0", "1", "0").unlink()
     assert_same(ensemble(**ASKED, steps=31, store=store, verify=True), expected(31))
     assert made[before] == 0  # one tile alone
-    assert len({start for start in made[before:]}) == len(made[before:])
+    assert len(set(made[before:])) == len(made[before:])
 
 
 def fails_and_goes_on(store, monkeypatch, room):
@@ -125,11 +131,9 @@ def fails_and_goes_on(store, monkeypatch, room):
     with monkeypatch.context() as patch:
         for name in methods:
             patch.setattr(zarr.storage.LocalStore, name, limited(name))
-        try:
+        with suppress(OSError):
             ensemble(**small, steps=20, store=store)
             ensemble(**small, steps=31, store=store)
-        except OSError as error:
-            assert error.errno == errno.ENOSPC
     try:
         dataset = open_ensemble(store)
     except FileNotFoundError:

@@ -35,7 +35,7 @@ def _layout(job: Job) -> Iterator[tuple[str, slice, tuple[int, ...], str]]:
 
 def words(job: Job) -> int:
     """Return the number of words of a trajectory."""
-    return max(place.stop for _, place, _, _ in _layout(job))
+    return max((int(place.stop) for _, place, _, _ in _layout(job)), default=2)
 
 
 def packed(

@@ -7,8 +7,8 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import states_nd as engine_nd
 from suslov_fast._engine import states as engine
+from suslov_fast._engine import states_nd as engine_nd
 from suslov_fast._engine import threads
 from suslov_fast._jit import Kernel
 from suslov_fast._kernels import states as kernels

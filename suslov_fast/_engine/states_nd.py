@@ -86,7 +86,7 @@ def _spread(array: FloatArray, shape: tuple[int, ...], axes: tuple[int, ...]) ->
 
 def _rows(states: FloatArray, begin: int, end: int) -> FloatArray:
     """Return some states (count, m) in C order."""
-    if states.flags.carray or begin == 0 and end == math.prod(states.shape[:-1]):
+    if states.flags.carray or (begin == 0 and end == math.prod(states.shape[:-1])):
         return for_kernel(states).reshape(-1, states.shape[-1])[begin:end]
     index = np.unravel_index(np.arange(begin, end), states.shape[:-1])
     return for_kernel(states[index])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._bodies.reduction import reduce
 from .._bodies.three import Suslov3D
@@ -14,7 +14,6 @@ from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
-
 
 _BEYOND = "out of the range of float64, or on the way there"
 

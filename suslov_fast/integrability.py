@@ -267,7 +267,7 @@ def _suslov_nd(J: Any, I: Any, omega: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class KahanMap:
-    """The Kahan map of a quadratic field, exact; made by :func:`kahan`.
+    """The Kahan map of a quadratic field, exact; made by `kahan`.
 
     Called with a point, D rational numbers, it returns the next one, a tuple of fractions. Where a
     point has no image, at a pole, its methods raise `ZeroDivisionError`.
@@ -476,7 +476,7 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 
 
 class Growth(NamedTuple):
-    """Growth of a sequence of degrees, which :func:`growth` returns."""
+    """Growth of a sequence of degrees, which `growth` returns."""
 
     kind: str
     """"bounded", "linear", "quadratic", "exponential" or "unclear"."""
@@ -492,12 +492,12 @@ def growth(degrees: Sequence[int]) -> Growth:
     Parameters
     ----------
     degrees : sequence of int
-        Degrees of consecutive iterates, as :func:`degrees` returns them.
+        Degrees of consecutive iterates, as `degrees` returns them.
 
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, based_on`. Apart from the four kinds of :class:`Growth`, kind
+        A named tuple `kind, entropy, based_on`. Apart from the four kinds of `Growth`, kind
         may be "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN,
         if the sequence is too short to tell.
 
@@ -538,7 +538,7 @@ def growth(degrees: Sequence[int]) -> Growth:
     (rate, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
     if of_rate < of_power:
         return Growth("exponential", float(rate), what)
-    return Growth(_polynomial(max(round(power), 1)), 0.0, what)
+    return Growth(_power_law(max(round(power), 1)), 0.0, what)
 
 
 def _recurrence(d: list[int]) -> list[int]:
@@ -569,10 +569,10 @@ def _growth_of(recurrence: list[int], n: int) -> Growth:
             radius = max(radius, *(abs(complex(root)) for root, _ in factor.complex_roots()))
     if radius > 1:
         return Growth("exponential", math.log(radius), what)
-    return Growth(_polynomial(exponent), 0.0, what)
+    return Growth(_power_law(exponent), 0.0, what)
 
 
-def _polynomial(exponent: int) -> str:
+def _power_law(exponent: int) -> str:
     kinds = ("bounded", "linear", "quadratic", "cubic")
     return kinds[exponent] if exponent < len(kinds) else f"polynomial of degree {exponent}"
 
@@ -582,12 +582,12 @@ def _polynomial(exponent: int) -> str:
 
 @dataclass(frozen=True, repr=False)
 class HKBasis:
-    """Linear relations between monomials along orbits, which :func:`hk_bases` returns."""
+    """Linear relations between monomials along orbits, which `hk_bases` returns."""
 
     monomials: Exponents
     """Exponents of each monomial."""
     dimension: int
-    """Number of independent relations along an orbit."""
+    """Number of independent relations along the orbit of `point`."""
     independent: int
     """Number of independent first integrals among their coefficients."""
     integrals: Polynomials
@@ -626,7 +626,8 @@ def hk_bases(
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` belongs to; by default one with small integers.
+        Point whose orbit `basis` and `dimension` belong to; by default one with small integers
+        whose orbit has as many relations as a random one.
     seed : int, optional
         Seed of the random points.
 
@@ -710,8 +711,7 @@ def _relations(map: KahanMap, exponents: Exponents, x: list[int], p: int) -> Res
     steps = len(exponents) + _MORE
     before = None
     while True:
-        rows = [_values(exponents, each, p) for each in islice(_orbit(map, x, p), steps)]
-        relations = _null_space(rows, p)
+        relations = _null_space(_values(exponents, islice(_orbit(map, x, p), steps), p), p)
         if len(relations) in (0, before):
             return relations
         before, steps = len(relations), 2 * steps
@@ -746,16 +746,16 @@ def _independent(map: KahanMap, exponents: Exponents, rng: random.Random, p: int
     n, count = map.dimension, len(exponents)
     forward, backward = map._modulo(p), map.inverse._modulo(p)
     orbit = list(islice(_orbit(map, [rng.randrange(p) for _ in range(n)], p), count + _MORE + 1))
-    relations = _null_space([_values(exponents, x, p) for x in orbit[:-1]], p)
+    rows = _values(exponents, orbit[:-1], p)
+    relations = _null_space(rows, p)
     last = {max(i for i, a in enumerate(row) if a) for row in relations}
     varying = [i for i in range(count) if i not in last]
     c = flint.nmod_mat(relations, p).transpose()
     derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
     equations = []
-    for x, image in pairwise(orbit):
-        values = _values(exponents, x, p)
+    for row, (x, image) in zip(rows, pairwise(orbit), strict=True):
         changes = (derivative.transpose() * flint.nmod_mat(_gradient(exponents, x, p), p)) * c
-        equations.append([values[i] for i in varying] + [int(a) for a in changes.entries()])
+        equations.append([row[i] for i in varying] + [int(a) for a in changes.entries()])
         A, B = _evaluate(forward, [1, *x]), _evaluate(backward, [1, *image])
         derivative = _solve_modulo([r[:-1] for r in A], [r[:-1] for r in B], p) * derivative
     solved = flint.nmod_mat(equations, p).rref()[0].tolist()
@@ -843,9 +843,10 @@ def darboux_polynomials(
     equations = samples(len(exponents) + _MORE)
 
     def solutions(p: int) -> Residues:
+        points = ([_residue(a, p) for a in y] for x, image, _ in equations for y in (x, image))
+        values = _values(exponents, points, p)
         rows = []
-        for x, image, c in equations:
-            before, after = (_values(exponents, [_residue(a, p) for a in y], p) for y in (x, image))
+        for (_, _, c), before, after in zip(equations, values[::2], values[1::2], strict=True):
             factor = _residue(c, p)
             rows.append([(a - factor * b) % p for a, b in zip(after, before, strict=True)])
         return _null_space(rows, p)
@@ -854,8 +855,8 @@ def darboux_polynomials(
     if basis is None:
         raise ArithmeticError("the coefficients have more than 1000 digits")
     for x, image, c in samples(3):
-        before, after = (np.array(_values(exponents, y)) for y in (x, image))
-        if any(np.array(row) @ (after - c * before) for row in basis):
+        before, after = np.array(_values(exponents, (x, image)), object)
+        if any(np.array(row, object) @ (after - c * before) for row in basis):
             raise ArithmeticError("the polynomials fail at fresh points")
     return _polynomials(_short(basis), exponents)
 
@@ -965,13 +966,16 @@ def _evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
 
 
-def _values(exponents: Exponents, x: Sequence[Any], p: int | None = None) -> list[Any]:
-    """The monomials at a point, modulo p unless that is None."""
-    values = np.ones(len(exponents), object)
-    for a, powers in zip(x, np.array(exponents).T, strict=True):
-        table = np.array([pow(a, e, p) for e in range(powers.max() + 1)], object)
-        values *= table[powers]
-    return list(values if p is None else values % p)
+def _values(exponents: Exponents, points: Iterable[Any], p: int | None = None) -> list[list[Any]]:
+    """The monomials at points, a row for each, modulo p unless that is None."""
+    powers = np.array(exponents).T
+    rows = []
+    for x in points:
+        values = np.ones(len(exponents), object)
+        for a, e in zip(x, powers, strict=True):
+            values *= np.array([pow(a, k, p) for k in range(e.max() + 1)], object)[e]
+        rows.append(list(values if p is None else values % p))
+    return rows
 
 
 def _gradient(exponents: Exponents, x: list[int], p: int) -> Residues:
@@ -979,7 +983,7 @@ def _gradient(exponents: Exponents, x: list[int], p: int) -> Residues:
     rows = []
     for i in range(len(x)):
         lower = tuple((*each[:i], max(each[i] - 1, 0), *each[i + 1 :]) for each in exponents)
-        values = _values(lower, x, p)
+        (values,) = _values(lower, [x], p)
         rows.append([each[i] * value % p for each, value in zip(exponents, values, strict=True)])
     return rows
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import map_nd as loops
+from suslov_fast._kernels import map_nd as loops
 from suslov_fast._engine import problem as parts
 from suslov_fast._engine import threads
 from suslov_fast._engine.iterate_nd import run

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .._checks import FloatArray
-from .._engine.problem import Outcome, Problem
+if TYPE_CHECKING:
+    from .._checks import FloatArray
+    from .._engine.problem import Outcome, Problem
 
 
 @dataclass(frozen=True)
@@ -18,14 +19,11 @@ class Kept:
     ----------
     dims
         Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
-    attitude
-        True if "flat" is empty in runs without an orientation.
     """
 
     name: str
     dims: tuple[str | int, ...]
     dtype: str = "float64"
-    attitude: bool = False
 
 
 @dataclass(frozen=True)

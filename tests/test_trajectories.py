@@ -1,7 +1,6 @@
 """What an iteration returns: its methods, and labelled arrays made of it."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest

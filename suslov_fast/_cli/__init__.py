@@ -12,9 +12,8 @@ from importlib import import_module
 from types import FrameType
 from typing import Any, NoReturn
 
-from .options import COMMANDS, FAILURE, CommandError, parse
-
-_INTERRUPTED = 130
+from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
+from .work import interrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -33,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
                 options = parse(words)
                 module = import_module(f".{COMMANDS[options.command].module}", __package__)
                 function = getattr(module, options.command.replace("-", "_"))
-            with _signals(signal.default_int_handler):
+            with _signals(interrupt):
                 text = function(options)
             if text:
                 print(text)
@@ -44,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except (ImportError, MemoryError) as error:
         _stop(FAILURE, str(error) or "expected more memory")
     except KeyboardInterrupt as error:
-        _stop(_INTERRUPTED, str(error) or "interrupted")
+        _stop(INTERRUPTED, str(error) or "interrupted")
     except OSError as error:
         if error.filename is not None:
             _stop(FAILURE, f"{error.filename}: {error.strerror or error}")
@@ -76,7 +75,7 @@ def _signals(handler: Any) -> Iterator[None]:
 def _exit_at_once(number: int, frame: FrameType | None) -> NoReturn:
     sys.stderr.write("suslov-fast: interrupted\n")
     sys.stderr.flush()
-    os._exit(_INTERRUPTED)
+    os._exit(INTERRUPTED)
 
 
 def _prepare_streams() -> None:

@@ -10,16 +10,15 @@ import difflib
 import math
 import re
 from collections.abc import Callable, Sequence
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from .. import __version__
 
-USAGE, FAILURE = 2, 1
-TRAJECTORIES = 65_536
-# The paper's pictures; the bodies of 2, 3 and 4 can be made of matter.
-PICTURES, DEFAULT_PICTURE = (1, 2, 3, 4), 2
+FAILURE, USAGE, INTERRUPTED = 1, 2, 130
+TRAJECTORIES, EXTENT = 65_536, 2.0
+# The body of picture 2 can be made of matter, that of picture 1 cannot.
+DEFAULT_PICTURE = 2
 
 
 class CommandError(Exception):
@@ -35,213 +34,179 @@ def usage_error(message: str) -> CommandError:
     return CommandError(message, USAGE)
 
 
-def number(text: str) -> float:
-    """Read a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"expected a finite number, got {text!r}")
-    return value
+# ------------------------------------------------------------------ values
 
 
-def positive(text: str) -> float:
-    """Read a positive number."""
-    try:
-        value = number(text)
-    except argparse.ArgumentTypeError:
-        value = 0.0
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"expected a positive number, got {text!r}")
-    return value
+def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader of values, whose ValueErrors say what was expected."""
 
-
-def numbers(text: str) -> list[float]:
-    """Read finite numbers separated by commas."""
-    return [number(part) for part in text.split(",")]
-
-
-def numbers_or_file(text: str) -> list[float] | Path:
-    """Read numbers separated by commas, or the name of a file."""
-    return Path(text) if Path(text).suffix.lower() in (".npy", ".csv") else numbers(text)
-
-
-def integer(minimum: int, below: int = 2**62) -> Callable[[str], int]:
-    """Return a reader of integers, which may be written as 1e6."""
-
-    def read(text: str) -> int:
+    def read(text: str) -> Any:
         try:
-            value = Decimal(text)
-        except InvalidOperation:
-            value = Decimal("NaN")
-        # Large exponents are refused before they become digits.
-        large = value.is_finite() and value.adjusted() > 19 and value > 0
-        if not large and not (value.is_finite() and value >= minimum and value == int(value)):
-            raise argparse.ArgumentTypeError(
-                f"expected an integer of at least {minimum}, got {text!r}"
-            )
-        if large or value >= below:
-            limit = "2**62" if below == 2**62 else below
-            raise argparse.ArgumentTypeError(f"expected an integer below {limit}, got {text!r}")
-        return int(value)
+            return convert(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"expected {expected}, got {text!r}") from None
 
     return read
 
 
-def picture(text: str) -> int:
-    """Read the number of a picture."""
-    if text not in map(str, PICTURES):
-        raise argparse.ArgumentTypeError(f"expected 1, 2, 3 or 4, got {text!r}")
-    return int(text)
+def _require(condition: bool) -> None:
+    if not condition:
+        raise ValueError
 
 
-def result_file(text: str) -> Path:
-    """Read the name of a file that holds a run."""
-    if Path(text).suffix.lower() not in (".npz", ".nc", ".zarr") or text.endswith("/"):
-        raise argparse.ArgumentTypeError(
-            f"expected the name of a .npz, .nc or .zarr file, got {text!r}"
-        )
+def _number(text: str, low: float = -math.inf) -> float:
+    value = float(text)
+    _require(math.isfinite(value) and value > low)
+    return value
+
+
+def _numbers(text: str) -> list[float]:
+    return [_number(part) for part in text.split(",")]
+
+
+def _numbers_or_file(text: str) -> list[float] | Path:
+    return Path(text) if Path(text).suffix.lower() in (".npy", ".csv") else _numbers(text)
+
+
+def _integer(low: int, below: int = 2**62) -> Callable[[str], int]:
+    def convert(text: str) -> int:
+        value = int(text) if re.fullmatch(r"[+-]?\d{1,99}", text) else float(text)
+        _require(low <= value < below and value == int(value))
+        return int(value)
+
+    limit = "2**62" if below == 2**62 else below
+    return _reader(f"an integer of at least {low} and below {limit}", convert)
+
+
+def _result(text: str) -> Path:
+    _require(Path(text).suffix.lower() in (".npz", ".nc", ".zarr") and not text.endswith("/"))
     return Path(text)
 
 
-def sweep(text: str) -> tuple[str, float, float, int]:
-    """Read a range of values of a parameter."""
+def _sweep(text: str) -> tuple[str, float, float, int]:
     match = re.fullmatch(r"(\w+)=([^:=]+):([^:=]+):([^:=]+)", text)
     if match is None:
-        raise argparse.ArgumentTypeError(f"expected NAME=LOW:HIGH:COUNT, got {text!r}")
-    return match[1], number(match[2]), number(match[3]), integer(1)(match[4])
+        raise ValueError
+    return match[1], _number(match[2]), _number(match[3]), _integer(1)(match[4])
 
 
-_FLAG: dict[str, Any] = {"action": "store_true"}
-_COUNT: dict[str, Any] = {"type": integer(1), "metavar": "N"}
+_number_of = _reader("a finite number", _number)
+_positive = _reader("a positive number", lambda text: _number(text, 0.0))
+_list = _reader("finite numbers separated by commas", _numbers)
+_list_or_file = _reader(
+    "finite numbers separated by commas or the name of a .npy or .csv file", _numbers_or_file
+)
+_run_file = _reader("the name of a .npz, .nc or .zarr file", _result)
+_picture = _reader("1, 2, 3 or 4", lambda text: ("1", "2", "3", "4").index(text) + 1)
 
-# Options by name; a default, if a command has one, is added to the help. Options that `iterate` or
-# `ensemble` takes have the name of its argument.
+
+# ------------------------------------------------------------------ options
+
+
+def _option(help: str, type: Any = None, metavar: str | None = None, **more: Any) -> dict[str, Any]:
+    settings = {"help": help, "type": type, "metavar": metavar, **more}
+    return {name: value for name, value in settings.items() if value is not None}
+
+
+def _flag(help: str) -> dict[str, Any]:
+    return {"help": help, "action": "store_true"}
+
+
+# By name. A default is added to the help. What `iterate` or `ensemble` takes has the name that it
+# has there.
 OPTIONS: dict[str, dict[str, Any]] = {
-    "picture": {
-        "type": picture,
-        "metavar": "1..4",
-        "help": f"body and step size of a picture of the paper ({DEFAULT_PICTURE}); "
-        "parameters that are given too replace those of the picture",
-    },
-    "inertia": {
-        "type": numbers_or_file,
-        "metavar": "TENSOR",
-        "help": "3 x 3 inertia tensor in any basis: its entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz, or a .npy "
-        "or .csv file",
-    },
-    "mass_tensor": {
-        "type": Path,
-        "metavar": "FILE",
-        "help": "in n dimensions: n x n second moments of mass in any basis, the I of "
-        "M = I Omega + Omega I, .npy or .csv (for n = 3: trace(T)/2 - T, T the inertia tensor)",
-    },
-    "axis": {
-        "type": numbers,
-        "metavar": "A1,A2,...",
-        "help": "with a tensor: the axis of the constraint, in its basis (the last one)",
-    },
-    "eps": {"type": number, "help": "step size (that of the picture)"},
-    "omega0": {
-        "type": numbers,
-        "action": "append",
-        "metavar": "OMEGA1,OMEGA2",
-        "help": "a start; may be repeated",
-    },
-    "initial": {
-        "type": Path,
-        "metavar": "FILE",
-        "help": "starts from a .npy or .csv file, one per row",
-    },
-    "trajectories": {**_COUNT, "help": f"number of random starts ({TRAJECTORIES})"},
-    "extent": {"type": positive, "help": "random starts have components in [-EXTENT, EXTENT) (2)"},
-    "seed": {"type": integer(0), "help": "seed of the random starts (0)"},
-    "orientation": {
-        "type": numbers_or_file,
-        "metavar": "R0",
-        "help": "orientation at the start: a rotation vector in degrees, X,Y,Z, or the rotation "
-        "matrix in a .npy or .csv file (the identity)",
-    },
-    "steps": {"type": integer(0), "metavar": "N", "help": "number of steps"},
-    "method": {"default": "auto", "help": "method of iterate"},
-    "threads": {**_COUNT, "help": "number of threads (all)"},
-    "save_every": {
-        "type": integer(1),
-        "metavar": "K",
-        "help": "keep every K-th state (the last state only)",
-    },
-    "attitude": {**_FLAG, "help": "carry the orientation of the body along"},
-    "output": {"flags": ("-o", "--output"), "metavar": "FILE"},
-    "force": {**_FLAG, "help": "replace files that exist"},
-    "json": {**_FLAG, "help": "print one JSON object, for programs"},
-    "chunk": {**_COUNT, "help": "trajectories computed at a time (a few MB)"},
-    "scheduler": {"metavar": "ADDRESS", "help": "Dask scheduler whose workers compute"},
-    "sweep": {
-        "type": sweep,
-        "action": "append",
-        "metavar": "NAME=LOW:HIGH:COUNT",
-        "help": "an axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
-    },
-    "compression": {"choices": ("lz4", "zstd"), "help": "compress what is written"},
-    "reductions": {
-        "flags": ("--reduce",),
-        "action": "append",
-        "metavar": "NAME",
-        "help": "write the last states and this only: first_integral_drift, omega_max, ...",
-    },
-    "verify": {**_FLAG, "help": "read what is stored, and compute again what is damaged"},
-    "file": {"flags": ("file",), "type": result_file, "metavar": "FILE", "help": "a run"},
-    "folder": {
-        "flags": ("-o", "--output"),
-        "type": Path,
-        "default": Path(),
-        "metavar": "DIR",
-        "help": "where to write them (this folder)",
-    },
-    "format": {"choices": ("png", "pdf", "svg"), "default": "png", "help": "format of the files"},
-    "dpi": {**_COUNT, "help": "dots per inch"},
-    "letters": {**_FLAG, "help": "write the letters of panels, (a), (b) ..."},
-    "link": {
-        "flags": ("link",),
-        "nargs": "?",
-        "metavar": "LINK",
-        "help": "a link copied from the page: begin with what it shows",
-    },
-    "port": {
-        "type": integer(0, 2**16),
-        "default": 0,
-        "metavar": "N",
-        "help": "port of 127.0.0.1 (a free one)",
-    },
-    "no_browser": {**_FLAG, "help": "print the address only"},
+    "picture": _option(
+        f"body and step size of a picture of the paper ({DEFAULT_PICTURE}); parameters beside it "
+        "replace its own",
+        _picture,
+        "1..4",
+    ),
+    "inertia": _option(
+        "3 x 3 inertia tensor in any basis: entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz, or a .npy or .csv",
+        _list_or_file,
+        "TENSOR",
+    ),
+    "mass_tensor": _option(
+        "in n dimensions: second moments of mass in any basis, the I of M = I Omega + Omega I, "
+        ".npy or .csv (for n = 3: trace(T)/2 - T, T the inertia tensor)",
+        Path,
+        "FILE",
+    ),
+    "axis": _option("with a tensor: the forbidden axis, in its basis (the last)", _list, "A1,..."),
+    "eps": _option("step size (that of the picture)", _number_of),
+    "omega0": _option("a start; may be repeated", _list, "OMEGA1,...", action="append"),
+    "initial": _option("starts from a .npy or .csv, one per row", Path, "FILE"),
+    "trajectories": _option(f"number of random starts ({TRAJECTORIES})", _integer(1), "N"),
+    "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", _positive),
+    "seed": _option("seed of the random starts (0)", _integer(0)),
+    "orientation": _option(
+        "orientation at the start: a rotation vector X,Y,Z in degrees, or a rotation matrix in a "
+        ".npy or .csv (the identity)",
+        _list_or_file,
+        "R0",
+    ),
+    "steps": _option("number of steps", _integer(0), "N"),
+    "method": _option("method of iterate", default="auto"),
+    "threads": _option("number of threads (all)", _integer(1), "N"),
+    "save_every": _option("keep every K-th state (the last only)", _integer(1), "K"),
+    "attitude": _flag("carry the orientation of the body along"),
+    "output": _option("where to write it", Path, "FILE", flags=("-o", "--output")),
+    "force": _flag("replace files that exist"),
+    "json": _flag("print one JSON object, for programs"),
+    "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
+    "scheduler": _option("Dask scheduler whose workers compute", metavar="ADDRESS"),
+    "sweep": _option(
+        "an axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
+        _reader("NAME=LOW:HIGH:COUNT", _sweep),
+        "NAME=LOW:HIGH:COUNT",
+        action="append",
+    ),
+    "compression": _option("compress what is written", choices=("lz4", "zstd")),
+    "reductions": _option(
+        "write the last states and this only: first_integral_drift, omega_max, ...",
+        metavar="NAME",
+        action="append",
+        flags=("--reduce",),
+    ),
+    "verify": _flag("read what is stored, and compute again what is damaged"),
+    "file": _option("a .npz, .nc or .zarr", _run_file, "FILE", flags=("file",)),
+    "folder": _option(
+        "where to write them (this folder)", Path, "DIR", flags=("-o", "--output"), default=Path()
+    ),
+    "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
+    "dpi": _option("dots per inch", _integer(1), "N"),
+    "letters": _flag("write the letters of panels, (a), (b) ..."),
+    "link": _option(
+        "a link copied from the page, to begin with", metavar="LINK", nargs="?", flags=("link",)
+    ),
+    "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), "N", default=0),
+    "no_browser": _flag("print the address only"),
 }
-
 _PARAMETERS = {
-    "I1": "moment of inertia",
-    "I2": "moment of inertia",
-    "I3": "moment of inertia, which does not enter the map",
-    "I13": "product of inertia",
-    "I23": "product of inertia",
+    "I3": "moment of inertia, which the map does not depend on",
     "J": "in n dimensions: I_ii + I_nn",
-    "I": "in n dimensions: I_in",
-    "k": "momentum of a rotor along the axis of the constraint: a gyrostat",
+    "I": "in n dimensions: the couplings I_in",
+    "k": "momentum of a rotor along the forbidden axis: a gyrostat",
 }
 
 
 class Command(NamedTuple):
-    """A subcommand: its module, its help, its options in groups, and what it changes in them."""
+    """A subcommand: module, help, description, options in groups, and changes of their settings."""
 
     module: str
     help: str
     description: str
     groups: dict[str, str]
-    changes: dict[str, dict[str, Any]]
+    changes: dict[str, dict[str, Any]] = {}  # noqa: RUF012  (nobody writes to it)
 
 
 # Options of runs that are larger than memory.
 STORE = "chunk scheduler sweep compression reductions verify"
-_BODY = "picture PARAMETERS inertia mass_tensor axis eps"
+_BODY = {
+    "body (a picture, all parameters, or a tensor)": (
+        "picture PARAMETERS inertia mass_tensor axis eps"
+    )
+}
 COMMANDS = {
     "run": Command(
         "run",
@@ -249,20 +214,15 @@ COMMANDS = {
         "Iterate a batch of trajectories of the discrete Suslov problem. With no options: "
         f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps.",
         {
-            "body (a picture, all parameters, or a tensor)": _BODY,
+            **_BODY,
             "starts (random ones, or your own)": "trajectories extent seed omega0 initial",
             "run": "steps method threads attitude orientation",
             "output": "output save_every force json",
-            "with -o FILE.zarr (computed and written in parts; the same command goes on)": (
-                STORE
-            ),
+            "with -o FILE.zarr (computed and written in parts; the same command goes on)": STORE,
         },
         {
             "steps": {"default": 1000},
-            "output": {
-                "type": result_file,
-                "help": "write all that Trajectories.load needs, to a .npz, .nc or .zarr",
-            },
+            "output": {"type": _run_file, "help": "write the run to a .npz, .nc or .zarr"},
         },
     ),
     "info": Command(
@@ -270,8 +230,7 @@ COMMANDS = {
         "print what a saved run is and what came of it",
         "Print what a file of `suslov-fast run -o` or Trajectories.save holds. The drift is that "
         "since state 0, where it was saved.",
-        {"options": "file json"},
-        {},
+        {"": "file json"},
     ),
     "warm-up": Command(
         "warm_up",
@@ -279,16 +238,14 @@ COMMANDS = {
         "Compile everything, for every kind of body, for one thread and for all, into the cache "
         "that later processes read.",
         {},
-        {},
     ),
     "pictures": Command(
         "pictures",
         "draw the paper's four pictures, and four more",
-        "Draw the four pictures of the paper as DIR/picture1.png ... picture4.png, an orbit in "
-        "each regime with its closed form as regimes.png, the order of the map as "
-        "convergence.png, motion for n = 4 as four_dimensions.png, and the scattering angle as "
-        "scattering.png.",
-        {"options": "folder format dpi letters force"},
+        "Draw the four pictures of the paper (picture1 ... picture4), an orbit in each regime with "
+        "its closed form (regimes), the order of the map (convergence), motion for n = 4 "
+        "(four_dimensions), and the scattering angle (scattering).",
+        {"": "folder format dpi letters force"},
         {"dpi": {"default": 160}},
     ),
     "animate": Command(
@@ -297,16 +254,12 @@ COMMANDS = {
         "Draw the ellipsoid of inertia of a body, its axes e1 and e2, and the path of the axis a "
         "about which it does not turn. By default it passes from one steady rotation to the "
         "other. FILE ends in .gif, or in .mp4 where ffmpeg is installed.",
-        {
-            "body (a picture, all parameters, or a tensor)": _BODY,
-            "motion": "omega0 orientation steps",
-            "output": "output dpi force",
-        },
+        {**_BODY, "motion": "omega0 orientation steps", "output": "output dpi force"},
         {
             "eps": {"help": "step size (0.05 with a picture)"},
             "omega0": {"action": "store", "help": "the start (one beside a steady rotation)"},
-            "steps": {"type": integer(1), "default": 440},
-            "output": {"type": Path, "required": True, "help": "where to write it"},
+            "steps": {"type": _integer(1), "default": 440},
+            "output": {"required": True},
             "dpi": {"default": 100},
         },
     ),
@@ -316,8 +269,7 @@ COMMANDS = {
         "Serve a page to the browser of this machine, on which the body, the step size and the "
         "start are moved, and the orbit, its regime and the body in space are seen at once. "
         "Nothing is sent to or fetched from elsewhere. Ctrl-C ends it.",
-        {"options": "link port no_browser"},
-        {},
+        {"": "link port no_browser"},
     ),
 }
 
@@ -333,8 +285,11 @@ def body_classes() -> list[Any]:
 
 def flag(name: str) -> str:
     """Return an option as it is written."""
-    flags = OPTIONS.get(name, {}).get("flags", (f"--{name.replace('_', '-')}",))
-    return str(flags[-1])
+    default = (f"--{name.replace('_', '-')}",)
+    return str(OPTIONS.get(name, {}).get("flags", default)[-1])
+
+
+# ------------------------------------------------------------------ parsing
 
 
 class _Parser(argparse.ArgumentParser):
@@ -352,35 +307,33 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         name = word.partition("=")[0]
         if not name.startswith("-"):
             raise usage_error(f"expected no argument {word!r}")
-        known = [each for each in parser._option_string_actions if each.startswith("--")]
+        hint = f"`suslov-fast {words[0]} --help` lists the options"
         raise usage_error(
-            f"unknown option {name}; "
-            + _suggestion(name, known, f"`suslov-fast {words[0]} --help` lists the options")
+            f"unknown option {name}; {_suggestion(name, [*parser._option_string_actions], hint)}"
         )
     options.command = words[0]
     return options
 
 
 def _parse_general(words: Sequence[str]) -> NoReturn:
-    """Answer what names no subcommand."""
-    names = ",".join(COMMANDS)
-    width = max(map(len, COMMANDS))
+    """Answer a command line that names no subcommand."""
     parser = _Parser(
         prog="suslov-fast",
-        usage=f"suslov-fast [-h] [-V] {{{names}}} ...",
+        usage=f"suslov-fast [-h] [-V] {{{','.join(COMMANDS)}}} ...",
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
         epilog="subcommands, each with a --help of its own:\n"
-        + "\n".join(f"  {name:<{width}}  {each.help}" for name, each in COMMANDS.items()),
+        + "\n".join(f"  {name:<10}{each.help}" for name, each in COMMANDS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     version = f"suslov-fast {__version__}"
     parser.add_argument("-V", "--version", action="version", version=version)
-    _, rest = parser.parse_known_args(words[:1])
-    if rest:
-        hint = _suggestion(rest[0], list(COMMANDS), f"expected one of {names.replace(',', ', ')}")
-        raise usage_error(f"unknown command {rest[0]!r}; {hint}")
-    raise usage_error(f"expected a command, one of {names.replace(',', ', ')}, got none")
+    parser.parse_known_args(words[:1])
+    expected = f"expected one of {', '.join(COMMANDS)}"
+    if not words:
+        raise usage_error(f"{expected}, got nothing")
+    raise usage_error(
+        f"unknown command {words[0]!r}; {_suggestion(words[0], [*COMMANDS], expected)}"
+    )
 
 
 def _suggestion(word: str, known: list[str], otherwise: str) -> str:
@@ -394,42 +347,39 @@ def _parser(name: str) -> argparse.ArgumentParser:
         prog=f"suslov-fast {name}", description=command.description, allow_abbrev=False
     )
     for title, options in command.groups.items():
-        group = parser if title == "options" else parser.add_argument_group(title)
+        group: Any = parser.add_argument_group(title) if title else parser
         for option in options.split():
             if option == "PARAMETERS":
                 _add_parameters(group)
                 continue
             settings = {**OPTIONS[option], **command.changes.get(option, {})}
             flags = settings.pop("flags", (flag(option),))
+            if settings.get("default") and "(" not in settings["help"]:
+                settings["help"] += " (%(default)s)"
             if flags[0].startswith("-"):
                 settings["dest"] = option
-            default = settings.get("default")
-            if isinstance(default, (str, int)) and default:
-                settings["help"] += " (%(default)s)"
             group.add_argument(*flags, **settings)
     return parser
 
 
 def _add_parameters(group: Any) -> None:
     """Add an option for each parameter of each body."""
-    added = set()
-    for kind in body_classes():
-        for name in kind._names():
-            if name in added:
-                continue
-            added.add(name)
-            settings: dict[str, Any] = {"type": positive if name in kind._positive else number}
-            if kind._own_axes:
-                settings = {"type": numbers, "metavar": f"{name}1,{name}2,..."}
-            text = _PARAMETERS.get(name, f"parameter of {kind.__name__}")
-            group.add_argument(f"--{name}", help=text, **settings)
+    kinds = {name: kind for kind in reversed(body_classes()) for name in kind._names()}
+    for name, kind in sorted(kinds.items(), key=lambda each: (each[1]._own_axes, len(each[0]))):
+        what = "moment" if name in kind._positive else "product"
+        settings = _option(
+            _PARAMETERS.get(name, f"{what} of inertia"),
+            _list if kind._own_axes else _positive if name in kind._positive else _number_of,
+            f"{name}1,..." if kind._own_axes else None,
+        )
+        group.add_argument(f"--{name}", **settings)
 
 
 def _with_numbers_joined(words: Sequence[str]) -> list[str]:
     """Write `--eps -1e-3` as `--eps=-1e-3`: argparse takes some negative numbers for options."""
     joined: list[str] = []
     for word in words:
-        if joined and re.fullmatch(r"--\w+", joined[-1]) and re.match(r"-[\d.]", word):
+        if joined and re.fullmatch(r"--[\w-]+", joined[-1]) and re.match(r"-[\d.]", word):
             joined[-1] += f"={word}"
         else:
             joined.append(word)

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._runs.replacing import replacing
@@ -90,7 +88,7 @@ def animate(options: argparse.Namespace) -> str:
     require_new(path, options.force)
     with Work(path) as work, writing(path), replacing(path) as new:
         report = work.phase("drawing")
-        with checking("animate: "):
+        with checking("animate"):
             moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
         moving.save(
             str(new.with_suffix(suffix)),

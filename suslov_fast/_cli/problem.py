@@ -14,13 +14,12 @@ import numpy as np
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, vectors
+from .._checks import FloatArray, rotations, vectors
 from .._maps.registry import map_of
 from .._runs.replacing import kind_of
-from .options import DEFAULT_PICTURE, TRAJECTORIES, CommandError, body_classes, flag, usage_error
+from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, body_classes, flag, usage_error
 from .work import checking, reading
 
-EXTENT = 2.0
 # The head of a column in a .csv file; "nan" and "inf" are numbers, which are refused as such.
 _HEAD = r"(?!(nan|inf|infinity)$)[A-Za-zΩ_][\wΩ ]*"
 
@@ -77,12 +76,12 @@ def _of_parameters(base: Any, given: dict[str, Any]) -> Any:
     values = {**({} if base is None else base._values), **given}
     kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
     if not kinds:
-        names = " ".join(flag(name) for name in sorted(needed))
-        raise usage_error(f"expected the parameters of one body, got {names}")
+        received = " ".join(flag(name) for name in sorted(needed))
+        raise usage_error(f"expected the parameters of one body, got {received}")
     for kind in kinds:
         if _required(kind) <= values.keys():
             own = {name: values[name] for name in kind._names() if name in values}
-            with checking("parameters of the body: "):
+            with checking("parameters of the body"):
                 return kind(**own)
     names = [name for name in kinds[0]._names() if name in _required(kinds[0])]
     wanted = " ".join(map(flag, names))
@@ -105,7 +104,7 @@ def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray 
             )
         xx, yy, zz, xy, xz, yz = source
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        errors = checking("argument --inertia: ")
+        errors = checking("argument --inertia")
     else:
         matrix, errors = read_matrix(source), reading(source)
     with errors:
@@ -121,9 +120,7 @@ def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray 
 def starts_of(options: argparse.Namespace, body: Any) -> Any:
     """Return the starts: an array, `RandomStarts`, or the name of a .npy file to read in parts."""
     random = [
-        name
-        for name in ("trajectories", "seed", "extent")
-        if getattr(options, name) is not None
+        name for name in ("trajectories", "seed", "extent") if getattr(options, name) is not None
     ]
     sources = [name for name in ("omega0", "initial") if getattr(options, name) is not None]
     if len(sources + random[:1]) > 1:
@@ -153,7 +150,10 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
     """Return the orientation at the start, if one is given."""
     source = options.orientation
     if not isinstance(source, list):
-        return None if source is None else read_matrix(source)
+        if source is None:
+            return None
+        with reading(source):
+            return rotations("orientation", read_matrix(source), n)
     if len(source) != 3 or n != 3:
         raise usage_error(
             "argument --orientation: expected a rotation vector of three numbers for a "
@@ -168,8 +168,8 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
 
 def read_states(path: Path, dimension: int) -> FloatArray:
     """Read angular velocities from a .npy or .csv file, a column for each component."""
-    table = _read_table(path)
     with reading(path):
+        table = _read_table(path)
         if not table.size:
             raise ValueError("expected at least one state, got none")
         if table.ndim != 2:
@@ -179,39 +179,28 @@ def read_states(path: Path, dimension: int) -> FloatArray:
 
 def read_matrix(path: Path) -> FloatArray:
     """Read a square matrix from a .npy or .csv file."""
-    table = _read_table(path)
     with reading(path):
+        table = _read_table(path)
         if table.ndim != 2 or table.shape[0] != table.shape[1]:
             raise ValueError(f"expected an n x n matrix, got an array of shape {table.shape}")
     return table
 
 
 def _read_table(path: Path) -> FloatArray:
-    readers = {".npy": _read_npy, ".csv": _read_csv}
     suffix = path.suffix.lower()
-    if suffix not in readers:
-        raise CommandError(f"{path}: expected a .npy or .csv file, got {suffix or 'no suffix'!r}")
-    with reading(path):
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):
-            raise ValueError(f"expected a readable file, got {kind_of(mode)}")
-        return readers[suffix](path)
-
-
-def _read_npy(path: Path) -> FloatArray:
-    with open(path, "rb") as file:
-        if file.read(6) != b"\x93NUMPY":
-            raise ValueError("expected a .npy file as numpy.save writes it, got something else")
-    try:
-        table: FloatArray = np.load(path, allow_pickle=False)
-    except OSError:
-        raise
-    except Exception as error:  # depends on how the header is damaged
-        raise ValueError(f"expected a .npy file as numpy.save writes it, got: {error}") from error
-    return table
-
-
-def _read_csv(path: Path) -> FloatArray:
+    if suffix not in (".npy", ".csv"):
+        raise ValueError(f"expected a .npy or .csv file, got {suffix or 'no suffix'!r}")
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        raise ValueError(f"expected a readable file, got {kind_of(mode)}")
+    if suffix == ".npy":
+        try:
+            table: FloatArray = np.load(path, allow_pickle=False)
+            return table
+        except OSError:
+            raise
+        except Exception as error:  # depends on how the file is damaged
+            raise ValueError(f"expected a .npy file that numpy.save wrote, got: {error}") from error
     with open(path, encoding="utf-8-sig") as file:  # spreadsheets begin files with a mark
         header = [cell.strip() for cell in file.readline().split(",")]
         if not all(re.fullmatch(_HEAD, cell) for cell in header) or len(header) < 2:

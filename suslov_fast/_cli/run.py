@@ -6,8 +6,8 @@ import argparse
 import math
 import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
@@ -52,16 +52,21 @@ def run(options: argparse.Namespace) -> str:
         }
     if options.json:
         return as_json(facts)
-    methods = map_of(problem.body).methods
+    return as_text({**facts, **_for_people(facts, problem.body, in_store)})
+
+
+def _for_people(facts: Facts, body: Any, in_store: bool) -> Facts:
+    """Return the facts that are worded differently for people."""
     speed = None
     if "states_per_second" in facts:
         speed = (
             f"{facts['states_per_second']:.3g} states/s, by the closed form where it is faster; "
-            f"--method {methods[1]} takes every step"
+            f"--method {map_of(body).methods[1]} takes every step"
         )
     elif "steps_per_second" in facts:
         speed = f"{facts['steps_per_second']:.3g} steps/s"
-    return as_text({**facts, "method": None, "saved_states": None, "speed": speed})
+    seconds = f"{facts['seconds']:.4g} s" + ("" if in_store else ", after compilation")
+    return {"method": None, "saved_states": None, "speed": speed, "seconds": seconds}
 
 
 @contextmanager
@@ -89,8 +94,9 @@ def _settings(function: Any, options: argparse.Namespace, body: Any) -> Facts:
 def _size(options: argparse.Namespace, body: Any, count: int) -> int:
     """Return the number of bytes of the saved states."""
     rows = 1 if options.save_every is None else options.steps // options.save_every + 1
+    D: int = body.dimension
     turning = options.attitude or options.orientation is not None
-    return 8 * (body.dimension + turning * (body.dimension + 1) ** 2) * count * rows
+    return 8 * (D + turning * (D + 1) ** 2) * count * rows
 
 
 # ------------------------------------------------------------------ in memory
@@ -104,26 +110,38 @@ def _in_memory(options: argparse.Namespace, problem: Problem, starts: Any) -> Fa
         require_new(path, options.force)
     omega0 = _states(options, body, starts)
     settings = {**_settings(sf.iterate, options, body), "on_singular": "ignore"}
-    with Work(path) as work, nullcontext() if path is None else writing(path):
-        with nullcontext() if path is None else place_for(path) as put:
-            work.phase("compiling")
-            with checking():
-                _compile(body, omega0, eps, settings)
-            if path is not None:
-                announce(path, _size(options, body, len(omega0)))
-            report = work.phase("iterating")
-            begin = time.perf_counter()
-            orbits = sf.iterate(body, omega0, eps, **settings, progress=report)
-            seconds = time.perf_counter() - begin
-            if put is not None:
-                work.phase("writing")
-                put(entries_of(vars(orbits)))
-        work.written = True
+    with Work(path) as work, nullcontext() if path is None else _saving(path) as put:
+        work.phase("compiling")
+        with checking():
+            _compile(body, omega0, eps, settings)
+        if path is not None:
+            announce(path, _size(options, body, len(omega0)))
+        report = work.phase("iterating")
+        begin = time.perf_counter()
+        orbits = sf.iterate(body, omega0, eps, **settings, progress=report)
+        seconds = time.perf_counter() - begin
+        work.phase("writing")
+        if put is not None:
+            put(orbits)
+            work.written = True
         outcome = outcome_of(orbits, omega0, work.phase("checking"))
     facts = {**facts_of(orbits), **outcome, "seconds": seconds}
     if orbits.method == "auto" and len(orbits._map.methods) > 1:  # steps may not be taken
         return {**facts, "states_per_second": orbits.omega[..., 0].size / seconds}
     return {**facts, "steps_per_second": len(omega0) * options.steps / seconds}
+
+
+@contextmanager
+def _saving(path: Path) -> Iterator[Callable[[sf.Trajectories], None]]:
+    """Find out at once if a file cannot be written, and yield a function that saves a run."""
+    with writing(path), ExitStack() as stack:
+        put = stack.enter_context(place_for(path))
+
+        def save(orbits: sf.Trajectories) -> None:
+            put(entries_of(vars(orbits)))
+            stack.close()  # now the file has its name
+
+        yield save
 
 
 def _states(options: argparse.Namespace, body: Any, starts: Any) -> FloatArray:
@@ -187,26 +205,15 @@ def _in_store(options: argparse.Namespace, problem: Problem, starts: Any) -> Fac
 def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None:
     """Call `ensemble`; replace the store of another run if that was asked for."""
     try:
+        with checking():
+            sf.ensemble(*arguments, **settings)
+    except CommandError as error:
+        if not str(error).startswith("store:"):  # the arguments are wrong
+            raise
+        if not force or not any((path / name).exists() for name in ("zarr.json", ".zgroup")):
+            raise CommandError(f"{error}; --force replaces it") from error
+        shutil.rmtree(path)
         sf.ensemble(*arguments, **settings)
-    except (ValueError, TypeError) as error:
-        of_store = str(error).startswith("store")
-        if not (force and path.is_dir() and any((path / n).exists() for n in _MARKS)):
-            hint = "; --force replaces it" if of_store else ""
-            raise CommandError(f"{error}{hint}", 1 if of_store else 2) from error
-        before = path.with_name(f"{path.name}.replaced")
-        path.rename(before)
-        try:
-            with checking():
-                sf.ensemble(*arguments, **settings)
-        finally:
-            if path.exists():
-                shutil.rmtree(before)
-            else:
-                before.rename(path)
-
-
-# Files of Zarr stores of both formats: no other folder is replaced.
-_MARKS = ("zarr.json", ".zgroup")
 
 
 def _swept(
@@ -220,7 +227,7 @@ def _swept(
         if name == "eps":
             eps = column
         else:
-            with checking("argument --sweep: "):
+            with checking("argument --sweep"):
                 body = _with_parameter(body, name, column)
     return body, eps, (*coords, "trajectory"), coords
 
@@ -236,6 +243,8 @@ def _with_parameter(body: Any, name: str, values: FloatArray) -> Any:
     if k is None:
         return replace(body, **{field: values})
     old = getattr(body, field)
-    new = np.array(np.broadcast_to(old, (*np.broadcast_shapes(values.shape, old.shape[:-1]), old.shape[-1])))
+    new = np.array(
+        np.broadcast_to(old, (*np.broadcast_shapes(values.shape, old.shape[:-1]), old.shape[-1]))
+    )
     new[..., k] = values
     return replace(body, **{field: new})

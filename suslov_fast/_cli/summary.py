@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator
 from inspect import signature
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,9 @@ def outcome_of(orbits: sf.Trajectories, start: FloatArray | None, report: Report
     outcome = _Outcome(orbits._map)
     outcome.count(orbits.status)
     if start is not None:
-        rows = [*_slabs(orbits.omega), orbits.final[np.newaxis]]
+        rows = [*_slabs(orbits.omega)]
+        if orbits.n[-1] != orbits.steps:
+            rows.append(orbits.final[np.newaxis])
         outcome.compare(orbits.body, orbits.eps, start, rows, report)
     return outcome.facts()
 
@@ -69,7 +72,7 @@ def facts_of_store(path: Path, report: Report) -> Facts:
         if from_start:
             omega = tile["omega"]
             edges = np.cumsum([0, *omega.chunks[0]])
-            rows = (omega[a:b].values for a, b in zip(edges[:-1], edges[1:], strict=True))
+            rows = (omega[a:b].values for a, b in pairwise(edges))
             outcome.compare(*_parameters(tile, record), omega[0].values, rows, lambda *_: None)
         report(k + 1, len(tiles))
     return {
@@ -244,14 +247,14 @@ def _drift_lines(drift: Facts) -> Iterator[tuple[str, str]]:
 
 _LINES: dict[str, Callable[[Any], Any]] = {
     "body": _row("body", _body_line),
-    "rotation": _row("rotation", lambda _: "states are in the adapted basis; --json has its matrix"),
+    "rotation": _row("rotation", lambda _: "to the adapted basis of states; --json has it"),
     "eps": _row("step size", lambda eps: f"eps = {_spell(eps)}"),
     "trajectories": _row("trajectories", "{:,}".format),
     "steps": _row("steps", "{:,}".format),
     "saved_states": _row("saved states", "{:,}".format),
     "method": _row("method", str),
     "threads": _row("threads", str),
-    "seconds": _row("wall time", "{:.4g} s, after compilation".format),
+    "seconds": _row("wall time", str),
     "speed": _row("speed", str),
     "drift": _drift_lines,
     "status": lambda counts: [

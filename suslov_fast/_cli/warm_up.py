@@ -57,7 +57,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], object]]]:
     ]
     bodies.append(sf.SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]))  # with a closed form
     for count, body in itertools.product(_COUNTS.values(), bodies):
-        for name in sf.__all__:
+        for name in dir(sf):
             function = getattr(sf, name)
             if inspect.isfunction(function) and not name.startswith(_WITHOUT):
                 yield name, partial(_call, function, body, count)
@@ -81,9 +81,14 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
         "n": (_STEPS, [0, 1, _STEPS]),
         "time": (0.5, [0.0, 0.5]),
     }
-    varied = {name: each for name, each in choices.items() if name in parameters}
     if "eps" in required:
-        del varied["eps"]
+        del choices["eps"]
+    # Of some functions `attitude` is an array.
+    varied = {
+        name: each
+        for name, each in choices.items()
+        if name in parameters and (name != "attitude" or parameters[name].default is False)
+    }
     calls = 0
     for values in itertools.product(*varied.values()):
         try:

@@ -1,65 +1,63 @@
-"""Work of a command: its progress on a terminal, and the files that it writes."""
+"""Work of a command: progress on a terminal, errors with the name of a file."""
 
 from __future__ import annotations
 
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
+from types import FrameType
+from typing import Any, NoReturn
 
-from .options import CommandError, usage_error
+from .options import FAILURE, USAGE, CommandError
 
-# Bytes of a file whose size is said before it is written, and seconds from one bar to the next.
-_LARGE, _INTERVAL = 10**8, 0.1
-_WIDTH = 30
+# Bytes of a file whose size is said before it is written; seconds from one bar to the next; its
+# characters.
+_LARGE, _INTERVAL, _WIDTH = 10**8, 0.1, 30
+
+_received: list[int] = []
+
+
+def interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    """Note a signal and raise KeyboardInterrupt, which callbacks of the compiler may drop."""
+    _received.append(number)
+    raise KeyboardInterrupt
 
 
 class Work:
     """Phases of a command: a bar on a terminal, and a message if one is interrupted."""
 
     def __init__(self, output: Path | None = None) -> None:
-        self.output = output
-        self.written = False
-        self._phase = "starting"
-        self._begin = self._shown = 0.0
-        self._on_terminal = sys.stderr.isatty()
+        self.output, self.written = output, False
+        self._phase, self._begin, self._shown = "starting", 0.0, 0.0
+        _received.clear()
 
     def phase(self, name: str) -> Callable[[int, int], None]:
         """Begin a phase, and return a function that takes how much of it is done and its total."""
-        self._phase = name
-        self._begin = time.monotonic()
-        self._show(name)
+        self._stop_if_asked()
+        self._phase, self._begin = name, time.monotonic()
+        _show(name)
         return self._report
 
-    def _report(self, done: int, total: int) -> None:
-        now = time.monotonic()
-        if not self._on_terminal or now < self._shown + _INTERVAL or not 0 < done <= total:
-            return
-        self._shown = now
-        part = done / total
-        left = (now - self._begin) * (1 / part - 1)
-        bar = ("#" * round(part * _WIDTH)).ljust(_WIDTH)
-        self._show(f"{self._phase} [{bar}] {part:4.0%}, {left:.0f} s left")
+    def _stop_if_asked(self) -> None:
+        if _received:
+            raise KeyboardInterrupt
 
-    def _show(self, text: str) -> None:
-        """Replace the line on the terminal."""
-        if self._on_terminal:
-            sys.stderr.write(f"\r\x1b[K{text and f'suslov-fast: {text}'}")
-            sys.stderr.flush()
+    def _report(self, done: int, total: int) -> None:
+        self._stop_if_asked()
+        now = time.monotonic()
+        if now > self._shown + _INTERVAL and 0 < done <= total:
+            self._shown = now
+            bar = ("#" * (done * _WIDTH // total)).ljust(_WIDTH)
+            left = (now - self._begin) * (total / done - 1)
+            _show(f"{self._phase} [{bar}] {done / total:4.0%}, {left:.0f} s left")
 
     def __enter__(self) -> Work:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._show("")
+    def __exit__(self, kind: Any, error: BaseException | None, traceback: Any) -> None:
+        _show("")
         if isinstance(error, KeyboardInterrupt) and not error.args:
             message = f"interrupted while {self._phase}"
             if self.output is not None:
@@ -67,58 +65,53 @@ class Work:
             raise KeyboardInterrupt(message) from error
 
 
+def _show(text: str) -> None:
+    """Replace the line on the terminal, if there is one."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{text and f'suslov-fast: {text}'}")
+        sys.stderr.flush()
+
+
 def require_new(path: Path, force: bool) -> None:
     """Refuse to replace a file, unless it was asked for."""
-    try:
-        exists = path.exists() and not (path.is_dir() and not any(path.iterdir()))
-    except OSError:
-        return  # writing explains it
-    if exists and not force:
+    if not force and path.is_file():
         raise CommandError(f"{path}: expected a new name, got one that exists; --force replaces it")
 
 
 def announce(path: Path, nbytes: int) -> None:
     """Say the size of a large file before it is written."""
-    if nbytes < _LARGE:
-        return
-    free = ""
-    for folder in path.absolute().parents:
-        if folder.exists():
-            free = f" of {shutil.disk_usage(folder).free / 1e9:,.1f} GB that are free"
-            break
-    message = f"suslov-fast: {path} takes {nbytes / 1e9:,.1f} GB{free}"
-    print(message, file=sys.stderr, flush=True)
+    if nbytes > _LARGE:
+        print(f"suslov-fast: {path} will take {nbytes / 1e9:,.1f} GB", file=sys.stderr, flush=True)
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Turn errors of writing a file into messages with its name."""
+def explained(what: object, expected: str = "", status: int = FAILURE) -> Iterator[None]:
+    """Turn errors into messages that begin with a name."""
     try:
         yield
     except OSError as error:
+        if not expected:
+            raise
         reason = error.strerror or str(error)
         if not reason.startswith(("expected", "could not")):
-            reason = f"could not be written: {reason}"
-        raise CommandError(f"{path}: {reason}") from error
-
-
-@contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn errors of reading a file into messages with its name."""
-    try:
-        yield
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise CommandError(f"{path}: expected a readable file, got: {reason}") from error
+            reason = f"{expected}: {reason}"
+        raise CommandError(f"{what}: {reason}") from error
     except (ValueError, TypeError, EOFError) as error:
         text = str(error)
-        raise CommandError(text if text.startswith(f"{path}") else f"{path}: {text}") from error
+        known = text.startswith((f"{what}:", "store:")) or not what
+        raise CommandError(text if known else f"{what}: {text}", status) from error
 
 
-@contextmanager
-def checking(what: str = "") -> Iterator[None]:
-    """Turn errors of arguments into errors of usage."""
-    try:
-        yield
-    except (ValueError, TypeError) as error:
-        raise usage_error(what + str(error)) from error
+def writing(path: Path) -> Any:
+    """Explain errors of writing a file."""
+    return explained(path, "could not be written")
+
+
+def reading(path: Path) -> Any:
+    """Explain errors of reading a file."""
+    return explained(path, "expected a readable file, got")
+
+
+def checking(what: str = "") -> Any:
+    """Explain errors of arguments."""
+    return explained(what, status=USAGE)

@@ -18,8 +18,6 @@ from .problem import Outcome, Problem, check_computed, never, not_computed, wors
 _Turning: TypeAlias = tuple[FloatArray, ...] | None
 # Lanes of a block are a multiple of this: whole vectors.
 _VECTOR = 8
-# More components than these are eliminated in fewer lanes.
-_MANY = 128
 
 
 def run(problem: Problem) -> Outcome:
@@ -42,7 +40,7 @@ def run(problem: Problem) -> Outcome:
     room = (
         np.empty((tasks, 2, pairs, *body)),
         np.empty((tasks, 2, pairs, lanes)),
-        _matrices(tasks, m, gauss),
+        *_matrices(tasks, m, gauss),
     )
     for part in problem.parts(work, map_nd.LANES):
         own = status[part.begin : part.end]
@@ -110,22 +108,22 @@ def _turning(problem: Problem, tasks: int, lanes: int) -> tuple[FloatArray | Non
     return columns, (problem.time_step, columns, problem.turns, *room)
 
 
-def _matrices(tasks: int, m: int, needed: bool) -> FloatArray:
+def _matrices(tasks: int, m: int, needed: bool) -> tuple[FloatArray, FloatArray]:
     """Room for elimination; empty where there is none and O(n) steps can do without.
 
     The system gives memory when it is first written to: what is not used costs nothing.
     """
-    width = WIDTH if m <= _MANY else _VECTOR
+    width = WIDTH // (1 + (m > 16) + 2 * (m > 64))  # so that most of a matrix stays in the caches
     try:
-        return np.empty((tasks, m + 2, m + 1, width))
+        return np.empty((tasks, m, m + 1, width)), np.empty((tasks, 2, m + 1, width))
     except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
         if needed:
             raise MemoryError(_no_room(m, tasks)) from error
-        return np.empty((tasks, 2, 1, width))
+        return np.empty((tasks, 0, 1, width)), np.empty((tasks, 2, 1, width))
 
 
 def _no_room(m: int, tasks: int) -> str:
-    size = 8.0 * tasks * (m + 1) * (m + 2) * _VECTOR
+    size = 8.0 * tasks * m * (m + 1) * _VECTOR
     return (
         f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
         "use method='rank2', fewer threads, or shorter steps"

@@ -73,6 +73,17 @@ def put(values, i, l, number):
 
 
 @formula
+def norms(I, omega, l):
+    """Return p and |omega|**2 of a lane."""
+    p, square, half = 0.0, 0.0, omega.shape[0] // 2
+    for i in range(half):
+        w_i, w_j = omega[i, l], omega[half + i, l]
+        p = p + at(I, i, l) * w_i + at(I, half + i, l) * w_j
+        square = square + w_i * w_i + w_j * w_j
+    return p, square
+
+
+@formula
 def units_serve(lane, lanes):
     """Return whether the units of all lanes serve."""
     left = 0.0
@@ -123,12 +134,7 @@ def step_gauss(J, I, omega, lane, matrix, rows):
         lane[CHOSEN, l] = l
     solve_lanes(J, I, omega, lane, lanes, matrix, rows)
     for l in range(lanes):
-        lane[P, l], lane[SQUARE, l] = 0.0, 0.0
-    for i in range(matrix.shape[0]):
-        for l in range(lanes):
-            w = omega[i, l]
-            lane[P, l] += at(I, i, l) * w
-            lane[SQUARE, l] += w * w
+        lane[P, l], lane[SQUARE, l] = norms(I, omega, l)
 
 
 @inner
@@ -242,14 +248,12 @@ def unit_of(largest, before):
 def take_unit(J, I, omega, lane, l, size):
     """Go over to the unit 2**size in a lane, or to rest where the trajectory has ended."""
     change, ended = lane[EXPONENT, l] - size, lane[STATUS, l] != OK
-    smallest, I_square, p, square = np.inf, 0.0, 0.0, 0.0
+    smallest, I_square = np.inf, 0.0
     for i in range(omega.shape[0]):
-        I_i, w = at(I, i, l), 0.0 if ended else scaled(omega[i, l], change)
-        omega[i, l] = w
+        omega[i, l] = 0.0 if ended else scaled(omega[i, l], change)
         smallest = min(at(J, i, l), smallest)
-        I_square += I_i * I_i
-        p += I_i * w
-        square += w * w
+        I_square += at(I, i, l) * at(I, i, l)
+    p, square = norms(I, omega, l)
     rests = ended or lane[RESTS, l] > 0.0
     lane[EXPONENT, l] = size
     lane[EPS, l] = 0.0 if rests else scaled(lane[EPS_INPUT, l], size)
@@ -368,11 +372,10 @@ def save_turns(turning, begin, end, row):
 def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
     """Take all steps of the blocks of a task."""
     first, last, start, stop, every, first_row = span
-    bodies, states, matrices = room
+    bodies, states, matrices, rows_of_tasks = room
     J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
     lane = carray(stack(ROOM), (FIELDS, LANES))
-    m = matrices.shape[2] - 1
-    matrix, rows = matrices[task, :m], matrices[task, m:]
+    matrix, rows = matrices[task], rows_of_tasks[task]
     initial, failed_at = parameters[3], kept[2]
     tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
@@ -419,7 +422,8 @@ def iterate(gauss, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). Those but `final` are read where start is not 0.
     room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 2, m + 1, width), or m = 0 in its place
+        (tasks, 2, M, lanes); for elimination, if there is memory for it, else with m = 0,
+        (tasks, m, m + 1, width) and (tasks, 2, m + 1, width)
     """
     for task in prange(room[1].shape[0]):
         iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task)

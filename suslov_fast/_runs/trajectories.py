@@ -282,15 +282,15 @@ class Trajectories:
                 f"{quantity}: expected a map that has it, got a run of {self._map.name}"
             )
 
-    def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
-        """Draw the saved states of all trajectories: one component over another.
+    def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
+        """Draw the saved states of all trajectories, one component over another.
 
         Parameters
         ----------
         components : tuple of int
-            The numbers of the two, from 0 on: the horizontal and the vertical axis.
-        axes : matplotlib.axes.Axes, optional
-            Where to draw; by default axes of a new figure.
+            Numbers of the components on the horizontal and the vertical axis, from 0 on.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
 
         Returns
         -------
@@ -307,24 +307,25 @@ class Trajectories:
         --------
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> axes = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
-        >>> len(axes.lines)
+        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_or_new
+        from .._show.figures import axes_for, style
 
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
-        axes = axes_or_new(axes, (5.0, 5.0))
         states = self.omega.reshape(len(self.omega), -1, D)
-        axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
         labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
-        axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
-        axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
-        axes.set_aspect("equal", adjustable="datalim")
+        with style():
+            [axes] = axes_for(ax, (5.0, 5.0))
+            axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
+            axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
+            axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
+            axes.set_aspect("equal", adjustable="datalim")
         return axes
 
     def to_xarray(

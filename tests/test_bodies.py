@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._bodies.gyrostat import SuslovGyrostat
 from suslov_fast._bodies.units import scaled_eps, units_of
 
 
@@ -21,7 +20,7 @@ def adapted(rotation, inertia):
     return rotation @ inertia @ rotation.swapaxes(-2, -1)
 
 
-GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 BODIES = [
     sf.Suslov3D(4, 1, -0.5, -0.3),
     sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
@@ -29,7 +28,7 @@ BODIES = [
     sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
     sf.SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
     GYROSTAT,
-    SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
+    sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
 ]
 SHAPES = [(), (2, 3), (2,), (), (3, 2), (), (2, 1)]
 each_body = pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
@@ -150,7 +149,7 @@ BAD_GYROSTATS = [
 @pytest.mark.parametrize(("bad", "error", "message"), BAD_GYROSTATS)
 def test_bad_gyrostats(bad, error, message):
     with pytest.raises(error, match=message):
-        SuslovGyrostat(**{**GYROSTAT.to_dict(), **bad})
+        sf.SuslovGyrostat(**{**GYROSTAT.to_dict(), **bad})
 
 
 def test_from_inertia(rng):
@@ -283,3 +282,28 @@ def test_moments_too_far_apart():
     with pytest.raises(ValueError, match="I1, I2: expected moments within"):
         sf.Suslov3D(5e-324, 1.7e308, 1, 1)
     assert np.isfinite(sf.exact(sf.Suslov3D(1e-270, 1e270, 1, 1), [1.0, 1.0], 1e-3, 5)).all()
+
+
+def test_the_gyrostat_is_iterated():
+    """The reference values of the theory page, in 20 digits."""
+    body, omega = GYROSTAT, [1.1, -0.4]
+    expected = [1.1380011603577656871, 0.043858910560513770418]
+    np.testing.assert_allclose(sf.step(body, omega, 0.35), expected, rtol=1e-15)
+    np.testing.assert_allclose(sf.first_integral(body, omega, 0.35), 0.2270011273244378509)
+    whole = sf.iterate(body, omega, 0.35, 30, attitude=True)
+    cut = sf.iterate(body, omega, 0.35, 12, attitude=True).extend(18)
+    assert (cut.omega == whole.omega).all()
+    assert (cut.attitude == whole.attitude).all()
+    np.testing.assert_allclose(whole.first_integral(), whole.first_integral()[0], rtol=1e-13)
+    for call in (
+        lambda: sf.exact(body, omega, 0.35, 3),
+        lambda: sf.flow(body, omega, 3.0),
+        lambda: sf.limits(body, omega, 0.35),
+        lambda: sf.criticality(body, omega, 0.35),
+        lambda: sf.reaction(body, omega),
+        lambda: sf.multipliers(body, 1.0, 0.35),
+        lambda: sf.iterate_full(body, [1.0, 0.5, 0.1], 0.35, 3, 2.0),
+        lambda: whole.reaction(),
+    ):
+        with pytest.raises(TypeError, match="expected .* got"):
+            call()

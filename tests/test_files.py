@@ -171,7 +171,7 @@ ENTRIES = [
     ("I1", np.array(-1.0), "I1: expected a positive"),
     ("attitude", RUN.attitude[1:], "attitude: expected shape"),
     ("resume/state", np.ones((2, 4)), "resume/state: expected shape"),
-    ("resume/R0", None, "resume/turn: expected shape"),
+    ("resume/R0", None, "attitude, resume/R0: expected both or none"),
     ("resume/evil", np.ones(2), "with resume/evil"),
     ("unknown", np.ones(2), "with unknown"),
     ("steps", np.array(2**61), "expected shape"),

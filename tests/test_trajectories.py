@@ -11,6 +11,10 @@ BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 BODY_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 
 
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+GYROSTATS = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.0, 0.9, 1.8])
+
+
 @pytest.fixture
 def sweep(rng):
     """Bodies down, step sizes across: three bodies, and as many saved states as step sizes."""
@@ -71,6 +75,8 @@ def runs():
         "nd_bodies": sf.iterate(
             sf.SuslovND([[[1.0, 2.0]], [[3.0, 1.0]]], [0.2, 0.1]), starts, 0.1, 4, method="gauss"
         ),
+        "gyrostat": sf.iterate(GYROSTAT, starts, sizes, 6, save_every=4, attitude=True),
+        "gyrostat_last": sf.iterate(GYROSTATS, odd[0], 0.35, 6, save_every=None),
         "full": full(BODY, threes, sizes, 6, 3.0, save_every=4),
         "full_bodies": full(sf.Suslov3D(4, 1, -0.5, -0.3, [[3.0], [2.0]]), threes, 0.1, 4),
         "full_last": full(BODY, threes[0], 0.1, 4, 3.0, save_every=None),
@@ -117,7 +123,12 @@ def test_observables_in_n_dimensions():
 
 @pytest.mark.parametrize(
     ("name", "map", "missing"),
-    [("full", "suslov3d_full", QUANTITIES), ("nd", "suslov_nd", ("to_xy",)), ("one", "", ())],
+    [
+        ("full", "suslov3d_full", QUANTITIES),
+        ("nd", "suslov_nd", ("to_xy",)),
+        ("one", "", ()),
+        ("gyrostat", "suslov_gyrostat", ("modified_energy", "criticality", "to_xy", "reaction")),
+    ],
 )
 def test_a_run_has_the_quantities_of_its_map(name, map, missing):
     for quantity in missing:

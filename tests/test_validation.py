@@ -24,7 +24,7 @@ BAD_BODIES = [
     ({"I1": [1, 2], "I2": [1, 2, 3]}, ValueError, r"broadcast .* I1 \(2,\), I2 \(3,\)"),
 ]
 BAD_ARGUMENTS = [
-    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND, got tuple"),
+    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND or SuslovGyrostat, got tuple"),
     ({"omega0": [1, INF]}, ValueError, r"omega0: expected finite .* got inf at index \(1,\)"),
     ({"omega0": [[1, 2], [3, -INF]]}, ValueError, r"got -inf at index \(1, 1\)"),
     ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
@@ -131,7 +131,7 @@ def test_coordinates_of_three_dimensions_only(function):
     ],
 )
 def test_other_functions(body, call):
-    with pytest.raises(TypeError, match="body: expected Suslov3D or SuslovND, got NoneType"):
+    with pytest.raises(TypeError, match="body: expected Suslov3D or SuslovND.*, got NoneType"):
         call(None, OMEGA)
     with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
         call(body, [1, 2, 3])

@@ -41,7 +41,7 @@ class SuslovGyrostat(Body):
 
     Examples
     --------
-    >>> from suslov_fast._bodies.gyrostat import SuslovGyrostat
+    >>> from suslov_fast import SuslovGyrostat
     >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
     SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
     >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8]).shape

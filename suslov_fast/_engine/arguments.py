@@ -20,14 +20,15 @@ def check(
     dimension: int | None = None,
     orientations: dict[str, ArrayLike] | None = None,
     later: bool = False,
+    kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
 ) -> tuple[list[Any], tuple[int, ...]]:
     """All arguments as arrays, in the order given, and the batch shape they broadcast to.
 
-    Single numbers become floats. States have the dimension of the body, unless another is asked
-    for, which only three-dimensional bodies have. They may be NaN: no such state. With `later`,
+    Single numbers become floats. The body is one of `kinds`. States have the dimension of the
+    body, unless another is asked for. They may be NaN: no such state. With `later`,
     infinite ones among many are left to who reads them.
     """
-    instance("body", body, Suslov3D if dimension else (Suslov3D, SuslovND))
+    instance("body", body, kinds)
     size = dimension or body.dimension
     arrays: list[Any] = []
     shapes = {"body": body.shape}

@@ -19,14 +19,11 @@ class Kept:
     ----------
     dims
         Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
-    attitude
-        True if "flat" is empty in runs without an orientation.
     """
 
     name: str
     dims: tuple[str | int, ...]
     dtype: str = "float64"
-    attitude: bool = False
 
 
 @dataclass(frozen=True)

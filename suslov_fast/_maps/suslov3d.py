@@ -16,7 +16,7 @@ MAP = Map(
     run=run,
     resume=(
         Kept("state", ("flat", 2)),
-        Kept("turn", ("flat", 4), attitude=True),
+        Kept("turn", ("flat", 4)),
         Kept("status", ("flat",), "int8"),
         Kept("failed_at", ("flat",), "int64"),
     ),

@@ -165,7 +165,7 @@ def _checked(
         body = replace(body, I3=I3)  # type: ignore[arg-type]
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
-    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, dimension=3)
+    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
     return Run(
         map=map_of(body, full=True),
         body=body,

@@ -60,8 +60,6 @@ class Entry(NamedTuple):
         True for parameters, of any shape that broadcasts to the batch.
     optional
         True if a run may be without it.
-    turning
-        True if it is empty in runs without an orientation.
     """
 
     dims: tuple[str | int, ...]
@@ -69,7 +67,6 @@ class Entry(NamedTuple):
     meaning: str = ""
     varying: bool = False
     optional: bool = False
-    turning: bool = False
 
 
 _STATES = {
@@ -99,9 +96,7 @@ def schema_of(map: Map) -> dict[str, Entry]:
         entries["attitude"] = _ATTITUDE
         entries[RESUME + "R0"] = Entry(("flat", "space", "body"), optional=True)
     for kept in map.resume:
-        entries[RESUME + kept.name] = Entry(
-            kept.dims, kept.dtype, optional=True, turning=kept.attitude
-        )
+        entries[RESUME + kept.name] = Entry(kept.dims, kept.dtype, optional=True)
     return entries
 
 
@@ -226,16 +221,18 @@ def check(values: Mapping[str, Any], shapes: Shapes) -> None:
             f"expected a run of the map {header['map']}, got one "
             + (f"without {', '.join(missing)}" if missing else f"with {', '.join(unknown)}")
         )
+    if RESUME + "omega0" in arrays and ("attitude" in arrays) != (RESUME + "R0" in arrays):
+        raise ValueError(f"attitude, {RESUME}R0: expected both or none, got one of them")
     every = header.get("save_every")
     omega, batch = arrays["omega"][0], arrays["status"][0]
     sizes: dict[Any, int] = {
         "n": 1 if every is None else header["steps"] // every + 1,
         "component": omega[-1] if omega else 0,
+        "flat": math.prod(batch),
     }
     sizes["space"] = sizes["body"] = sizes["component"] + 1
     for name, (shape, dtype) in arrays.items():
         entry = schema[name]
-        sizes["flat"] = 0 if entry.turning and RESUME + "R0" not in arrays else math.prod(batch)
         own = tuple(sizes.get(dim, dim) for dim in entry.dims if dim != "batch")
         if entry.varying:
             fits = shape[len(shape) - len(own) :] == own

@@ -194,7 +194,7 @@ def coordinates_of_flow(back, I1, I2, I13, I23, eps, omega1, omega2):
 @formula
 def sequence_of_map(X, Y, lost, time, kind):
     """Return T and the fields of an `Orbit` from v on."""
-    moves = kind == REGULAR
+    moves, supercritical = kind == REGULAR, abs(Y) >= 1.0
     X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
     # Both factors of r are of the order of 1 or smaller however large X and Y are.
     T = level(X, Y)
@@ -213,7 +213,8 @@ def sequence_of_map(X, Y, lost, time, kind):
     ahead = (Y >= 1.0) & (r < 0.0)
     q = select(ahead, -correction / sum_with_Y, 1.0)
     pole = 0.5 * logarithm(q, 2.0 * (T / sum_with_Y)) / log_r
-    fate = select(ahead, 1.0 + pole, select(abs(Y) >= 1.0, SUPERCRITICAL, REGULAR))
+    fate = select(supercritical, SUPERCRITICAL, REGULAR)
+    fate = select(moves | (kind == RESTS), fate, kind)
     return (
         T,
         select(moves, v, 0.0),
@@ -224,7 +225,7 @@ def sequence_of_map(X, Y, lost, time, kind):
         select(moves, log_lost, 0.0),
         select(moves & far, 0.5 * X * (1.0 / T + 1.0), 0.0),
         select(moves & far, Y / T, 0.0),
-        select(moves, fate, select(kind == RESTS, REGULAR, kind)),
+        select(moves & ahead, 1.0 + pole, fate),
     )
 
 

@@ -86,7 +86,7 @@ def body_and_state_of(r, l):
 @formula
 def not_negligible(v):
     """Return v, or 0 in the place of what would soon be subnormal."""
-    return select(abs(v) > NEGLIGIBLE, v, 0.0)
+    return select(abs(v) < NEGLIGIBLE, 0.0, v)
 
 
 @formula
@@ -307,7 +307,8 @@ def loop(of_map, of_rows):
                             stride = 2 * direction * batch
                             write_row(line, flat, target, 2 * width, stride, lead)
                     if groups > 1:
-                        scatter_rows(tile, flat, row, (begin, end, origin, direction), width, groups)
+                        place = begin, end, origin, direction, batch, first
+                        scatter_rows(tile, flat, row, place, width, groups)
         else:
             far = 0
             for l in range(lanes):
@@ -353,13 +354,13 @@ def loop(of_map, of_rows):
 
 @inner
 def scatter_rows(tile, flat, row, rows, width, groups):
-    """Write eight rows of each group of lanes, where all trajectories are in a block."""
-    begin, end, origin, direction = rows
+    """Write eight rows of each group of lanes."""
+    begin, end, origin, direction, batch, first = rows
     for g in range(groups):
         for b in range(EIGHT):
             place = row + g * GROUP + b
             if begin <= place < end:
-                target = 2 * (origin + direction * place) * width
+                target = 2 * ((origin + direction * place) * batch + first)
                 for i in range(2 * width):
                     flat[target + i] = tile[b, 2 * g * width + i]
 

@@ -63,7 +63,7 @@ def test_numbers_are_those_of_the_package(parameters):
         spatial = sf.to_vector(body, run.omega, attitude=run.attitude)
         spatial[~np.isfinite(spatial).all(axis=-1)] = np.nan
     np.testing.assert_array_equal(rows(found["spatial"], 3), spatial)
-    flow = sf.flow(body, omega0, run.t[np.isfinite(run.t)])
+    flow = sf.flow(body, omega0, run.time[np.isfinite(run.time)])
     np.testing.assert_array_equal(rows(found["flow"])[: len(flow)], flow)
     assert len(found["flow"]) == steps + 1
     numbers = found["numbers"]

@@ -18,9 +18,9 @@ class Kept:
     Attributes
     ----------
     dims
-        Its axes: "B" (trajectories), "D" (components), "n" (D + 1), or a fixed length.
+        Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
     attitude
-        True for an array that only runs with an orientation have; its axis "B" is empty in others.
+        True if "flat" is empty in runs without an orientation.
     """
 
     name: str

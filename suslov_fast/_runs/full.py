@@ -143,7 +143,7 @@ def iterate_full(
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run = _checked(body, "omega0", omega0, eps, I3)
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     threads = thread_count(threads)

@@ -154,7 +154,7 @@ def iterate(
     (state, step_size, *turned), batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=given
     )
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         expected = "None or an integer of at least 1"
         save_every = integer("save_every", save_every, 1, expected)

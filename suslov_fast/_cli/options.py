@@ -114,71 +114,55 @@ def _flag(help: str) -> dict[str, Any]:
 
 # By name. A default is added to the help. What `iterate` or `ensemble` takes has the name that it
 # has there.
+_O = ("-o", "--output")
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
-        f"body and step size of a picture of the paper ({DEFAULT_PICTURE}); parameters beside it "
-        "replace its own",
-        _picture,
-        "1..4",
+        "picture of the paper; parameters beside it replace its own (2)", _picture, "1..4"
     ),
     "inertia": _option(
-        "3 x 3 inertia tensor in any basis: entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz, or a .npy or .csv",
-        _list_or_file,
-        "TENSOR",
+        "inertia tensor, entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or a file", _list_or_file, "TENSOR"
     ),
-    "mass_tensor": _option(
-        "in n dimensions: second moments of mass in any basis, the I of M = I Omega + Omega I, "
-        ".npy or .csv (for n = 3: trace(T)/2 - T, T the inertia tensor)",
-        Path,
-        "FILE",
-    ),
+    "mass_tensor": _option("in n dimensions, a file: the I of M = I Omega + Omega I", Path, "FILE"),
     "axis": _option("with a tensor: the forbidden axis, in its basis (the last)", _list, "A1,..."),
     "eps": _option("step size (that of the picture)", _number_of),
     "omega0": _option("a start; may be repeated", _list, "OMEGA1,...", action="append"),
-    "initial": _option("starts from a .npy or .csv, one per row", Path, "FILE"),
+    "initial": _option("starts from a file, one per row", Path, "FILE"),
     "trajectories": _option(f"number of random starts ({TRAJECTORIES})", _integer(1), "N"),
     "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", _positive),
     "seed": _option("seed of the random starts (0)", _integer(0)),
     "orientation": _option(
-        "orientation at the start: a rotation vector X,Y,Z in degrees, or a rotation matrix in a "
-        ".npy or .csv (the identity)",
-        _list_or_file,
-        "R0",
+        "at the start: rotation vector X,Y,Z in degrees, or matrix in a file", _list_or_file, "R0"
     ),
     "steps": _option("number of steps", _integer(0), "N"),
     "method": _option("method of iterate", default="auto"),
     "threads": _option("number of threads (all)", _integer(1), "N"),
     "save_every": _option("keep every K-th state (the last only)", _integer(1), "K"),
     "attitude": _flag("carry the orientation of the body along"),
-    "output": _option("where to write it", Path, "FILE", flags=("-o", "--output")),
+    "output": _option("where to write it", Path, "FILE", flags=_O),
     "force": _flag("replace files that exist"),
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
     "scheduler": _option("Dask scheduler whose workers compute", metavar="ADDRESS"),
     "sweep": _option(
-        "an axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
+        "axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
         _reader("NAME=LOW:HIGH:COUNT", _sweep),
         "NAME=LOW:HIGH:COUNT",
         action="append",
     ),
     "compression": _option("compress what is written", choices=("lz4", "zstd")),
     "reductions": _option(
-        "write the last states and this only: first_integral_drift, omega_max, ...",
+        "keep no states but the last, and this: first_integral_drift, omega_max, ...",
         metavar="NAME",
         action="append",
         flags=("--reduce",),
     ),
     "verify": _flag("read what is stored, and compute again what is damaged"),
     "file": _option("a .npz, .nc or .zarr", _run_file, "FILE", flags=("file",)),
-    "folder": _option(
-        "where to write them (this folder)", Path, "DIR", flags=("-o", "--output"), default=Path()
-    ),
+    "folder": _option("where to write them (this folder)", Path, "DIR", flags=_O, default=Path()),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
     "dpi": _option("dots per inch", _integer(1), "N"),
     "letters": _flag("write the letters of panels, (a), (b) ..."),
-    "link": _option(
-        "a link copied from the page, to begin with", metavar="LINK", nargs="?", flags=("link",)
-    ),
+    "link": _option("a link copied from the page", None, "LINK", nargs="?", flags=("link",)),
     "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), "N", default=0),
     "no_browser": _flag("print the address only"),
 }
@@ -203,7 +187,7 @@ class Command(NamedTuple):
 # Options of runs that are larger than memory.
 STORE = "chunk scheduler sweep compression reductions verify"
 _BODY = {
-    "body (a picture, all parameters, or a tensor)": (
+    "body (a picture, all parameters, or a tensor; files are .npy or .csv)": (
         "picture PARAMETERS inertia mass_tensor axis eps"
     )
 }
@@ -212,7 +196,8 @@ COMMANDS = {
         "run",
         "iterate a batch of trajectories and print a summary",
         "Iterate a batch of trajectories of the discrete Suslov problem. With no options: "
-        f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps.",
+        f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps. A mass "
+        "tensor holds second moments of mass: for n = 3 it is trace(T)/2 - T, T the inertia tensor.",
         {
             **_BODY,
             "starts (random ones, or your own)": "trajectories extent seed omega0 initial",

@@ -48,7 +48,7 @@ KEPT = [(None, False), (1, True), (4, False), (100, False), (None, True)]
 )
 def test_a_stored_run_is_that_of_iterate(store, rng, body, method, save_every, attitude):
     omega0 = starts(rng, 20, D=body.dimension)
-    omega0[3] = np.nan
+    omega0[3], omega0[9] = np.nan, 1e308
     settings = {"save_every": save_every, "method": method, "attitude": attitude}
     dataset = ensemble(body, omega0, 0.3, 40, store=store, chunk=CUT, **settings)
     assert_same(dataset, iterate(body, omega0, 0.3, 40, on_singular="ignore", **settings))
@@ -106,6 +106,20 @@ def test_one_row_may_fill_a_chunk(store, monkeypatch):
         states = random.states(70, dimension=3)
         assert_same(dataset, iterate(BODY_4D, states, 0.2, steps, attitude=True))
     assert dataset.omega.chunks[0] == (1,) * 6
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
+def test_failed_trajectories_are_whole(store, monkeypatch, method):
+    from suslov_fast._ensemble import compute
+
+    body = Suslov3D(1, 1, 1, 0)
+    omega0 = [[1.0, -3.0], [1.0, 0.5], [np.nan, 0.0], [1e308, 1e308], [2.0, 3.0]]
+    settings = {"save_every": 2, "method": method, "attitude": True, "store": store, "chunk": 3}
+    for steps in (9, 20):
+        ensemble(body, omega0, 1.0, steps, **settings)
+    monkeypatch.setattr(compute, "go_on", None)
+    dataset = ensemble(body, omega0, 1.0, 20, verify=True, **settings)
+    assert dataset.failed_at.values.tolist() == [1, -1, 0, 1, -1]
 
 
 @pytest.mark.parametrize("save_every", [None, 10**14])

@@ -153,9 +153,10 @@ def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
         for first in range(0, len(numbers), job.plan.rows):
             n = np.reshape(numbers[first : first + job.plan.rows], (-1, *(1,) * failed.ndim))
             rows = slice(first, first + len(n))
-            for name in ("omega",) if job.orientation is None else ("omega", "attitude"):
-                values = arrays[name][(rows, *where)]
-                same &= _is_nan_where(values, failed & (n >= failed_at))
+            same &= _is_nan_where(arrays["omega"][(rows, *where)], failed & (n >= failed_at))
+            if job.orientation is not None:  # the first one is given
+                gone = failed & (n >= np.maximum(failed_at, 1))
+                same &= _is_nan_where(arrays["attitude"][(rows, *where)], gone)
     except (ValueError, RuntimeError, OSError):  # of checksums and codecs
         return False
     return bool(same)

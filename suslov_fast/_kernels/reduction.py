@@ -61,7 +61,7 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
     step = scaled(eps, within(own, 1000.0))
     of_k, of_others = J[k], J[0 if k > 0 else m - 1]
     three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
-    if m > 2:
+    if m != 2:  # n = 3 needs other names alone
         I23, omega1, omega2, on_line, p = split(I, omega, k, own, along, across)
         rests = I[k] == 0.0 or on_line or step == 0.0
         three[3], state[0], state[1] = I23, omega1, omega2

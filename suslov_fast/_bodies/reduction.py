@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, spell
-from .._formulas.coordinates import sum_of_products
 from .nd import SuslovND
 from .three import Suslov3D
 from .units import units_of
@@ -95,9 +94,29 @@ class Reduction:
         with np.errstate(all="ignore"):
             norm = self._norm[..., np.newaxis]
             for j in coupled:
-                difference = sum_of_products(I[..., j : j + 1], omega, -I, omega[..., j : j + 1])
+                difference = _sum_of_products(I[..., j : j + 1], omega, -I, omega[..., j : j + 1])
                 across += unit[..., j : j + 1] * np.where(norm > 0, difference / norm, omega)
         return (unit * omega).sum(axis=-1), across
+
+
+def _sum_of_products(v1: FloatArray, w1: FloatArray, v2: FloatArray, w2: FloatArray) -> FloatArray:
+    """v1 w1 + v2 w2 to a few ulps of the sum, however much of it cancels (Dekker, Knuth)."""
+    (p1, lost1), (p2, lost2) = _product(v1, w1), _product(v2, w2)
+    total = p1 + p2
+    t = total - p1
+    return np.asarray(total + ((p1 - (total - t)) + (p2 - t) + (lost1 + lost2)))
+
+
+def _product(v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The product, rounded, and its rounding error."""
+    product, (v1, v2), (w1, w2) = v * w, _halves(v), _halves(w)
+    return product, v2 * w2 - (((product - v1 * w1) - v2 * w1) - v1 * w2)
+
+
+def _halves(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    c = 134217729.0 * v
+    high = c - (c - v)
+    return high, v - high
 
 
 def _length(v: FloatArray) -> FloatArray:

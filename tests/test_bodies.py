@@ -305,5 +305,5 @@ def test_the_gyrostat_is_iterated():
         lambda: sf.iterate_full(body, [1.0, 0.5, 0.1], 0.35, 3, 2.0),
         lambda: whole.reaction(),
     ):
-        with pytest.raises(TypeError, match="expected .* got"):
+        with pytest.raises(TypeError, match=r"expected .* got"):
             call()

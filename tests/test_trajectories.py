@@ -231,7 +231,7 @@ def test_a_parameter_as_a_coordinate():
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
     for dims in (("I13", "eps", "start"), ("eps", "I13", "I1"), ("a", "b", "eps")):
-        with pytest.raises(ValueError, match="expected .* for an axis along which it varies"):
+        with pytest.raises(ValueError, match=r"expected .* for an axis along which it varies"):
             run.to_xarray(dims=dims)
 
 

@@ -177,7 +177,7 @@ def _floats(array: NDArray[Any]) -> FloatArray:
 
 
 def _finite(array: FloatArray) -> bool:
-    """Whether all numbers are finite; those whose sum overflows may be too."""
+    """True if all numbers are finite; those whose sum overflows may be too."""
     if array.size <= _FEW:
         return math.isfinite(sum(array.ravel().tolist()))
     return bool(np.isfinite(array).all())

@@ -124,7 +124,7 @@ def test_equal_zeros_have_one_hash():
 @pytest.mark.parametrize("power", [0, 400, -400])
 def test_units_are_taken_out_exactly(body, power):
     """Moments and couplings over powers of two; eps I / J stays what it was."""
-    factors = dict.fromkeys(body._moments, 2.0 ** power)
+    factors = dict.fromkeys(body._moments, 2.0**power)
     scaled = replace(body, **{n: np.multiply(getattr(body, n), f) for n, f in factors.items()})
     units, plain = units_of(scaled), units_of(body)
     for one, other in zip(units.parameters, plain.parameters, strict=True):
@@ -305,5 +305,5 @@ def test_the_gyrostat_is_iterated():
         lambda: sf.iterate_full(body, [1.0, 0.5, 0.1], 0.35, 3, 2.0),
         lambda: whole.reaction(),
     ):
-        with pytest.raises(TypeError, match="expected .* got"):
+        with pytest.raises(TypeError, match=r"expected .* got"):
             call()

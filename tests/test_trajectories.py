@@ -231,7 +231,7 @@ def test_a_parameter_as_a_coordinate():
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
     for dims in (("I13", "eps", "start"), ("eps", "I13", "I1"), ("a", "b", "eps")):
-        with pytest.raises(ValueError, match="expected .* for an axis along which it varies"):
+        with pytest.raises(ValueError, match=r"expected .* for an axis along which it varies"):
             run.to_xarray(dims=dims)
 
 
@@ -393,3 +393,26 @@ def test_plot(components):
         assert np.array_equal(drawn, orbits.omega[:, k, 0][:, list(components)])
     with pytest.raises(ValueError, match="components: expected an integer from 0 to 2, got 3"):
         orbits.plot(components=(0, 3))
+
+
+def test_the_rule_of_poles_stands_in_the_same_words():
+    first, last = "At a pole there is no next state", "pole is NaN."
+    wordings = set()
+    for function in (sf.step, sf.iterate, sf.exact, sf.limits):
+        text = " ".join(function.__doc__.split())
+        wordings.add(text[text.index(first) : text.index(last) + len(last)])
+    assert len(wordings) == 1
+
+
+def test_a_pole_ends_an_iteration_and_not_the_closed_form():
+    """State 0 is a pole: state 1 does not exist, states 2 and 3 of the birational map do."""
+    body = sf.Suslov3D(1, 1, 1, 0)
+    run = sf.iterate(body, [1.0, -3.0], 1.0, 3, on_singular="ignore")
+    assert run.status == sf.Status.SINGULAR
+    assert run.failed_at == 1
+    assert np.isnan(run.omega[1:]).all()
+    with pytest.warns(sf.SingularStepWarning):
+        states = sf.exact(body, [1.0, -3.0], 1.0, [0, 1, 2, 3])
+    assert np.isnan(states[1]).all()
+    assert np.isfinite(states[[0, 2, 3]]).all()
+    np.testing.assert_allclose(sf.step(body, states[2], 1.0), states[3], rtol=1e-12)

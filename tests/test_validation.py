@@ -131,7 +131,7 @@ def test_coordinates_of_three_dimensions_only(function):
     ],
 )
 def test_other_functions(body, call):
-    with pytest.raises(TypeError, match="body: expected Suslov3D or SuslovND.*, got NoneType"):
+    with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND.*, got NoneType"):
         call(None, OMEGA)
     with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
         call(body, [1, 2, 3])

@@ -1,4 +1,4 @@
-"""What all bodies share: parameters that cannot change, equality, text and plain data."""
+"""The base class of all bodies: parameters that cannot change, equality, text and plain data."""
 
 from __future__ import annotations
 

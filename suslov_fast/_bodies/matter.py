@@ -1,4 +1,4 @@
-"""Which inertia tensors a body can have, and their ellipsoids."""
+"""Inertia tensors that a body can have, and their ellipsoids."""
 
 from __future__ import annotations
 

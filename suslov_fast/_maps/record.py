@@ -1,4 +1,4 @@
-"""What a map is: one record, from which runs, files, datasets and the command read."""
+"""The record of a map, from which runs, files, datasets and the command read."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def step_full(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def iterate_full(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed or written then.
+        For invalid arguments, before any work.
     ImportError
         If `progress` is True and tqdm is not installed.
     SingularStepError

@@ -24,7 +24,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
         Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
@@ -42,7 +42,14 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed then.
+        For invalid arguments, before any work.
+
+    Notes
+    -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------
@@ -84,7 +91,7 @@ def iterate(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega0 : array_like(float, shape=(..., D))
         Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. NaN where
@@ -129,13 +136,20 @@ def iterate(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed or written then.
+        For invalid arguments, before any work.
     MemoryError
         If the result does not fit in the memory that is available.
     ImportError
         If `progress` is True and tqdm is not installed.
     SingularStepError
         If `on_singular` is "raise" and a trajectory came to an end.
+
+    Notes
+    -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a run consists of: the entries that files, datasets and stores of runs hold.
+"""The parts of a run: the entries that files, datasets and stores of runs hold.
 
 A run is a header, a few numbers and strings, and arrays. `schema_of` lists the arrays that runs of
 a map may have, each as an `Entry` with symbolic axes:
@@ -123,7 +123,7 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
 
 
 def _is_saved(run: Mapping[str, Any]) -> bool:
-    """Whether the last state is the last of the saved ones, bit for bit."""
+    """True if the last state is the last of the saved ones, bit for bit."""
     omega, final = run["omega"], run["final"]
     if len(omega) == 0 or (run["save_every"] and run["steps"] % run["save_every"]):
         return False

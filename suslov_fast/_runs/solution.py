@@ -40,14 +40,15 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states; NaN where there is none: at a pole, with a :class:`SingularStepWarning`, and
-        for n that is not an integer where t >= 1, with a `RuntimeWarning`. Where omega0 is NaN they
+        The states; NaN for the one that would follow a pole, with a
+        :class:`SingularStepWarning`, and for n that is not an integer where t >= 1, with a
+        `RuntimeWarning`. Where omega0 is NaN they
         are too, without a warning.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     MemoryError
         If the states do not fit in memory.
     NotIntegrableError
@@ -55,6 +56,11 @@ def exact(
 
     Notes
     -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
+
     The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
 
     Examples
@@ -105,7 +111,7 @@ def flow(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -135,7 +141,7 @@ def flow(
 def limits(
     body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Where an orbit of the map comes from and where it goes.
+    """Limits of an orbit of the map at minus and plus infinity.
 
     Parameters
     ----------
@@ -158,12 +164,17 @@ def limits(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
+
     The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 

@@ -1,4 +1,4 @@
-"""What an iteration returns."""
+"""Trajectories, the result of an iteration."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Trajectories:
         The saved states; NaN from the first state on that does not exist.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time that omega is measured in.
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body.
     status : ndarray(int8, shape=(...))
         How each trajectory ended: a :class:`Status`; negative if it failed.
@@ -128,7 +128,7 @@ class Trajectories:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Trajectories:
-        """The same run, longer, bit for bit as if it had never been interrupted.
+        """Continue the run, bit for bit as if it had never been interrupted.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Trajectories:
 
     @property
     def ok(self) -> bool:
-        """Whether every trajectory finished."""
+        """True if every trajectory finished."""
         return worst(self.status) >= 0
 
     def first_integral(self) -> FloatArray:

@@ -8,8 +8,8 @@ import numpy as np
 from .._jit import formula, select
 from .canonical_map import denominator, shifted
 from .coordinates import at_rest, to_canonical
-from .printed_map import printed_coefficients
 from .elementary import exponent, larger, two_to_the
+from .printed_map import printed_coefficients
 from .units import moderate, normal_state, scaled
 
 # |X| + |Y| below this: the derivative is the identity and a small matrix, found as such.

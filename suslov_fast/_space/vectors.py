@@ -44,7 +44,7 @@ def to_matrix(
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape, or infinite, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Examples
     --------
@@ -86,7 +86,7 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape, or infinite; the constraint and the antisymmetry must hold to
+        If an argument is of another type or shape; constraint and antisymmetry must hold to
         1e-12 of the largest component.
 
     Examples
@@ -155,7 +155,7 @@ def to_vector(
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape, or infinite, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Examples
     --------
@@ -193,7 +193,7 @@ def from_vector(
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape, or infinite; the constraint must hold to 1e-12 of the largest
+        If an argument is of another type or shape; the constraint must hold to 1e-12 of the largest
         component.
 
     Examples
@@ -254,7 +254,7 @@ def momentum(
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape, or infinite, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Notes
     -----

@@ -1,19 +1,31 @@
 """exp, log and powers of two of the kernels against 60 digits."""
 
 import mpmath
+import numba
 import numpy as np
 import pytest
 
-from suslov_fast._core.formulas.closed_form import logarithm_of_ratio
-from suslov_fast._core.formulas.elementary import (
-    exponent,
-    exponential,
-    halvings,
-    is_integer,
-    logarithm_beyond,
-    scaled,
-    two_to_the,
-)
+from suslov_fast._formulas import closed_form, elementary, units
+
+
+def callable_from_python(formula, arguments):
+    """Formulas are compiled without what Python needs to call them."""
+    if arguments == 1:
+        return numba.njit(lambda v: formula(v), error_model="numpy")
+    if arguments == 2:
+        return numba.njit(lambda v, w: formula(v, w), error_model="numpy")
+    return numba.njit(lambda v, w, x: formula(v, w, x), error_model="numpy")
+
+
+exponent = callable_from_python(elementary.exponent, 1)
+exponential = callable_from_python(elementary.exponential, 2)
+halvings = callable_from_python(elementary.halvings, 1)
+is_integer = callable_from_python(elementary.is_integer, 1)
+logarithm_beyond = callable_from_python(elementary.logarithm_beyond, 1)
+logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio, 3)
+scaled = callable_from_python(elementary.scaled, 2)
+scaled_far = callable_from_python(units.scaled, 2)
+two_to_the = callable_from_python(elementary.two_to_the, 1)
 
 mpmath.mp.dps = 60
 
@@ -44,6 +56,9 @@ def test_powers_of_two():
     assert scaled(2.0**-1000, 2000.0) == 2.0**1000
     assert scaled(1.0, -1074.0) == 2.0**-1074
     assert np.isnan(scaled(np.nan, 3.0))
+    assert scaled_far(1.5, -1e4) == 0.0
+    assert scaled_far(1.5, 1e4) == np.inf
+    assert scaled_far(2.0**-1000, 1990.0) == 2.0**990
 
 
 def test_exponents(rng):

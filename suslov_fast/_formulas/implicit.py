@@ -1,7 +1,7 @@
 """The implicit equations (dsn) between two states, as a test of whether one follows the other.
 
-(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor adds
-a term.
+(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor
+adds a term.
 """
 
 from .._jit import formula, select

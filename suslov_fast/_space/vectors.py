@@ -21,7 +21,7 @@ def to_matrix(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """The antisymmetric matrix Omega of an angular velocity: R' = R Omega.
+    """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def to_matrix(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def to_matrix(
 
 
 def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = None) -> FloatArray:
-    """The state of an antisymmetric matrix: the inverse of :func:`to_matrix`.
+    """State of an antisymmetric matrix: the inverse of :func:`to_matrix`.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; the constraint and the antisymmetry must hold to
+        If an argument is of another type or shape; constraint and antisymmetry must hold to
         1e-12 of the largest component.
 
     Examples
@@ -134,7 +134,7 @@ def to_vector(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """The vector of an angular velocity, in three dimensions.
+    """Vector of an angular velocity, in three dimensions.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def to_vector(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def to_vector(
 def from_vector(
     body: Suslov3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
-    """The state of an angular velocity given as a vector: the inverse of :func:`to_vector`.
+    """State of an angular velocity given as a vector: the inverse of :func:`to_vector`.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def from_vector(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; the constraint must hold to 1e-12 of the largest
+        If an argument is of another type or shape; the constraint must hold to 1e-12 of the largest
         component.
 
     Examples
@@ -232,7 +232,7 @@ def momentum(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """The angular momentum M = I Omega, or M = I Omega + Omega I in n dimensions.
+    """Angular momentum M = I Omega, or M = I Omega + Omega I in n dimensions.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def momentum(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above, or both `rotation` and `attitude` are given.
+        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
 
     Notes
     -----
@@ -298,7 +298,7 @@ def _antisymmetric(body: Body, state: FloatArray) -> FloatArray:
 
 
 def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
-    """The matrices that take components in the adapted basis to the one asked for."""
+    """Return the matrices that take components in the adapted basis to the one asked for."""
     if rotation is not None and attitude is not None:
         raise ValueError("rotation, attitude: expected at most one of them, got both")
     if rotation is not None:
@@ -314,7 +314,7 @@ def _square(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> Flo
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
-    """The matrix product, whose digits do not depend on the machine as those of a library do."""
+    """Return the matrix product with the same digits on every machine, unlike a library."""
     common_shape({"matrices": left.shape[:-2], "omega": right.shape[:-2]})
     total: FloatArray = left[..., :, :1] * right[..., :1, :]
     for k in range(1, left.shape[-1]):

@@ -76,8 +76,11 @@ def lyapunov_exponents(
     size, m = math.prod(batch), body.dimension
     omega = np.broadcast_to(state, (*batch, m)).reshape(size, m).copy()
     flat_eps = np.broadcast_to(step_size, batch).reshape(size)
-    growth = _growth if isinstance(body, Suslov3D) else _growth_nd
-    products, exponents = growth(body, omega, flat_eps, batch, steps, threads)
+    arguments = omega, flat_eps, batch, steps, threads
+    if isinstance(body, Suslov3D):
+        products, exponents = _growth(body, *arguments)
+    else:
+        products, exponents = _growth_nd(body, *arguments)
     logarithms = np.empty((size, m))
     _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
     if isinstance(body, Suslov3D):
@@ -126,7 +129,7 @@ def _growth_nd(
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the growth of the vectors of an orthonormal frame, as products and exponents (B, m)."""
+    """Return the growth of the vectors of a frame, as products and exponents (B, m)."""
     size, m = omega.shape
     J, I = (np.broadcast_to(each, (*batch, m)).reshape(size, m) for each in body.parameters)
     # In units in which all three are of the order of 1: (dsn) knows eps I omega / J alone.

@@ -79,7 +79,8 @@ def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     left = matrix(body, omega, eps, batch, None, "omega")
     right = matrix(body, following, -eps, batch, None, "omega")
     left, right = np.where(exists, left, np.eye(body.dimension)), np.where(exists, right, np.nan)
-    return np.linalg.solve(left, right)
+    derivative: FloatArray = np.linalg.solve(left, right)
+    return derivative
 
 
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:

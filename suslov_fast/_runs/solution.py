@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._bodies.reduction import reduce
 from .._bodies.three import Suslov3D
@@ -15,14 +15,13 @@ from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
 
-
 _BEYOND = "out of the range of float64, or on the way there"
 
 
 def exact(
     body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """State n of the map, by the closed form: no iteration, the same time for every n.
+    """Return state n of the map by the closed form, without iterating.
 
     Parameters
     ----------
@@ -41,9 +40,10 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states; NaN where there is none: at a pole, with a :class:`SingularStepWarning`, and
-        for n that is not an integer where t >= 1, with a `RuntimeWarning`. Where omega0 is NaN they
-        are too, without a warning.
+        The states. The closed form goes on beyond a pole of the map, where :func:`iterate` ends;
+        only the one state that would follow the pole is NaN, with a :class:`SingularStepWarning`.
+        States are NaN with a `RuntimeWarning` for n that is not an integer where t >= 1, and where
+        they, or eps omega0, leave the range of float64; where omega0 is NaN, without a warning.
 
     Raises
     ------
@@ -101,7 +101,8 @@ def flow(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The angular velocities; NaN where omega0 is.
+        The angular velocities; NaN where omega0 is, and with a `RuntimeWarning` where they leave
+        the range of float64.
 
     Raises
     ------
@@ -199,7 +200,7 @@ def _solve(
     times: FloatArray,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """States at some times of the map or of the flow, and how many of them are missing."""
+    """Return states at some times of the map or the flow, and how many of them are missing."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
         return states_at(body, state, eps, batch, times, flow, threads)

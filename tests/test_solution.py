@@ -519,7 +519,7 @@ def test_bodies_in_which_y_cancels(power):
         I1, I2 = rng.integers(1, 40, 2) / 10
         I13, I23, c = rng.integers(-40, 40, 3) / 10
         omega = np.round([c * I13 * I2, c * I23 * I1], 3)
-        if I13 * I23 * c == 0.0 or abs(I23 * I1 * omega[0] - I13 * I2 * omega[1]) > 1e-14:
+        if I13 * I23 * c == 0.0 or abs(I23 * I1 * omega[0] - I13 * I2 * omega[1]) > 1e-12:
             continue
         seen += 1
         body, parameters = sf.Suslov3D(I1, I2, I13, I23), (I1, I2, I13, I23)
@@ -536,13 +536,13 @@ def test_bodies_in_which_y_cancels(power):
 
 def test_the_level_adds_digits_to_y(body):
     """Where T - |Y| is a fraction of |Y|, T in one number loses digits of small components."""
-    parameters, eps, n = (2, 1, 0.0, 0.5), 0.9, 700
-    for X in (0.3, 0.5, 0.7):
+    parameters, eps, n = (2, 1, 0.0, 0.5), 0.9, 300
+    for X in (0.05, 0.1, 0.2, 0.3):
         omega = [4 * 0.5 / 0.9, X * 2 / 0.45]
         with naive.mp.workdps(700):
             exact = orbit_state(parameters, eps, omega, n)
             computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
-            assert all(abs(c / e - 1) < 1e-13 for c, e in zip(computed, exact, strict=True))
+            assert all(abs(c / e - 1) < 3e-15 for c, e in zip(computed, exact, strict=True))
 
 
 def rational_orbit(omega, steps):

@@ -13,7 +13,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._kernels import closed_form as kernels
 from . import threads as _threads
-from .layout import flat_vectors, for_kernel
+from .layout import flat_vectors
 from .problem import alike
 from .units import for_loops
 
@@ -95,9 +95,11 @@ def states_at(
         for run in runs:
             fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
         return out, missing
-    for sign, chosen in ((1.0, moments >= 0.0), (-1.0, moments < 0.0)):
-        if chosen.any():
-            places, some = np.flatnonzero(chosen), for_kernel(abs(moments[chosen]))
+    negative = moments < 0.0
+    for sign in (1.0, -1.0):
+        places = np.flatnonzero(negative if sign < 0.0 else ~negative)
+        if places.size:
+            some = abs(moments[places])
             fill_states(
                 sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads
             )

@@ -80,4 +80,5 @@ def last(
         np.zeros(3),
         problem.threads,
     )
-    return final[0]
+    state: FloatArray = final[0]
+    return state

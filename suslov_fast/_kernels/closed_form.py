@@ -235,9 +235,13 @@ def loop(of_map, of_rows):
         for l in range(lanes):
             T = room[T_, l]
             of_x = 4.0 * (T / (1.0 + T) if of_map else T)
-            o = coefficients(of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state_of(room, l))
+            o = coefficients(
+                of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state_of(room, l)
+            )
             room[A1, l], room[B1, l], room[A2, l], room[B2, l], room[POWER, l] = o
-            room[FATE, l] = select(room[B1, l] == room[B1, l], room[FATE, l], smaller(room[FATE, l], UNDEFINED))
+            room[FATE, l] = select(
+                room[B1, l] == room[B1, l], room[FATE, l], smaller(room[FATE, l], UNDEFINED)
+            )
         lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
         if groups > 1:
             repeat(room, width, lanes, 0, NUMBER)
@@ -251,9 +255,7 @@ def loop(of_map, of_rows):
             for a in range(2 * EIGHT):
                 steps = (8.0 * a if a < EIGHT else a - 8.0) * every
                 for l in range(lanes):
-                    p, k, s = power_of_ratio(
-                        steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l]
-                    )
+                    p, k, s = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
                     power = s * scaled(1.0 + p, larger(k, -1000.0))
                     room[EIGHTHS + a, l] = not_negligible(power)
             for l in range(lanes):
@@ -390,7 +392,9 @@ def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing
     """Fill rows as `rows_of_map` does, of states at times."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        beyond += fill_rows_of_flow(task, (sign, parameters, omega, lanes, out, ends), steps + rows)[2]
+        beyond += fill_rows_of_flow(
+            task, (sign, parameters, omega, lanes, out, ends), steps + rows
+        )[2]
     missing[2] = beyond
 
 
@@ -411,5 +415,7 @@ def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing
     """Fill row to[j] with the states at times[j]."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        beyond += fill_states_of_flow(task, (sign, parameters, omega, lanes, out, ends), (times, to))[2]
+        beyond += fill_states_of_flow(
+            task, (sign, parameters, omega, lanes, out, ends), (times, to)
+        )[2]
     missing[2] = beyond

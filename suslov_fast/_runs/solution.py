@@ -21,7 +21,7 @@ _BEYOND = "out of the range of float64, or on the way there"
 def exact(
     body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """State n of the map, by the closed form: no iteration, the same time for every n.
+    """Return state n of the map by the closed form, without iterating.
 
     Parameters
     ----------
@@ -40,15 +40,15 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states; NaN for the one that would follow a pole, with a
-        :class:`SingularStepWarning`, and for n that is not an integer where t >= 1, with a
-        `RuntimeWarning`. Where omega0 is NaN they
-        are too, without a warning.
+        The states. The closed form goes on beyond a pole of the map, where :func:`iterate` ends;
+        only the one state that would follow the pole is NaN, with a :class:`SingularStepWarning`.
+        States are NaN with a `RuntimeWarning` for n that is not an integer where t >= 1, and where
+        they, or eps omega0, leave the range of float64; where omega0 is NaN, without a warning.
 
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments.
+        If an argument is not what is said above.
     MemoryError
         If the states do not fit in memory.
     NotIntegrableError
@@ -56,11 +56,6 @@ def exact(
 
     Notes
     -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
-
     The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
 
     Examples
@@ -106,12 +101,13 @@ def flow(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The angular velocities; NaN where omega0 is.
+        The angular velocities; NaN where omega0 is, and with a `RuntimeWarning` where they leave
+        the range of float64.
 
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments.
+        If an argument is not what is said above.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -141,7 +137,7 @@ def flow(
 def limits(
     body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Limits of an orbit of the map at minus and plus infinity.
+    """Where an orbit of the map comes from and where it goes.
 
     Parameters
     ----------
@@ -164,17 +160,12 @@ def limits(
     Raises
     ------
     TypeError, ValueError
-        For invalid arguments.
+        If an argument is not what is said above.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
-
     The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 
@@ -209,7 +200,7 @@ def _solve(
     times: FloatArray,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """States at some times of the map or of the flow, and how many of them are missing."""
+    """Return states at some times of the map or the flow, and how many of them are missing."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
         return states_at(body, state, eps, batch, times, flow, threads)

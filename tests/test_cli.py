@@ -370,7 +370,7 @@ MISTAKES = """
 1 | run --initial empty.csv | empty.csv: expected at least one state, got none
 2 | run --J 1,2,3 --eps 0.1 | expected all of --J --I, got no --I
 2 | run --J 1,2,3 --I 1,2 --eps 0.1 | parameters of the body: J, I: expected shapes (..., n - 1)
-2 | run --J 1,-2 --I 1,2 --eps 0.1 | parameters of the body: J: expected positive
+2 | run --J 1,-2 --I 1,2 --eps 0.1 | parameters of the body: J: expected a positive sum
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
 2 | run --inertia 1,1,3,0,0,0 --eps 1 | --inertia: I: expected an inertia tensor that a body can
 2 | run --inertia good.txt --eps 1 | --inertia: expected finite numbers separated by commas or the n
@@ -393,7 +393,7 @@ MISTAKES = """
 1 | info missing.npz | missing.npz: expected a readable file, got: No such file or directory
 1 | info missing.zarr | missing.zarr: expected a readable file, got: No such file or directory
 1 | info folder.npz | folder.npz: expected a .npz file that Trajectories.save wrote
-1 | info other.npz | other.npz: expected a run that Trajectories.save or to_xarray wrote
+1 | info other.npz | other.npz: expected a whole .npz file of a run
 1 | pictures -o good.npy | good.npy: expected a folder or a name for one, got: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | animate | the following arguments are required: -o/--output

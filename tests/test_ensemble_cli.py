@@ -64,7 +64,7 @@ def test_the_same_run_goes_on_and_another_is_refused(tmp_path):
     [
         ("--sweep eps", "--sweep: expected NAME=LOW:HIGH:COUNT, got 'eps'"),
         ("--sweep mass=1:2:3", "--sweep: expected one of eps, I1, I2, I13, I23, I3, got mass"),
-        ("--sweep I1=-1:2:3", "--sweep: I1: expected positive"),
+        ("--sweep I1=-1:2:3", "--sweep: I1: expected a positive"),
         ("--reduce mean", "reductions: expected names"),
         ("--method rk4", "method: expected one of"),
     ],

@@ -196,8 +196,8 @@ COMMANDS = {
         "run",
         "iterate a batch of trajectories and print a summary",
         "Iterate a batch of trajectories of the discrete Suslov problem. With no options: "
-        f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps. A mass "
-        "tensor holds second moments of mass: for n = 3 it is trace(T)/2 - T, T the inertia tensor.",
+        f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps. "
+        "With --mass-tensor for n = 3, give trace(T)/2 - T of the inertia tensor T.",
         {
             **_BODY,
             "starts (random ones, or your own)": "trajectories extent seed omega0 initial",

@@ -70,8 +70,6 @@ def plot_phase(
     ------
     ValueError
         If t >= 1 in the corners of the picture, or nothing moves.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -137,11 +135,6 @@ def plot_regimes(
     -------
     list of matplotlib.axes.Axes
 
-    Raises
-    ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
-
     Examples
     --------
     >>> from suslov_fast import plot_regimes
@@ -187,11 +180,6 @@ def plot_convergence(
     Returns
     -------
     matplotlib.axes.Axes
-
-    Raises
-    ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -246,8 +234,6 @@ def plot_four_dimensions(
     ------
     ValueError
         If the body is a batch, or n is not 4.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -292,11 +278,6 @@ def plot_scattering(
     Returns
     -------
     list of matplotlib.axes.Axes
-
-    Raises
-    ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Notes
     -----
@@ -371,8 +352,6 @@ def animate_body(
     ------
     ValueError
         If with the I3 of the body the inertia tensor is not positive definite.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------

@@ -381,10 +381,11 @@ def _colours(count: int) -> Any:
 
 def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """I13, I23 and the scattering angle in degrees, where I1 I2 = 1; NaN where no body is."""
-    I1, I2, unit = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(-1.0, 1.0, 401)
+    I1, I2, unit = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(-1.0, 1.0, 301)
     if extent is None:
-        exists = np.isfinite(Suslov3D(I1, I2, unit, unit[:, np.newaxis]).admissible_I3()[0])
-        I13, I23 = (1.08 * abs(unit[exists.any(axis=k)]).max() * unit for k in (0, 1))
+        coarse = unit[::5]
+        exists = np.isfinite(Suslov3D(I1, I2, coarse, coarse[:, np.newaxis]).admissible_I3()[0])
+        I13, I23 = (1.1 * abs(coarse[exists.any(axis=k)]).max() * unit for k in (0, 1))
     else:
         I13 = I23 = extent * unit
     body = Suslov3D(I1, I2, I13, I23[:, np.newaxis])

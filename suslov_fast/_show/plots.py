@@ -381,16 +381,19 @@ def _colours(count: int) -> Any:
 
 def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """I13, I23 and the scattering angle in degrees, where I1 I2 = 1; NaN where no body is."""
-    I1, I2, unit = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(-1.0, 1.0, 301)
-    if extent is None:
-        coarse = unit[::5]
-        exists = np.isfinite(Suslov3D(I1, I2, coarse, coarse[:, np.newaxis]).admissible_I3()[0])
-        I13, I23 = (1.1 * abs(coarse[exists.any(axis=k)]).max() * unit for k in (0, 1))
+    I1, I2, half = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(0.0, 1.0, 151)
+    if extent is not None:
+        reach = [extent, extent]
     else:
-        I13 = I23 = extent * unit
-    body = Suslov3D(I1, I2, I13, I23[:, np.newaxis])
-    exists = np.isfinite(body.admissible_I3()[0])
-    return I13, I23, np.where(exists, np.rad2deg(scattering_angle(body)), np.nan)
+        coarse = half[::3]
+        exists = np.isfinite(Suslov3D(I1, I2, coarse, coarse[:, np.newaxis]).admissible_I3()[0])
+        reach = [1.1 * coarse[exists.any(axis=k)].max() for k in (0, 1)]
+    body = Suslov3D(I1, I2, reach[0] * half, reach[1] * half[:, np.newaxis])
+    degrees = np.rad2deg(scattering_angle(body))
+    degrees[np.isnan(body.admissible_I3()[0])] = np.nan
+    # Mirror images have the same angle.
+    both = np.concatenate([-half[:0:-1], half])
+    return reach[0] * both, reach[1] * both, np.pad(degrees, ((150, 0), (150, 0)), "reflect")
 
 
 def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:

@@ -19,8 +19,9 @@ from .._states.conserved import criticality, energy, modified_energy
 from .._states.continuous import vector_field
 from .._states.coordinates import from_xy, to_xy
 from .ellipsoid import sphere
-from .figures import axes_for, legend_below, letter_panels, styled
+from .figures import axes_for, legend_below, letter_panels
 from .plane import conic, level_curves, repelling_direction
+from .style import styled
 from .turning import TurningBody, towards_eye
 
 # Lines differ in style and not in colour alone.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+
 def new_figure(size: tuple[float, float]) -> Any:
     """Return a figure, width and height in inches, that no window shows."""
     from .picture import Picture

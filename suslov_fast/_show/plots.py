@@ -136,6 +136,11 @@ def plot_regimes(
     -------
     list of matplotlib.axes.Axes
 
+    Raises
+    ------
+    TypeError, ValueError
+        If `body` is no Suslov3D or a batch, or `ax` are not three axes.
+
     Examples
     --------
     >>> from suslov_fast import plot_regimes
@@ -181,6 +186,11 @@ def plot_convergence(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Raises
+    ------
+    TypeError
+        If `body` is no Suslov3D, or `ax` no axes.
 
     Examples
     --------
@@ -279,6 +289,11 @@ def plot_scattering(
     Returns
     -------
     list of matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If the number of `ax` is not that of `ratios`.
 
     Notes
     -----

@@ -139,7 +139,7 @@ def plot_regimes(
     Raises
     ------
     TypeError, ValueError
-        If `body` is no Suslov3D or a batch, or `ax` are not three axes.
+        If `body` is no Suslov3D, or `ax` are not three axes.
 
     Examples
     --------

@@ -292,6 +292,20 @@ def test_a_signal_ends_the_command(name):
     Server(urlsplit(url).port).server_close()  # the port is free again
 
 
+def test_bad_options(server, capsys):
+    from suslov_fast._cli import main
+
+    for port, status, message in (
+        (server.server_port, 1, f"expected a port that is free, got {server.server_port}: "),
+        ("x", 2, "expected an integer of at least 0"),
+        (65536, 2, "below 65536, got '65536'"),
+    ):
+        with pytest.raises(SystemExit) as stopped:
+            main(["explore", "--no-browser", "--port", str(port)])
+        assert stopped.value.code == status
+        assert message in capsys.readouterr().err
+
+
 def test_links():
     parameters = PICTURE_1._replace(I1=0.1 + 0.2, eps=-1e-17, Omega1=2.0**60, extent=3.5)
     assert read(dict(parse_qsl(query_of_link(f"http://127.0.0.1:9/?{query(parameters)}")))) == (

@@ -1,11 +1,14 @@
 """Runs of the scheme (ds) before Omega3 is set to 0."""
 
 import naive
+import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
 from suslov_fast._engine import problem
+from suslov_fast._formulas import full_map
+from suslov_fast._formulas.elementary import exponent
 
 # With eps = 1 the map has no next state where y = 2 + x**2; here x = Omega1 and y = -Omega2.
 UNIT = sf.Suslov3D(1, 1, 1, 0)
@@ -223,13 +226,75 @@ def test_units(body, k):
     assert (run(heavier, omega0, 0.2, 30, np.ldexp(3.0, k)).omega == expected).all()
 
 
+@numba.njit(error_model="numpy")
+def formula_step(I1, I2, I13, I23, eps, I3, omega):
+    """A step by the formulas alone, of a state in its own unit."""
+    W = exponent(np.abs(omega).max())
+    k = full_map.full_coefficients(I1, I2, I13, I23, eps, I3, W)
+    state = omega * 2.0**-W
+    next1, next2, next3 = full_map.full_step(k, state[0], state[1], state[2])
+    return np.array([next1, next2, next3]) * 2.0**W
+
+
+@pytest.mark.parametrize("decades", [0, 60, 100, 140])
+def test_the_formulas_in_any_units(rng, decades):
+    """Whatever is finite is found, of steps far too long for any motion too."""
+    with naive.mp.workdps(900):
+        for _ in range(100):
+            parameters = rng.uniform(0.5, 4, 6) * 10.0 ** rng.uniform(-decades, decades)
+            parameters[2:5] *= rng.choice([-1, 1], 3)
+            parameters[4] *= 10.0 ** rng.uniform(-decades, decades)
+            omega = rng.normal(size=3) * 10.0 ** rng.uniform(-decades, decades)
+            exact = naive.step_full(*parameters, omega)
+            assert naive.relative_error(formula_step(*parameters, omega), exact) < 1e-12
+
+
+@pytest.mark.parametrize("k", [-1000, -332, 332, 900])
+def test_the_formulas_scale_exactly(rng, k):
+    for _ in range(20):
+        (*body, I3), omega = rng.uniform(0.5, 4, 5), rng.normal(size=3)
+        expected = formula_step(*body, 0.3, I3, omega)
+        faster = formula_step(*body, np.ldexp(0.3, -k), I3, np.ldexp(omega, k))
+        assert (faster == np.ldexp(expected, k)).all()
+        heavier = formula_step(*np.ldexp(body, k), 0.3, np.ldexp(I3, k), omega)
+        assert (heavier == expected).all()
+
+
+def test_poles_to_rounding(rng):
+    """Next to a pole of a large state the determinant is rounding of its terms, and no number."""
+    found = 0
+    for _ in range(300):
+        (I1, I2, I3), (I13, I23) = rng.uniform(0.5, 4, 3), rng.uniform(0.5, 2, 2)
+        w2, w3 = -(10 ** rng.uniform(2, 5)), rng.normal()
+
+        def determinant(w1, body=(I1, I2, I13, I23, 1.0, I3), rest=(w2, w3)):
+            state = [w1, *naive.exactly(*rest)]
+            body = naive.exactly(*body)
+            zero = naive.ds(*body, state, naive.exactly(0, 0, -state[2]))
+            columns = []
+            for unit in ((1, 0), (0, 1)):
+                one = naive.ds(*body, state, [*naive.exactly(*unit), -state[2]])
+                columns.append([one[i] - zero[i] for i in (0, 1)])
+            return columns[0][0] * columns[1][1] - columns[0][1] * columns[1][0]
+
+        values = [determinant(naive.mpf(x)) for x in (-1, 0, 1)]  # of a quadratic polynomial
+        a, b = (values[0] + values[2]) / 2 - values[1], (values[2] - values[0]) / 2
+        root = b * b - 4 * a * values[1]
+        if root < 0 or a == 0:
+            continue
+        found += 1
+        w1 = float((-b + naive.mpmath.sqrt(root)) / (2 * a))
+        assert np.isnan(formula_step(I1, I2, I13, I23, 1.0, I3, np.array([w1, w2, w3]))).all()
+    assert found > 50
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"omega0": [1.0, 2.0]}, r"omega0: expected shape \(..., 3\), got \(2,\)"),
         ({"omega0": [1.0, 2.0, np.inf]}, "omega0: expected finite real numbers, got inf"),
         ({"eps": np.nan}, "eps: expected finite real numbers, got nan"),
-        ({"I3": 0.0}, "I3: expected positive moments of inertia, got 0.0"),
+        ({"I3": 0.0}, "I3: expected a positive moment of inertia, got 0.0"),
         ({"I3": [1.0, 2.0], "eps": [1.0] * 3}, "broadcast"),
         ({"steps": -1}, "steps: expected an integer of at least 0, got -1"),
         ({"save_every": 0}, "save_every: expected None or an integer of at least 1, got 0"),
@@ -256,5 +321,5 @@ def test_files_of_runs(suffix, tmp_path, body):
     loaded = sf.Trajectories.load(tmp_path / f"run{suffix}")
     assert loaded.body.I3 == 3
     assert (loaded.extend(8).omega == whole.omega).all()
-    with pytest.raises(TypeError, match="energy: not defined for runs of the map suslov3d_full"):
+    with pytest.raises(TypeError, match="energy: expected a map that has it, got a run of suslov3d_full"):
         loaded.energy()

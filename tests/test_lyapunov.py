@@ -1,5 +1,6 @@
 """Lyapunov exponents, against derivatives multiplied one by one and the limiting steady states."""
 
+import naive
 import numpy as np
 import pytest
 
@@ -182,6 +183,18 @@ def test_steps_that_are_not_invertible(unit):
     exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
     assert exponents[1] == -np.inf
     assert np.isfinite(exponents[0])
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-8, 1e-12, 3e-15])
+@pytest.mark.parametrize("eps", [1.0, -1.0])
+def test_next_to_t_1(unit, gap, eps):
+    """The sum is the mean of log |det DPhi|, which is rho(0) / rho(n) of the invariant measure."""
+    omega, steps = [1e-3, -eps * 2 * (1 - gap)], 40
+    states = naive.orbit(1, 1, 1, 0, eps, omega, steps)
+    density = [naive.invariant_density(1, 1, 1, 0, eps, state) for state in (states[0], states[-1])]
+    exact = naive.mpmath.log(abs(density[0] / density[1])) / steps
+    total = sf.lyapunov_exponents(unit, omega, eps, steps).sum()
+    assert abs(float(total / exact) - 1) < 2e-14
 
 
 def test_empty_batch():

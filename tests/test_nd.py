@@ -8,13 +8,13 @@ import pytest
 from scipy.optimize import brentq
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import map_nd as loops
 from suslov_fast._engine import problem as parts
 from suslov_fast._engine import threads
 from suslov_fast._engine.iterate_nd import run
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
 from suslov_fast._engine.units import for_loops
+from suslov_fast._kernels import map_nd as loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])

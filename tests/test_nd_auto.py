@@ -9,10 +9,9 @@ import pytest
 from naive import mp, mpf, mpmath
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import reduced_nd
-from suslov_fast._core.formulas.reduction import as_product
 from suslov_fast._engine import closed_form, iterate_3d, iterate_nd, jump_nd, threads
 from suslov_fast._engine.units import for_loops
+from suslov_fast._formulas.reduction import as_product
 
 
 def same(first, second):

@@ -201,9 +201,3 @@ def test_the_same_picture_is_the_same_file(tmp_path, monkeypatch, suffix, start)
     first, second = (each.read_bytes() for each in tmp_path.rglob(f"picture1.{suffix}"))
     assert first == second
     assert first.startswith(start)
-
-
-def test_file_of_an_animation(tmp_path):
-    pytest.importorskip("PIL")
-    command("animate", "-o", tmp_path / "body.gif", "--picture", 1, "--steps", 4, "--dpi", 40)
-    assert (tmp_path / "body.gif").read_bytes().startswith(b"GIF89a")

@@ -265,7 +265,7 @@ def test_broadcasting(rng):
     omega = rng.normal(size=(2, 2))
     result = run(body, omega, eps, 10)
     assert result.omega.shape == (11, 4, 3, 2, 2)
-    assert result.t.shape == (11, 4, 1, 1)
+    assert result.time.shape == (11, 4, 1, 1)
     for i, j, k in np.ndindex(4, 3, 2):
         one = sf.Suslov3D(body.I1[j, 0], 1.5, 0.3, body.I23[k])
         alone = run(one, omega[k], eps[i, 0, 0], 10)
@@ -300,7 +300,7 @@ def test_no_steps(body):
 
 def test_times_and_description(body):
     result = run(body, [1, 2], 0.25, 10, save_every=5)
-    assert (result.t == [0, 1.25, 2.5]).all()
+    assert (result.time == [0, 1.25, 2.5]).all()
     assert result.eps == 0.25
     assert result.body is body
     assert repr(result) == (

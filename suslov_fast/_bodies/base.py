@@ -27,8 +27,9 @@ class Body:
     # Names of parameters with the unit of a moment of inertia, and of those that couple them.
     _moments: ClassVar[tuple[str, ...]] = ()
     _couplings: ClassVar[tuple[str, ...]] = ()
-    # Parameters that are positive, in words.
-    _positive: ClassVar[dict[str, str]] = {}
+    # All parameters in words, and those that are positive.
+    _meanings: ClassVar[dict[str, str]] = {}
+    _positive: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def _names(cls) -> list[str]:
@@ -57,9 +58,11 @@ class Body:
         arrays = {
             name: real_array(name, value) for name, value in values.items() if name not in left_out
         }
-        for name, what in self._positive.items():
+        for name in self._positive:
             if name in arrays and not (arrays[name] > 0).all():
-                raise ValueError(f"{name}: expected positive {what}, got {arrays[name].min()}")
+                raise ValueError(
+                    f"{name}: expected a positive {self._meanings[name]}, got {arrays[name].min()}"
+                )
         shapes = {name: array.shape for name, array in arrays.items()}
         common_shape({name: shape[: len(shape) - self._own_axes] for name, shape in shapes.items()})
         for name, array in arrays.items():

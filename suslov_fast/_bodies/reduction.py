@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, spell
-from .._core.formulas.coordinates import sum_of_products
+from .._formulas.coordinates import sum_of_products
 from .nd import SuslovND
 from .three import Suslov3D
 from .units import units_of

@@ -69,7 +69,11 @@ class Suslov3D(Body):
 
     _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
     _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23")
-    _positive: ClassVar[dict[str, str]] = dict.fromkeys(("I1", "I2", "I3"), "moments of inertia")
+    _meanings: ClassVar[dict[str, str]] = {
+        **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
+        **dict.fromkeys(("I13", "I23"), "product of inertia"),
+    }
+    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
 
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)

@@ -44,7 +44,7 @@ def iterate(problem: Problem, kernel: Kernel, numbers: int = 2, work: float = 1.
         )
     failed_at = _failed_at(status, failed_at)
     kept = {"state": state, "status": status, "failed_at": failed_at}
-    return Outcome(final, status, failed_at, kept | ({"turn": turn} if numbers == 2 else {}))
+    return Outcome(final, status, failed_at, kept | ({"turn": turn} if turns else {}))
 
 
 def _failed_at(status: NDArray[np.int8], failed_at: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,6 +1,7 @@
 """The implicit equations (dsn) between two states, as a test of whether one follows the other.
 
-(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2).
+(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor adds
+a term.
 """
 
 from .._jit import formula, select
@@ -15,14 +16,21 @@ OUT_OF_RANGE = 2.0**300
 
 
 @formula
-def mismatch(h_i, I_i, omega_i, next_i, p, p_next, product):
+def rotor_term(j, k, other, next_other):
+    """Component j of what a rotor adds to the right side, over eps."""
+    mean = 0.5 * k * (other + next_other)
+    return -mean if j == 0 else mean
+
+
+@formula
+def mismatch(h_i, I_i, omega_i, next_i, p, p_next, product, rotor_i):
     """Component i of (dsn) over J_i: what is left of it, the step, and the size of its terms.
 
     h_i = eps / J_i, p = I.omega, p_next = I.omega_next and product = omega.omega_next.
     """
     step = next_i - omega_i
     first, second = 0.5 * h_i * p * next_i, 0.5 * h_i * p_next * omega_i
-    across = h_i * I_i * product
+    across = h_i * (I_i * product - rotor_i)
     size = abs(omega_i) + abs(next_i) + abs(first) + abs(second) + abs(across)
     return abs(step - (first + second) + across), abs(step), size
 
@@ -35,5 +43,5 @@ def unit_of(largest):
 
 @formula
 def strays(left, step, size):
-    """Whether a state does not follow, by sums over all components; not where one is NaN."""
+    """Test that a state does not follow, by sums over all components; False where one is NaN."""
     return left > OF_THE_STEP * step + OF_THE_TERMS * size

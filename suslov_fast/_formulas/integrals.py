@@ -17,28 +17,43 @@ def energy(I1, I2, omega1, omega2):
 
 
 @formula
-def canonical_x(I1, I2, I13, I23, eps, K, omega1, omega2):
-    """X = 2**K eps x / sqrt(2 I1 I2) and 1 in one unit, in which neither is above 1, and its
+def canonical_x(I1, I2, eps, x, k):
+    """X = 2**k eps x / sqrt(2 I1 I2) and 1 in one unit, in which neither is above 1, and its
     logarithm.
     """
-    x = sum_of_products(I13, omega1, I23, omega2)
-    return above_one(eps * x / np.sqrt(2.0 * I1 * I2), K)
+    return above_one(eps * x / np.sqrt(2.0 * I1 * I2), k)
+
+
+@formula
+def integral(I1, I2, eps, M, E, W, omega1, omega2, x, of_x):
+    """F, equation (i1), divided above and below by I1 I2; 2**of_x is the unit of x."""
+    X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
+    above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
+    return scaled(above / (4.0 * one * one + 2.0 * X * X), 2.0 * W - M - 2.0 * k)
+
+
+@formula
+def density(I1, I2, eps, M, E, x, of_x):
+    """1 / (x (4 I1 I2 + eps**2 x**2))."""
+    X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
+    value = 1.0 / (x * (I1 * I2) * (4.0 * one * one + 2.0 * X * X))
+    return scaled(value, -of_x - 2.0 * M - 2.0 * k)
 
 
 @formula
 def first_integral(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """F of Lemma 1, equation (i1), divided above and below by I1 I2."""
+    """F of Lemma 1."""
     omega1, omega2, W = normal_state(omega1, omega2)
-    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
-    above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
-    return scaled(above / (4.0 * one * one + 2.0 * X * X), 2 * W - M - 2 * k)
+    x = sum_of_products(I13, omega1, I23, omega2)
+    return integral(I1, I2, eps, M, E, W, omega1, omega2, x, P + W)
 
 
 @formula
 def modified_energy(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """2 I1 I2 F, from the energy."""
     omega1, omega2, W = normal_state(omega1, omega2)
-    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
+    x = sum_of_products(I13, omega1, I23, omega2)
+    X, one, k = canonical_x(I1, I2, eps, x, E + W + P - M)
     return scaled(energy(I1, I2, omega1, omega2) / (one * one + 0.5 * X * X), M + 2 * W - 2 * k)
 
 
@@ -55,7 +70,7 @@ def level(X, Y):
 
 # X and Y are computed for steps of at most this power of two in the units of body and state: no
 # product is out of range then, however far apart moments are.
-LONGEST = 64
+LONGEST = 64.0
 
 
 @formula
@@ -81,7 +96,7 @@ def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """t = eps sqrt(h / (I1 I2)), with the sign of eps."""
     omega1, omega2, W = normal_state(omega1, omega2)
     K = E + W + P - M
-    k = select(K < LONGEST, K, np.int64(LONGEST))
+    k = select(K < LONGEST, K, LONGEST)
     X, Y, _ = to_canonical(I1, I2, I13, I23, scaled(eps, k), omega1, omega2)
     T, Y = level_of_longer_step(level(X, Y), X, K - k), scaled(Y, K - k)
     # Rounding must not carry an orbit across the border: T < 1 exactly where |Y| < 1.
@@ -93,25 +108,6 @@ def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def invariant_density(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """1 / (x (4 I1 I2 + eps**2 x**2)): the density of the invariant measure."""
+    """The density of the invariant measure."""
     omega1, omega2, W = normal_state(omega1, omega2)
-    x = sum_of_products(I13, omega1, I23, omega2)
-    X, one, k = canonical_x(I1, I2, I13, I23, eps, E + W + P - M, omega1, omega2)
-    value = 1.0 / (x * (I1 * I2) * (4.0 * one * one + 2.0 * X * X))
-    return scaled(value, -(P + W) - 2 * M - 2 * k)
-
-
-# In n dimensions, one component at a time.
-
-
-@formula
-def energy_term(J_i, omega_i):
-    return 0.5 * J_i * omega_i * omega_i
-
-
-@formula
-def modified_energy_nd(energy, excess, one):
-    """E**2 / (E + eps**2 f.Jf / 8), or 0 at rest; excess = eps**2 f.Jf / 8 in units in which 1 is
-    `one`.
-    """
-    return select(energy > 0.0, energy / (one * one + excess / energy), energy + excess)
+    return density(I1, I2, eps, M, E, sum_of_products(I13, omega1, I23, omega2), P + W)

@@ -8,8 +8,9 @@ import numpy as np
 from .._jit import formula, select
 from .canonical_map import denominator, shifted
 from .coordinates import at_rest, to_canonical
+from .elementary import exponent, larger, two_to_the
 from .printed_map import printed_coefficients
-from .units import exponent, larger, moderate, normal_state, power, scaled
+from .units import moderate, normal_state, scaled
 
 # |X| + |Y| below this: the derivative is the identity and a small matrix, found as such.
 NEAR_IDENTITY = 0.25
@@ -24,7 +25,7 @@ def canonical_jacobian(X, Z, c):
     (-2 X (1 + Y)(1 - Y), (1 - Y)**2 - 2 Y X**2) / d**2.
     """
     # In the unit of |X| if that is above 1: its square is in range.
-    one = power(-exponent(larger(abs(X), 1.0)))
+    one = two_to_the(-exponent(larger(abs(X), 1.0)))
     X1 = X * one
     square, unit = X1 * X1, one * one
     below, above, Y = ((1.0 - c) + Z) * unit, ((1.0 + c) - Z) * unit, (c - Z) * unit

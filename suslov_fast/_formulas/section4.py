@@ -38,7 +38,7 @@ def constants(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     omega1, omega2, W = normal_state(omega1, omega2)
     x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
     K = E + W + P - M
-    X, one, k = canonical_x(I1, I2, I13, I23, eps, K, omega1, omega2)
+    X, one, k = canonical_x(I1, I2, eps, x, K)
     h = (x * x + y / I1 * (y / I2)) / (4.0 * one * one + 2.0 * X * X)
 
     X, Y, lost = to_canonical(I1, I2, I13, I23, moderate(eps, K), omega1, omega2)

@@ -1,21 +1,37 @@
 """What the derivative of the map does to small displacements, and the growth of products."""
 
 from .._jit import formula, select
-from .elementary import LN2_HIGH, LN2_LOW, logarithm
+from .elementary import LN2_HIGH, LN2_LOW, larger, logarithm
 
 # Products are brought back into range by this, often enough that none overflows.
 UNIT = 2.0**300
 LOG2_OF_UNIT = 300.0
+# X**2 is in range below this.
+FAR = 2.0**500
 
 
 @formula
-def canonical_derivative(X, Z, c):
-    """The entries (XX, XY, YX, YY) of the derivative of the canonical map, and its determinant.
+def complement(X, Y, lost):
+    """1 - t**2 of an orbit, which loses no digits next to t = 1."""
+    # In the unit of |X| if that is above 1: its square is in range.
+    unit = 1.0 / larger(abs(X), 1.0)
+    X1 = X * unit
+    product = (((1.0 - Y) - lost) * unit) * (((1.0 + Y) + lost) * unit)
+    return product / (unit * unit + 0.5 * (X1 * X1))
+
+
+@formula
+def canonical_derivative(X, Z, c, G):
+    """The entries (XX, XY, YX, YY) of the derivative of the canonical map, its determinant, and the
+    next X.
 
     The determinant follows from the invariant density 1 / (X (2 + X**2)); nothing cancels in it,
-    nor in the entries but where they vanish.
+    nor in the entries but where they vanish. Next to Y = -1, which orbits with t next to 1 reach,
+    1 + Y follows from G = 1 - t**2 = 2 (1 - Y**2) / (2 + X**2).
     """
     above, below = (1.0 + c) - Z, (1.0 - c) + Z  # 1 + Y and 1 - Y
+    near = (abs(above) < 0.5) & (abs(X) < FAR)
+    above = select(near, G * ((1.0 + 0.5 * (X * X)) / below), above)
     r = 1.0 / (below + X * X)
     X_r, above_r, below_r = X * r, above * r, below * r
     X_next = X * above_r
@@ -25,6 +41,7 @@ def canonical_derivative(X, Z, c):
         -2.0 * X_r * (above * below_r),
         below_r * below_r - 2.0 * (c - Z) * (X_r * X_r),
         above_r * ((2.0 + X_next * X_next) / (2.0 + X * X)),
+        X_next,
     )
 
 

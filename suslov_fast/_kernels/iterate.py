@@ -39,8 +39,8 @@ from .tiles import lead_of, missing_of_first_block, write_row
 
 # 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128
-# Rows of a block: constants of a trajectory at most, and numbers of its state.
-CONSTANTS, STATE = 10, 3
+# Rows of a block: constants of a trajectory at most, and numbers that hold its state.
+CONSTANTS, STATE = 12, 4
 # Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
 _TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
 _C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
@@ -59,6 +59,12 @@ def blocks_of(span, saved):
 def whole(width):
     """Return the lanes in use: whole vectors."""
     return (width + 7) // 8 * 8
+
+
+@formula
+def nothing_to_settle(c, s, l, rounds):
+    """`settle` of a map whose states do not become subnormal."""
+    return 0
 
 
 def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):

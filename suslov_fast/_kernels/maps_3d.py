@@ -1,15 +1,15 @@
-"""The maps of a body in three dimensions: canonical, as printed, and with three components."""
+"""The map in three dimensions: in its canonical coordinates, and as the paper prints it."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 
-from .._formulas import canonical_map, coordinates, full_map, printed_map
+from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, kernel, select
 from . import codes
-from .iterate import block_loop, blocks_of
+from .iterate import block_loop, blocks_of, nothing_to_settle
 
 # omega is finite where |X| + |Z| is below this over the largest number of the matrix from (X, Z):
 # float64 ends at 1.8e308, and omega is a sum of three products.
@@ -189,11 +189,6 @@ def cause_printed(c, s, l):
     return codes.SINGULAR if np.isfinite(d) and not regular else codes.NONFINITE
 
 
-@formula
-def settle_nothing(c, s, l, rounds):
-    return 0
-
-
 run_printed = block_loop(
     2,
     2,
@@ -202,7 +197,7 @@ run_printed = block_loop(
     advance_printed,
     show_printed,
     cause_printed,
-    settle_nothing,
+    nothing_to_settle,
 )
 
 
@@ -212,75 +207,3 @@ def printed(parameters, omega, span, saved, turning, kept):
     blocks, shift = blocks_of(span, saved)
     for block in prange(blocks):
         run_printed(block, (parameters, omega, span, saved, kept, shift), turning)
-
-
-class Full(NamedTuple):
-    """Coefficients of the three-component scheme."""
-
-    k1: float
-    k2: float
-    k3: float
-    k4: float
-    k5: float
-    k6: float
-    k7: float
-    k8: float
-
-
-@formula
-def full_at(c, l):
-    return Full(c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l], c[6, l], c[7, l])
-
-
-@formula
-def enter_full(parameters, omega, b, c, s, l):
-    I1, I2, I13, I23, eps, I3 = parameters
-    I1, I2, I13, I23, eps = body_at((I1, I2, I13, I23, eps), b)
-    k = full_map.full_coefficients(I1, I2, I13, I23, eps, I3[min(b, I3.size - 1)])
-    c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l], c[6, l], c[7, l] = k
-    s[0, l], s[1, l], s[2, l] = omega[b, 0], omega[b, 1], omega[b, 2]
-    missing = omega[b, 0] != omega[b, 0]
-    return codes.NONFINITE if missing else codes.OK, 1
-
-
-@formula
-def advance_full(c, s, l):
-    o = full_at(c, l)
-    s[0, l], s[1, l], s[2, l] = full_map.full_step(
-        o.k1, o.k2, o.k3, o.k4, o.k5, o.k6, o.k7, o.k8, s[0, l], s[1, l], s[2, l]
-    )
-
-
-@formula
-def show_full(c, s, l, out, i):
-    out[i], out[i + 1], out[i + 2] = s[0, l], s[1, l], s[2, l]
-
-
-@formula
-def cause_full(c, s, l):
-    o = full_at(c, l)
-    m11, m12, m21, m22, det = full_map.full_matrix(
-        o.k1, o.k2, o.k3, o.k4, o.k5, o.k6, s[0, l], s[1, l], s[2, l]
-    )
-    in_range = np.isfinite(m11 * m22) and np.isfinite(m12 * m21)
-    return codes.SINGULAR if np.isnan(det) and in_range else codes.NONFINITE
-
-
-run_full = block_loop(
-    3,
-    3,
-    enter_full,
-    advance_full,
-    advance_full,
-    show_full,
-    cause_full,
-    settle_nothing,
-)
-
-
-@kernel
-def full(parameters, omega, span, saved, turning, kept):
-    """Iterate the three-component scheme."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_full(block, (parameters, omega, span, saved, kept, shift), turning)

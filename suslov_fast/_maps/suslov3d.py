@@ -15,10 +15,10 @@ MAP = Map(
     parameters=for_loops,
     run=run,
     resume=(
-        Kept("state", ("B", 2)),
-        Kept("turn", ("B", 4), attitude=True),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
+        Kept("state", ("flat", 2)),
+        Kept("turn", ("flat", 4)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
     ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")

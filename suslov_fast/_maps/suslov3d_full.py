@@ -7,7 +7,7 @@ from .._checks import FloatArray
 from .._engine.iterate import iterate
 from .._engine.layout import flat_parameter
 from .._engine.problem import Outcome, Problem
-from .._kernels import maps_3d
+from .._kernels.full import full
 from .record import Kept, Map
 
 
@@ -19,7 +19,7 @@ def _parameters(
 
 
 def _run(problem: Problem) -> Outcome:
-    return iterate(problem, maps_3d.full, numbers=3, work=2.0)
+    return iterate(problem, full, numbers=3, work=2.0)
 
 
 MAP = Map(
@@ -30,9 +30,9 @@ MAP = Map(
     parameters=_parameters,
     run=_run,
     resume=(
-        Kept("state", ("B", 3)),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
+        Kept("state", ("flat", 3)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
     ),
     quantities=frozenset(),
     carries_attitude=False,

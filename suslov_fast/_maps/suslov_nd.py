@@ -15,11 +15,11 @@ MAP = Map(
     parameters=for_loops,
     run=run,
     resume=(
-        Kept("state", ("B", "D")),
-        Kept("exponent", ("B",)),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
-        Kept("columns", ("B", "n", "n"), attitude=True),
+        Kept("state", ("flat", "component")),
+        Kept("exponent", ("flat",)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+        Kept("columns", ("flat", "space", "space")),
     ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "reaction")

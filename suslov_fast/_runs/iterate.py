@@ -51,12 +51,11 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.013781, 0.372248])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    map = map_of(body)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
     threads = thread_count(threads)
     states = flat_vectors(state, batch)
-    run = Run(
-        map_of(body), body, batch, states, step_size, 1, None, "auto", None, threads, single=True
-    )
+    run = Run(map, body, batch, states, step_size, 1, None, "auto", None, threads, single=True)
     results = execute(run)
     # A state that does not exist has no next one, and that is no news.
     report(run, results, "warn", 1, stacklevel=2)
@@ -149,16 +148,16 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+    map = map_of(body)
     turning = not isinstance(attitude, (bool, np.bool_))
     given = {"attitude": attitude} if turning else {}
     (state, step_size, *turned), batch = check(
-        body, {"omega0": omega0}, {"eps": eps}, orientations=given
+        body, {"omega0": omega0}, {"eps": eps}, orientations=given, kinds=map.body
     )
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         expected = "None or an integer of at least 1"
         save_every = integer("save_every", save_every, 1, expected)
-    map = map_of(body)
     one_of("method", method, map.methods)
     threads = thread_count(threads)
     check_progress(progress)

@@ -160,7 +160,8 @@ class Trajectories:
         check_progress(progress)
         if "omega0" not in self._resume:
             raise ValueError(
-                "extend: expected a whole run, got a part of a batch read from a dataset"
+                "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
+                "of to_xarray does not hold what a run needs to go on"
             )
         resume = dict(self._resume)
         run = Run(
@@ -169,7 +170,7 @@ class Trajectories:
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
             eps=self.eps,
-            steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
+            steps=self.steps + integer("steps", steps, 0),
             save_every=self.save_every,
             method=self.method,
             orientation=resume.pop("R0", None),
@@ -188,7 +189,7 @@ class Trajectories:
         return numbers_of_saved(self.steps, self.save_every)
 
     @property
-    def t(self) -> FloatArray:
+    def time(self) -> FloatArray:
         """The times n eps of the saved states.
 
         Shape (n_saved,); where eps varies, (n_saved, ...), which broadcasts against the states.
@@ -277,7 +278,9 @@ class Trajectories:
     def _require(self, quantity: str) -> None:
         """TypeError for a quantity that the map of the run does not have."""
         if quantity not in self._map.quantities:
-            raise TypeError(f"{quantity}: not defined for runs of the map {self._map.name}")
+            raise TypeError(
+                f"{quantity}: expected a map that has it, got a run of {self._map.name}"
+            )
 
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories, one component over another.
@@ -331,7 +334,7 @@ class Trajectories:
         dims: str | Sequence[str] | None = None,
         coords: Mapping[Any, Any] | None = None,
     ) -> xarray.Dataset:
-        """The run as an `xarray.Dataset`, with all that :meth:`from_xarray` needs.
+        """The run as an `xarray.Dataset`, with all that a user looks at.
 
         What does not vary along an axis of the batch is not repeated along it, and the last state
         is a variable of its own, `final`, only where it is not saved. The arrays are not copied.
@@ -340,6 +343,8 @@ class Trajectories:
         ----------
         dims : str or sequence of str, optional
             Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
+            The name of a parameter that varies along this axis alone, "eps" for one, makes it the
+            coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
 
@@ -347,7 +352,7 @@ class Trajectories:
         -------
         xarray.Dataset
             Its dimensions are "n", those of the batch, and "component". It goes through NetCDF
-            and Zarr without loss.
+            and Zarr without loss; what the run needs to go on is only in files of :meth:`save`.
 
         Raises
         ------
@@ -374,9 +379,8 @@ class Trajectories:
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
         """The run that a dataset of :meth:`to_xarray` holds.
 
-        It may have been written to a file and opened again. Coordinates that were given by the
-        user stay with the dataset. A dataset that is a part of a batch gives the trajectories of
-        that part if the variables whose names begin with "resume" are dropped first.
+        It may have been written to a file and opened again, and may be a part of a batch. What it
+        does not hold is what a run needs to go on: :meth:`extend` raises ValueError.
 
         Raises
         ------

@@ -337,6 +337,8 @@ def animate_body(
     eps: float = 0.05,
     steps: int = 440,
     *,
+    R0: ArrayLike | None = None,
+    I3: float | None = None,
     every: int = 2,
     fps: int = 25,
 ) -> Any:
@@ -355,6 +357,10 @@ def animate_body(
         Step size.
     steps : int
         Number of steps.
+    R0 : array_like(float, shape=(3, 3)), optional
+        The orientation at the start; by default the identity.
+    I3 : float, optional
+        The third moment of inertia, which decides the shape alone; by default that of the body.
     every : int
         Steps from one frame to the next.
     fps : int
@@ -378,12 +384,14 @@ def animate_body(
     from matplotlib.animation import FuncAnimation
 
     body = _BODY if body is None else body
+    if I3 is not None:
+        body = Suslov3D(*body.parameters, I3)
     direction = repelling_direction(body)
     if omega0 is None:
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
     omega = iterate(body, omega0, eps, steps).omega
-    turning = TurningBody(body, attitude(body, omega, eps))
+    turning = TurningBody(body, attitude(body, omega, eps, R0))
     return FuncAnimation(
         turning.figure, turning.draw, frames=range(0, steps + 1, every), interval=1000.0 / fps
     )

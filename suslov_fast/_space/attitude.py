@@ -1,44 +1,44 @@
-"""The orientation of the body in space."""
+"""Orientation of the body in space."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
-from .._checks import FloatArray, common_shape, instance, real_array, rotations, vectors
-from .._core.cpu import attitude as loops
-from .._core.cpu.blocks import LANES, TASKS
+from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
 from .._engine import threads as _threads
-from .._engine.arguments import Body
-from .._engine.layout import first_index, spell
+from .._engine.layout import first_index, for_kernel, spell
+from .._engine.states import TASKS
+from .._kernels import attitude as kernels
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
 _SLICE = 2**25
-# What a number of the result costs, and what a number of the states does to check, in steps of the
+# The cost of a number of the result, and that of checking a number of the states, in steps of the
 # map.
 _TURNING, _CHECKING = 10, 10
+_CLASSES = ("Suslov3D", "SuslovND", "SuslovGyrostat")
 
 
 def attitude(
-    body: Body,
+    body: Any,
     omega: ArrayLike,
     eps: ArrayLike,
     R0: ArrayLike | None = None,
     threads: int | None = None,
 ) -> FloatArray:
-    """The orientation of the body along stored trajectories.
+    """Orientation of the body along stored trajectories.
 
     The shapes of the body, of `eps`, of `omega` without its first and last axis and of `R0` without
     its last two broadcast to the batch shape ``...``.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega : array_like(float, shape=(N + 1, ..., D))
         Trajectories with all their states, as `iterate` stores them; NaN after a failure.
@@ -47,7 +47,7 @@ def attitude(
     R0 : array_like(float, shape=(..., n, n)), optional
         Orientation at the first state, a rotation matrix; by default the identity.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def attitude(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; in particular if states do not follow each other
+        If an argument is of another type or shape, or infinite, or states do not follow each other
         by the map with this eps, as every k-th state of a run does not.
 
     Notes
@@ -83,8 +83,10 @@ def attitude(
     >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
     True
     """
-    instance("body", body, (Suslov3D, SuslovND))
+    if type(body).__name__ not in _CLASSES:
+        raise TypeError(f"body: expected {' or '.join(_CLASSES)}, got {type(body).__name__}")
     m = body.dimension
+    omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}).values()
     states = vectors("omega", omega, m, allow_nan=True)
     if states.ndim < 2 or len(states) == 0:
         raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")
@@ -100,100 +102,57 @@ def attitude(
         }
     )
     flat = _flat_states(states, batch)
-    flat_eps = np.broadcast_to(step_size, batch).ravel()
     _check_that_states_follow(body, flat, step_size, batch, threads)
-    turns = np.empty((len(flat), math.prod(batch), m + 1, m + 1))
-    turns[0] = np.broadcast_to(start, (*batch, m + 1, m + 1)).reshape(turns.shape[1:])
+    rows, size, n = len(flat), math.prod(batch), m + 1
+    turns = np.empty((rows, size, n, n))
+    turns[0] = np.broadcast_to(start, (*batch, n, n)).reshape(turns.shape[1:])
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    if isinstance(body, Suslov3D):
-        _reconstruct(flat, flat_eps, turns, threads)
+    flat_eps = np.broadcast_to(step_size, batch).ravel()
+    in_3d = not isinstance(body, SuslovND)
+    if in_3d:
+        kernel, lanes = kernels.reconstruct, kernels.LANES
+        R0, carried = turns[0].copy(), np.tile([1.0, 0.0, 0.0, 0.0], (size, 1))
     else:
-        _reconstruct_nd(flat, flat_eps, turns, threads)
-    return turns.reshape((len(flat), *batch, m + 1, m + 1))
+        kernel, lanes = kernels.reconstruct_nd, 1
+        scratch = np.empty((min(size, TASKS), 3 * n + 2, n))
+    for first, stop in _slices(rows, size * n * n):
+        work = (stop - first) * size * n * n * _TURNING if size > lanes else 0
+        before = (R0, carried) if in_3d else (first - 1, turns[first - 1])
+        room = () if in_3d else (scratch,)
+        of_states = flat[first - 1 : stop], flat_eps
+        _threads.run(kernel, work, threads, *of_states, *before, turns[first:stop], *room)
+    return turns.reshape((rows, *batch, n, n))
 
 
 def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """States (N + 1, ..., D) as the array (N + 1, B, D) that loops take."""
+    """Return states (N + 1, ..., D) as the array (N + 1, B, D) that kernels take."""
     length, *own, m = states.shape
     aligned = states.reshape(length, *(1,) * (len(batch) - len(own)), *own, m)
     full = np.broadcast_to(aligned, (length, *batch, m)).reshape(length, math.prod(batch), m)
-    return np.require(full, np.float64, ["C", "A", "W"])
+    return for_kernel(full)
 
 
 def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:
-    """Parts (start, stop) of the states after the first, so many numbers each."""
+    """Yield parts (start, stop) of the states after the first, so many numbers each."""
     length = max(_SLICE // max(numbers, 1), 1)
     for start in range(1, rows, length):
         yield start, min(start + length, rows)
 
 
-def _reconstruct(
-    omega: FloatArray, eps: FloatArray, turns: FloatArray, threads: int | None
-) -> None:
-    """Fill the orientations after the first, in three dimensions."""
-    rows, size, _ = omega.shape
-    R0 = np.ascontiguousarray(turns[0].transpose(1, 2, 0))
-    carried = np.zeros((4, size))
-    carried[0] = 1.0
-    for start, stop in _slices(rows, size * 9):
-        _threads.run(
-            loops.reconstruct,
-            (stop - start) * size * 9 * _TURNING if size > LANES else 0,
-            threads,
-            omega[start - 1 : stop],
-            eps,
-            R0,
-            carried,
-            turns[start:stop],
-        )
-
-
-def _reconstruct_nd(
-    omega: FloatArray, eps: FloatArray, turns: FloatArray, threads: int | None
-) -> None:
-    """The same in n dimensions."""
-    rows, size, m = omega.shape
-    n = m + 1
-    scratch = np.empty((min(size, TASKS), 3 * n + 2, n))
-    for start, stop in _slices(rows, size * n * n):
-        _threads.run(
-            loops.reconstruct_nd,
-            (stop - start) * size * n * n * _TURNING if size > 1 else 0,
-            threads,
-            omega[start - 1 : stop],
-            eps,
-            start - 1,
-            turns[start - 1],
-            turns[start:stop],
-            scratch,
-        )
-
-
 def _check_that_states_follow(
-    body: Body,
-    omega: FloatArray,
-    eps: FloatArray,
-    batch: tuple[int, ...],
-    threads: int | None,
+    body: Any, omega: FloatArray, eps: FloatArray, batch: tuple[int, ...], threads: int | None
 ) -> None:
-    """Raise if states (N + 1, B, D) are not those of the map, one after the other."""
+    """Raise ValueError if states (N + 1, B, D) are not those of the map, one after the other."""
     rows, size, m = omega.shape
     parameters = _implicit_parameters(body, eps, batch)
     stray = np.full(size, -1)
     for start, stop in _slices(rows, size * m):
-        _threads.run(
-            loops.follow,
-            (stop - start) * size * m * _CHECKING if size > LANES else 0,
-            threads,
-            *parameters,
-            start - 1,
-            omega[start - 1 : stop],
-            stray,
-        )
+        work = (stop - start) * size * m * _CHECKING if size > kernels.LANES else 0
+        some = omega[start - 1 : stop]
+        _threads.run(kernels.follow, work, threads, *parameters, start - 1, some, stray)
     if stray.max(initial=-1) < 0:
         return
-    strays = (stray >= 0).reshape(batch)
-    where = f" of trajectory {spell(first_index(strays))}" if batch else ""
+    where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""
     number = stray[np.argmax(stray >= 0)]
     raise ValueError(
         "omega: expected states that follow each other by one step of the map with this eps, got "
@@ -202,25 +161,25 @@ def _check_that_states_follow(
     )
 
 
-def _implicit_parameters(
-    body: Body, eps: FloatArray, batch: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The roots of J, eps / J and I of (dsn), J and I of the order of 1: (B, m) or (1, m)."""
-    if isinstance(body, Suslov3D):
-        I1, I2, I13, I23 = np.broadcast_arrays(*body.parameters)
-        J, I = np.stack([I1, I2], axis=-1), np.stack([I23, -I13], axis=-1)
-    else:
+def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
+    """Return the roots of J, eps / J and I of (dsn), and k: (B, m) and (B,), or (1, m) and (1,).
+
+    J and I are of the order of 1, and k has the unit of I.
+    """
+    k = np.zeros(())
+    if isinstance(body, SuslovND):
         J, I = np.broadcast_arrays(body.J, body.I)
+    else:
+        I1, I2, I13, I23, *rotor = np.broadcast_arrays(*body.parameters)
+        J, I = np.stack([I1, I2], axis=-1), np.stack([I23, -I13], axis=-1)
+        k = rotor[0] if rotor else k
     _, of_J = np.frexp(J.max(axis=-1, keepdims=True))
     _, of_I = np.frexp(abs(I).max(axis=-1, keepdims=True))
-    J, I = np.ldexp(J, -of_J), np.ldexp(I, -of_I)
+    J, I, k = np.ldexp(J, -of_J), np.ldexp(I, -of_I), np.ldexp(k, -of_I[..., 0])
     with np.errstate(all="ignore"):
         h = np.ldexp(eps[..., np.newaxis], of_I - of_J) / J
     if h.ndim > 1:
-        flat = (*batch, body.dimension)
-        J, I, h = (np.broadcast_to(each, flat) for each in (J, I, h))
-    root, h, I = (
-        np.require(each.reshape(-1, body.dimension), np.float64, ["C", "A", "W"])
-        for each in (np.sqrt(J), h, I)
-    )
-    return root, h, I
+        J, I, h = (np.broadcast_to(each, (*batch, body.dimension)) for each in (J, I, h))
+        k = np.broadcast_to(k, batch)
+    flat = [each.reshape(-1, body.dimension) for each in (np.sqrt(J), h, I)]
+    return [for_kernel(each) for each in (*flat, k.reshape(-1))]

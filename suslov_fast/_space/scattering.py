@@ -1,21 +1,23 @@
-"""The angle between the steady rotations that a motion leaves and reaches, as seen in space."""
+"""Angle in space between the steady rotations that a motion leaves and reaches."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from .._bodies.three import Suslov3D
-from .._bodies.units import units_of
 from .._checks import FloatArray, instance
-from .._core.cpu import scattering
 from .._engine import threads as _threads
+from .._engine.layout import for_kernel
+from .._kernels import scattering as kernels
+
+# The cost of an angle, in steps of the map.
+_WORK = 100
 
 
 def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
-    """The angle in space between the angular velocities at time -infinity and at +infinity.
+    """Angle in space between the angular velocities at time -infinity and at +infinity.
 
     In the continuous problem every motion leaves one steady rotation and ends in another. The angle
     between the two in space depends on the body alone, not on the energy.
@@ -25,7 +27,7 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     body : Suslov3D
         The body, or a batch of them.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -36,7 +38,7 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -66,12 +68,9 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     """
     instance("body", body, Suslov3D)
     threads = _threads.thread_count(threads)
-    units = units_of(body)
-    unit = np.ldexp(1.0, np.clip(units.moments - units.couplings, -1000, 1000))
-    flat: list[Any] = [
-        np.ascontiguousarray(np.broadcast_to(each, body.shape)).reshape(-1)
-        for each in (*units.parameters, unit)
-    ]
+    parameters = tuple(
+        for_kernel(np.broadcast_to(each, body.shape).reshape(-1)) for each in body.parameters
+    )
     angles = np.empty(math.prod(body.shape))
-    _threads.run(scattering.scatter, angles.size * scattering.WORK, threads, *flat, angles)
+    _threads.run(kernels.scatter, angles.size * _WORK, threads, parameters, angles)
     return angles.reshape(body.shape)[()]

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from numpy.typing import ArrayLike
 
-from .._bodies.nd import SuslovND
 from .._checks import FloatArray
-from .._core.cpu import observables, observables_nd
-from .._engine.arguments import Body, check
-from .._engine.layout import flat_vectors
-from .._engine.observables import by_slabs, of_state, of_state_nd
-from .._engine.run import Run, execute
-from .._engine.threads import thread_count
-from .._maps.registry import map_of
+from .table import find
 
 
-def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> FloatArray:
-    """The derivative of omega by time.
+def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArray:
+    """Derivative of omega by time.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
         Angular velocities; NaN for states that do not exist, and so is the result.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -35,7 +30,7 @@ def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> Fl
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -48,18 +43,13 @@ def vector_field(body: Body, omega: ArrayLike, threads: int | None = None) -> Fl
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    (state,), batch = check(body, {"omega": omega}, later=True)
-    count = thread_count(threads)
-    if isinstance(body, SuslovND):
-        result = (body.dimension,)
-        return of_state_nd(observables_nd.vector_field, body, state, None, batch, count, result)
-    return of_state(observables.vector_field, body, state, None, batch, count, 2)
+    return find("vector_field", body, omega, None, threads)
 
 
 def reaction(
-    body: Body, omega: ArrayLike, eps: ArrayLike | None = None, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike | None = None, threads: int | None = None
 ) -> FloatArray:
-    """The Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
+    """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
     Parameters
     ----------
@@ -71,7 +61,7 @@ def reaction(
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
         equations between each state and its own next one, without it that of the continuous ones.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -83,7 +73,7 @@ def reaction(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -99,36 +89,4 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    (state, *step_size), batch = check(
-        body, {"omega": omega}, {} if eps is None else {"eps": eps}, later=True
-    )
-    count = thread_count(threads)
-    if isinstance(body, SuslovND):
-        result = (body.dimension, body.dimension)
-        if step_size:
-            return by_slabs(
-                _discrete_reaction_nd, body, state, step_size[0], batch, result, warn=True
-            )
-        return of_state_nd(observables_nd.reaction, body, state, None, batch, count, result)
-    if step_size:
-        loop = observables.discrete_reaction
-        return of_state(loop, body, state, step_size[0], batch, count)
-    return of_state(observables.reaction, body, state, None, batch, count)
-
-
-def _discrete_reaction_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    batch = omega.shape[:-1]
-    run = Run(
-        map=map_of(body),
-        body=body,
-        batch=batch,
-        omega0=flat_vectors(omega, batch),
-        eps=eps,
-        steps=1,
-        save_every=None,
-        method="auto",
-        single=True,
-    )
-    following = execute(run).final
-    loop, result = observables_nd.reaction, (body.dimension, body.dimension)
-    return of_state_nd(loop, body, omega, None, batch, None, result, following)
+    return find("reaction" if eps is None else "discrete_reaction", body, omega, eps, threads)

@@ -7,14 +7,11 @@ from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._core.cpu import observables
-from .._engine.arguments import check
-from .._engine.observables import of_state
-from .._engine.threads import thread_count
+from .table import find
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:
-    """The coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
+    """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
     The steady states are the line x = 0. x is accurate to rounding next to that line too.
 
@@ -25,7 +22,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
     omega : array_like(float, shape=(..., 2))
         Angular velocities (Omega1, Omega2); NaN for states that do not exist, as is the result.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -35,7 +32,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -47,12 +44,11 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    (state,), batch = check(body, {"omega": omega}, dimension=2, later=True)
-    return of_state(observables.to_xy, body, state, None, batch, thread_count(threads), 2)
+    return find("to_xy", body, omega, None, threads)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatArray:
-    """The angular velocities with given coordinates (x, y): the inverse of :func:`to_xy`.
+    """Angular velocities of coordinates (x, y), the inverse of :func:`to_xy`.
 
     Parameters
     ----------
@@ -61,7 +57,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
     xy : array_like(float, shape=(..., 2))
         Coordinates (x, y); NaN where there are none, as is the result.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -71,7 +67,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -83,9 +79,8 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    (state,), batch = check(body, {"xy": xy}, dimension=2, later=True)
-    if not np.all((np.asarray(body.I13) != 0) | (np.asarray(body.I23) != 0)):
+    if isinstance(body, Suslov3D) and np.any((np.asarray(body.I13) == 0) & (body.I23 == 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return of_state(observables.from_xy, body, state, None, batch, thread_count(threads), 2, "xy")
+    return find("from_xy", body, xy, None, threads, "xy")

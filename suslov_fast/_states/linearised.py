@@ -1,6 +1,8 @@
-"""The derivative of the map, and how fast orbits leave or reach steady states."""
+"""Derivative of the map, and multipliers of its steady states."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,28 +10,23 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._core.cpu import observables, observables_nd
 from .._engine.arguments import Body, check
-from .._engine.observables import by_slabs, of_state, of_state_nd
-from .._engine.threads import thread_count
-from .._runs.iterate import iterate
+from .table import find
 
 
-def jacobian(
-    body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
-) -> FloatArray:
-    """The derivative of the map.
+def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
+    """Derivative of the map.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
         Angular velocities; NaN for states that do not exist, and so is the result.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -40,7 +37,7 @@ def jacobian(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -56,17 +53,11 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
-    count = thread_count(threads)
-    if isinstance(body, SuslovND):
-        result = (body.dimension, body.dimension)
-        return by_slabs(_jacobian_nd, body, state, step_size, batch, result, warn=True)
-    entries = of_state(observables.jacobian, body, state, step_size, batch, count, 4)
-    return entries.reshape((*batch, 2, 2))
+    return find("jacobian", body, omega, eps, threads)
 
 
-def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
-    """The matrix A that the paper inverts: A(omega; eps) next_omega = omega.
+def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
+    """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     Parameters
     ----------
@@ -77,7 +68,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -87,7 +78,7 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -106,26 +97,11 @@ def matrix(body: Body, omega: ArrayLike, eps: ArrayLike, threads: int | None = N
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, later=True)
-    count = thread_count(threads)
-    if isinstance(body, SuslovND):
-        result = (body.dimension, body.dimension)
-        return of_state_nd(observables_nd.matrix, body, state, step_size, batch, count, result)
-    entries = of_state(observables.matrix, body, state, step_size, batch, count, 4)
-    return entries.reshape((*batch, 2, 2))
-
-
-def _jacobian_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    following = iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
-    exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
-    identity = np.eye(body.dimension)
-    left = np.where(exists, matrix(body, omega, eps), identity)
-    right = np.where(exists, matrix(body, following, -eps), np.nan)
-    return np.linalg.solve(left, right)
+    return find("matrix", body, omega, eps, threads)
 
 
 def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """The eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
+    """Eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
 
     Parameters
     ----------
@@ -145,7 +121,7 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----

@@ -1,35 +1,33 @@
-"""How fast orbits that begin next to each other part."""
+"""Lyapunov exponents."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray, integer
-from .._core.cpu import lyapunov as loops
-from .._core.cpu.blocks import LANES, TASKS
 from .._engine import threads as _threads
 from .._engine.arguments import Body, check
 from .._engine.layout import first_index, spell
+from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
+from .._kernels import exponents as kernels
 
 # Python looks for Ctrl-C between slices of so many operations: some 0.1 s.
 _SLICE = 2**28
-# What a step costs in three dimensions, in steps of the map.
+# The cost of a step in three dimensions, in steps of the map.
 _STEP = 20
 
 
 def lyapunov_exponents(
     body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, threads: int | None = None
 ) -> FloatArray:
-    """The Lyapunov exponents of orbits over so many steps.
+    """Lyapunov exponents of orbits over a number of steps.
 
     Parameters
     ----------
@@ -42,7 +40,7 @@ def lyapunov_exponents(
     steps : int
         Number of steps, 1 or more.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -54,7 +52,7 @@ def lyapunov_exponents(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -77,29 +75,23 @@ def lyapunov_exponents(
     threads = _threads.thread_count(threads)
     size, m = math.prod(batch), body.dimension
     omega = np.broadcast_to(state, (*batch, m)).reshape(size, m).copy()
-    arguments = omega.copy(), step_size, batch, steps, threads
-    if isinstance(body, Suslov3D):
-        products, exponents = _growth(body, *arguments)
-    else:
-        products, exponents = _growth_nd(body, *arguments)
+    flat_eps = np.broadcast_to(step_size, batch).reshape(size)
+    growth = _growth if isinstance(body, Suslov3D) else _growth_nd
+    products, exponents = growth(body, omega, flat_eps, batch, steps, threads)
     logarithms = np.empty((size, m))
-    _threads.run(loops.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
+    _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
     if isinstance(body, Suslov3D):
         logarithms[:, 1] -= logarithms[:, 0]  # of the area, less that of the length
     result = -np.sort(-logarithms, axis=-1).reshape((*batch, m))
-    _warn_of_failures(np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1))
-    return result
-
-
-def _warn_of_failures(missing: Any) -> None:
-    failed = np.asarray(missing)
+    failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
     if failed.any():
         warnings.warn(
             f"{np.count_nonzero(failed)} of {failed.size} trajectories: singular or non-finite "
-            f"step, first: {spell(first_index(failed))}",
+            f"step, first: {spell(first_index(np.asarray(failed)))}",
             SingularStepWarning,
-            stacklevel=3,
+            stacklevel=2,
         )
+    return result
 
 
 def _growth(
@@ -110,25 +102,20 @@ def _growth(
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """By what a length and an area have grown, as products and exponents (B, 2)."""
+    """Return the growth of a length and of an area, as products and exponents (B, 2)."""
     size = len(omega)
-    parameters = [
-        np.broadcast_to(each, batch).reshape(size).copy()
-        for each in (*units_of(body).parameters, scaled_eps(body, eps))
-    ]
-    carried = np.empty((loops.ROWS, size))
-    _threads.run(loops.enter, size * _STEP, threads, *parameters, omega, carried)
-    n_blocks = (size + LANES - 1) // LANES
-    length = max(_SLICE // (_STEP * max(n_blocks * LANES, 1)), 1)
+    own = (np.broadcast_to(each, batch).reshape(size) for each in body.parameters)
+    parameters = tuple(np.require(each, requirements=["C", "W"]) for each in (*own, eps))
+    carried = np.empty((kernels.ROWS, size))
+    _threads.run(kernels.enter, size * _STEP, threads, parameters, omega, carried)
+    length = max(_SLICE // (_STEP * max(size, kernels.LANES)), 1)
     for start in range(0, steps, length):
         count = min(length, steps - start)
-        work = count * size * _STEP if n_blocks > 1 else 0
-        _threads.run(loops.iterate, work, threads, count, carried)
-    rows: Any = loops.LENGTH, loops.AREA
-    products, exponents = (
-        np.ascontiguousarray(carried[[row + k for row in rows]].T) for k in (0, 1)
-    )
-    return products, exponents
+        work = count * size * _STEP if size > kernels.LANES else 0
+        _threads.run(kernels.iterate, work, threads, count, carried)
+    products = carried[[kernels.LENGTH, kernels.AREA]].T
+    exponents = carried[[kernels.OF_LENGTH, kernels.OF_AREA]].T
+    return np.ascontiguousarray(products), np.ascontiguousarray(exponents)
 
 
 def _growth_nd(
@@ -139,7 +126,7 @@ def _growth_nd(
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """By what the vectors of an orthonormal frame have grown, as products and exponents (B, m)."""
+    """Return the growth of the vectors of an orthonormal frame, as products and exponents (B, m)."""
     size, m = omega.shape
     J, I = (np.broadcast_to(each, (*batch, m)).reshape(size, m) for each in body.parameters)
     # In units in which all three are of the order of 1: (dsn) knows eps I omega / J alone.
@@ -149,27 +136,16 @@ def _growth_nd(
     J, I = np.ldexp(J, -of_J[:, np.newaxis]), np.ldexp(I, -of_I[:, np.newaxis])
     omega = np.ldexp(omega, -of_omega[:, np.newaxis])
     with np.errstate(all="ignore"):
-        flat = np.broadcast_to(eps, batch).reshape(size)
-        h = np.ldexp(0.5 * flat, of_I + of_omega - of_J)[:, np.newaxis] / J
+        h = np.ldexp(0.5 * eps, of_I + of_omega - of_J)[:, np.newaxis] / J
     frames = np.empty((size, m, m))
     frames[:] = np.eye(m)
     products, exponents = np.ones((size, m)), np.zeros((size, m))
-    scratch = np.empty((min(size, TASKS), loops.scratch_size(m)))
+    scratch = np.empty((min(size, TASKS), kernels.scratch_size(m)))
     cost = 3 * m**3 + _STEP * m
     length = max(_SLICE // (cost * max(size, 1)), 1)
     for start in range(0, steps, length):
         count = min(length, steps - start)
-        _threads.run(
-            loops.iterate_nd,
-            count * size * cost if size > 1 else 0,
-            threads,
-            count,
-            h,
-            np.ascontiguousarray(I),
-            omega,
-            frames,
-            products,
-            exponents,
-            scratch,
-        )
+        work = count * size * cost if size > 1 else 0
+        grown = omega, frames, products, exponents
+        _threads.run(kernels.iterate_nd, work, threads, count, h, I, *grown, scratch)
     return products, exponents

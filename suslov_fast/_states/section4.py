@@ -8,14 +8,11 @@ from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
-from .._core.cpu import observables
-from .._engine.arguments import check
-from .._engine.observables import of_state
-from .._engine.threads import thread_count
+from .table import find
 
 
 class ClosedForm(NamedTuple):
-    """What :func:`closed_form` returns, each of shape (...)."""
+    """Constants h, k1, k2 and t of :func:`closed_form`, each of shape (...)."""
 
     h: FloatArray
     k1: FloatArray
@@ -26,7 +23,7 @@ class ClosedForm(NamedTuple):
 def closed_form(
     body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> ClosedForm:
-    """The constants h, k1 and k2 of the solution of Section 4, and t.
+    """Constants h, k1 and k2 of the solution of Section 4, and t.
 
     With them and theta = k1 n eps + k2, state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
@@ -41,7 +38,7 @@ def closed_form(
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega0; 0 gives the constants of the continuous motion.
     threads : int, optional
-        Number of threads; by default what Numba is set to.
+        Number of threads; by default Numba's.
 
     Returns
     -------
@@ -53,7 +50,7 @@ def closed_form(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        If an argument is of another type or shape, or infinite.
 
     Notes
     -----
@@ -73,9 +70,5 @@ def closed_form(
     >>> (2 * np.sqrt(4 * h) * np.tanh(k1 * 0.2 * np.arange(4) + k2)).round(6)
     array([-0.95    , -1.030413, -1.102959, -1.167933])
     """
-    (state, step_size), batch = check(
-        body, {"omega0": omega0}, {"eps": eps}, dimension=2, later=True
-    )
-    count = thread_count(threads)
-    found = of_state(observables.constants, body, state, step_size, batch, count, 4, "omega0")
-    return ClosedForm(*(found[..., k][()] for k in range(4)))
+    constants = find("closed_form", body, omega0, eps, threads, "omega0")
+    return ClosedForm(*(constants[..., k][()] for k in range(4)))

@@ -52,7 +52,6 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         body, start, eps, parameters.steps, attitude=True, on_singular="ignore", threads=1
     )
     assert run.attitude is not None
-    time = np.multiply(run.n, eps, dtype=np.float64)
     t = float(criticality(body, start, eps))
     status = Status(int(run.status))
     drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
@@ -60,9 +59,9 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     minus, plus = limits(body, start, eps)
     return {
         "parameters": parameters._asdict(),
-        "time": [_number(each) for each in time],
+        "time": [_number(each) for each in run.time],
         "omega": _rows(run.omega),
-        "flow": _flow(body, start, time),
+        "flow": _flow(body, start, run.time),
         "attitude": _rows(run.attitude.reshape(-1, 9)),
         "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
         "line": _line(body, eps),

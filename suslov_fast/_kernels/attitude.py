@@ -1,0 +1,159 @@
+"""Orientations along given states, and the test that each state follows the one before.
+
+omega   (N + 1, B, m), the states, the first of which was dealt with before
+eps     (B,), the step size
+out     (N, B, n, n), the orientations at the others; NaN from the first state on that is NaN
+"""
+
+from numba import prange
+
+from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
+from .._formulas.rotation import mean, row_times_matrix, turn_between, turned
+from .._jit import carray, formula, inner, kernel, stack
+from .tiles import lead_of, write_row
+from .turning_nd import CLEAN_EVERY, clean_up, turn
+
+LANES = 128
+# Rows of a block: the quaternion, the step size, the state before, and R0.
+EPS, BEFORE, START, ROWS = 4, 5, 7, 16
+_ROOM, _TILE = ROWS * LANES, 9 * LANES
+
+
+@formula
+def turn_lane(s, l, omega1, omega2):
+    """Turn a body on to its next state."""
+    unit, b1, b2 = turn_between(s[EPS, l], s[BEFORE, l], s[BEFORE + 1, l], omega1, omega2)
+    s[0, l], s[1, l], s[2, l], s[3, l] = turned(s[0, l], s[1, l], s[2, l], s[3, l], unit, b1, b2)
+    s[BEFORE, l], s[BEFORE + 1, l] = omega1, omega2
+
+
+@inner
+def turn_block(block, omega, eps, R0, carried, out):
+    """Fill the orientations of a block."""
+    s, tile = carray(stack(_ROOM), (ROWS, LANES)), carray(stack(_TILE), (_TILE,))
+    batch, first = omega.shape[1], block * LANES
+    width = min(LANES, batch - first)
+    states, flat, lead = omega.reshape(omega.size), out.reshape(out.size), lead_of(out)
+    for l in range(width):
+        for k in range(4):
+            s[k, l] = carried[first + l, k]
+        s[EPS, l] = eps[first + l]
+        s[BEFORE, l], s[BEFORE + 1, l] = omega[0, first + l, 0], omega[0, first + l, 1]
+        for i in range(3):
+            for j in range(3):
+                s[START + 3 * i + j, l] = R0[first + l, i, j]
+    for n in range(len(out)):
+        begin = (n + 1) * batch + first
+        numbers = states[2 * begin : 2 * (begin + width)]
+        for l in range(width):
+            turn_lane(s, l, numbers[2 * l], numbers[2 * l + 1])
+        for i in range(3):
+            for l in range(width):
+                k = START + 3 * i
+                tile[9 * l + 3 * i], tile[9 * l + 3 * i + 1], tile[9 * l + 3 * i + 2] = (
+                    row_times_matrix(
+                        s[k, l], s[k + 1, l], s[k + 2, l], s[0, l], s[1, l], s[2, l], s[3, l]
+                    )
+                )
+        write_row(tile, flat, 9 * (n * batch + first), 9 * width, 9 * batch, lead)
+    for l in range(width):
+        for k in range(4):
+            carried[first + l, k] = s[k, l]
+
+
+@kernel
+def reconstruct(omega, eps, R0, carried, out):
+    """Fill orientations R0 R, where R began as the identity.
+
+    R0 (B, 3, 3); carried (B, 4), the quaternions of R, is read and written.
+    """
+    for block in prange((omega.shape[1] + LANES - 1) // LANES):
+        turn_block(block, omega, eps, R0, carried, out)
+
+
+@inner
+def turn_some(task, omega, eps, number, before, out, scratch):
+    """Fill the orientations of the trajectories of a task."""
+    batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
+    n, room = m + 1, scratch[task]
+    columns, gram, cleaned = room[:n], room[n : 2 * n], room[2 * n : 3 * n]
+    image, b = room[3 * n], room[3 * n + 1][:m]
+    for i in range(task * batch // tasks, (task + 1) * batch // tasks):
+        for r in range(n):
+            for c in range(n):
+                columns[c, r] = before[i, r, c]
+        for k in range(len(out)):
+            for j in range(m):
+                b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
+            turn(columns, b, eps[i], image)
+            if (number + k + 1) % CLEAN_EVERY == 0:
+                clean_up(columns, gram, cleaned)
+            for r in range(n):
+                for c in range(n):
+                    out[k, i, r, c] = columns[c, r]
+
+
+@kernel
+def reconstruct_nd(omega, eps, number, before, out, scratch):
+    """Fill orientations in n dimensions.
+
+    `number` is that of the first state; before (B, n, n), the orientations there;
+    scratch (tasks, 3 n + 2, n).
+    """
+    for task in prange(len(scratch)):
+        turn_some(task, omega, eps, number, before, out, scratch)
+
+
+@inner
+def follows(root, h, I, rotor, omega, following):
+    """Test that a state follows another by the implicit equations."""
+    m, largest = omega.size, 0.0
+    for j in range(m):
+        largest = max(largest, max(abs(omega[j]), abs(following[j])))
+    unit = unit_of(largest)
+    p, p_next, product = 0.0, 0.0, 0.0
+    for j in range(m):
+        w, v = omega[j] * unit, following[j] * unit
+        p += I[j] * w
+        p_next += I[j] * v
+        product += w * v
+    left, step, size = 0.0, 0.0, 0.0
+    for j in range(m):
+        driven = 0.0
+        if rotor != 0.0:
+            driven = rotor_term(j, rotor * unit, omega[1 - j] * unit, following[1 - j] * unit)
+        left_j, step_j, size_j = mismatch(
+            h[j] / unit, I[j], omega[j] * unit, following[j] * unit, p, p_next, product, driven
+        )
+        left += root[j] * left_j
+        step += root[j] * step_j
+        size += root[j] * size_j
+    return not strays(left, step, size)
+
+
+@inner
+def follow_block(block, root, h, I, rotor, number, omega, stray):
+    """Fill the first stray state of each trajectory of a block."""
+    for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
+        row = min(i, len(h) - 1)
+        k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
+        while k < end and follows(
+            root[row], h[row], I[row], rotor[row], omega[k, i], omega[k + 1, i]
+        ):
+            k += 1
+        if k < end:
+            stray[i] = number + k + 1
+
+
+@kernel
+def follow(root, h, I, rotor, number, omega, stray):
+    """Find states that do not follow the one before by the map.
+
+    root     (B, m) or (1, m), the weights of the components: the roots of J
+    h, I     (B, m) or (1, m): eps / J, and I, which is of the order of 1
+    rotor    (B,) or (1,), the momentum of a rotor in the unit of I; 0 unless m = 2
+    number   of the first state in `omega`
+    stray    (B,), the number of the first state that does not, or -1; read and written
+    """
+    for block in prange((omega.shape[1] + LANES - 1) // LANES):
+        follow_block(block, root, h, I, rotor, number, omega, stray)

@@ -1,0 +1,23 @@
+"""Scattering angles of bodies."""
+
+from numba import prange
+
+from .._formulas.scattering import scattering_angle
+from .._formulas.units import normal_body, scaled
+from .._jit import inner, kernel
+
+
+@inner
+def scatter_one(i, parameters, out):
+    """Fill the angle of a body."""
+    I1, I2, I13, I23, _, M, P, _ = normal_body(
+        parameters[0][i], parameters[1][i], parameters[2][i], parameters[3][i], 1.0
+    )
+    out[i] = scattering_angle(I1, I2, I13, I23, scaled(1.0, M - P))
+
+
+@kernel
+def scatter(parameters, out):
+    """Fill the angles (B,) of bodies, four arrays (B,)."""
+    for i in prange(len(out)):
+        scatter_one(i, parameters, out)

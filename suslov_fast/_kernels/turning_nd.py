@@ -1,0 +1,65 @@
+"""Orientations in n dimensions, one trajectory at a time.
+
+columns (n, n) is the transpose of the orientation R: a row of it is contiguous.
+"""
+
+import numpy as np
+
+from .._formulas.rotation import is_large, turned_component, turned_last, unit_of_large
+from .._jit import inner
+
+# Rounding errors are removed at each state whose number is a multiple of this.
+CLEAN_EVERY = 16
+
+
+@inner
+def turn(columns, b, eps, image):
+    """Multiply R by cay(eps (Omega + Omega_next) / 2), in place.
+
+    b (m,) is the mean of the two states and is overwritten; image (n,) is scratch.
+    """
+    m = b.size
+    half, total, largest = 0.5 * eps, 0.0, 0.0
+    for j in range(m):
+        total += abs(half * b[j])
+        largest = max(largest, abs(b[j]))
+    large = is_large(total)
+    unit = 0.0 if large else 1.0
+    factor = np.copysign(unit_of_large(largest), eps) if large else half
+    square = 0.0
+    for j in range(m):
+        b[j] *= factor
+        square += b[j] * b[j]
+    scale = 2.0 / (unit + square)
+    for r in range(m + 1):
+        image[r] = 0.0
+    for j in range(m):
+        for r in range(m + 1):
+            image[r] += columns[j, r] * b[j]
+    for j in range(m):
+        scaled = scale * b[j]
+        for r in range(m + 1):
+            columns[j, r] = turned_component(columns[j, r], columns[m, r], image[r], unit, scaled)
+    for r in range(m + 1):
+        columns[m, r] = turned_last(columns[m, r], image[r], scale, unit, square)
+
+
+@inner
+def clean_up(columns, gram, cleaned):
+    """Take one step of Newton's method to the nearest orthogonal matrix, in place."""
+    n = columns.shape[0]
+    for r in range(n):
+        for c in range(n):
+            gram[r, c] = 1.5 if r == c else 0.0
+            cleaned[r, c] = 0.0
+    for k in range(n):
+        for r in range(n):
+            for c in range(n):
+                gram[r, c] -= 0.5 * columns[k, r] * columns[k, c]
+    for r in range(n):
+        for k in range(n):
+            for c in range(n):
+                cleaned[r, c] += columns[r, k] * gram[k, c]
+    for r in range(n):
+        for c in range(n):
+            columns[r, c] = cleaned[r, c]

@@ -1,0 +1,66 @@
+"""All quantities of states: what finds each of them for each class of bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from .._checks import FloatArray, aligned, common_shape, real_number, states
+from .._engine.states import of_state
+from .._engine.threads import thread_count
+from .._kernels import states as kernels
+from . import nd
+
+# (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
+Finder = Callable[..., FloatArray]
+
+TABLE: dict[str, dict[str, Finder]] = {
+    "Suslov3D": {
+        "energy": partial(of_state, kernels.energy, ()),
+        "first_integral": partial(of_state, kernels.first_integral, ()),
+        "modified_energy": partial(of_state, kernels.modified_energy, ()),
+        "criticality": partial(of_state, kernels.criticality, ()),
+        "invariant_density": partial(of_state, kernels.invariant_density, ()),
+        "to_xy": partial(of_state, kernels.to_xy, (2,)),
+        "from_xy": partial(of_state, kernels.from_xy, (2,)),
+        "vector_field": partial(of_state, kernels.vector_field, (2,)),
+        "reaction": partial(of_state, kernels.reaction, ()),
+        "discrete_reaction": partial(of_state, kernels.discrete_reaction, (), warn=True),
+        "jacobian": partial(of_state, kernels.jacobian, (2, 2), warn=True),
+        "matrix": partial(of_state, kernels.matrix, (2, 2)),
+        "closed_form": partial(of_state, kernels.constants, (4,)),
+    },
+    "SuslovND": nd.QUANTITIES,
+    "SuslovGyrostat": {
+        "energy": partial(of_state, kernels.energy, ()),
+        "first_integral": partial(of_state, kernels.gyrostat_first_integral, ()),
+        "invariant_density": partial(of_state, kernels.gyrostat_invariant_density, ()),
+        "vector_field": partial(of_state, kernels.gyrostat_vector_field, (2,)),
+        "jacobian": partial(of_state, kernels.gyrostat_jacobian, (2, 2), warn=True),
+    },
+}
+
+
+def find(
+    quantity: str,
+    body: Any,
+    omega: ArrayLike,
+    eps: ArrayLike | None,
+    threads: int | None,
+    name: str = "omega",
+) -> FloatArray:
+    """Check the arguments of a public function, whose states are called `name`, and evaluate it."""
+    finder = TABLE.get(type(body).__name__, {}).get(quantity)
+    if finder is None:
+        classes = " or ".join(each for each, has in TABLE.items() if quantity in has)
+        raise TypeError(f"body: expected {classes}, got {type(body).__name__}")
+    omega, eps = aligned({name: omega, "eps": eps}).values()
+    state = states(name, omega, body.dimension, later=True)
+    shapes, step = {"body": body.shape, name: state.shape[:-1]}, None
+    if eps is not None:
+        step = real_number("eps", eps)
+        shapes["eps"] = () if isinstance(step, float) else step.shape
+    return finder(body, state, step, common_shape(shapes), thread_count(threads), name)

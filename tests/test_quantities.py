@@ -1,0 +1,495 @@
+"""Quantities of states against the paper's equations in 60 digits."""
+
+import mpmath
+import naive
+import numpy as np
+import pytest
+from mpmath import mp
+
+import suslov_fast as sf
+
+
+def random_problem(rng, size=0.0):
+    """Parameters of a body, a step size and a state, t below and above 1."""
+    parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
+    return parameters, rng.uniform(-0.5, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-size, size)
+
+
+def exact_modified_energy(*problem):
+    """E**2 / (E + eps**2 f.Jf / 8), of (I1, I2, I13, I23, eps, omega) or (J, I, eps, omega)."""
+    *parameters, eps, omega = problem
+    if len(parameters) == 4:
+        J = parameters[:2]
+        slope = naive.vector_field(*naive.exactly(*parameters), naive.exactly(*omega))
+    else:
+        J, slope = parameters[0], naive.vector_field_nd(*parameters, omega)
+    E = naive.energy_nd(J, omega)
+    return E**2 / (E + naive.mpf(eps) ** 2 / 4 * naive.energy_nd(J, slope))
+
+
+# Errors relative to the size of the exact numbers.
+IN_3D = {
+    "first_integral": (naive.first_integral, 2e-15),
+    "modified_energy": (exact_modified_energy, 3e-15),
+    "criticality": (naive.criticality, 3e-15),
+    "invariant_density": (naive.invariant_density, 3e-15),
+    "matrix": (naive.matrix, 1e-15),
+    "energy": (lambda I1, I2, I13, I23, eps, omega: naive.energy_nd([I1, I2], omega), 5e-16),
+    "to_xy": (lambda I1, I2, I13, I23, eps, omega: naive.xy(I1, I2, I13, I23, omega), 1e-15),
+    "vector_field": (
+        lambda *p: naive.vector_field(*naive.exactly(*p[:4]), naive.exactly(*p[5])),
+        1e-15,
+    ),
+}
+WITHOUT_STEP = {"energy", "to_xy", "vector_field"}
+
+
+def error(computed, exact):
+    """Of vectors or matrices, relative to the norm."""
+    computed, exact = mpmath.matrix(np.asarray(computed).tolist()), mpmath.matrix(exact)
+    return float(mpmath.norm(computed - exact) / mpmath.norm(exact))
+
+
+@pytest.mark.parametrize("name", IN_3D)
+@pytest.mark.parametrize("near", [False, True])
+def test_in_three_dimensions(rng, name, near):
+    """Also next to the line of steady states, where x is a small difference."""
+    exact, tolerance = IN_3D[name]
+    for _ in range(40):
+        parameters, eps, omega = random_problem(rng, 2.0)
+        if near:
+            if name in ("matrix", "vector_field"):
+                continue
+            omega = np.array([parameters[3], -parameters[2]]) * (1 + 1e-12 * rng.normal(size=2))
+            eps = 1e7 * eps if name == "first_integral" else eps
+        arguments = () if name in WITHOUT_STEP else (eps,)
+        computed = getattr(sf, name)(sf.Suslov3D(*parameters), omega, *arguments)
+        expected = exact(*parameters, eps, omega)
+        expected = list(expected) if isinstance(expected, list | tuple) else [expected]
+        assert error(np.atleast_1d(computed), expected) < tolerance
+        if name == "to_xy":
+            assert abs(computed[0] / float(expected[0]) - 1) < 3e-16
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 7, 40])
+def test_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        body, eps = sf.SuslovND(J, I), rng.uniform(-1, 1)
+        assert error([sf.energy(body, omega)], [naive.energy_nd(J, omega)]) < 3e-15
+        # f.Jf may be small beside its terms.
+        exact = exact_modified_energy(J, I, eps, omega)
+        assert error([sf.modified_energy(body, omega, eps)], [exact]) < 1e-13
+        exact = np.array(naive.vector_field_nd(J, I, omega), float)
+        size = np.linalg.norm(I) * np.linalg.norm(omega) ** 2 / J.min()
+        assert abs(sf.vector_field(body, omega) - exact).max() < 5e-16 * size
+        if m < 7:
+            assert error(sf.matrix(body, omega, eps), matrix_nd(J, I, eps, omega)) < 1e-15
+            exact = naive.jacobian_nd(J, I, 0.2 * eps, omega)
+            assert error(sf.jacobian(body, omega, 0.2 * eps), exact) < 1e-13
+    assert sf.modified_energy(body, np.zeros(m), 0.3) == 0
+
+
+def matrix_nd(J, I, eps, omega):
+    """The coefficients of the unknowns in (dsn), over J."""
+    J, I, omega, (eps,) = (naive.exactly(*v) for v in (J, I, omega, [eps]))
+    m = len(J)
+    zero = naive.dsn(J, I, eps, omega, [naive.mpf(0)] * m)
+    units = [[naive.mpf(int(i == j)) for i in range(m)] for j in range(m)]
+    columns = [naive.dsn(J, I, eps, omega, unit) for unit in units]
+    return [[(columns[j][i] - zero[i]) / J[i] for j in range(m)] for i in range(m)]
+
+
+def test_three_dimensions_and_n_agree(rng):
+    for _ in range(20):
+        (I1, I2, I13, I23), eps, (w1, w2) = random_problem(rng)
+        three, nd = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I2, I1], [-I13, -I23])
+        for function in (sf.first_integral, sf.modified_energy, sf.criticality):
+            expected = function(three, [w1, w2], eps)
+            np.testing.assert_allclose(function(nd, [w2, -w1], eps), expected, rtol=1e-13)
+        for step in (None, eps):
+            # lambda_12 of the matrix is minus the third component of the vector.
+            expected = sf.reaction(three, [w1, w2], step)
+            computed = sf.reaction(nd, [w2, -w1], step)
+            np.testing.assert_allclose(computed, [[0, -expected], [expected, 0]], atol=1e-13)
+
+
+def test_lemma_1(rng):
+    """F is an integral of the exact map."""
+    parameters, eps, omega = random_problem(rng, 1.0)
+    states = naive.orbit(*parameters, eps, omega, 20)
+    F = [naive.first_integral(*parameters, eps, state) for state in states]
+    assert max(abs(value / F[0] - 1) for value in F) < 1e-50
+
+
+def test_special_cases(body, unit):
+    still = sf.Suslov3D(1, 2, 0, 0)
+    assert sf.energy(body, [1, 0.5]) == 2.125
+    assert sf.criticality(body, [0, 0], 0.2) == sf.criticality(body, [1, 2], 0) == 0
+    assert sf.criticality(still, [1, 2], 1) == sf.modified_energy(body, [0, 0], 0.3) == 0
+    assert sf.invariant_density(unit, [0.0, 1.0], 0.3) == np.inf
+    np.testing.assert_allclose(sf.first_integral(body, [1, 0.5], 1e-9), 4.25 / 16, rtol=1e-15)
+    assert (sf.vector_field(sf.Suslov3D(4, 1, -0.5, -0.25), [[0.375, -0.75], [0, 0]]) == 0).all()
+    slow = sf.Suslov3D(1e300, 2e300, 1e-300, 1e-300)
+    fast = sf.Suslov3D(1e-300, 2e-300, 1e300, 1e300)
+    assert (sf.vector_field(slow, [1e-300, 1e-300]) == 0).all()
+    assert sf.vector_field(fast, [1e300, 1e300]).tolist() == [-np.inf, np.inf]
+
+
+def test_coordinates(rng):
+    for _ in range(20):
+        parameters, _, omega = random_problem(rng, 1.0)
+        body = sf.Suslov3D(*parameters)
+        np.testing.assert_allclose(sf.from_xy(body, sf.to_xy(body, omega)), omega, rtol=1e-13)
+    with pytest.raises(ValueError, match="body: expected I13 or I23 other than 0, got both 0"):
+        sf.from_xy(sf.Suslov3D(1, 2, [0, 1], 0), [1, 2])
+    assert sf.to_xy(body, [0, 0]).tolist() == sf.from_xy(body, [0, 0]).tolist() == [0, 0]
+    assert np.isnan(sf.from_xy(body, [[1, 2], [1, np.nan]])).any(axis=1).tolist() == [False, True]
+    np.testing.assert_allclose(sf.from_xy(body, [0, 1e-300]), sf.from_xy(body, [0, 1]) * 1e-300)
+
+
+def test_integrals_of_solved_bodies_in_n_dimensions(rng):
+    """All J equal, or I along one axis: F and t are those of the orbit, and constant along it."""
+    for J, I in (([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1.5, 1.5, 1.5, 4.0], [0, 0, 0, -0.7])):
+        body = sf.SuslovND(J, I)
+        omega = rng.normal(size=(5, 4))
+        states = np.array([naive.orbit_nd(J, I, 0.2, w, 10) for w in omega], float).swapaxes(0, 1)
+        for function in (sf.first_integral, sf.criticality):
+            values = function(body, states, 0.2)
+            assert values.shape == (11, 5)
+            np.testing.assert_allclose(values, np.broadcast_to(values[0], (11, 5)), rtol=1e-13)
+    with pytest.raises(sf.NotIntegrableError, match="first_integral: expected"):
+        sf.first_integral(sf.SuslovND([1, 2, 3], [1, 1, 1]), [1, 2, 3], 0.1)
+
+
+def test_criticality_agrees_with_the_status():
+    """Also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
+    body = sf.Suslov3D(1, 1, 1, 0)
+    y = 2 * (1 + np.array([-1e-15, -1.2e-16, 0, 2.3e-16, 1e-15]))
+    x = np.array([0, 1e-9, 1e-3, 1, 1e6])[:, None]
+    omega = np.stack(np.broadcast_arrays(x, y), axis=-1)
+    for eps in (1, -1):
+        result = sf.iterate(body, omega, eps, 0)
+        t = sf.criticality(body, omega, eps)
+        assert ((abs(t) >= 1) == (result.status == sf.Status.SUPERCRITICAL)).all()
+        assert ((abs(t) >= 1) == (abs(y) >= 2)).all()
+        assert (np.sign(t) == eps).all()
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9, 1e-3, 1.0, 1e6])
+def test_criticality_next_to_1(unit, x):
+    for gap in (-1e-15, -1.2e-16, 0.0, 2.3e-16, 1e-15):
+        omega = [x, 2 * (1 + gap)]
+        exact = naive.criticality(1, 1, 1, 0, 1, omega)
+        assert abs(float(sf.criticality(unit, omega, 1.0) / exact - 1)) < 3e-16
+
+
+def test_criticality_far_beyond_1(unit):
+    """On the line t = |eps y| / 2, of any size; off it t tends to the ratio of states."""
+    for y in (1e100, 1e200, 1e260):
+        assert sf.criticality(unit, [0.0, y], 1.0) == 0.5 * y
+        t = sf.criticality(unit, [y, 3 * y], 1.0)
+        assert abs(t / np.sqrt(10) - 1) < 1e-15
+
+
+@pytest.mark.parametrize("omega", [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305)])
+@pytest.mark.parametrize("eps", [1.0, 1e-300, -1e250])
+def test_criticality_beyond_squares(omega, eps):
+    """On the line and next to it t grows with the step; elsewhere it has a limit."""
+    with mp.workdps(60):
+        X, Y = mp.mpf(eps) * omega[0] / mp.sqrt(2), -mp.mpf(eps) * omega[1] / 2
+        expected = mp.sign(eps) * mp.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
+    found = sf.criticality(sf.Suslov3D(1, 1, 1, 0), omega, eps)
+    if abs(expected) > 1.7e308:
+        assert found == np.sign(eps) * np.inf
+    else:
+        assert found == pytest.approx(float(expected), rel=1e-14)
+
+
+def test_criticality_of_moments_far_apart():
+    body = sf.Suslov3D(1, 1e-250, 1e-3, 1e-3)
+    assert sf.criticality(body, [1e200, 0.0], 1.0) == pytest.approx(1e125, rel=1e-14)
+
+
+# t below, next to and above 1, both signs of x, eps of both signs, and an orbit that jumps.
+REGIMES = [([0.5, 0.3], 0.3), ([-3.0, 1.0], -0.7), ([0.1, -1.99], 1.0), ([2.0, -5.0], 1.0)]
+
+
+@pytest.mark.parametrize(("omega", "eps"), REGIMES)
+def test_the_map_preserves_the_invariant_density(omega, eps):
+    """rho(Phi(omega)) det DPhi(omega) = rho(omega), signs included."""
+    for body in (sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(2, 1, -0.4, 0.9)):
+        density = sf.invariant_density(body, omega, eps)
+        after = sf.invariant_density(body, sf.step(body, omega, eps), eps)
+        det = np.linalg.det(sf.jacobian(body, omega, eps))
+        np.testing.assert_allclose(after * det, density, rtol=1e-11)
+
+
+def test_closed_form(rng):
+    for _ in range(100):
+        parameters, eps, omega = random_problem(rng)
+        h, k1, k2, t = sf.closed_form(sf.Suslov3D(*parameters), omega, eps)
+        assert t == sf.criticality(sf.Suslov3D(*parameters), omega, eps)
+        exact = naive.closed_form(*parameters, eps, omega)
+        assert abs(h / float(exact[0]) - 1) < 5e-15
+        if abs(t) < 1:
+            # Next to t = 1 the constants hang on the distance from it, which |y| decides.
+            assert abs(k1 / float(exact[1]) - 1) < 1e-14
+            assert abs(k2 - float(exact[2])) < 1e-14 * (1 + abs(k2))
+        else:
+            assert np.isnan(k1)
+            assert np.isnan(k2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("gap", [1e-6, 1e-12, 1e-15, 3e-16])
+def test_closed_form_next_to_the_critical_line(gap, sign):
+    """Of a body whose Y is rounded: k1 hangs on digits of 1 - |Y| that Y alone lacks."""
+    parameters, eps = (1.7, 2.3, 0.3, -0.7), 0.3
+    body = sf.Suslov3D(*parameters)
+    omega = sf.from_xy(body, [1e-3, sign * 2 * 1.7 * 2.3 / eps * (1 - gap)])
+    h, k1, k2, _ = sf.closed_form(body, omega, eps)
+    for computed, exact in zip(
+        (h, k1, k2), naive.closed_form(*parameters, eps, omega), strict=True
+    ):
+        assert abs(float(computed / exact - 1)) < 2e-15
+
+
+def test_closed_form_gives_the_orbit(body):
+    omega = np.array([[1.0, 0.5], [-2.0, 3.0], [0.1, -0.2]])
+    eps = np.array([0.2, -0.3, 0.5])
+    h, k1, k2, _ = sf.closed_form(body, omega, eps)
+    states = sf.iterate(body, omega, eps, 20).omega
+    theta = k1 * eps * np.arange(21)[:, None] + k2
+    a = body.I1 * body.I2
+    sign = np.sign(sf.to_xy(body, omega)[:, 0])
+    x = sign * 2 * np.sqrt(h * a / (a - h * eps**2)) / np.cosh(theta)
+    xy = np.stack([x, 2 * np.sqrt(h * a) * np.tanh(theta)], axis=-1)
+    np.testing.assert_allclose(sf.from_xy(body, xy), states, rtol=1e-12, atol=1e-13)
+
+
+def test_closed_form_of_special_cases(body, unit):
+    h, k1, k2, t = sf.closed_form(unit, [1.0, -0.5], 0.0)  # x = 1, y = 1/2: the flow
+    assert (h, t) == (0.3125, 0)
+    assert k1 == -2 * np.sqrt(0.3125)
+    assert abs(k2 - np.arctanh(0.5 / (2 * np.sqrt(0.3125)))) < 1e-15
+    assert sf.closed_form(unit, [0.0, -1.0], 0.5)[2] == np.inf
+    assert sf.closed_form(unit, [0.0, 1.0], 0.5)[2] == -np.inf
+    assert sf.closed_form(body, [0.0, 0.0], 0.5) == (0, 0, 0, 0)
+    assert sf.closed_form(sf.Suslov3D(1, 2, 0, 0), [1.0, 2.0], 0.5) == (0, 0, 0, 0)
+    assert np.isnan(sf.closed_form(unit, [np.nan, 1.0], 0.5)).all()
+    found = sf.closed_form(unit, np.ones((3, 1, 2)), [0.1, 0.2])
+    assert [each.shape for each in found] == [(3, 2)] * 4
+
+
+@pytest.mark.parametrize("k", [-600, 600])
+def test_reaction_where_one_of_its_terms_is_far_below_the_other(rng, k):
+    """Products of inertia in another unit than moments, as the square of which the terms differ."""
+    for _ in range(5):
+        (I1, I2, I13, I23), _, omega = random_problem(rng)
+        parameters = (I1, I2, *np.ldexp([I13, I23], k))
+        state = np.ldexp(omega, -k // 2)
+        slope = naive.vector_field(*naive.exactly(*parameters), naive.exactly(*state))
+        exact = naive.reaction(*parameters, naive.exactly(*state), slope)
+        computed = sf.reaction(sf.Suslov3D(*parameters), state)
+        assert abs(float(computed / exact - 1)) < 3e-14
+
+
+def test_reaction(rng):
+    for _ in range(30):
+        parameters, eps, omega = random_problem(rng)
+        body, state = sf.Suslov3D(*parameters), naive.exactly(*omega)
+        slope = naive.vector_field(*naive.exactly(*parameters), state)
+        exact = float(naive.reaction(*parameters, state, slope))
+        size = max(parameters[:2]) * np.hypot(*omega) ** 2
+        assert abs(sf.reaction(body, omega) - exact) < 2e-15 * size
+
+        following = naive.step(*parameters, eps, state)
+        exact = float(naive.discrete_reaction(*parameters, eps, state, following))
+        size = max(size, max(parameters[:2]) * float(naive.mpmath.norm(following)) ** 2)
+        assert abs(sf.reaction(body, omega, eps) - exact) < 1e-14 * size
+
+
+@pytest.mark.parametrize("m", [2, 3, 5])
+def test_reaction_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
+        eps, body, state = rng.uniform(-0.5, 0.5), sf.SuslovND(J, I), naive.exactly(*omega)
+        slope = naive.vector_field_nd(J, I, omega)
+        exact = np.array(naive.reaction_nd(J, I, state, state, slope), float)
+        computed = sf.reaction(body, omega)
+        np.testing.assert_allclose(computed, exact, atol=1e-14 * np.linalg.norm(exact) + 1e-14)
+        assert (computed == -computed.T).all()
+
+        following = naive.step_nd(J, I, eps, state)
+        quotient = [(v - w) / naive.mpf(eps) for v, w in zip(following, state, strict=True)]
+        exact = np.array(naive.reaction_nd(J, I, state, following, quotient), float)
+        computed = sf.reaction(body, omega, eps)
+        np.testing.assert_allclose(computed, exact, atol=1e-13 * np.linalg.norm(exact) + 1e-14)
+        assert (computed == -computed.T).all()
+
+
+def test_the_discrete_reaction_tends_to_the_continuous_one(body):
+    """And does not lose digits on the way."""
+    continuous = sf.reaction(body, [1.0, 0.5])
+    for eps in (1e-6, 1e-12, 1e-300, 0.0):
+        assert abs(sf.reaction(body, [1.0, 0.5], eps) - continuous) < 2 * eps + 1e-15
+
+
+def test_reaction_of_bodies_without_couplings():
+    """Nothing moves, and the torque is that of a steady rotation."""
+    body = sf.Suslov3D(3, 1, 0, 0)
+    assert sf.reaction(body, [2.0, 5.0]) == sf.reaction(body, [2.0, 5.0], 0.7) == -20
+
+
+def test_jacobian(rng):
+    for _ in range(60):
+        parameters, eps, omega = random_problem(rng)
+        omega *= 10 ** rng.uniform(-2, 3)
+        exact = naive.jacobian(*parameters, eps, omega)
+        body = sf.Suslov3D(*parameters)
+        # As accurate as the step itself: |1 - Y + X**2| may be small beside its terms.
+        following = naive.step(*parameters, eps, omega)
+        allowed = 1e-14 + 10 * naive.relative_error(sf.step(body, omega, eps), following)
+        assert error(sf.jacobian(body, omega, eps), exact) < allowed
+
+
+@pytest.mark.parametrize("g", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("eps", [1.0, -1.0])
+def test_jacobian_next_to_the_pole(unit, g, eps):
+    """X = eps Omega1 / sqrt(2), Y = -eps Omega2 / 2: the distance from the pole is 2 g."""
+    for sign in (1, -1):
+        omega = np.array([sign * np.sqrt(2 * g), -eps * 2 * (1 - g)])
+        exact = derivative_near_poles(omega, eps)
+        assert error(sf.jacobian(unit, omega, eps), exact) < 2e-15
+
+
+def derivative_near_poles(omega, eps):
+    return naive.derivative(
+        lambda state: naive.step(1, 1, 1, 0, eps, state),
+        naive.exactly(*omega),
+        30,
+    )
+
+
+def test_jacobian_next_to_the_pole_of_any_body(rng):
+    for _ in range(20):
+        parameters = random_problem(rng)[0]
+        body, g = sf.Suslov3D(*parameters), 10 ** rng.uniform(-12, -3)
+        a = parameters[0] * parameters[1]
+        omega = sf.from_xy(body, [np.sqrt(2 * a * g), 2 * a * (1 - g)])
+        exact = naive.derivative(
+            lambda state, p=parameters: naive.step(*p, 1, state),
+            naive.exactly(*omega),
+            30,
+        )
+        assert error(sf.jacobian(body, omega, 1.0), exact) < 1e-14
+
+
+@pytest.mark.parametrize("size", [0.1, 3.0, 1e120])
+def test_jacobian_of_mirror_images(unit, size):
+    """x changes sign, bit for bit; so do y and the step size together."""
+    of_omega = sf.jacobian(unit, [size, 0.7 * size], 1.0)
+    assert np.isfinite(of_omega).all()
+    for signs in ([-1, 1], [1, -1]):
+        mirrored = sf.jacobian(unit, np.array([size, 0.7 * size]) * signs, signs[1])
+        assert (mirrored == of_omega * [[1, -1], [-1, 1]]).all()
+
+
+def test_jacobian_of_states_that_are_missing(unit):
+    """NaN in all entries, where nothing moves too."""
+    missing = [[np.nan, 1.0], [1.0, np.nan]]
+    for body, eps in ((unit, 0.0), (sf.Suslov3D(1, 2, 0, 0), 0.2), (unit, 0.2)):
+        assert np.isnan(sf.jacobian(body, missing, eps)).all()
+
+
+def test_jacobian_far_beyond_the_poles(unit):
+    for omega in ([1e6, 3.0], [1e3, -1e9], [3e4, 5e8], [1e8, 1e8]):
+        assert error(sf.jacobian(unit, omega, 1.0), derivative_near_poles(omega, 1.0)) < 1e-14
+
+
+def test_jacobian_of_small_steps_is_the_identity_and_the_derivative_of_the_field(rng):
+    """Its small parts keep their digits."""
+    for _ in range(10):
+        parameters, _, omega = random_problem(rng)
+        slope = naive.derivative(
+            lambda state, p=parameters: naive.vector_field(*naive.exactly(*p), state),
+            naive.exactly(*omega),
+        )
+        computed = sf.jacobian(sf.Suslov3D(*parameters), omega, 1e-12)
+        off = np.array([computed[0, 1], computed[1, 0]]) / 1e-12
+        np.testing.assert_allclose(off, [float(slope[0][1]), float(slope[1][0])], rtol=1e-8)
+    assert (sf.jacobian(sf.Suslov3D(2, 1, 0.3, 0.2), [1, 2], 0) == np.eye(2)).all()
+    assert (sf.jacobian(sf.Suslov3D(2, 1, 0, 0), [1, 2], 0.3) == np.eye(2)).all()
+
+
+def test_jacobian_agrees_with_the_step_on_what_is_a_pole(unit):
+    """One after the other through the pole at (1, -3), and next to the point (0, -2)."""
+    omega2 = -3.0 + 2.0**-51 * np.arange(-10, 11)
+    near = [[1, w2] for w2 in omega2] + [[1e-9, -2], [1e-7, -2], [0, -2], [0, -1.9]]
+    with pytest.warns(sf.SingularStepWarning):
+        computed, following = sf.jacobian(unit, near, 1.0), sf.step(unit, near, 1.0)
+    assert (np.isnan(computed[:, 0, 0]) == np.isnan(following[:, 0])).all()
+
+
+def test_multipliers_are_eigenvalues_of_the_jacobian(rng):
+    for _ in range(20):
+        (I1, I2, I13, I23), eps, _ = random_problem(rng)
+        body, c = sf.Suslov3D(I1, I2, I13, I23), rng.normal()
+        computed = sf.multipliers(body, c, eps)
+        eigenvalues = np.linalg.eigvals(sf.jacobian(body, c * np.array([I23, -I13]), eps))
+        assert computed[0] == 1
+        np.testing.assert_allclose(np.sort(computed), np.sort(eigenvalues.real), rtol=1e-12)
+
+
+def test_multipliers_tell_which_half_attracts(body):
+    towards, away = sf.multipliers(body, [-3.0, 3.0], 0.2)[:, 1]
+    assert 0 < towards < 1 < away
+    assert towards * away == pytest.approx(1, abs=1e-15)
+    assert sf.multipliers(body, np.zeros((2, 1)), [0.1, 0.2, 0.3]).shape == (2, 3, 2)
+
+
+def test_multipliers_at_the_pole_and_beyond(unit):
+    assert sf.multipliers(unit, 2.0, 1.0).tolist() == [1.0, np.inf]
+    assert sf.multipliers(unit, 1e200, 1e200).tolist() == [1.0, -1.0]
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 6, 20])
+def test_multipliers_in_n_dimensions(rng, m):
+    for _ in range(5):
+        J, I = rng.uniform(0.5, 4, m), rng.normal(size=m) * 10 ** rng.uniform(-2, 0, m)
+        c, eps = rng.normal(), rng.uniform(-1, 1)
+        computed = sf.multipliers(sf.SuslovND(J, I), c, eps)
+        assert computed[0] == 1
+        exact = exact_multipliers(J, I, c, eps)
+        np.testing.assert_allclose(computed, exact, rtol=1e-13)
+
+
+def exact_multipliers(J, I, c, eps):
+    """1, and the others in the order of the spectrum of J**-1 (|I|**2 - I I^T), ascending."""
+    J, I, (c, eps) = naive.exactly(*J), naive.exactly(*I), naive.exactly(c, eps)
+    m = len(J)
+    symmetric = mpmath.matrix(m)
+    for i in range(m):
+        for j in range(m):
+            entry = sum(v * v for v in I) * (i == j) - I[i] * I[j]
+            symmetric[i, j] = entry / mpmath.sqrt(J[i] * J[j])
+    spectrum = sorted(mpmath.eigsy(symmetric, eigvals_only=True))[1:]
+    Y = [eps * c * s / 2 for s in spectrum]
+    return [1.0] + [float((1 + y) / (1 - y)) for y in Y]
+
+
+def test_the_multiplier_of_the_line_is_1_however_stiff_the_body():
+    J = [0.0059, 5012, 1185, 0.114, 82, 0.000217]
+    I = [-2091, -1.98, 365, -0.016, -0.102, 0.061]
+    computed = sf.multipliers(sf.SuslovND(J, I), 1e3, 1e-9)
+    assert computed[0] == 1
+    np.testing.assert_allclose(computed, exact_multipliers(J, I, 1e3, 1e-9), rtol=1e-11)
+    assert sf.multipliers(sf.SuslovND(J, I), 1e3, 0.2)[0] == 1
+
+
+def test_multipliers_of_bodies_without_couplings():
+    assert (
+        sf.multipliers(sf.SuslovND([[1, 2, 3]] * 2, [[0, 0, 0], [0, 0, 1]]), 1, 1)[0] == 1
+    ).all()
+    assert (sf.multipliers(sf.Suslov3D(1, 2, 0, 0), 1, 1) == 1).all()

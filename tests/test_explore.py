@@ -51,6 +51,7 @@ def rows(found, size=2):
     return np.array([[np.nan] * size if row is None else row for row in found])
 
 
+@pytest.mark.filterwarnings("ignore:.*range of float64:RuntimeWarning")
 @pytest.mark.parametrize("case", CASES)
 def test_numbers_are_those_of_the_package(case):
     parameters, regime, name = CASES[case]

@@ -1,6 +1,6 @@
-"""Draw the picture of the page anew: `PYTHONPATH=tests python docs/explore_picture.py`.
+"""Take the screenshot of the page: `PYTHONPATH=tests python docs/explore_picture.py`.
 
-It needs Chromium or Chrome, and what Matplotlib brings along.
+It needs Chromium or Chrome, and Pillow.
 """
 
 import tempfile
@@ -18,9 +18,9 @@ PICTURE = Path(__file__).parent / "_static" / "explore.png"
 
 
 def main():
-    """Open the page, stop it at a state, and save what is seen in few colours."""
-    parameters, extent = PRESETS["Long steps: t = 0.5"]
-    query = urlencode(parameters._asdict() | {"extent": extent, "show": "F energy flow"})
+    """Open the page, stop it at a state, and save a screenshot with few colours."""
+    parameters = PRESETS["Long steps: t = 0.5"]
+    query = urlencode(parameters._asdict() | {"show": "portrait F energy flow"})
     with Server(0) as server, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         browser = Browser(folder)
@@ -31,7 +31,7 @@ def main():
         browser.picture(PICTURE)
         browser.close()
         server.shutdown()
-    few = Image.open(PICTURE).convert("RGB").quantize(160, dither=Image.Dither.NONE)
+    few = Image.open(PICTURE).convert("RGB").quantize(256, dither=Image.Dither.NONE)
     few.save(PICTURE, optimize=True)
 
 

@@ -1,4 +1,4 @@
-"""A browser without a window, driven over pipes by the DevTools protocol."""
+"""A headless browser, driven over pipes by the DevTools protocol."""
 
 import base64
 import itertools
@@ -15,55 +15,46 @@ import pytest
 fcntl = pytest.importorskip("fcntl") if sys.platform != "win32" else None
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-# A first picture may have to wait for the compiler, on a busy machine.
+OPTIONS = (
+    "--headless=new --remote-debugging-pipe --no-sandbox --disable-gpu --no-first-run "
+    "--disable-dev-shm-usage --disable-background-networking --disable-sync"
+)
+# The browser expects its ends of the pipes under the numbers 3 and 4.
+LAUNCH = "import os, sys; os.dup2(int(sys.argv[1]), 3); os.dup2(int(sys.argv[2]), 4); "
+LAUNCH += "os.execv(sys.argv[3], sys.argv[3:])"
+# Seconds; the first picture may wait for the compiler on a busy machine.
 PATIENCE = 300.0
 
 
-def executable():
-    """Where a browser is installed; skips the test if none is, or it cannot be driven."""
-    found = next(filter(None, map(shutil.which, NAMES)), None)
-    if found is None or sys.platform == "win32":
-        pytest.skip("no Chromium or Chrome here")
-    return found
-
-
 def _moved(descriptor):
-    """The same file under a number that is not one of the first."""
+    """Duplicate a file descriptor to a number above those that the browser expects."""
     moved = fcntl.fcntl(descriptor, fcntl.F_DUPFD, 10)
     os.close(descriptor)
     return moved
 
 
 class Browser:
-    """A browser with one page."""
+    """A browser with one page; skips the test if there is none, or it cannot be driven."""
 
     def __init__(self, folder):
-        path = executable()
+        path = next(filter(None, map(shutil.which, NAMES)), None)
+        if path is None or sys.platform == "win32":
+            pytest.skip("no Chromium or Chrome here")
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
-        options = "--headless=new --remote-debugging-pipe --no-sandbox --disable-gpu --no-first-run"
-        options += " --disable-dev-shm-usage --disable-background-networking --disable-sync"
-        # The browser expects its ends of the pipes under these numbers.
-        code = "import os, sys; os.dup2(int(sys.argv[1]), 3); os.dup2(int(sys.argv[2]), 4); "
-        code += "os.execv(sys.argv[3], sys.argv[3:])"
-        to_browser, from_browser = (_moved(each) for each in (to_browser, from_browser))
+        ends = to_browser, from_browser = _moved(to_browser), _moved(from_browser)
+        launch = [sys.executable, "-S", "-c", LAUNCH, *map(str, ends), path, *OPTIONS.split()]
         self._process = subprocess.Popen(
-            [
-                *(sys.executable, "-S", "-c", code, str(to_browser), str(from_browser), path),
-                *options.split(),
-                f"--user-data-dir={folder}",
-                "about:blank",
-            ],
-            pass_fds=(to_browser, from_browser),
+            [*launch, f"--user-data-dir={folder}", "about:blank"],
+            pass_fds=ends,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         os.close(to_browser)
         os.close(from_browser)
-        self._numbers, self._rest = itertools.count(1), b""
+        self._numbers, self._rest, self._session = itertools.count(1), b"", None
         self.events = []
-        self._session = None
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
         self._session = attached["sessionId"]
@@ -71,26 +62,24 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def close(self):
-        """End it."""
+        """End the browser."""
         os.close(self._out)
         os.close(self._in)
         self._process.kill()
         self._process.wait()
 
     def call(self, method, **parameters):
-        """Ask for something, and wait for it."""
+        """Call a method of the protocol, and return its result."""
         number = next(self._numbers)
         message = {"id": number, "method": method, "params": parameters}
         if self._session:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
         end = time.monotonic() + PATIENCE
-        while True:
-            answer = self._receive(end)
-            if answer.get("id") == number:
-                assert "error" not in answer, (method, answer)
-                return answer["result"]
+        while (answer := self._receive(end)).get("id") != number:
             self.events.append(answer)
+        assert "error" not in answer, (method, answer)
+        return answer["result"]
 
     def _receive(self, end):
         while b"\0" not in self._rest:
@@ -103,7 +92,7 @@ class Browser:
         return json.loads(message)
 
     def value(self, script):
-        """What a script finds on the page."""
+        """Return the value of a script on the page."""
         answer = self.call(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -118,20 +107,13 @@ class Browser:
             time.sleep(0.02)
         return found
 
-    def look(self, width, height, scheme="light", motion="reduce"):
-        """The size of the window, and what the person prefers."""
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=False,
-        )
-        features = {"prefers-color-scheme": scheme, "prefers-reduced-motion": motion}
-        self.call(
-            "Emulation.setEmulatedMedia",
-            features=[{"name": name, "value": value} for name, value in features.items()],
-        )
+    def look(self, width, height, scheme="light"):
+        """Set the size of the window and the preferred colours, without animations."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+        features = {"prefers-color-scheme": scheme, "prefers-reduced-motion": "reduce"}
+        features = [{"name": name, "value": value} for name, value in features.items()]
+        self.call("Emulation.setEmulatedMedia", features=features)
 
     def open(self, url):
         """Load a page."""
@@ -139,37 +121,17 @@ class Browser:
         self.wait("document.readyState === 'complete' && document.documentElement !== null")
 
     def mouse(self, kind, x, y):
-        """Press, move or release the mouse."""
-        down = kind != "mouseReleased"
-        self.call(
-            "Input.dispatchMouseEvent",
-            type=kind,
-            x=x,
-            y=y,
-            button="left",
-            buttons=int(down),
-            clickCount=1,
-        )
+        """Press, move or release the left button of the mouse."""
+        pressed = int(kind != "mouseReleased")
+        where = {"x": x, "y": y, "button": "left", "buttons": pressed, "clickCount": 1}
+        self.call("Input.dispatchMouseEvent", type=kind, **where)
 
     def key(self, name):
         """Press and release a key."""
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
-    def picture(self, path, whole=False):
-        """Save what is seen, or the whole page."""
-        data = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+    def picture(self, path):
+        """Save a screenshot."""
+        data = self.call("Page.captureScreenshot", format="png")
         path.write_bytes(base64.b64decode(data["data"]))
-
-    def complaints(self):
-        """What the page has written to the console, and every exception."""
-        kinds = ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
-        return [event for event in self.events if event.get("method") in kinds]
-
-    def addresses(self):
-        """Every address that the page has asked for."""
-        return [
-            event["params"]["request"]["url"]
-            for event in self.events
-            if event.get("method") == "Network.requestWillBeSent"
-        ]

@@ -387,7 +387,7 @@ def test_plot(components):
     body = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
     orbits = sf.iterate(body, [[[0.3, 0.9, -0.6]], [[0.1, 0.2, 0.3]]], 0.4, 30)
     axes = orbits.plot(components=components)
-    assert orbits.plot(axes=axes) is axes
+    assert orbits.plot(ax=axes) is axes
     for k, line in enumerate(axes.lines[:2]):
         drawn = np.transpose(line.get_data())
         assert np.array_equal(drawn, orbits.omega[:, k, 0][:, list(components)])

@@ -311,7 +311,8 @@ class Trajectories:
         >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_for, style
+        from .._show.figures import axes_for
+        from .._show.style import style
 
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"

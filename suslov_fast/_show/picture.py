@@ -4,7 +4,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from .figures import style
+from .style import style
 
 
 class Picture(Figure):

@@ -19,8 +19,9 @@ from .._states.conserved import criticality, energy, modified_energy
 from .._states.continuous import vector_field
 from .._states.coordinates import from_xy, to_xy
 from .ellipsoid import sphere
-from .figures import axes_for, legend_below, letter_panels, styled
+from .figures import axes_for, legend_below, letter_panels
 from .plane import conic, level_curves, repelling_direction
+from .style import styled
 from .turning import TurningBody, towards_eye
 
 # Lines differ in style and not in colour alone.
@@ -70,8 +71,6 @@ def plot_phase(
     ------
     ValueError
         If t >= 1 in the corners of the picture, or nothing moves.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -139,8 +138,8 @@ def plot_regimes(
 
     Raises
     ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
+    TypeError, ValueError
+        If `body` is no Suslov3D, or `ax` are not three axes.
 
     Examples
     --------
@@ -190,8 +189,8 @@ def plot_convergence(
 
     Raises
     ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
+    TypeError
+        If `body` is no Suslov3D, or `ax` no axes.
 
     Examples
     --------
@@ -246,8 +245,6 @@ def plot_four_dimensions(
     ------
     ValueError
         If the body is a batch, or n is not 4.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -295,8 +292,8 @@ def plot_scattering(
 
     Raises
     ------
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
+    ValueError
+        If the number of `ax` is not that of `ratios`.
 
     Notes
     -----
@@ -377,8 +374,6 @@ def animate_body(
     ------
     ValueError
         If with the I3 of the body the inertia tensor is not positive definite.
-    ImportError
-        If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
     Examples
     --------
@@ -410,15 +405,19 @@ def _colours(count: int) -> Any:
 
 def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """I13, I23 and the scattering angle in degrees, where I1 I2 = 1; NaN where no body is."""
-    I1, I2, unit = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(-1.0, 1.0, 401)
-    if extent is None:
-        exists = np.isfinite(Suslov3D(I1, I2, unit, unit[:, np.newaxis]).admissible_I3()[0])
-        I13, I23 = (1.08 * abs(unit[exists.any(axis=k)]).max() * unit for k in (0, 1))
+    I1, I2, half = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(0.0, 1.0, 151)
+    if extent is not None:
+        reach = [extent, extent]
     else:
-        I13 = I23 = extent * unit
-    body = Suslov3D(I1, I2, I13, I23[:, np.newaxis])
-    exists = np.isfinite(body.admissible_I3()[0])
-    return I13, I23, np.where(exists, np.rad2deg(scattering_angle(body)), np.nan)
+        coarse = half[::3]
+        exists = np.isfinite(Suslov3D(I1, I2, coarse, coarse[:, np.newaxis]).admissible_I3()[0])
+        reach = [1.1 * coarse[exists.any(axis=k)].max() for k in (0, 1)]
+    body = Suslov3D(I1, I2, reach[0] * half, reach[1] * half[:, np.newaxis])
+    degrees = np.rad2deg(scattering_angle(body))
+    degrees[np.isnan(body.admissible_I3()[0])] = np.nan
+    # Mirror images have the same angle.
+    both = np.concatenate([-half[:0:-1], half])
+    return reach[0] * both, reach[1] * both, np.pad(degrees, ((150, 0), (150, 0)), "reflect")
 
 
 def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:

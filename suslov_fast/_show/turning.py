@@ -9,7 +9,8 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
-from .figures import new_figure, styled
+from .figures import new_figure
+from .style import styled
 
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 # Lengths, where the ellipsoid fits into a sphere of radius 0.85.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,9 @@ REGIMES = {
 
 def scene(parameters: Parameters) -> dict[str, Any]:
     """Return all numbers of the page; ValueError, with what was expected, for a bad body."""
-    with np.errstate(all="ignore"):  # numbers beyond float64 become null
+    # Numbers out of the range of float64 become null.
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         return _scene(parameters)
 
 

@@ -1,0 +1,39 @@
+"""The style of all pictures (extra `plots`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def style() -> AbstractContextManager[None]:
+    """Context with the settings of all pictures, which leaves the user's rcParams alone.
+
+    PDF and PostScript get TrueType fonts, as journals ask, and mathematics the font of the text.
+    """
+    try:
+        from matplotlib import rc_context, rcParams, rcParamsDefault
+    except ImportError as error:
+        raise ImportError("plots need matplotlib: pip install 'suslov_fast[plots]'") from error
+    settings: dict[Any, Any] = {"pdf.fonttype": 42, "ps.fonttype": 42}
+    fontset = "mathtext.fontset"
+    if rcParams["font.family"][0] == "serif" and rcParams[fontset] == rcParamsDefault[fontset]:
+        same = rcParams["font.serif"][0] == rcParamsDefault["font.serif"][0]
+        settings[fontset] = "dejavuserif" if same else "stix"
+    return rc_context(settings)
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Let a function draw in the style of all pictures."""
+
+    @wraps(draw)
+    def drawn(*arguments: P.args, **keywords: P.kwargs) -> T:
+        with style():
+            return draw(*arguments, **keywords)
+
+    return drawn

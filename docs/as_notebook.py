@@ -44,7 +44,7 @@ def cells(name):
 def notebook():
     """The whole tutorial, in the format of Jupyter."""
     texts = [cell for name in pages() for cell in cells(name)]
-    head = "# The tutorial of suslov_fast\n\nIt needs `pip install 'suslov_fast[xarray]'`."
+    head = "# The tutorial of suslov_fast\n\nIt needs `pip install 'suslov_fast[algebra,xarray]'`."
     return {
         "nbformat": 4,
         "nbformat_minor": 5,

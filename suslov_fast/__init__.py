@@ -25,7 +25,7 @@ _MODULE_OF = {
         re.MULTILINE,
     )
 }
-__all__ = sorted(_MODULE_OF)  # noqa: PLE0605
+__all__ = sorted(_MODULE_OF)
 
 
 def __getattr__(name: str) -> object:

@@ -1,6 +1,7 @@
 # The public names and the modules that define them. Each module is imported when one of its
 # names is first used; type checkers read this file as it is.
 
+from ._bodies.gyrostat import SuslovGyrostat as SuslovGyrostat
 from ._bodies.nd import SuslovND as SuslovND
 from ._bodies.reduction import NotIntegrableError as NotIntegrableError
 from ._bodies.three import Suslov3D as Suslov3D

@@ -1,4 +1,4 @@
-"""Checks of what a user passes in; each message says what was received and what was expected."""
+"""Checks of what a user passes in; each message says what was expected and what was received."""
 
 from __future__ import annotations
 
@@ -13,7 +13,24 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-
+# What is expected of an argument, in the words of messages.
+_EXPECTED = {
+    "real": "real numbers",
+    "finite": "finite real numbers",
+    "range": "numbers in the range of float64",
+    "rectangular": "a rectangular array of real numbers",
+    "unit": "numbers without a unit",
+    "labels": "an array",
+    "axes": "the axes {} in this order at the end, and 'n' first",
+    "components": "the components {} in order",
+    "shape": "shape {}",
+    "symmetric": "a symmetric inertia matrix",
+    "positive": "a positive definite inertia matrix",
+    "axis": "an axis other than 0",
+    "rotation": "rotation matrices",
+    "batch": "a batch of at most {} axes",
+    "64 bits": "an integer below 2**62",
+}
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
@@ -21,50 +38,134 @@ _FLOAT64 = np.dtype(np.float64)
 _FEW = 64
 # NumPy broadcasts no more axes than these.
 _AXES = 32
+# Axes of our datasets behind those of the batch.
+_OWN_AXES = ("component", "space", "body")
+
+
+def wrong(
+    name: str, expected: str, received: object, error: type[Exception] = ValueError
+) -> Exception:
+    """Return an error whose message names the argument, what was expected and what was received."""
+    return error(f"{name}: expected {_EXPECTED.get(expected, expected)}, got {received}")
 
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
-    """Any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+    """Return any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
     return finite_floats(name, integers_or_floats(name, value), allow_nan)
 
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
-    """A finite real number as a float, with which all is faster by far, or an array of them."""
+    """Return a finite real number as a float, with which all is faster by far, or an array."""
     if type(value) is not float:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array
     if not math.isfinite(value):
-        _refuse_infinite(name, np.array(value), allow_nan=False)
+        raise wrong(name, "finite", value)
     return value
 
 
 def integers_or_floats(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Any array-like of real numbers: integers of whatever type they are, or float64."""
+    """Return any array-like of real numbers: integers of whatever type they are, or float64."""
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
+    _refuse_units(name, value)
+    if hasattr(value, "columns"):
+        how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
+        raise wrong(name, "labels", how, TypeError)
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise ValueError(
-            f"{name}: expected a rectangular array of real numbers, got {_short(value)}"
-        ) from error
+        raise wrong(name, "rectangular", _short(value)) from error
     # `numpy.ma` is imported where something may be of it.
     if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
-        raise ValueError(f"{name}: expected real numbers, got a masked array with missing values")
-    if array.dtype is _FLOAT64:
-        return array
+        raise wrong(name, "real", "a masked array with missing values")
     if array.dtype.kind == "O":
         array = _from_objects(name, value, array)
     if array.dtype.kind not in "iuf":
-        raise TypeError(
-            f"{name}: expected real numbers, got {_short(value)} of dtype {array.dtype}"
-        )
+        raise wrong(name, "real", f"{_short(value)} of dtype {array.dtype}", TypeError)
     if array.dtype.kind != "f":
         return array
     with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
         return array.astype(np.float64, copy=False)
 
 
+def _refuse_units(name: str, value: Any) -> None:
+    """Raise TypeError for quantities with units, alone or in lists."""
+    if isinstance(value, (list, tuple)):
+        for each in value:
+            if type(each) is not float and type(each) is not int:
+                _refuse_units(name, each)
+        return
+    if _is_xarray(value):
+        value = getattr(value, "data", None)  # the attributes are notes, as those of our datasets
+    for attribute in ("unit", "units"):
+        if hasattr(value, attribute) and not hasattr(value, "columns"):
+            number = "magnitude" if hasattr(value, "magnitude") else "value"
+            received = (
+                f"{type(value).__name__} in {getattr(value, attribute)}: pass its number in the "
+                f"unit that all arguments share, as {name}.to(...).{number}"
+            )
+            raise wrong(name, "unit", received, TypeError)
+
+
+def _is_xarray(value: Any) -> bool:
+    return type(value).__module__.partition(".")[0] == "xarray"
+
+
+def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments of which labelled ones broadcast along axes of the same names."""
+    labelled = {name: value for name, value in arguments.items() if _is_xarray(value)}
+    if len(labelled) < 2:
+        return arguments
+    batches = {
+        name: [dim for dim in value.dims if dim not in _OWN_AXES]
+        for name, value in labelled.items()
+    }
+    longest = max(batches, key=lambda name: len(batches[name]))
+    whole, arrays = batches[longest], dict(arguments)
+    for name, value in labelled.items():
+        if not set(batches[name]) <= set(whole):
+            expected = f"axes among {tuple(whole)}, those of {longest}"
+            raise wrong(name, expected, f"{tuple(batches[name])}: pass values without labels")
+        own = [dim for dim in value.dims if dim in _OWN_AXES]
+        if own:
+            _check_labels(name, value)
+        value = value.transpose(*(dim for dim in whole if dim in value.dims), *own)
+        used = [dim for dim in whole if dim in value.dims]
+        axes = whole[whole.index(used[0]) :] if used else []
+        shape = [value.sizes[dim] if dim in used else 1 for dim in axes]
+        arrays[name] = value.data.reshape((*shape, *(value.sizes[dim] for dim in own)))
+    return arrays
+
+
+def _check_labels(name: str, value: Any) -> None:
+    """Refuse components that are not on the last axis, or not in order."""
+    if _is_xarray(value):
+        dims = [str(dim) for dim in value.dims]
+        own = [dim for dim in _OWN_AXES if dim in dims]
+        if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
+            how = f"{tuple(dims)}: pass it transposed, {name}.transpose('n', ..., 'component')"
+            raise wrong(name, _EXPECTED["axes"].format(tuple(own)), how)
+        coords = getattr(value, "coords", {})
+        labels = coords[dims[-1]].values if dims and dims[-1] in coords else ()
+    else:
+        labels = getattr(value, "index", ()) if np.ndim(value) == 1 else ()
+        labels = () if callable(labels) else labels
+    if not len(labels):
+        return
+    received = np.asarray(labels).tolist()
+    if isinstance(received[0], str):
+        last = "n" if received[0].endswith("n") else ""
+        expected = [f"Omega{k + 1}{last}" for k in range(len(received))]
+    else:
+        expected = sorted(received)
+    if received != expected:
+        how = f"{_short(received)}: pass values in this order, without labels"
+        raise wrong(name, _EXPECTED["components"].format(_short(expected)), how)
+
+
 def finite_floats(name: str, array: NDArray[Any], allow_nan: bool = False) -> FloatArray:
-    """What `integers_or_floats` has returned as finite float64."""
+    """Return what `integers_or_floats` has returned as finite float64."""
     array = _floats(array)
     if not _finite(array):
         _refuse_infinite(name, array, allow_nan)
@@ -76,41 +177,38 @@ def _floats(array: NDArray[Any]) -> FloatArray:
 
 
 def _finite(array: FloatArray) -> bool:
-    """Whether all numbers are finite; those whose sum overflows may be too."""
+    """True if all numbers are finite; those whose sum overflows may be too."""
     if array.size <= _FEW:
         return math.isfinite(sum(array.ravel().tolist()))
     return bool(np.isfinite(array).all())
 
 
 def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
-    wrong = np.isinf(array) if allow_nan else ~np.isfinite(array)
-    if wrong.any():
-        index = tuple(int(i) for i in np.argwhere(wrong)[0])
+    infinite = np.isinf(array) if allow_nan else ~np.isfinite(array)
+    if infinite.any():
+        index = first_index(infinite)
         where = f" at index {index}" if index else ""
-        raise ValueError(f"{name}: expected finite real numbers, got {array[index]}{where}")
+        raise wrong(name, "finite", f"{array[index]}{where}")
 
 
 def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
     for item in array.flat:
         if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
-            raise TypeError(
-                f"{name}: expected real numbers, got {_short(item)} of type {type(item).__name__}"
-            )
+            received = f"{_short(item)} of type {type(item).__name__}"
+            raise wrong(name, "real", received, TypeError)
     try:
         return array.astype(np.float64)
     except OverflowError as error:
-        raise ValueError(
-            f"{name}: expected numbers in the range of float64, got {_short(value)}"
-        ) from error
+        raise wrong(name, "range", _short(value)) from error
 
 
 def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
-    """An array of finite real vectors, components on the last axis."""
+    """Return an array of finite real vectors, components on the last axis."""
     return finite_floats(name, _vectors(name, value, dimension), allow_nan)
 
 
 def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
-    """The same of states; where a component is NaN all become so: there is no such state.
+    """Return states; where a component is NaN all become so: there is no such state.
 
     With `later`, a LARGE array is left as it is to whoever reads it, who must then call
     `real_array` if there are infinite numbers.
@@ -124,71 +222,67 @@ def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> 
 
 def _vectors(name: str, value: ArrayLike, dimension: int) -> NDArray[Any]:
     array = integers_or_floats(name, value)
+    if array is not value and not isinstance(value, (list, tuple, np.ndarray)):
+        _check_labels(name, value)
     if array.ndim == 0 or array.shape[-1] != dimension:
-        raise ValueError(f"{name}: expected shape (..., {dimension}), got {array.shape}")
+        raise _wrong_shape(name, f"(..., {dimension})", array)
     return array
+
+
+def _wrong_shape(name: str, expected: str, array: NDArray[Any]) -> Exception:
+    return wrong(name, _EXPECTED["shape"].format(expected), array.shape)
 
 
 def inertia_matrix(
     name: str, value: ArrayLike, n: int | None = None, positive: bool = True
 ) -> FloatArray:
-    """Symmetric (..., n, n) matrices, positive definite unless said otherwise."""
+    """Return symmetric (..., n, n) matrices, positive definite unless said otherwise."""
     matrix = real_array(name, value)
     side = matrix.shape[-1] if n is None and matrix.ndim else n
     if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
-        expected = "(n, n)" if n is None else f"(..., {n}, {n})"
-        raise ValueError(f"{name}: expected shape {expected}, got {matrix.shape}")
+        raise _wrong_shape(name, "(n, n)" if n is None else f"(..., {n}, {n})", matrix)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
-        raise ValueError(
-            f"{name}: expected a symmetric inertia matrix, got one with "
-            f"|I - I.T| = {asymmetry.max()}"
-        )
+        raise wrong(name, "symmetric", f"one with |I - I.T| = {asymmetry.max()}")
     if positive:
         eigenvalues = np.linalg.eigvalsh(matrix)
         if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
-            raise ValueError(
-                f"{name}: expected a positive definite inertia matrix, got the eigenvalue "
-                f"{eigenvalues.min()}"
-            )
+            raise wrong(name, "positive", f"the eigenvalue {eigenvalues.min()}")
     return matrix
 
 
 def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Axes (..., n) of any length but 0, divided by their length."""
+    """Return axes (..., n) of any length but 0, divided by their length."""
     axis = vectors(name, value, n)
     largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
     if not (largest > 0).all():
-        raise ValueError(f"{name}: expected an axis other than 0, got one of length 0")
+        raise wrong(name, "axis", "one of length 0")
     axis = axis / largest
     unit: FloatArray = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
     return unit
 
 
 def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Rotation matrices (..., n, n), orthogonal to 1e-10."""
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
     matrices = vectors(name, value, n)
     if matrices.ndim < 2 or matrices.shape[-2] != n:
-        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
+        raise _wrong_shape(name, f"(..., {n}, {n})", matrices)
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
-    if error > 1e-10 or not (np.linalg.det(matrices) > 0).all():
-        raise ValueError(
-            f"{name}: expected rotation matrices, got |R R.T - 1| = {error:.2g} and determinant "
-            f"{np.linalg.det(matrices).min(initial=np.inf):.2g}"
-        )
+    determinant = np.linalg.det(matrices)
+    if error > 1e-10 or not (determinant > 0).all():
+        least = determinant.min(initial=np.inf)
+        raise wrong(name, "rotation", f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}")
     return matrices
 
 
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """The shape that the named batch shapes broadcast to."""
+    """Return the shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):
         return ()
     for name, shape in shapes.items():
         if len(shape) > _AXES:
-            raise ValueError(
-                f"{name}: expected a batch of at most {_AXES} axes, got one of {len(shape)}"
-            )
+            raise wrong(name, _EXPECTED["batch"].format(_AXES), f"one of {len(shape)}")
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError as error:
@@ -198,42 +292,50 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         ) from error
 
 
-def integer(name: str, value: Any, minimum: int, expected: str) -> int:
-    """An integer of at least `minimum` that fits in 64 bits."""
+def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
+    """Return an integer of at least `minimum` that fits in 64 bits."""
     if type(value) is int and minimum <= value < 2**62:
         return value
+    expected = expected or f"an integer of at least {minimum}"
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
         number = operator.index(value)
     except TypeError as error:
-        raise TypeError(
-            f"{name}: expected {expected}, got {_short(value)} of type {type(value).__name__}"
-        ) from error
+        received = f"{_short(value)} of type {type(value).__name__}"
+        raise wrong(name, expected, received, TypeError) from error
     if number < minimum:
-        raise ValueError(f"{name}: expected {expected}, got {number}")
+        raise wrong(name, expected, number)
     if number >= 2**62:
-        raise ValueError(f"{name}: expected an integer below 2**62, got {_short(number)}")
+        raise wrong(name, "64 bits", _short(number))
     return number
 
 
 def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
-    """One of a few strings."""
+    """Return one of a few strings."""
     if not isinstance(value, str) or value not in choices:
-        raise ValueError(
-            f"{name}: expected one of {', '.join(map(repr, choices))}, got {_short(value)}"
-        )
+        raise wrong(name, f"one of {', '.join(map(repr, choices))}", _short(value))
     return value
 
 
 def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
-    """An object of one class, or of one of several."""
+    """Check that an object is of one class, or of one of several."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else (expected,)
         names = " or ".join(each.__name__ for each in classes)
-        raise TypeError(f"{name}: expected {names}, got {type(value).__name__}")
+        raise wrong(name, names, type(value).__name__, TypeError)
 
 
 def _short(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
+    """Return the index of the first element that is true."""
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def spell(index: tuple[int, ...]) -> str:
+    """Return an index as users write it: `3`, `(1, 2)`, or `0` where there is only one."""
+    return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

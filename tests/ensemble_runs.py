@@ -1,9 +1,11 @@
-"""Stored runs that are killed, for tests to start as a process of its own.
+"""Stored runs: their arguments, comparisons, and processes and workers that are killed.
+
+As a script:
 
     ensemble_runs.py alone STORE KIND SEED KILLS     processes that compute a store by themselves
     ensemble_runs.py workers STORE KIND SEED KILLS   workers of a Dask cluster
 
-The store is finished in the end; the last line printed is how many were killed.
+finish the store in the end, and print the number of steps and of kills.
 """
 
 import os
@@ -17,37 +19,73 @@ from contextlib import suppress
 
 import numpy as np
 
-from suslov_fast import RandomStarts, Suslov3D, SuslovND, ensemble
+from suslov_fast import RandomStarts, Suslov3D, SuslovND, ensemble, iterate
+
+BODY = Suslov3D(4, 1, -0.5, -0.3)
+BODY_4D = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
+CUT = {"trajectory": 7, "n": 3}
+KINDS = {
+    "3d": {"save_every": 7, "method": "canonical"},
+    "3d auto": {"save_every": None},
+    "3d attitude": {"save_every": 50, "method": "ds2", "attitude": True},
+    "3d reductions": {"save_every": 30, "reductions": ["first_integral_drift", "omega_max"]},
+    "nd": {"save_every": 7, "method": "rank2"},
+    "nd gauss": {"save_every": 40, "method": "gauss", "attitude": True},
+}
 
 
 def arguments(kind, tiles=24):
-    """Some run, of many small pieces."""
-    body = Suslov3D(4, 1, -0.5, np.linspace(-0.3, 0.3, 2)[:, None])
-    if kind.startswith("nd"):
-        body = SuslovND(J=np.linspace(1.0, 3.0, 7), I=np.linspace(-0.3, 0.5, 7))
-    settings = {
-        "3d": {"save_every": 7, "method": "canonical"},
-        "3d auto": {"save_every": None},
-        "3d attitude": {"save_every": 50, "method": "ds2", "attitude": True},
-        "3d reductions": {"reductions": ["first_integral_drift", "omega_max"]},
-        "nd": {"save_every": 7, "method": "rank2"},
-        "nd gauss": {"save_every": 40, "method": "gauss", "attitude": True},
-    }[kind]
-    # What is reduced is replaced by every piece, for which it waits.
-    chunk = {"trajectory": 16, "n": 25 if "reductions" in settings else 5}
-    if body.shape:
-        tiles //= 2
-        settings["dims"] = ("I23_axis", "trajectory")
-        chunk["I23_axis"] = 1
+    """A run of many small pieces."""
+    nd = SuslovND(J=np.linspace(1.0, 3.0, 7), I=np.linspace(-0.3, 0.5, 7))
     starts = RandomStarts(16 * tiles, 1.5, seed=4)
-    return {"body": body, "omega0": starts, "eps": 0.3, "chunk": chunk, **settings}
+    chunk = {"trajectory": 16, "n": 5}
+    body = nd if kind.startswith("nd") else BODY
+    return {"body": body, "omega0": starts, "eps": 0.3, "chunk": chunk, **KINDS[kind]}
+
+
+def assert_same(dataset, orbits):
+    """Compare all that is stored with what `iterate` returns, bit for bit."""
+    for name in ("omega", "final", "status", "failed_at", "attitude", "n"):
+        expected = getattr(orbits, name)
+        if expected is None:
+            assert name not in dataset
+        else:
+            found = np.asarray(dataset[name].values)
+            assert found.shape == np.shape(expected), name
+            assert found.tobytes() == np.asarray(expected).tobytes(), name
+
+
+def contents(store):
+    """Return the chunks of a store by name."""
+    return {
+        str(path.relative_to(store)): path.read_bytes()
+        for path in sorted(store.rglob("*"))
+        if path.is_file() and path.suffix not in (".json", ".partial")
+    }
+
+
+def assert_undisturbed(store, kind, steps):
+    """Compare a store with that of an undisturbed run, chunk by chunk."""
+    other = store.with_name("undisturbed.zarr")
+    dataset = ensemble(**arguments(kind), steps=steps, store=other)
+    assert dataset.attrs["tiles_done"] == "24 of 24"
+    found, expected = contents(store), contents(other)
+    for name in ("n/c/0", "n/c/1", "n/c/2", "n/c/3"):  # n is cut as the first run was
+        found.pop(name, None), expected.pop(name, None)
+    assert sorted(found) == sorted(expected)
+    assert [name for name in found if found[name] != expected[name]] == []
+    if "reductions" not in kind:
+        settings = dict(KINDS[kind].items())
+        asked = arguments(kind)
+        states = asked["omega0"].states(16 * 24, dimension=asked["body"].dimension)
+        orbits = iterate(asked["body"], states, 0.3, steps, on_singular="ignore", **settings)
+        assert_same(dataset, orbits)
 
 
 def alone(store, kind, seed, kills):
-    """Processes, each killed at some moment, the last of which may finish."""
+    """Processes, each killed at a random moment, the last of which may finish."""
     chance, killed = random.Random(seed), 0
-    # What a process takes to begin is learnt from the first.
-    longest = 0.5
+    longest = 1.0
     while True:
         child = os.fork()
         if not child:
@@ -60,10 +98,9 @@ def alone(store, kind, seed, kills):
             os.kill(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
         if status == 0 and killed >= kills:
-            return killed
+            return 300, killed
         if status == 0:
-            # It was faster: the next run is a longer one of a new store, so kills go on.
-            longest /= 2.0
+            longest /= 2.0  # it was faster: kills go on in a new store
             shutil.rmtree(store)
         else:
             assert os.WIFSIGNALED(status), status
@@ -75,8 +112,12 @@ def workers(store, kind, seed, kills):
     import dask
     from distributed import Client, LocalCluster
 
-    # So long after a death a cluster gives up a worker that it happens not to see just then.
-    dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})
+    dask.config.set(
+        {
+            "distributed.deploy.lost-worker-timeout": "1h",
+            "distributed.scheduler.allowed-failures": 99,
+        }
+    )
     chance, killed, over = random.Random(seed), [], threading.Event()
 
     def kill(client):
@@ -99,19 +140,16 @@ def workers(store, kind, seed, kills):
     ):
         killer = threading.Thread(target=kill, args=(client,), daemon=True)
         killer.start()
-        steps = 300
-        while True:
+        steps = 0
+        while steps == 0 or len(killed) < kills:  # go on until enough are killed
+            steps += 300
             address = cluster.scheduler_address
             ensemble(**arguments(kind), steps=steps, store=store, scheduler=address)
-            if len(killed) >= kills:
-                break
-            steps += 300  # go on until enough are killed
         over.set()
         killer.join()
-    print(steps)
-    return len(killed)
+    return steps, len(killed)
 
 
 if __name__ == "__main__":
     what, store, kind, seed, kills = sys.argv[1:]
-    print({"alone": alone, "workers": workers}[what](store, kind, int(seed), int(kills)))
+    print(*{"alone": alone, "workers": workers}[what](store, kind, int(seed), int(kills)))

@@ -1,11 +1,13 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._bodies.units import scaled_eps, units_of
 
 
 def random_inertia(rng, shape=()):
@@ -18,40 +20,136 @@ def adapted(rotation, inertia):
     return rotation @ inertia @ rotation.swapaxes(-2, -1)
 
 
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+BODIES = [
+    sf.Suslov3D(4, 1, -0.5, -0.3),
+    sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
+    sf.Suslov3D(4, 1, -0.5, -0.3, I3=[2.0, 3.0]),
+    sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
+    sf.SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
+    GYROSTAT,
+    sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
+]
+SHAPES = [(), (2, 3), (2,), (), (3, 2), (), (2, 1)]
+each_body = pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
+
+
 def test_parameters_are_kept():
     body = sf.Suslov3D(4, np.int32(1), -0.5, np.float32(0.25))
     assert body.parameters == (4.0, 1.0, -0.5, 0.25)
     assert all(type(parameter) is float for parameter in body.parameters)
-    assert body.shape == ()
-
-
-def test_batches():
+    assert body.I3 is None
+    assert GYROSTAT.parameters == (2.3, 1.4, 0.5, -0.7, 0.9)
+    assert [body.shape for body in BODIES] == SHAPES
     I1 = np.array([1.0, 2.0, 3.0])
-    body = sf.Suslov3D(I1, [[1], [2]], 0.1, 0.2)
-    assert body.shape == (2, 3)
+    body = sf.Suslov3D(I1, 1, 0.1, 0.2)
     I1[0] = 7
     assert body.I1[0] == 1, "the body keeps a copy"
-    with pytest.raises(ValueError, match="read-only"):
-        body.I1[0] = 7
 
 
-def test_frozen():
-    with pytest.raises(AttributeError):
-        sf.Suslov3D(4, 1, 0, 0).I1 = 3
-
-
-def test_equality_and_copies():
-    body = sf.Suslov3D(4, 1, -0.5, [0.1, 0.2])
-    assert body == sf.Suslov3D(4.0, 1.0, -0.5, np.array([0.1, 0.2]))
-    assert hash(body) == hash(copy.deepcopy(body))
-    assert body != sf.Suslov3D(4, 1, -0.5, [0.1, 0.3])
+@each_body
+def test_a_body_is_a_value(body):
+    """Equal to its copies, hashed as they are, never changed, and back from JSON bit for bit."""
+    units_of(body)  # what is kept of it is no part of the value
+    plain = json.loads(json.dumps(body.to_dict()))
+    copies = [pickle.loads(pickle.dumps(body)), copy.copy(body), copy.deepcopy(body)]
+    for twin in [*copies, type(body).from_dict(plain), replace(body)]:
+        assert twin == body
+        assert hash(twin) == hash(body)
+        assert twin.shape == body.shape
+        assert twin.to_dict() == plain
+    name = next(iter(plain))
+    other = replace(body, **{name: np.multiply(plain[name], 2.0)})
+    assert other != body
     assert body != 4
-    sf.step(body, [1, 2], 0.1)
-    for again in (pickle.loads(pickle.dumps(body)), copy.copy(body), copy.deepcopy(body)):
-        assert again == body
-        with pytest.raises(ValueError, match="read-only"):
-            again.I23[0] = 7
+    with pytest.raises(AttributeError):
+        setattr(body, name, 3)
+    for value in plain:
+        array = getattr(body, value)
+        if isinstance(array, np.ndarray):
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 7
+            with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+                array.flags.writeable = True
+    with pytest.raises(ValueError, match="expected the names"):
+        type(body).from_dict({"I1": 1})
+    with pytest.raises(TypeError, match="expected a mapping"):
+        type(body).from_dict([1])
+
+
+def test_I3_is_a_part_of_a_body():
+    with_it, without = sf.Suslov3D(4, 1, -0.5, -0.3, 3), sf.Suslov3D(4, 1, -0.5, -0.3)
+    assert with_it != without
+    assert with_it.to_dict()["I3"] == 3
+    assert "I3" not in without.to_dict()
+    omega = [[1.0, 0.5, 0.1], [0.2, 0.1, 0.0]]
+    whole = sf.iterate_full(without, omega, 0.2, 5, 3)
+    for run in (sf.iterate_full(with_it, omega, 0.2, 5), whole.extend(0)):
+        assert (run.omega == whole.omega).all()
+        assert run.body == with_it
+    assert (sf.step_full(with_it, omega, 0.2) == whole.omega[1]).all()
+    other = sf.iterate_full(with_it, omega, 0.2, 5, 2)
+    assert other.body.I3 == 2
+    with pytest.raises(TypeError, match="I3: expected a number, or a body whose I3 is set"):
+        sf.step_full(without, omega, 0.2)
+    assert (sf.step(with_it, omega[0][:2], 0.2) == sf.step(without, omega[0][:2], 0.2)).all()
+
+
+@each_body
+def test_text(body):
+    assert "\n" not in repr(body)
+    assert len(repr(body)) < 120
+    assert body._repr_html_().startswith("<table>")
+    latex = body._repr_latex_()
+    assert latex.startswith("$")
+    assert latex.endswith("$")
+    assert latex.count("{") == latex.count("}")
+
+
+def test_text_of_some_bodies(rng):
+    body = sf.Suslov3D(rng.uniform(1, 2, 1000), 1, 0.1, 0.2)
+    assert repr(body) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
+    assert repr(GYROSTAT) == "SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)"
+    assert GYROSTAT._repr_latex_() == (
+        r"$I_{1} = 2.3,\; I_{2} = 1.4,\; I_{13} = 0.5,\; I_{23} = -0.7,\; k = 0.9$"
+    )
+    assert r"\ldots" in body._repr_latex_()
+
+
+def test_equal_zeros_have_one_hash():
     assert hash(sf.Suslov3D(1, 1, 0.0, 1)) == hash(sf.Suslov3D(1, 1, -0.0, 1))
+
+
+@each_body
+@pytest.mark.parametrize("power", [0, 400, -400])
+def test_units_are_taken_out_exactly(body, power):
+    """Moments and couplings over powers of two; eps I / J stays what it was."""
+    factors = dict.fromkeys(body._moments, 2.0**power)
+    scaled = replace(body, **{n: np.multiply(getattr(body, n), f) for n, f in factors.items()})
+    units, plain = units_of(scaled), units_of(body)
+    for one, other in zip(units.parameters, plain.parameters, strict=True):
+        assert np.array_equal(one, other)
+        assert (abs(one) < 2.0**12).all()
+    eps = scaled_eps(scaled, 0.3)
+    assert np.array_equal(eps, np.ldexp(scaled_eps(body, 0.3), -power))
+    ratio = np.ldexp(0.3, units.couplings - units.moments)
+    assert np.array_equal(eps, ratio)
+
+
+BAD_GYROSTATS = [
+    ({"I1": 0.0}, ValueError, "I1: expected a positive moment of inertia, got 0.0"),
+    ({"k": np.inf}, ValueError, "k: expected finite real numbers, got inf"),
+    ({"k": "fast"}, TypeError, "k: expected real numbers, got 'fast'"),
+    ({"k": None}, TypeError, "k: expected real numbers, got None"),
+    ({"k": [1.0, 2.0], "I1": [1.0] * 3}, ValueError, r"broadcast .* I1 \(3,\), .*k \(2,\)"),
+    ({"I1": 5e-324, "I2": 1.7e308}, ValueError, "I1, I2: expected moments within"),
+]
+
+
+@pytest.mark.parametrize(("bad", "error", "message"), BAD_GYROSTATS)
+def test_bad_gyrostats(bad, error, message):
+    with pytest.raises(error, match=message):
+        sf.SuslovGyrostat(**{**GYROSTAT.to_dict(), **bad})
 
 
 def test_from_inertia(rng):
@@ -135,39 +233,6 @@ def test_bad_inertia(inertia, axis, message):
         sf.Suslov3D.from_inertia(inertia, axis)
 
 
-BODIES = [
-    sf.Suslov3D(4, 1, -0.5, -0.3),
-    sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
-    sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
-    sf.SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
-]
-
-
-@pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
-def test_plain_data(body):
-    """JSON holds it, and the body comes back bit for bit."""
-    again = type(body).from_dict(json.loads(json.dumps(body.to_dict())))
-    assert again == body
-    assert again.shape == body.shape
-    assert hash(again) == hash(body)
-    assert "\n" not in repr(body)
-    with pytest.raises(ValueError, match="expected the names"):
-        type(body).from_dict({"I1": 1})
-    with pytest.raises(TypeError, match="expected a mapping"):
-        type(body).from_dict([1])
-
-
-def test_the_text_of_a_large_batch_is_one_line(rng):
-    body = sf.Suslov3D(rng.uniform(1, 2, 1000), 1, 0.1, 0.2)
-    assert repr(body) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
-
-
-@pytest.mark.parametrize("body", [BODIES[1], BODIES[2]])
-def test_parameters_cannot_be_made_writeable(body):
-    with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
-        body.parameters[0].flags.writeable = True
-
-
 def test_admissible_I3(rng):
     """Just inside the interval tr(T)/2 - T is positive definite, just outside it is not."""
     I1, I2 = 10 ** rng.uniform(-1, 1, (2, 400))
@@ -217,3 +282,28 @@ def test_moments_too_far_apart():
     with pytest.raises(ValueError, match="I1, I2: expected moments within"):
         sf.Suslov3D(5e-324, 1.7e308, 1, 1)
     assert np.isfinite(sf.exact(sf.Suslov3D(1e-270, 1e270, 1, 1), [1.0, 1.0], 1e-3, 5)).all()
+
+
+def test_the_gyrostat_is_iterated():
+    """The reference values of the theory page, in 20 digits."""
+    body, omega = GYROSTAT, [1.1, -0.4]
+    expected = [1.1380011603577656871, 0.043858910560513770418]
+    np.testing.assert_allclose(sf.step(body, omega, 0.35), expected, rtol=1e-15)
+    np.testing.assert_allclose(sf.first_integral(body, omega, 0.35), 0.2270011273244378509)
+    whole = sf.iterate(body, omega, 0.35, 30, attitude=True)
+    cut = sf.iterate(body, omega, 0.35, 12, attitude=True).extend(18)
+    assert (cut.omega == whole.omega).all()
+    assert (cut.attitude == whole.attitude).all()
+    np.testing.assert_allclose(whole.first_integral(), whole.first_integral()[0], rtol=1e-13)
+    for call in (
+        lambda: sf.exact(body, omega, 0.35, 3),
+        lambda: sf.flow(body, omega, 3.0),
+        lambda: sf.limits(body, omega, 0.35),
+        lambda: sf.criticality(body, omega, 0.35),
+        lambda: sf.reaction(body, omega),
+        lambda: sf.multipliers(body, 1.0, 0.35),
+        lambda: sf.iterate_full(body, [1.0, 0.5, 0.1], 0.35, 3, 2.0),
+        lambda: whole.reaction(),
+    ):
+        with pytest.raises(TypeError, match=r"expected .* got"):
+            call()

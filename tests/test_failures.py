@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import iterate_3d, threads
+from suslov_fast._engine import problem, threads
 
 METHODS = ("auto", "canonical", "ds2")
 
@@ -128,15 +128,15 @@ def test_a_later_singular_step(unit, save_every):
 
 
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, method):
-    """The search for them stops now and then, and goes on where it was."""
+def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, method):
+    """Numbers of missing states count from the start of the run."""
     omega = np.array([before_the_pole(3), HEALTHY, ON_THE_POLE, before_the_pole(1), [1e200, 0]])
     omega = np.concatenate([omega, [[np.nan, 0.0]]])
     whole = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
     assert whole.failed_at.tolist() == [4, -1, 1, 2, 1, 0]
     assert whole.status.tolist() == [-1, 0, -1, -1, -2, -2]
     for steps in (1, 2, 3):
-        monkeypatch.setattr(iterate_3d, "_SEARCH", 5 * steps)
+        monkeypatch.setattr(problem, "_PART", 5 * steps)
         cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
         assert (cut.failed_at == whole.failed_at).all()
         assert (cut.status == whole.status).all()

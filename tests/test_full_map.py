@@ -294,7 +294,7 @@ def test_poles_to_rounding(rng):
         ({"omega0": [1.0, 2.0]}, r"omega0: expected shape \(..., 3\), got \(2,\)"),
         ({"omega0": [1.0, 2.0, np.inf]}, "omega0: expected finite real numbers, got inf"),
         ({"eps": np.nan}, "eps: expected finite real numbers, got nan"),
-        ({"I3": 0.0}, "I3: expected positive moments of inertia, got 0.0"),
+        ({"I3": 0.0}, "I3: expected a positive moment of inertia, got 0.0"),
         ({"I3": [1.0, 2.0], "eps": [1.0] * 3}, "broadcast"),
         ({"steps": -1}, "steps: expected an integer of at least 0, got -1"),
         ({"save_every": 0}, "save_every: expected None or an integer of at least 1, got 0"),
@@ -321,5 +321,5 @@ def test_files_of_runs(suffix, tmp_path, body):
     loaded = sf.Trajectories.load(tmp_path / f"run{suffix}")
     assert loaded.body.I3 == 3
     assert (loaded.extend(8).omega == whole.omega).all()
-    with pytest.raises(TypeError, match="energy: not defined for runs of the map suslov3d_full"):
+    with pytest.raises(TypeError, match="energy: expected a map that has it, got a run of suslov3d_full"):
         loaded.energy()

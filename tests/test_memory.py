@@ -116,7 +116,7 @@ def test_large_calls_make_no_copies(body, rng, function):
     finally:
         tracemalloc.stop()
     assert np.isfinite(result).all()
-    assert peak < 1.3 * result.nbytes
+    assert peak < 1.7 * result.nbytes
 
 
 def test_the_limits_of_this_system():

@@ -8,12 +8,13 @@ import pytest
 from scipy.optimize import brentq
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import map_nd as loops
 from suslov_fast._engine import problem as parts
 from suslov_fast._engine import threads
 from suslov_fast._engine.iterate_nd import run
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
+from suslov_fast._engine.units import for_loops
+from suslov_fast._kernels import map_nd as loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -239,7 +240,7 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
     return Problem(
         method=method,
         omega=omega,
-        parameters=body.for_loops(eps, (size,)),
+        parameters=for_loops(body, eps, (size,)),
         time_step=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,
@@ -300,17 +301,13 @@ def test_cut_into_calls_and_alone(rng, method, m, every):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS)
-def test_compiled_equals_interpreted(rng, method, monkeypatch):
+def test_parallel_build(rng, method, monkeypatch):
     arguments = every_way_through_a_step(rng, 43, 6)
     orientation = np.tile(np.eye(7), (43, 1, 1))
     options = {"method": method, "orientation": orientation, "every": 3, "stop": 20}
     compiled = everything(problem(*arguments, **options))
     assert set(compiled[3]) >= {sf.Status.OK, sf.Status.SINGULAR}
-    with monkeypatch.context() as patch:
-        patch.setattr(threads, "CROSSOVER", 0)
-        assert same(compiled, everything(problem(*arguments, **options)))
-    interpreted = np.errstate(all="ignore")(loops.iterate.serial.py_func)
-    monkeypatch.setattr(loops.iterate, "serial", interpreted)
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
     assert same(compiled, everything(problem(*arguments, **options)))
 
 
@@ -383,9 +380,8 @@ def test_large_populations_and_dimensions(rng):
 @pytest.mark.parametrize("shift", [0, 1, 5])
 @pytest.mark.parametrize("batch", [1, 7, 64, 131])
 @pytest.mark.parametrize("m", [1, 2, 3, 7, 8, 11, 24])
-def test_memory_of_saved_states(rng, monkeypatch, m, batch, shift):
+def test_memory_of_saved_states(rng, m, batch, shift):
     """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
-    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)  # for kernels that are not compiled
     J, I, eps, _ = random_problem(rng, m)
     body, omega, steps = sf.SuslovND(J, I), rng.normal(size=(batch, m)) / m, 4
     alone = [sf.iterate(body, omega, eps, n, save_every=None, method="rank2") for n in range(5)]
@@ -396,19 +392,6 @@ def test_memory_of_saved_states(rng, monkeypatch, m, batch, shift):
     assert np.array_equal(out, last)
     assert (memory[:shift] == 7).all()
     assert (memory[shift + out.size :] == 7).all()
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(("m", "batch"), [(3, 515), (8, 512), (11, 517)])
-def test_saved_states_beyond_the_caches(rng, m, batch):
-    J, I, eps, _ = random_problem(rng, m)
-    body, omega = sf.SuslovND(J, I), rng.normal(size=(batch, m)) / m
-    steps = loops.BEYOND_CACHES // (m * batch) + 9
-    states = sf.iterate(body, omega, eps, steps).omega
-    some = slice(61, 70)
-    few = sf.iterate(body, omega[some], eps, steps).omega
-    assert few.size < loops.BEYOND_CACHES <= states.size
-    assert np.array_equal(states[:, some], few)
 
 
 def test_n_3_is_the_three_dimensional_map(rng):

@@ -1,5 +1,7 @@
 """Where n dimensions are solved, `auto` takes states from the closed form."""
 
+from types import SimpleNamespace
+
 import naive
 import numba
 import numpy as np
@@ -7,9 +9,9 @@ import pytest
 from naive import mp, mpf, mpmath
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import reduced_nd
-from suslov_fast._core.formulas.reduction import as_product
 from suslov_fast._engine import closed_form, iterate_3d, iterate_nd, jump_nd, threads
+from suslov_fast._engine.units import for_loops
+from suslov_fast._formulas.reduction import as_product
 
 
 def same(first, second):
@@ -134,14 +136,20 @@ def test_slow_orbits_turn_after_very_many_steps(rng):
 
 
 def test_two_numbers_whose_product_has_76_bits(rng):
+    product = numba.njit(lambda p, lost: as_product(p, lost))
     ends = [1.0, 2.0, 4.0, np.nextafter(4.0, 0.0), np.nextafter(1.0, 0.0), 1e-290, 1e290]
     for p in (*ends, *rng.normal(size=100) * 10 ** rng.uniform(-20, 20, 100)):
         for lost in rng.uniform(-1, 1, 3) * 2.0**-53 * abs(p):
             if p + lost == p:
-                A, B = as_product(p, lost)
+                A, B = product(p, lost)
                 error = mpf(float(A)) * mpf(float(B)) - mpf(float(p)) - mpf(float(lost))
                 assert abs(error) < mpf(2) ** -76 * abs(p)
                 assert 0.999 < B < 2.001
+
+
+def solved(body):
+    parameters = for_loops(body, 0.2, body.shape)
+    return jump_nd._solved(SimpleNamespace(parameters=parameters))
 
 
 def test_which_bodies_are_solved():
@@ -157,15 +165,10 @@ def test_which_bodies_are_solved():
         ([1.0, 2.0, 3.0], [0.0, 0.0, 0.0], True),
     ]
     for J, I, expected in cases:
-        body = sf.SuslovND(J, I)
-        assert body.solved.tolist() is expected
-        assert body.any_solved is expected
+        assert solved(sf.SuslovND(J, I)).tolist() == [expected]
     J, I, expected = zip(*cases, strict=True)
-    assert sf.SuslovND(J, I).solved.tolist() == list(expected)
-    assert sf.SuslovND([1.0, 2.0, 3.0], np.array(I)[:, None]).solved.shape == (7, 1)
-    assert sf.SuslovND([[1.0, 2.0], [1.0, 1.0]], [0.1, 0.2]).solved.tolist() == [True, True]
-    assert sf.SuslovND([3.0], [0.1]).any_solved
-    assert not sf.SuslovND(np.ones((0, 3)), np.ones(3)).any_solved
+    assert solved(sf.SuslovND(J, I)).tolist() == list(expected)
+    assert solved(sf.SuslovND([3.0], [0.1])).all()
 
 
 def test_other_bodies_are_iterated(rng):
@@ -288,21 +291,6 @@ def test_number_of_threads(rng, monkeypatch, m, save_every):
         assert same(result.status, results[0].status)
 
 
-@pytest.mark.compiled
-@pytest.mark.parametrize("size", [2, 70])
-def test_compiled_equals_interpreted(rng, monkeypatch, size):
-    body, omega, eps = mixed_batch(rng, 70, 5)
-    arguments = some(body, slice(size)), omega[:size], eps[:size]
-    compiled = run(*arguments, 50), run(*arguments, 50, save_every=None)
-    for loop in (reduced_nd.reduce, reduced_nd.fill):
-        interpreted = np.errstate(all="ignore")(loop.serial.py_func)
-        monkeypatch.setattr(loop, "serial", interpreted)
-    interpreted = run(*arguments, 50), run(*arguments, 50, save_every=None)
-    for first, second in zip(compiled, interpreted, strict=True):
-        assert same(first.omega, second.omega)
-        assert same(first.status, second.status)
-
-
 @pytest.mark.parametrize("save_every", [1, 4, None])
 @pytest.mark.parametrize("m", [2, 3, 9])
 def test_a_run_that_is_gone_on_with(rng, tmp_path, m, save_every):
@@ -321,9 +309,9 @@ def test_a_run_that_is_gone_on_with(rng, tmp_path, m, save_every):
 def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
     body, omega, eps = mixed_batch(rng, 150, m)
     whole = run(body, omega, eps, 500, save_every=2)
-    solved = body.solved & (abs(omega).max(axis=-1) < 1e100)
-    alone = run(some(body, solved), omega[solved], eps[solved], 500, save_every=2)
-    assert same(alone.omega, whole.omega[:, solved])
+    chosen = solved(body) & (abs(omega).max(axis=-1) < 1e100)
+    alone = run(some(body, chosen), omega[chosen], eps[chosen], 500, save_every=2)
+    assert same(alone.omega, whole.omega[:, chosen])
     calls = []
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
     monkeypatch.setattr(jump_nd, "_TOGETHER", 2**12)
@@ -333,7 +321,7 @@ def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
     cut = run(body, omega, eps, 500, save_every=2, progress=lambda *each: seen.append(each))
     assert seen == sorted(seen)
     assert seen[-1] == (500, 500)
-    alone_too = run(some(body, solved), omega[solved], eps[solved], 500, save_every=2)
+    alone_too = run(some(body, chosen), omega[chosen], eps[chosen], 500, save_every=2)
     assert len(calls) > 10
     assert same(whole.omega, cut.omega)
     assert same(whole.status, cut.status)
@@ -343,12 +331,9 @@ def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
 
 @pytest.mark.parametrize("batch", [1, 3, 7, 8, 9, 66])
 @pytest.mark.parametrize("m", [1, 3, 8, 19])
-def test_memory_past_the_caches(rng, monkeypatch, batch, m):
+def test_memory_of_saved_states(rng, batch, m):
     """However rows lie to the cache lines, all is written, and nothing beside it."""
-    rows = 70 if numba.config.DISABLE_JIT else max(reduced_nd.BEYOND_CACHES // (batch * m), 70)
-    if numba.config.DISABLE_JIT:
-        monkeypatch.setattr(reduced_nd, "BEYOND_CACHES", 0)
-        monkeypatch.setattr(reduced_nd, "STATES", 2**12)
+    rows = 70
     J, I = solved_body(rng, m, "equal")
     body, omega, size = sf.SuslovND(J, I), rng.normal(size=(batch, m)), rows * batch * m
     expected = None
@@ -364,16 +349,6 @@ def test_memory_past_the_caches(rng, monkeypatch, batch, m):
     assert same(few, expected[:61])
     last = sf.iterate(body, omega, 0.2, rows - 1, save_every=rows - 1).final
     np.testing.assert_allclose(expected[-1], last, rtol=0, atol=1e-14 * abs(omega).max())
-
-
-def test_any_number_of_threads(monkeypatch):
-    """Each task has a place to count in, however many there are."""
-    body, rows = sf.SuslovND(np.full(5, 2.0), [0.1, 0.2, 0.3, 0.4, 0.5]), 70 * 64
-    omega = [1.0, 0.5, -0.2, 0.3, 0.1]
-    expected = sf.iterate(body, omega, 0.2, rows - 1).omega
-    monkeypatch.setattr(reduced_nd, "STATES", 64)  # for kernels that are not compiled
-    monkeypatch.setattr(numba, "get_num_threads", lambda: 100)
-    assert same(sf.iterate(body, omega, 0.2, rows - 1).omega, expected)
 
 
 def test_states_that_do_not_move(rng):

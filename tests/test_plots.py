@@ -165,26 +165,3 @@ def test_vector_formats(tmp_path, monkeypatch, capsys, format_of_files):
     assert again.items() <= first.items(), "the same picture is the same file"
     start = b"%PDF" if format_of_files == "pdf" else b"<?xml"
     assert all(each.startswith(start) for each in first.values())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["-o", "body.png"], r"expected a name that ends in .gif or .mp4, got .png"),
-        (["-o", "body.gif", "--picture", "1"], None),
-        (["-o", "none/body.gif"], "expected a file that can be written"),
-    ],
-)
-def test_animate(tmp_path, monkeypatch, capsys, arguments, message):
-    from suslov_fast._cli import main
-
-    pytest.importorskip("PIL")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stopped:
-        main(["animate", *arguments, "--steps", "4", "--dpi", "40"])
-    if message is None:
-        assert stopped.value.code == 0
-        assert (tmp_path / "body.gif").read_bytes().startswith(b"GIF89a")
-    else:
-        assert stopped.value.code == 2
-        assert re.search(message, capsys.readouterr().err)

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._core.cpu import blocks
-from suslov_fast._core.cpu import map_3d as loops
 from suslov_fast._engine import problem, threads
+from suslov_fast._kernels import maps_3d as loops
+from suslov_fast._kernels import tiles
+from suslov_fast._kernels.iterate import LANES
 
 METHODS = ("auto", "canonical", "ds2")
-LANES = blocks.LANES
 
 
 def same(first, second):
@@ -76,26 +76,6 @@ def test_number_of_threads(rng, monkeypatch, method, save_every):
     for result in results[1:]:
         assert same(result.omega, results[0].omega)
         assert same(result.status, results[0].status)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("method", [loops.PRINTED, loops.CANONICAL])
-def test_compiled_equals_interpreted(rng, method):
-    body, omega, eps = mixed_batch(rng, 70)
-    parameters = [np.ascontiguousarray(p) for p in (*body.normalised, eps)]
-
-    def call(loop):
-        out, final, state = np.empty((41, 70, 2)), np.empty((70, 2)), np.empty((2, 70))
-        status, turn, turns = np.empty(70, np.int8), np.zeros((4, 70)), np.empty((41, 70, 3, 3))
-        turn[0], R0 = 1.0, np.ones((3, 3, 70))
-        arguments = (0, 70, 0, 40, 1, 0, out, state, (eps, R0, turn, turns), final, status)
-        with np.errstate(all="ignore"):
-            loop(method, *parameters, omega, *arguments)
-        return out, final, status, state, turn, turns
-
-    compiled = call(loops.iterate.serial)
-    for other in (call(loops.iterate.parallel), call(loops.iterate.serial.py_func)):
-        assert all(map(same, compiled, other))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -270,10 +250,10 @@ def test_any_layout_of_the_input(body, rng):
         omega.astype(object),
         np.ma.masked_array(omega),
     ]
-    compiled = len(getattr(loops.iterate.serial, "signatures", ()))
+    compiled = len(getattr(loops.canonical.serial, "signatures", ()))
     for given_input in inputs:
         assert same(run(body, given_input, 0.2, 5).omega, expected.omega)
-    assert len(getattr(loops.iterate.serial, "signatures", ())) == compiled
+    assert len(getattr(loops.canonical.serial, "signatures", ())) == compiled
     assert sf.step(body, [1, 2], 1).dtype == np.float64
     single = run(body, omega.astype(np.float32), np.float32(0.25), 5)
     assert single.omega.dtype == np.float64
@@ -285,7 +265,7 @@ def test_broadcasting(rng):
     omega = rng.normal(size=(2, 2))
     result = run(body, omega, eps, 10)
     assert result.omega.shape == (11, 4, 3, 2, 2)
-    assert result.t.shape == (11, 4, 1, 1)
+    assert result.time.shape == (11, 4, 1, 1)
     for i, j, k in np.ndindex(4, 3, 2):
         one = sf.Suslov3D(body.I1[j, 0], 1.5, 0.3, body.I23[k])
         alone = run(one, omega[k], eps[i, 0, 0], 10)
@@ -320,7 +300,7 @@ def test_no_steps(body):
 
 def test_times_and_description(body):
     result = run(body, [1, 2], 0.25, 10, save_every=5)
-    assert (result.t == [0, 1.25, 2.5]).all()
+    assert (result.time == [0, 1.25, 2.5]).all()
     assert result.eps == 0.25
     assert result.body is body
     assert repr(result) == (
@@ -378,7 +358,7 @@ def test_whole_blocks_by_every_method(body, rng, method, attitude):
 @pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
 def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
     """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
-    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)  # for kernels that are not compiled
+    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
     omega = rng.uniform(-2, 2, (batch, 2))
     steps = 10
     options = {"save_every": None, "method": "canonical"}
@@ -392,43 +372,13 @@ def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
     assert (memory[shift + out.size :] == 7).all()
 
 
-@pytest.mark.parametrize("batch", [LANES + 1, 2 * LANES, 2 * LANES + 4])
-@pytest.mark.parametrize("shift", [0, 1, 2, 6])
-def test_memory_past_the_caches_is_written_in_whole_lines(body, rng, monkeypatch, batch, shift):
-    """What writes past the caches takes addresses of whole cache lines only: others end it."""
-    written = []
-
-    def stream_pairs(array, index, first, second):
-        assert (array.ctypes.data // 8 + index) % loops.VECTOR == 0
-        written.append(index)
-        store_pairs(array, index, first, second)
-
-    store_pairs = loops.store_pairs
-    if not numba.config.DISABLE_JIT:
-        pytest.skip("looks into kernels that are not compiled")
-    monkeypatch.setattr(loops, "BEYOND_CACHES", 0)
-    monkeypatch.setattr(loops, "stream_pairs", stream_pairs)
-    memory = np.empty(6 * 2 * batch + 24)
-    to_line = -(memory.ctypes.data // 8) % loops.VECTOR
-    out = memory[to_line + shift :][: 6 * 2 * batch].reshape((6, batch, 2))
-    rows_alike = 2 * batch % loops.VECTOR == 0
-    omega = rng.uniform(-2, 2, (batch, 2))
-    for save_every in (1, 2):
-        options = {"method": "canonical", "save_every": save_every}
-        expected = run(body, omega, 0.2, 5 * save_every, **options).omega
-        written.clear()
-        run(body, omega, 0.2, 5 * save_every, out=out, **options)
-        assert bool(written) == (rows_alike and shift % 2 == 0)
-        assert same(out, expected)
-
-
 @pytest.mark.compiled
 @pytest.mark.parametrize("batch", [1023, 1024])
 def test_saved_states_beyond_the_caches(body, rng, batch):
     omega = rng.uniform(-2, 2, (batch, 2))
-    steps = loops.BEYOND_CACHES // 2 // batch + 9
+    steps = tiles._LARGE // 2 // batch + 9
     states = sf.iterate(body, omega, 0.2, steps, method="canonical").omega
     some = slice(5, 12)
     few = sf.iterate(body, omega[some], 0.2, steps, method="canonical").omega
-    assert few.size < loops.BEYOND_CACHES
+    assert few.size < tiles._LARGE
     assert same(states[:, some], few)

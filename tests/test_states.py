@@ -7,8 +7,8 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import observables as engine_nd
 from suslov_fast._engine import states as engine
+from suslov_fast._engine import states_nd as engine_nd
 from suslov_fast._engine import threads
 from suslov_fast._jit import Kernel
 from suslov_fast._kernels import states as kernels
@@ -82,7 +82,7 @@ def test_a_batch_is_a_loop(rng, monkeypatch, name, m, shapes, cut):
     if cut:
         monkeypatch.setattr(engine, "SLAB", 16)
         monkeypatch.setattr(engine, "COPIES", 16)
-        monkeypatch.setattr(engine_nd, "LARGE_SLAB", 4)
+        monkeypatch.setattr(engine_nd, "_COPIES", 4)
     q, (of_body, of_omega, of_eps) = QUANTITIES[name], shapes
     body = some_bodies(rng, m, of_body)
     omega, eps = rng.normal(size=(*of_omega, m)), rng.uniform(-0.1, 0.1, of_eps)

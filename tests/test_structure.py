@@ -6,6 +6,7 @@ import graphlib
 import importlib
 import inspect
 import pkgutil
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,21 +17,12 @@ import pytest
 import suslov_fast
 
 PACKAGE = Path(suslov_fast.__file__).parent
-CORE = sorted((PACKAGE / "_core").rglob("*.py"))
-KERNELS = sorted((PACKAGE / "_core" / "cpu").glob("*.py"))
+FORMULAS, KERNELS = (sorted((PACKAGE / room).glob("*.py")) for room in ("_formulas", "_kernels"))
 MODULES = [
     name
     for _, name, _ in pkgutil.walk_packages(suslov_fast.__path__, "suslov_fast.")
     if not name.endswith("__main__")
 ]
-# What files of the core may import from the standard library beside numbers.
-STANDARD = {
-    "jit": {"contextlib", "functools", "types"},
-    "pipeline": {"contextlib", "gc"},
-    "staged": {"ast", "builtins", "collections", "contextlib", "functools", "pathlib"},
-    "stand_ins": {"functools"},
-    "cache": {"contextlib", "functools", "hashlib", "os", "pathlib", "pickle", "stat", "sys"},
-}
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]
 
 
@@ -44,26 +36,25 @@ def imports(path):
 
 def test_options_of_numba_live_in_one_file():
     for path in PACKAGE.rglob("*.py"):
-        if path.name != "jit.py":
+        if path.parts[-2:] != ("_jit", "options.py"):
             text = path.read_text(encoding="utf-8")
-            assert not any(word in text for word in ("njit", "fastmath", "error_model", "nogil"))
+            assert not any(word in text for word in ("njit(", "fastmath", "error_model", "nogil"))
 
 
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
-def test_the_core_stands_alone(path):
-    """The cache on disk watches the files of the core and no others."""
-    standard = STANDARD.get(path.stem, set())
-    relative = {".", ".."} if path.parent.name != "_core" else {"."}
-    numeric = {"llvmlite", "math", "numba", "numpy", "operator"}
-    assert set(imports(path)) <= numeric | {"typing"} | relative | standard
+def test_one_file_speaks_llvm_through_the_documented_interface():
+    speaking = {path.name for path in PACKAGE.rglob("*.py") if "llvmlite" in set(imports(path))}
+    assert speaking <= {"instructions.py", "cache.py"}
+    for path in PACKAGE.rglob("*.py"):
+        internal = re.findall(r"numba\.(?:core\.(?!errors|types)|np)\w*", path.read_text("utf-8"))
+        assert not internal, path
 
 
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
-def test_formulas_hold_no_loops_and_kernels_do_not_raise(path):
+@pytest.mark.parametrize("path", [*FORMULAS, *KERNELS], ids=lambda path: path.stem)
+def test_formulas_and_kernels_are_numbers_only(path):
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    if path.stem not in ("staged", "stand_ins"):  # which do so while a kernel is compiled
-        assert not any(isinstance(node, ast.Raise) for node in nodes)
-    if path.parent.name == "formulas":
+    assert set(imports(path)) <= {"math", "numba", "numpy", "typing", ".", ".."}
+    assert not any(isinstance(node, ast.Raise) for node in nodes)
+    if path in FORMULAS:
         assert not any(isinstance(node, (ast.For, ast.While)) for node in nodes)
 
 
@@ -93,7 +84,7 @@ def test_parallel_loops_allocate_nothing(path):
 
 
 def test_parallel_loops_are_found():
-    assert sum(1 for path in KERNELS for _ in parallel_loops(path)) > 10
+    assert sum(1 for path in KERNELS for _ in parallel_loops(path)) > 3
 
 
 def importing(path):
@@ -137,24 +128,21 @@ def layer(name):
     return name.split(".")[1] if "." in name else ""
 
 
-# What modules of a folder may import: their own folder, and no others of the package but these.
-BELOW = {
-    "_core": set(),
-    "_bodies": {"_core", "_checks", "_engine"},
-    "_engine": {"_core", "_bodies", "_checks", "_status"},
-}
+# The rooms from the bottom up: a module imports from its own room and from those below.
+ROOMS = """
+    _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
+    integrability _cli __main__
+""".split()
+# The method `Trajectories.plot`.
+EXCEPTIONS = {("_runs", "_show")}
 
 
-def test_layers():
+def test_imports_point_down():
     for name, path in FILES.items():
-        above = layer(name)
-        if above in BELOW:
-            assert {layer(other) for other in importing(path)} <= BELOW[above] | {above}, name
-    # Of the engine, bodies use what lays arrays out.
-    for name, path in FILES.items():
-        if layer(name) == "_bodies":
-            used = {other for other in importing(path) if layer(other) == "_engine"}
-            assert used <= {"suslov_fast._engine.layout"}, name
+        own = layer(name)
+        for other in {layer(each) for each in importing(path)} - {own, ""} if own else ():
+            down = ROOMS.index(other) < ROOMS.index(own)
+            assert down or (own, other) in EXCEPTIONS, f"{name} imports from {other}"
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -1,22 +1,25 @@
 """What an iteration returns: its methods, and labelled arrays made of it."""
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
 
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 BODY_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+
+
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+GYROSTATS = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.0, 0.9, 1.8])
 
 
 @pytest.fixture
 def sweep(rng):
     """Bodies down, step sizes across: three bodies, and as many saved states as step sizes."""
     body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
-    orbits = sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
-    return replace(orbits, _resume={})  # so that parts of it are runs too
+    return sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
 
 
 def same(a, b):
@@ -25,63 +28,60 @@ def same(a, b):
     return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
 
 
-def assert_same_run(a, b):
-    for name in ("omega", "n", "eps", "status", "failed_at", "final", "t"):
+def assert_same_run(a, b, resume=True):
+    for name in ("omega", "n", "eps", "status", "failed_at", "final", "time"):
         assert same(getattr(a, name), getattr(b, name)), name
     assert type(a.eps) is type(b.eps)
-    assert type(a.body) is type(b.body)
-    assert all(map(same, a.body.parameters, b.body.parameters))
+    assert a.body == b.body
+    assert a._map is b._map
     assert (a.method, a.steps, a.save_every) == (b.method, b.steps, b.save_every)
     assert type(b.steps) is int
     assert (a.attitude is None) == (b.attitude is None)
     assert a.attitude is None or same(a.attitude, b.attitude)
-    assert a._resume.keys() == b._resume.keys()
-    assert all(same(a._resume[name], b._resume[name]) for name in a._resume)
-
-
-def with_everything(run):
-    """The run with an attitude and with arrays to go on from, as iterations may leave them."""
-    side = run.body.dimension + 1
-    attitude = np.random.default_rng(1).normal(size=(*run.omega.shape[:-1], side, side))
-    resume = {"canonical": np.array([[0.1, np.nan]]), "count": np.arange(3), "none": np.empty(0)}
-    return replace(run, attitude=attitude, _resume=resume)
+    if resume:
+        assert a._resume.keys() == b._resume.keys()
+        assert all(same(a._resume[name], b._resume[name]) for name in a._resume)
 
 
 def runs():
-    """One run of each kind."""
-    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    """Runs of every map, with and without what a run may have."""
     starts = np.random.default_rng(3).normal(size=(5, 2))
+    threes, fours = np.column_stack([starts, starts[:, 0]]), starts[:, [0, 1, 1]]
     odd = np.array([[0.3, -0.0], [1.0, 2.0]])
-    many = {
-        "batch": sf.iterate(body, starts, 0.2, 20, save_every=5),
-        "one": sf.iterate(body, starts[0], -0.2, 3),
-        "last": sf.iterate(body, starts, 0.2, 40, save_every=None),
-        "not_saved": sf.iterate(body, starts, 0.2, 7, save_every=5),
-        "no_steps": sf.iterate(body, starts, 0.2, 0),
-        "empty": sf.iterate(body, np.empty((0, 2)), 0.2, 3),
-        "empty_axis": sf.iterate(body, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
+    sizes = [0.1, 0.2, 0.3, 0.4, 0.5]
+    one = np.full((1, 1, 1), 2.0)
+    short = sf.Suslov3D(one, [1.0], 0.1, np.array([[0.1]]))
+    poles = sf.Suslov3D(1, 1, 1, 0)
+    equal = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3])
+    full = sf.iterate_full
+    return {
+        "batch": sf.iterate(BODY, starts, 0.2, 20, save_every=5),
+        "one": sf.iterate(BODY, starts[0], -0.2, 3),
+        "last": sf.iterate(BODY, starts, 0.2, 40, save_every=None),
+        "last_few": sf.iterate(BODY, starts, 0.2, 7, save_every=None, method="ds2"),
+        "not_saved": sf.iterate(BODY, starts, 0.2, 7, save_every=5, method="canonical"),
+        "turning": sf.iterate(BODY, starts, sizes, 7, save_every=5, attitude=True),
+        "turning_last": sf.iterate(BODY, starts, 0.2, 7, save_every=None, attitude=True),
+        "no_steps": sf.iterate(BODY, starts, 0.2, 0, method="ds2"),
+        "empty": sf.iterate(BODY, np.empty((0, 2)), 0.2, 3, attitude=True),
+        "empty_axis": sf.iterate(BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
         "bodies": sf.iterate(sf.Suslov3D([[1.0], [2.0], [3.0]], 1, [[0.1, 0.2]], 0), odd, 0.1, 4),
-        "short_axes": sf.iterate(
-            sf.Suslov3D(np.full((1, 1, 1), 2.0), [1.0], 0.1, np.array([[0.1]])),
-            starts[:1, None],
-            np.array([[0.1]]),
-            4,
-        ),
-        "failed": sf.iterate(
-            sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore"
-        ),
-        "nd": sf.iterate(BODY_ND, starts[:, [0, 1, 1]], [0.1, 0.2, 0.3, 0.4, 0.5], 6, save_every=4),
+        "short_axes": sf.iterate(short, starts[:1, None], np.array([[0.1]]), 4),
+        "failed": sf.iterate(poles, [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore"),
+        "nd": sf.iterate(BODY_ND, fours, sizes, 6, save_every=4),
+        "nd_turning": sf.iterate(BODY_ND, fours, sizes, 6, save_every=4, attitude=True),
+        "nd_last": sf.iterate(BODY_ND, fours, 0.1, 6, save_every=None, attitude=True),
+        "nd_solved": sf.iterate(equal, fours, 0.1, 60, save_every=20),
         "nd_bodies": sf.iterate(
-            sf.SuslovND(np.array([[[1.0, 2.0]], [[3.0, 1.0]]]), [0.2, 0.1]),
-            starts,
-            0.1,
-            4,
-            method="gauss",
+            sf.SuslovND([[[1.0, 2.0]], [[3.0, 1.0]]], [0.2, 0.1]), starts, 0.1, 4, method="gauss"
         ),
+        "gyrostat": sf.iterate(GYROSTAT, starts, sizes, 6, save_every=4, attitude=True),
+        "gyrostat_last": sf.iterate(GYROSTATS, odd[0], 0.35, 6, save_every=None),
+        "full": full(BODY, threes, sizes, 6, 3.0, save_every=4),
+        "full_bodies": full(sf.Suslov3D(4, 1, -0.5, -0.3, [[3.0], [2.0]]), threes, 0.1, 4),
+        "full_last": full(BODY, threes[0], 0.1, 4, 3.0, save_every=None),
+        "full_failed": full(poles, [[1.0, -3.0, 0.0]], 1, 5, 3.0, on_singular="ignore"),
     }
-    many["everything"] = with_everything(many["not_saved"])
-    many["nd_everything"] = with_everything(many["nd"])
-    return many
 
 
 RUNS = runs()
@@ -109,16 +109,34 @@ def test_observables_of_one_trajectory_of_a_sweep(sweep):
                 )
 
 
+QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
+
+
 def test_observables_in_n_dimensions():
     run = RUNS["nd"]
-    assert run.energy().shape == run.omega.shape[:-1]
-    assert run.modified_energy().shape == run.omega.shape[:-1]
+    assert run.energy().shape == run.modified_energy().shape == run.omega.shape[:-1]
     assert run.reaction().shape == (*run.omega.shape[:-1], 3, 3)
     for name in ("first_integral", "criticality"):
         with pytest.raises(sf.NotIntegrableError):
             getattr(run, name)()
-    with pytest.raises(TypeError, match="to_xy: not defined for runs of the map suslov_nd"):
-        run.to_xy()
+
+
+@pytest.mark.parametrize(
+    ("name", "map", "missing"),
+    [
+        ("full", "suslov3d_full", QUANTITIES),
+        ("nd", "suslov_nd", ("to_xy",)),
+        ("one", "", ()),
+        ("gyrostat", "suslov_gyrostat", ("modified_energy", "criticality", "to_xy", "reaction")),
+    ],
+)
+def test_a_run_has_the_quantities_of_its_map(name, map, missing):
+    for quantity in missing:
+        message = f"{quantity}: expected a map that has it, got a run of {map}"
+        with pytest.raises(TypeError, match=message):
+            getattr(RUNS[name], quantity)()
+    for quantity in set(QUANTITIES) - set(missing) - {"first_integral", "criticality"}:
+        assert len(getattr(RUNS[name], quantity)()) == len(RUNS[name].omega)
 
 
 def test_states_that_do_not_exist_have_no_observables():
@@ -130,21 +148,21 @@ def test_states_that_do_not_exist_have_no_observables():
 
 
 def test_times():
-    assert same(RUNS["batch"].t, 0.2 * np.array([0, 5, 10, 15, 20]))
+    assert same(RUNS["batch"].time, 0.2 * np.array([0, 5, 10, 15, 20]))
     sweep = RUNS["nd"]
-    assert sweep.t.shape == (2, 5)
-    assert sweep.t[1, 4] == 4 * 0.5
+    assert sweep.time.shape == (2, 5)
+    assert sweep.time[1, 4] == 4 * 0.5
 
 
 def test_times_broadcast_against_the_states(sweep):
     """As many saved states as step sizes must not be taken for each other."""
-    assert sweep.t.shape == (2, 1, 2)
-    assert np.broadcast_shapes(sweep.t.shape, sweep.omega.shape[:-1]) == sweep.omega.shape[:-1]
-    assert same(sweep.t[:, 0], np.multiply.outer([0, 4], sweep.eps))
+    assert sweep.time.shape == (2, 1, 2)
+    assert np.broadcast_shapes(sweep.time.shape, sweep.omega.shape[:-1]) == sweep.omega.shape[:-1]
+    assert same(sweep.time[:, 0], np.multiply.outer([0, 4], sweep.eps))
 
 
 def test_times_beyond_float64(body):
-    assert sf.iterate(body, [0.0, 0.0], 1e308, 3).t[-1] == np.inf
+    assert sf.iterate(body, [0.0, 0.0], 1e308, 3).time[-1] == np.inf
 
 
 def test_repr_is_one_line():
@@ -159,34 +177,62 @@ def test_repr_is_one_line():
     assert repr(RUNS["empty_axis"]).endswith("eps: 0.1, failed: 0 of 0)")
 
 
+@pytest.mark.parametrize("engine", [None, "netcdf4", "h5netcdf", "zarr2", "zarr3"])
 @pytest.mark.parametrize("name", RUNS)
-def test_through_xarray(name):
-    pytest.importorskip("xarray")
-    run = RUNS[name]
-    assert_same_run(run, sf.Trajectories.from_xarray(run.to_xarray()))
-
-
-@pytest.mark.parametrize("engine", ["netcdf4", "h5netcdf", "zarr2", "zarr3"])
-@pytest.mark.parametrize("name", RUNS)
-def test_through_files_of_xarray(name, engine, tmp_path):
-    """Written and opened by xarray itself, with what it does by default to NaN and to time."""
+def test_through_xarray(name, engine, tmp_path):
+    """As it is, and written and opened by xarray, with its defaults for NaN and for time."""
     xarray = pytest.importorskip("xarray")
-    pytest.importorskip("netCDF4" if engine == "netcdf4" else engine.rstrip("23"))
-    run = RUNS[name]
-    data = run.to_xarray()
-    path = tmp_path / "run"
-    if engine.startswith("zarr"):
-        if int(pytest.importorskip("zarr").__version__.split(".")[0]) < int(engine[-1]):
-            pytest.skip("a format that is too new")
-        consolidated = engine == "zarr2"
-        data.to_zarr(path, zarr_format=int(engine[-1]), consolidated=consolidated)
-        opened = xarray.open_dataset(path, engine="zarr", consolidated=consolidated)
-    else:
-        data.to_netcdf(path, engine=engine)
-        opened = xarray.open_dataset(path, engine=engine)
+    run, path = RUNS[name], tmp_path / "run"
+    opened = data = run.to_xarray()
+    if engine is not None:
+        pytest.importorskip("netCDF4" if engine == "netcdf4" else engine.rstrip("23"))
+        if engine.startswith("zarr"):
+            if int(pytest.importorskip("zarr").__version__.split(".")[0]) < int(engine[-1]):
+                pytest.skip("a format that is too new")
+            consolidated = engine == "zarr2"
+            data.to_zarr(path, zarr_format=int(engine[-1]), consolidated=consolidated)
+            opened = xarray.open_dataset(path, engine="zarr", consolidated=consolidated)
+        else:
+            data.to_netcdf(path, engine=engine)
+            opened = xarray.open_dataset(path, engine=engine)
     with opened:
-        assert_same_run(run, sf.Trajectories.from_xarray(opened))
-        assert opened.attrs["Conventions"].startswith("CF-")
+        back = sf.Trajectories.from_xarray(opened)
+    assert_same_run(run, back, resume=False)
+    with pytest.raises(ValueError, match="does not hold what a run needs to go on"):
+        back.extend(3)
+
+
+def test_a_dataset_holds_what_a_user_looks_at():
+    """Nothing to go on from, no claim of conventions, and no units but those of pure numbers."""
+    pytest.importorskip("xarray")
+    data = RUNS["turning"].to_xarray()
+    assert set(data.variables) == {
+        *("omega", "n", "time", "eps", "status", "failed_at", "final", "attitude", "component"),
+        *("I1", "I2", "I13", "I23"),
+    }
+    assert "Conventions" not in data.attrs
+    assert {data[name].attrs.get("units", "1") for name in data.variables} == {"1"}
+    assert "units" not in data.omega.attrs
+    assert "units" not in data.eps.attrs
+
+
+def test_a_parameter_as_a_coordinate():
+    pytest.importorskip("xarray")
+    sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
+    body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
+    run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
+    data = run.to_xarray(dims=("eps", "I13", "start"))
+    assert same(data.omega.sel(eps=0.2, I13=-0.4).values, run.omega[:, 1, 1])
+    assert same(data.time.sel(eps=0.3).values, 0.3 * np.arange(6))
+    assert_same_run(run, sf.Trajectories.from_xarray(data), resume=False)
+    part = sf.Trajectories.from_xarray(data.sel(eps=0.2))
+    assert same(part.omega, run.omega[:, 1])
+    assert same(part.energy(), run.energy()[:, 1])
+    one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
+    assert one.omega.sel(eps=0.2).shape == (6, 2)
+    for dims in (("I13", "eps", "start"), ("eps", "I13", "I1"), ("a", "b", "eps")):
+        with pytest.raises(ValueError, match=r"expected .* for an axis along which it varies"):
+            run.to_xarray(dims=dims)
 
 
 def test_labels():
@@ -195,7 +241,7 @@ def test_labels():
     data = run.to_xarray()
     assert data.omega.dims == ("n", "trajectory", "component")
     assert (data.omega.sel(n=10, component="Omega2") == run.omega[2, :, 1]).all()
-    assert same(data.t.values, run.t)
+    assert same(data.time.values, run.time)
     assert data.attrs["method"] == "auto"
     assert data.attrs["steps"] == 20
     assert data.attrs["save_every"] == 5
@@ -215,20 +261,20 @@ def test_names_and_coordinates_of_the_user(sweep):
     assert data.omega.dims == ("n", "mass", "step", "component")
     assert same(data.omega.sel(mass="c").isel(step=1).values, sweep.omega[:, 2, 1])
     assert data.colour.dims == ("step",)
-    assert_same_run(sweep, sf.Trajectories.from_xarray(data))
+    assert_same_run(sweep, sf.Trajectories.from_xarray(data), resume=False)
     assert RUNS["batch"].to_xarray(dims="start").omega.dims == ("n", "start", "component")
 
 
 def test_what_does_not_vary_is_not_repeated(sweep):
     pytest.importorskip("xarray")
     data = sweep.to_xarray()
-    dims = {name: data[name].dims for name in ("I1", "I2", "I13", "eps", "t")}
+    dims = {name: data[name].dims for name in ("I1", "I2", "I13", "eps", "time")}
     assert dims == {
         "I1": ("batch_0",),
         "I2": (),
         "I13": (),
         "eps": ("batch_1",),
-        "t": ("n", "batch_1"),
+        "time": ("n", "batch_1"),
     }
     states = RUNS["last"]
     held = [states.omega.nbytes, states.status.nbytes, states.failed_at.nbytes]
@@ -243,7 +289,7 @@ def test_the_last_state_is_there_once():
 
 def test_arrays_are_not_copied():
     pytest.importorskip("xarray")
-    run = RUNS["everything"]
+    run = RUNS["turning"]
     data = run.to_xarray()
     for name in ("omega", "final", "attitude", "status"):
         assert np.shares_memory(data[name].values, getattr(run, name))
@@ -268,26 +314,14 @@ def test_a_part_of_a_batch(sweep):
     assert same(part.eps, sweep.eps[1:])
 
 
-def test_a_part_of_a_batch_is_not_gone_on_with():
-    pytest.importorskip("xarray")
-    data = RUNS["everything"].to_xarray().isel(trajectory=[2, 1])
-    with pytest.raises(ValueError, match="as of a part of the batch; drop resume_canonical"):
-        sf.Trajectories.from_xarray(data)
-    data = data.drop_vars([name for name in data.data_vars if name.startswith("resume")])
-    part = sf.Trajectories.from_xarray(data)
-    assert same(part.omega, RUNS["everything"].omega[:, [2, 1]])
-    assert part._resume == {}
-    with pytest.raises(ValueError, match="extend: expected a whole run, got a part of a batch"):
-        part.extend(3)
-
-
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
         ({"dims": "a"}, ValueError, "for each of the 2 axes of the batch, got 'a'"),
         ({"dims": ("a", "a")}, ValueError, "a name of its own"),
         ({"dims": ("a", "n")}, ValueError, "of which n is taken"),
-        ({"dims": ("a", "eps")}, ValueError, "of which eps is taken"),
+        ({"dims": ("a", "time")}, ValueError, "of which time is taken"),
+        ({"dims": ("a", "omega")}, ValueError, "of which omega is taken"),
         ({"dims": ("a", 3)}, TypeError, "dims: expected names"),
         ({"coords": {"n": [1, 2]}}, ValueError, "expected names of their own, got n"),
         ({"coords": {"omega": 3}}, ValueError, "expected names of their own, got omega"),
@@ -311,16 +345,19 @@ def spoil(**changes):
     [
         (lambda data: data.omega, TypeError, "expected an xarray.Dataset, got DataArray"),
         (lambda data: data.drop_vars("omega"), ValueError, "got one without omega"),
-        (lambda data: data.drop_vars("I1"), ValueError, "got no I1"),
-        (lambda data: data.drop_attrs(), ValueError, "got one without the attribute 'body'"),
-        (lambda data: data.isel(n=[0]), ValueError, r"n: expected the saved steps of a run of 5"),
-        (lambda data: data.isel(component=[0]), ValueError, "omega: expected shape"),
+        (lambda data: data.drop_vars("I1"), ValueError, "got one without I1"),
+        (lambda data: data.drop_attrs(), ValueError, "got something without format"),
+        (lambda data: data.isel(n=[0]), ValueError, r"expected shape \(2, 3, 2, 2\)"),
+        (lambda data: data.isel(component=[0]), ValueError, "omega: expected 2 components"),
+        (spoil(n=("n", [0, 3])), ValueError, "n: expected the saved steps of a run of 5"),
         (lambda data: data.isel(n=0), ValueError, "expected omega along n, batch_0"),
         (spoil(status=("x", [0])), ValueError, "expected omega along n, x, component, got it"),
         (spoil(eps=("x", [0.1])), ValueError, "expected eps along the batch, got x"),
-        (lambda data: data.assign_attrs(format=1), ValueError, "expected a run in format 2, got"),
-        (lambda data: data.assign_attrs(body="Euler"), ValueError, "the attribute 'body'"),
-        (lambda data: data.assign_attrs(steps=2**61), ValueError, "n: expected the saved steps"),
+        (lambda data: data.assign_attrs(format=1), ValueError, "version 0.2 cannot be read"),
+        (lambda data: data.assign_attrs(map="Euler"), ValueError, "map: expected suslov3d or"),
+        (lambda data: data.assign_attrs(steps=-3), ValueError, "steps, save_every: expected"),
+        (lambda data: data.assign_attrs(steps="3"), ValueError, "steps: expected one int"),
+        (lambda data: data.assign_attrs(steps=2**61), ValueError, "expected shape"),
         (lambda data: data.astype(np.float32), ValueError, "and dtype float64, got"),
     ],
 )
@@ -356,3 +393,26 @@ def test_plot(components):
         assert np.array_equal(drawn, orbits.omega[:, k, 0][:, list(components)])
     with pytest.raises(ValueError, match="components: expected an integer from 0 to 2, got 3"):
         orbits.plot(components=(0, 3))
+
+
+def test_the_rule_of_poles_stands_in_the_same_words():
+    first, last = "At a pole there is no next state", "pole is NaN."
+    wordings = set()
+    for function in (sf.step, sf.iterate, sf.exact, sf.limits):
+        text = " ".join(function.__doc__.split())
+        wordings.add(text[text.index(first) : text.index(last) + len(last)])
+    assert len(wordings) == 1
+
+
+def test_a_pole_ends_an_iteration_and_not_the_closed_form():
+    """State 0 is a pole: state 1 does not exist, states 2 and 3 of the birational map do."""
+    body = sf.Suslov3D(1, 1, 1, 0)
+    run = sf.iterate(body, [1.0, -3.0], 1.0, 3, on_singular="ignore")
+    assert run.status == sf.Status.SINGULAR
+    assert run.failed_at == 1
+    assert np.isnan(run.omega[1:]).all()
+    with pytest.warns(sf.SingularStepWarning):
+        states = sf.exact(body, [1.0, -3.0], 1.0, [0, 1, 2, 3])
+    assert np.isnan(states[1]).all()
+    assert np.isfinite(states[[0, 2, 3]]).all()
+    np.testing.assert_allclose(sf.step(body, states[2], 1.0), states[3], rtol=1e-12)

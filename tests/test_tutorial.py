@@ -53,7 +53,7 @@ TUTORIAL = load()
 def test_every_step_is_there():
     pages = {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
     assert set(TUTORIAL.pages()) == pages
-    assert len(TUTORIAL.pages()) == 6
+    assert len(TUTORIAL.pages()) == 7
     blocks = [code.strip() for name in TUTORIAL.pages() for code in TUTORIAL.code(name)]
     cells = [cell for cell in TUTORIAL.notebook()["cells"] if cell["cell_type"] == "code"]
     assert [cell["source"] for cell in cells] == blocks
@@ -67,7 +67,7 @@ def test_the_notebook_is_one_that_jupyter_shows(tmp_path):
     notebook = nbformat.read(tmp_path / "new" / "tutorial.ipynb", as_version=4)
     nbformat.validate(notebook)
     texts = [cell["source"] for cell in notebook.cells if cell["cell_type"] == "markdown"]
-    assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 7
+    assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 8
     for text in texts:
         # Nothing that only the pages can show.
         assert not re.search(r"\{(func|class|doc|ref|download|figure|toctree)\}|:::|\.md\b", text)

@@ -12,9 +12,9 @@ OMEGA = [[1.0, 0.5], [0.2, 0.3]]
 
 # A call with one bad argument, the error, and what its message says was received and expected.
 BAD_BODIES = [
-    ({"I1": 0}, ValueError, "I1: expected positive moments of inertia, got 0.0"),
-    ({"I2": -2}, ValueError, "I2: expected positive moments of inertia, got -2.0"),
-    ({"I1": [1, 2, -3]}, ValueError, "I1: expected positive .* got -3.0"),
+    ({"I1": 0}, ValueError, "I1: expected a positive moment of inertia, got 0.0"),
+    ({"I2": -2}, ValueError, "I2: expected a positive moment of inertia, got -2.0"),
+    ({"I1": [1, 2, -3]}, ValueError, "I1: expected a positive .* got -3.0"),
     ({"I1": NAN}, ValueError, "I1: expected finite real numbers, got nan"),
     ({"I13": [1, INF]}, ValueError, r"I13: expected finite real numbers, got inf at index \(1,\)"),
     ({"I23": 1j}, TypeError, "I23: expected real numbers, got 1j of dtype complex128"),
@@ -24,7 +24,7 @@ BAD_BODIES = [
     ({"I1": [1, 2], "I2": [1, 2, 3]}, ValueError, r"broadcast .* I1 \(2,\), I2 \(3,\)"),
 ]
 BAD_ARGUMENTS = [
-    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND, got tuple"),
+    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND or SuslovGyrostat, got tuple"),
     ({"omega0": [1, INF]}, ValueError, r"omega0: expected finite .* got inf at index \(1,\)"),
     ({"omega0": [[1, 2], [3, -INF]]}, ValueError, r"got -inf at index \(1, 1\)"),
     ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
@@ -131,7 +131,7 @@ def test_coordinates_of_three_dimensions_only(function):
     ],
 )
 def test_other_functions(body, call):
-    with pytest.raises(TypeError, match="body: expected Suslov3D or SuslovND, got NoneType"):
+    with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND.*, got NoneType"):
         call(None, OMEGA)
     with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
         call(body, [1, 2, 3])
@@ -157,7 +157,7 @@ def test_eps_of_other_functions(body, function):
 def test_step_full(body):
     with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
         sf.step_full(body, [1, 2], 0.1, 3)
-    with pytest.raises(ValueError, match=r"I3: expected positive moments of inertia, got 0\.0"):
+    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
         sf.step_full(body, [1, 2, 3], 0.1, 0)
     with pytest.raises(TypeError, match="body: expected Suslov3D"):
         sf.step_full(4, [1, 2, 3], 0.1, 3)
@@ -188,3 +188,114 @@ def test_long_doubles_beyond_float64(body):
     if np.finfo(np.longdouble).max > np.finfo(np.float64).max:
         with pytest.raises(ValueError, match="expected finite real numbers, got inf"):
             sf.step(body, [np.longdouble("1e400"), 1], 0.1)
+
+
+class WithUnit(np.ndarray):
+    """As astropy and unyt have quantities: arrays with a unit, which NumPy drops."""
+
+    unit = "ms"
+
+
+class Magnitude:
+    """As pint has them."""
+
+    units = "ms"
+
+    def __init__(self, magnitude):
+        self.magnitude = magnitude
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self.magnitude, dtype)
+
+
+WITH_UNITS = [
+    (lambda value: np.array(value).view(WithUnit), r"got WithUnit in ms: .*\.to\(\.\.\.\)\.value"),
+    (Magnitude, r"got Magnitude in ms: .*\.to\(\.\.\.\)\.magnitude"),
+    (lambda value: [Magnitude(each) for each in np.atleast_1d(value)], "got Magnitude in ms"),
+]
+
+
+@pytest.mark.parametrize(("wrap", "message"), WITH_UNITS)
+def test_units_are_refused(body, wrap, message):
+    """20 ms must never be read as 20."""
+    calls = {
+        "eps": lambda: sf.iterate(body, OMEGA, wrap(20.0), 3),
+        "omega0": lambda: sf.iterate(body, wrap([1.0, 0.5]), 0.2, 3),
+        "omega": lambda: sf.energy(body, wrap([1.0, 0.5])),
+        "n": lambda: sf.exact(body, [1.0, 0.5], 0.2, wrap(3.0)),
+        "time": lambda: sf.flow(body, [1.0, 0.5], wrap(3.0)),
+        "I1": lambda: sf.Suslov3D(wrap(4.0), 1, -0.5, -0.3),
+        "I3": lambda: sf.step_full(body, [1.0, 0.5, 0.1], 0.2, wrap(3.0)),
+        "attitude": lambda: sf.iterate(body, OMEGA, 0.2, 3, attitude=wrap(np.eye(3)[2])),
+    }
+    for name, call in calls.items():
+        with pytest.raises(TypeError, match=f"{name}: expected numbers without a unit, {message}"):
+            call()
+
+
+def labelled(dims, **coords):
+    xarray = pytest.importorskip("xarray")
+    return xarray.DataArray(OMEGA, dims=dims, coords=coords, attrs={"units": "1/s"})
+
+
+def frame(**columns):
+    return pytest.importorskip("pandas").DataFrame(columns)
+
+
+LABELS = [
+    (lambda: labelled(("component", "start")), ValueError, r"got \('component', 'start'\): .*tran"),
+    (lambda: labelled(("start", "n"), n=[0, 1]), ValueError, r"got \('start', 'n'\)"),
+    (
+        lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]),
+        ValueError,
+        "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'.",
+    ),
+    (lambda: labelled(("start", "component"), component=[1, 0]), ValueError, "in order, got"),
+    (lambda: labelled(("start", "axis"), axis=["y", "x"]), ValueError, "in order, got .'y', 'x'."),
+    (lambda: frame(Omega2=[1.0, 2.0], Omega1=[2.0, 3.0]), TypeError, "got DataFrame, .*to_numpy"),
+    (
+        lambda: frame(a=[1.0, 2.0]).set_index([["Omega2", "Omega1"]])["a"],
+        ValueError,
+        "in order, got",
+    ),
+]
+
+
+@pytest.mark.parametrize(("omega", "error", "message"), LABELS)
+def test_labels_that_would_be_ignored(body, omega, error, message):
+    value = omega()
+    for call in (lambda: sf.step(body, value, 0.2), lambda: sf.energy(body, value)):
+        with pytest.raises(error, match=f"omega: .*{message}"):
+            call()
+
+
+def test_labels_in_order(body):
+    expected = sf.step(body, OMEGA, 0.2)
+    for value in (
+        labelled(("start", "component"), component=["Omega1", "Omega2"]),
+        labelled(("n", "component"), component=[0, 1]),
+        labelled(("a", "b")),
+        labelled(("a", "b")).variable,
+    ):
+        assert (sf.step(body, value, 0.2) == expected).all()
+    series = frame(a=[1.0, 2.0])["a"]
+    assert (sf.step(body, series, 0.2) == sf.step(body, [1.0, 2.0], 0.2)).all()
+
+
+def test_arrays_of_our_datasets_are_accepted_everywhere():
+    """Axes of one name go together, wherever positions would put them."""
+    pytest.importorskip("xarray")
+    body = sf.Suslov3D(4, 1, np.array([-0.5, -0.4])[:, None], -0.3)
+    sizes = np.array([0.2, 0.3])[:, None, None]
+    run = sf.iterate(body, OMEGA, sizes, 6, attitude=True)
+    data = run.to_xarray(dims=("eps", "I13", "start"))
+    assert (sf.energy(body, data.omega) == run.energy()).all()
+    assert (sf.first_integral(body, data.omega, data.eps) == run.first_integral()).all()
+    assert (sf.reaction(body, data.omega, data.eps) == run.reaction()).all()
+    again = sf.iterate(body, data.omega[0], data.eps, 6, attitude=data.attitude[0])
+    assert (again.attitude == run.attitude).all()
+    assert (again.omega == run.omega).all()
+    turned = sf.attitude(body, data.omega, data.eps)
+    np.testing.assert_allclose(turned, run.attitude, rtol=0, atol=1e-14)
+    with pytest.raises(ValueError, match=r"eps: expected axes among .* got \('other',\)"):
+        sf.iterate(body, data.omega[0], data.eps.rename(eps="other"), 6)

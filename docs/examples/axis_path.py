@@ -1,22 +1,45 @@
 """
-The path of the forbidden axis
-==============================
+Path of the forbidden axis
+==========================
 
-The axis about which the body must not turn, seen from space, while the body passes from one steady
-rotation to the other: at both ends it runs on a great circle, orthogonal to the axis of the
-rotation. Between them it turns from the one to the other.
+The axis about which the body cannot turn, seen from space, while the body passes from one steady
+rotation to the other. At both ends the axis moves along a great circle, orthogonal to the axis of
+that rotation. The hidden half of the path is faint.
 """
 
 import matplotlib.pyplot as plt
+import numpy as np
 
-from suslov_fast import Suslov3D, iterate
+from suslov_fast import Suslov3D, iterate, to_vector
 
-body = Suslov3D(I1=4, I2=3, I13=-0.4, I23=-1.2)
-run = iterate(body, [-2.0, 0.5], eps=0.02, steps=900, attitude=True)
+body = Suslov3D(I1=4, I2=1, I13=-0.3, I23=-1, I3=3.7)
+run = iterate(body, [-1.0, 0.32], eps=0.02, steps=900, attitude=True)
 axis = run.attitude[..., 2]
+rotation = to_vector(body, run.omega, attitude=run.attitude)[[0, -1]]
+rotation /= np.linalg.norm(rotation, axis=-1, keepdims=True)
 
-figure = plt.figure(figsize=(5, 5), layout="constrained")
-axes = figure.add_subplot(projection="3d")
-axes.scatter(*axis.T, c=run.t, s=4, cmap="viridis")
-axes.set_box_aspect((1, 1, 1))
-axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=[], yticks=[], zticks=[])
+figure = plt.figure(figsize=(6, 5), layout="constrained")
+axes = figure.add_subplot(projection="3d", computed_zorder=False)
+axes.set_proj_type("ortho")
+azimuth, elevation = np.deg2rad([axes.azim, axes.elev])
+eye = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+
+u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
+sphere = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+look = {"color": "0.95", "edgecolor": "0.85", "linewidth": 0.4, "alpha": 0.4, "shade": False}
+axes.plot_surface(*sphere, zorder=1, **look)
+for end, style, name in zip(rotation, ("--", "-"), ("first", "last"), strict=True):
+    for sign in (1, -1):
+        order = 3 if sign * end @ eye > 0 else 0
+        label = f"axis of the {name} rotation" if sign == 1 else None
+        line = np.outer([sign, 1.3 * sign], end)
+        axes.plot(*line.T, style, color="crimson", linewidth=2, zorder=order, label=label)
+front = axis @ eye > 0
+axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
+path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
+axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$", box_aspect=(1, 1, 1))
+axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])
+axes.legend(
+    loc="upper center", bbox_to_anchor=(0.5, 1.05), ncols=2, frameon=False, fontsize="small"
+)
+figure.colorbar(path, label="time", shrink=0.7, pad=0.1)

@@ -2,9 +2,10 @@
 The four pictures of the paper
 ==============================
 
-Section 4 of the paper shows orbits of four bodies. Each leaves the dashed half of the line of
-steady states, follows a level of the first integral F, and ends on the solid half. The paper does
-not say where its axes end; these let single steps be seen.
+Section 4 of the paper shows orbits of four bodies; these are its bodies and step sizes. Each orbit
+leaves the dashed half of the line of steady states, follows a level of the first integral F, and
+ends on the solid half. The paper does not say where its axes end. No body of matter has the
+parameters of picture (a): its ``admissible_I3()`` is NaN.
 """
 
 import matplotlib.pyplot as plt
@@ -17,6 +18,8 @@ pictures = [
     (Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
     (Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
 ]
-figure, axes = plt.subplots(2, 2, figsize=(9, 9), layout="constrained")
+figure, axes = plt.subplots(2, 2, figsize=(9, 9.6), layout="constrained")
 for panel, letter, (body, eps, extent) in zip(axes.flat, "abcd", pictures, strict=True):
-    plot_phase(body, eps, extent, letter=letter, legend=False, axes=panel)
+    plot_phase(body, eps, extent, letter=letter, legend=False, ax=panel)
+entries = axes[0, 0].get_legend_handles_labels()
+figure.legend(*entries, loc="outside lower center", ncols=4, frameon=False)

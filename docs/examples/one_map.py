@@ -2,9 +2,9 @@
 Every body is the same map
 ==========================
 
-In X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2) no parameter is left. Orbits of twelve random
-bodies with twelve step sizes lie on the conics (X**2 + 2 Y**2) / (2 + X**2) = t**2; the thin
-lines are levels t = 0.2, 0.4, 0.6, 0.8.
+In X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
+random bodies of matter with twelve step sizes lie on the conics
+(X**2 + 2 Y**2) / (2 + X**2) = t**2; the thin lines are the levels t = 0.2, 0.4, 0.6, 0.8.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,8 @@ import numpy as np
 from suslov_fast import Suslov3D, from_xy, iterate, to_xy
 
 rng = np.random.default_rng(4)
-body = Suslov3D(*rng.uniform(1, 4, (2, 12)), *rng.uniform(-0.6, 0.6, (2, 12)))
+body = Suslov3D(*rng.uniform(2, 4, (2, 12)), *rng.uniform(-0.6, 0.6, (2, 12)))
+assert np.isfinite(body.admissible_I3()).all()
 a = body.I1 * body.I2
 # Close to the repelling half of the line, on either side of it.
 side = rng.choice([-1, 1], 12)
@@ -24,8 +25,10 @@ orbits = iterate(body, omega0, eps, steps=60)
 x, y = np.moveaxis(to_xy(body, orbits.omega), -1, 0)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
-axes.plot(eps * x / np.sqrt(2 * a), eps * y / (2 * a), ".", markersize=4)
+t = np.broadcast_to(orbits.criticality()[0], x.shape)
+states = axes.scatter(eps * x / np.sqrt(2 * a), eps * y / (2 * a), c=t, s=8, vmin=0, vmax=1)
 X, Y = np.meshgrid(np.linspace(-1.5, 1.5, 200), np.linspace(-1, 1, 200))
 level = np.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
 axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
-axes.set(xlabel="X", ylabel="Y", xlim=(-1.5, 1.5), ylim=(-1, 1))
+axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.5, 1.5), ylim=(-1, 1))
+figure.colorbar(states, label="criticality $t$")

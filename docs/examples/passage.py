@@ -2,10 +2,10 @@
 Time of passage
 ===============
 
-How many steps does an orbit take until it is half way between its two steady states, where y = 0?
-In the closed form that is where theta = k1 n eps + k2 vanishes. The time grows without bound next
-to the dashed half of the line, which repels; beyond the black lines t >= 1, and orbits do not pass
-but jump. Negative: the middle was passed before.
+The number of steps until an orbit is half way between its two steady states, where y = 0: in the
+closed form, where theta = k1 n eps + k2 vanishes. It grows without bound next to the dashed half of
+the line, which repels, and is negative where the middle lies in the past. Outside the black lines
+t >= 1, and orbits jump instead of passing.
 """
 
 import matplotlib.pyplot as plt
@@ -13,18 +13,18 @@ import numpy as np
 
 from suslov_fast import Suslov3D, closed_form
 
-body, eps = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), 1.5
-axis = np.linspace(-8, 8, 400)
+body, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), 1.5
+axis = np.linspace(-16, 16, 400)
 omega = np.stack(np.meshgrid(axis, axis), axis=-1)
 constants = closed_form(body, omega, eps)
-n = -constants.k2 / (constants.k1 * eps)
+n = np.where(constants.t < 1, -constants.k2 / (constants.k1 * eps), np.nan)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
-image = axes.pcolormesh(axis, axis, n, cmap="coolwarm", vmin=-8, vmax=8, rasterized=True)
+image = axes.pcolormesh(axis, axis, n, cmap="coolwarm", vmin=-4, vmax=4, rasterized=True)
 axes.contour(axis, axis, constants.t, levels=[1.0], colors="black")
 line = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
-for sign, style in ((20, "--"), (-20, "-")):
+for sign, style in ((40, "--"), (-40, "-")):
     axes.plot([0, sign * line[0]], [0, sign * line[1]], style, color="black", linewidth=1)
-axes.set(xlim=(-8, 8), ylim=(-8, 8), aspect="equal")
+axes.set(xlim=(-16, 16), ylim=(-16, 16), aspect="equal")
 axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
-figure.colorbar(image, label="steps to the middle of the passage")
+figure.colorbar(image, label="steps to the middle of the passage", extend="both")

@@ -1,10 +1,10 @@
 """
-What the constraint takes
-=========================
+Reaction torque of the constraint
+=================================
 
-The torque that keeps the body from turning about its forbidden axis, along a passage: the
-multiplier of the continuous equations on the exact motion, and that of the discrete equations
-between the states of the map.
+The torque that keeps the body from turning about the forbidden axis, while it passes from one
+steady rotation to the other: the Lagrange multiplier of the continuous equations on the exact
+motion, and that of the discrete equations between two states of the map.
 """
 
 import matplotlib.pyplot as plt
@@ -12,12 +12,12 @@ import numpy as np
 
 from suslov_fast import Suslov3D, flow, iterate, reaction
 
-body, omega0, eps = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.8, 1.3], 0.5
-t = np.linspace(0, 40, 400)
-orbit = iterate(body, omega0, eps, steps=80)
+body, omega0, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [-0.9, 1.3], 0.5
+time = np.linspace(0, 60, 400)
+orbit = iterate(body, omega0, eps, steps=120)
 
 figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
-axes.plot(t, reaction(body, flow(body, omega0, t)), color="steelblue", label="continuous")
-axes.plot(orbit.t + eps / 2, orbit.reaction(), "k.", label="discrete, between two states")
-axes.set(xlabel="time", ylabel=r"$\lambda$")
-axes.legend(frameon=False)
+axes.plot(time, reaction(body, flow(body, omega0, time)), color="steelblue", label="continuous")
+axes.plot(orbit.time + eps / 2, orbit.reaction(), "k.", label="discrete, between two states")
+axes.set(xlabel="time", ylabel=r"reaction torque $\lambda$")
+axes.legend(frameon=False, loc="lower right")

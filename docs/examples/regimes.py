@@ -2,9 +2,9 @@
 Three regimes
 =============
 
-The number t, which :func:`~suslov_fast.criticality` returns, decides how an orbit behaves. Below 1
-it follows the continuous motion. At 1 it falls onto a steady state in one step or two. Beyond 1 it
-jumps from one side of the line to the other.
+The criticality t (:func:`~suslov_fast.criticality`) decides how an orbit behaves. For t < 1 it
+follows the continuous motion. At t = 1 it reaches a steady state in one or two steps. For t > 1 it
+jumps from one side of the line to the other. Numbers count steps.
 """
 
 from suslov_fast import plot_regimes

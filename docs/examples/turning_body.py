@@ -1,9 +1,9 @@
 """
-The body turns over
-===================
+A turning body
+==============
 
-The ellipsoid of inertia in space, and the path of the axis about which the body must never turn.
-It begins close to one steady rotation and ends close to the other.
+The ellipsoid of inertia in space, and the path of the axis about which the body cannot turn; its
+hidden half is faint. The motion begins close to one steady rotation and ends close to the other.
 """
 
 import matplotlib.pyplot as plt

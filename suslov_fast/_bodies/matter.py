@@ -1,4 +1,4 @@
-"""Which inertia tensors a body can have, and their ellipsoids."""
+"""Inertia tensors that a body can have, and their ellipsoids."""
 
 from __future__ import annotations
 
@@ -32,16 +32,15 @@ def check_triangles(name: str, tensor: FloatArray) -> None:
 
 
 def ellipsoid_of_inertia(
-    I1: float | FloatArray,
-    I2: float | FloatArray,
-    I13: float | FloatArray,
-    I23: float | FloatArray,
-    I3: float,
+    parameters: tuple[float, float, float, float], I3: float
 ) -> tuple[FloatArray, FloatArray]:
     """Semi-axes of the points r with r.I r constant, the largest 1, and their directions, columns.
 
+    The parameters are I1, I2, I13 and I23.
+
     Raises ValueError where that is no ellipsoid.
     """
+    I1, I2, I13, I23 = parameters
     moments, directions = np.linalg.eigh(
         np.array([[I1, 0.0, I13], [0.0, I2, I23], [I13, I23, I3]], dtype=np.float64)
     )

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
-from .._engine.layout import flat_parameter, flat_rows, for_kernel
-from .values import equal, frozen, hash_of, line_of, named, plain, table_of, times_power
+from .._checks import FloatArray, inertia_matrix, real_array, unit_axis
+from .base import Body
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class SuslovND:
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class SuslovND(Body):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis Omega_ij = 0 for i, j < n, and the inertia matrix vanishes off the diagonal but
@@ -51,6 +48,12 @@ class SuslovND:
     J: FloatArray
     I: FloatArray
 
+    _own_axes: ClassVar[int] = 1
+    _moments: ClassVar[tuple[str, ...]] = ("J",)
+    _couplings: ClassVar[tuple[str, ...]] = ("I",)
+    _meanings: ClassVar[dict[str, str]] = {"J": "sum I_ii + I_nn", "I": "coupling I_in"}
+    _positive: ClassVar[tuple[str, ...]] = ("J",)
+
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
         J, I = real_array("J", J), real_array("I", I)
         if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
@@ -58,146 +61,12 @@ class SuslovND:
                 "J, I: expected shapes (..., n - 1) with the same n > 1, "
                 f"got {J.shape} and {I.shape}"
             )
-        if not (J > 0).all():
-            raise ValueError(f"J: expected positive sums I_ii + I_nn, got {J.min()}")
-        common_shape({"J": J.shape[:-1], "I": I.shape[:-1]})
-        object.__setattr__(self, "J", frozen(J))
-        object.__setattr__(self, "I", frozen(I))
+        self._set(J=J, I=I)
 
     @property
     def dimension(self) -> int:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
-
-    @cached_property
-    def shape(self) -> tuple[int, ...]:
-        """The batch shape of the body, () for a single one."""
-        return np.broadcast_shapes(self.J.shape[:-1], self.I.shape[:-1])
-
-    @property
-    def parameters(self) -> tuple[FloatArray, FloatArray]:
-        """J, I."""
-        return self.J, self.I
-
-    @cached_property
-    def flat(self) -> list[FloatArray]:
-        """The parameters of a single body as loops take them."""
-        return [for_kernel(each).reshape(-1) for each in self.parameters]
-
-    @cached_property
-    def normalised(self) -> tuple[FloatArray, FloatArray]:
-        """J and I over powers of two, which define the same map with `normalised_eps`."""
-        moments, couplings = self.exponents
-        return (
-            np.ldexp(self.J, -moments[..., np.newaxis]),
-            np.ldexp(self.I, -couplings[..., np.newaxis]),
-        )
-
-    def for_loops(self, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-        """J, I and eps as loops take them, normalised."""
-        own = self._one_normalised or [flat_rows(each, batch) for each in self.normalised]
-        return [*own, flat_parameter(self.normalised_eps(eps), batch)]
-
-    @cached_property
-    def _one_normalised(self) -> list[FloatArray]:
-        """What `for_loops` has of the body, the same for all batches, if this is a single one."""
-        return [] if self.shape else [flat_rows(each, ()) for each in self.normalised]
-
-    def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
-        """The step size, or the unit of time, that goes with `normalised`."""
-        if isinstance(eps, float) and not self.shape:
-            return times_power(eps, self._one_exponent)
-        moments, couplings = self.exponents
-        with np.errstate(all="ignore"):
-            scaled: FloatArray = np.ldexp(eps, couplings - moments)
-        return scaled
-
-    @cached_property
-    def _one_exponent(self) -> int:
-        """What `normalised_eps` adds to exponents, of a single body."""
-        moments, couplings = self.exponents
-        return int(couplings - moments)
-
-    @cached_property
-    def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:
-        """The powers of two that `normalised` takes out of J and of I."""
-        _, smallest = np.frexp(self.J.min(axis=-1))
-        _, largest = np.frexp(self.J.max(axis=-1))
-        _, couplings = np.frexp(abs(self.I).max(axis=-1))
-        return np.asarray((smallest + largest) // 2), np.asarray(couplings)
-
-    @cached_property
-    def solved(self) -> NDArray[np.bool_]:
-        """Where J I = b I and J = a on the vectors orthogonal to I, to the last bit, or n < 4."""
-        J, coupled = np.broadcast_arrays(self.J, self.I != 0)
-        several = coupled.sum(axis=-1) > 1
-        # Without the coupled component, if it is one.
-        left_out = coupled & ~several[..., np.newaxis]
-        low = np.where(left_out, np.inf, J).min(axis=-1)
-        solved: NDArray[np.bool_] = low >= np.where(left_out, 0.0, J).max(axis=-1)
-        return solved | ~coupled.any(axis=-1) | (self.dimension == 2)
-
-    @cached_property
-    def any_solved(self) -> bool:
-        """Whether that holds for any body of the batch."""
-        return bool(self.solved.any())
-
-    def __eq__(self, other: object) -> bool:
-        same: bool = equal(self, other)
-        return same
-
-    def __hash__(self) -> int:
-        return hash_of(self)
-
-    def __repr__(self) -> str:
-        return line_of(self)
-
-    def _repr_html_(self) -> str:
-        return table_of(self)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return SuslovND, self.parameters
-
-    def to_dict(self) -> dict[str, Any]:
-        """J and I as nested lists of numbers, which JSON can hold, without loss.
-
-        Returns
-        -------
-        dict
-
-        Examples
-        --------
-        >>> from suslov_fast import SuslovND
-        >>> SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]).to_dict()
-        {'J': [1.3, 2.1, 3.7], 'I': [0.4, -0.7, 0.5]}
-        """
-        return plain(self)
-
-    @classmethod
-    def from_dict(cls, parameters: Mapping[str, Any]) -> SuslovND:
-        """The body that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            Nested lists of numbers by name: J and I.
-
-        Returns
-        -------
-        SuslovND
-
-        Raises
-        ------
-        TypeError, ValueError
-            If other names are given than those, or numbers that no body has.
-
-        Examples
-        --------
-        >>> from suslov_fast import SuslovND
-        >>> SuslovND.from_dict({"J": [1.3, 2.1], "I": [0.4, -0.7]})
-        SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
-        """
-        return cls(**named(cls, parameters))
 
     @classmethod
     def from_mass_tensor(

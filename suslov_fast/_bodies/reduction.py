@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
-from .._core.formulas.coordinates import sum_of_products
-from .._engine.layout import first_index, spell
+from .._checks import FloatArray, first_index, spell
 from .nd import SuslovND
 from .three import Suslov3D
+from .units import units_of
 
 # What rounding of J and I may come to: from_mass_tensor turns matrices.
 _ROUNDING = 1e-14
@@ -29,7 +28,7 @@ class Reduction:
     then the direction of the part of omega orthogonal to I is constant, and with x = |I| times its
     length and y = b I.omega the closed form of Section 4 holds, a b in place of I1 I2.
 
-    a, b, and I here are those of the body over powers of two, as `SuslovND.normalised` says, and
+    a, b, and I here are those of the body over powers of two, as `units_of` says, and
     `three` is a body over 2**unit of I1 I2 = a b.
     """
 
@@ -95,9 +94,29 @@ class Reduction:
         with np.errstate(all="ignore"):
             norm = self._norm[..., np.newaxis]
             for j in coupled:
-                difference = sum_of_products(I[..., j : j + 1], omega, -I, omega[..., j : j + 1])
+                difference = _sum_of_products(I[..., j : j + 1], omega, -I, omega[..., j : j + 1])
                 across += unit[..., j : j + 1] * np.where(norm > 0, difference / norm, omega)
         return (unit * omega).sum(axis=-1), across
+
+
+def _sum_of_products(v1: FloatArray, w1: FloatArray, v2: FloatArray, w2: FloatArray) -> FloatArray:
+    """v1 w1 + v2 w2 to a few ulps of the sum, however much of it cancels (Dekker, Knuth)."""
+    (p1, lost1), (p2, lost2) = _product(v1, w1), _product(v2, w2)
+    total = p1 + p2
+    t = total - p1
+    return np.asarray(total + ((p1 - (total - t)) + (p2 - t) + (lost1 + lost2)))
+
+
+def _product(v: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The product, rounded, and its rounding error."""
+    product, (v1, v2), (w1, w2) = v * w, _halves(v), _halves(w)
+    return product, v2 * w2 - (((product - v1 * w1) - v2 * w1) - v1 * w2)
+
+
+def _halves(v: FloatArray) -> tuple[FloatArray, FloatArray]:
+    c = 134217729.0 * v
+    high = c - (c - v)
+    return high, v - high
 
 
 def _length(v: FloatArray) -> FloatArray:
@@ -120,7 +139,7 @@ def reduce(body: SuslovND, function: str) -> Reduction:
         J, I = body.J, body.I
         three = Suslov3D(J[..., 1], J[..., 0], -I[..., 0], -I[..., 1])
         return Reduction(body, three, I, J[..., 1], J[..., 0], np.zeros((), np.intc))
-    J, I = body.normalised
+    moments, couplings, (J, I), _ = units_of(body)
     norm = _length(I)[..., np.newaxis]
     coupled = np.broadcast_to(abs(I) > _ROUNDING * norm, np.broadcast_shapes(I.shape, J.shape))
     count = coupled.sum(axis=-1)
@@ -137,7 +156,6 @@ def reduce(body: SuslovND, function: str) -> Reduction:
             f"{function}: expected a body with all J equal, or with I along one axis and all other "
             f"J equal; body {which} is not, and no closed form is known for it: use iterate"
         )
-    moments, couplings = body.exponents
     root, half = np.sqrt(a) * np.sqrt(b), (couplings - moments) // 2
     three = Suslov3D(
         np.ldexp(root, -half),

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, common_shape, inertia_matrix, real_array, unit_axis
-from .._engine.layout import flat_parameter
+from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
+from .base import Body
 from .matter import admissible_I3, check_triangles
-from .values import (
-    equal,
-    frozen,
-    hash_of,
-    line_of,
-    named,
-    parameters_of,
-    plain,
-    table_of,
-    times_power,
-)
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
 
 
-@dataclass(frozen=True, eq=False)
-class Suslov3D:
+def check_apart(I1: float | FloatArray, I2: float | FloatArray) -> None:
+    """Refuse moments whose products with each other or with states leave the range of float64."""
+    if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():
+        raise ValueError(
+            f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
+            f"{np.min(I1)} to {np.max(I1)} and {np.min(I2)} to {np.max(I2)}"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Suslov3D(Body):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
@@ -71,151 +67,22 @@ class Suslov3D:
     I23: float | FloatArray
     I3: float | FloatArray | None = None
 
+    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
+    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23")
+    _meanings: ClassVar[dict[str, str]] = {
+        **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
+        **dict.fromkeys(("I13", "I23"), "product of inertia"),
+    }
+    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
+
     def __post_init__(self) -> None:
-        arrays = {name: real_array(name, value) for name, value in parameters_of(self).items()}
-        for name in ("I1", "I2", "I3"):
-            if name in arrays and not (arrays[name] > 0).all():
-                smallest = arrays[name].min()
-                raise ValueError(f"{name}: expected positive moments of inertia, got {smallest}")
-        common_shape({name: array.shape for name, array in arrays.items()})
-        _, first = np.frexp(arrays["I1"])
-        _, second = np.frexp(arrays["I2"])
-        if (abs(np.subtract(first, second)) > _APART).any():
-            raise ValueError(
-                f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
-                f"{arrays['I1'].min()} to {arrays['I1'].max()} and "
-                f"{arrays['I2'].min()} to {arrays['I2'].max()}"
-            )
-        for name, array in arrays.items():
-            object.__setattr__(self, name, frozen(array))
+        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)
+        check_apart(self.I1, self.I2)
 
     @property
     def dimension(self) -> int:
         """The number of components of a state."""
         return 2
-
-    @cached_property
-    def shape(self) -> tuple[int, ...]:
-        """The batch shape of the body, () for a single one."""
-        return np.broadcast_shapes(
-            *(np.shape(parameter) for parameter in parameters_of(self).values())
-        )
-
-    @property
-    def parameters(
-        self,
-    ) -> tuple[float | FloatArray, float | FloatArray, float | FloatArray, float | FloatArray]:
-        """I1, I2, I13, I23."""
-        return self.I1, self.I2, self.I13, self.I23
-
-    @cached_property
-    def flat(self) -> list[FloatArray]:
-        """The parameters of a single body as loops take them."""
-        return [flat_parameter(each, ()) for each in self.parameters]
-
-    @cached_property
-    def normalised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Parameters of the order of 1 that define the same map, with `normalised_eps`.
-
-        The map knows only eps I13 / I1 and its like, so that powers of two may move between the
-        moments, the products and eps. Nothing is rounded, and no product of parameters overflows.
-        """
-        moments, products = self.exponents
-        return (
-            np.ldexp(self.I1, -moments),
-            np.ldexp(self.I2, -moments),
-            np.ldexp(self.I13, -products),
-            np.ldexp(self.I23, -products),
-        )
-
-    def for_loops(self, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-        """I1, I2, I13, I23 and eps as loops take them, normalised."""
-        own = self._one_normalised or [flat_parameter(each, batch) for each in self.normalised]
-        return [*own, flat_parameter(self.normalised_eps(eps), batch)]
-
-    @cached_property
-    def _one_normalised(self) -> list[FloatArray]:
-        """What `for_loops` has of the body, the same for all batches, if this is a single one."""
-        return [] if self.shape else [np.array([each]) for each in self.normalised]
-
-    def normalised_eps(self, eps: float | FloatArray) -> float | FloatArray:
-        """The step size, or the unit of time, that goes with `normalised`."""
-        if isinstance(eps, float) and not self.shape:
-            return times_power(eps, self._one_exponent)
-        moments, products = self.exponents
-        with np.errstate(all="ignore"):
-            scaled: FloatArray = np.ldexp(eps, products - moments)
-        return scaled
-
-    @cached_property
-    def _one_exponent(self) -> int:
-        """What `normalised_eps` adds to exponents, of a single body."""
-        moments, products = self.exponents
-        return int(products - moments)
-
-    @cached_property
-    def exponents(self) -> tuple[NDArray[np.intc], NDArray[np.intc]]:
-        """The powers of two that `normalised` takes out of the moments and of the products."""
-        _, first = np.frexp(self.I1)
-        _, second = np.frexp(self.I2)
-        _, products = np.frexp(np.maximum(np.abs(self.I13), np.abs(self.I23)))
-        return (first + second) // 2, products
-
-    def __eq__(self, other: object) -> bool:
-        return bool(equal(self, other)) if isinstance(other, Suslov3D) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash_of(self)
-
-    def __repr__(self) -> str:
-        return line_of(self)
-
-    def _repr_html_(self) -> str:
-        return table_of(self)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Suslov3D, tuple(parameters_of(self).values())
-
-    def to_dict(self) -> dict[str, Any]:
-        """The parameters as numbers and nested lists, which JSON can hold, without loss.
-
-        Returns
-        -------
-        dict
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
-        {'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
-        """
-        return plain(self)
-
-    @classmethod
-    def from_dict(cls, parameters: Mapping[str, Any]) -> Suslov3D:
-        """The body that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            Numbers and nested lists by name: I1, I2, I13 and I23.
-
-        Returns
-        -------
-        Suslov3D
-
-        Raises
-        ------
-        TypeError, ValueError
-            If other names are given than those, or numbers that no body has.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D.from_dict({"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
-        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
-        """
-        return cls(**named(cls, parameters))
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """The moments I3 that a body with these parameters can have.

@@ -2,110 +2,93 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from types import FrameType
 from typing import Any, NoReturn
 
-from .. import __version__
-from . import animate, explore, info, pictures, run, warm_up
-from .errors import UserError
-
-_COMMANDS = {
-    "run": run,
-    "info": info,
-    "warm-up": warm_up,
-    "pictures": pictures,
-    "animate": animate,
-    "explore": explore,
-}
-
-
-class _Parser(argparse.ArgumentParser):
-    def __init__(self, **settings: Any) -> None:
-        # A later option must not change what the beginning of a name meant.
-        super().__init__(**{"allow_abbrev": False, **settings})
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(message)
+from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
+from .work import interrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and exit: with 0, with 2 and one line if the user erred, 130 on a signal."""
+    """Run a command and exit.
+
+    The status is 0; 2 for a command line that makes no sense and 1 for other failures, with one
+    line on stderr; 130 after a signal.
+    """
     _prepare_streams()
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name) and threading.current_thread() is threading.main_thread():
-            signal.signal(getattr(signal, name), signal.default_int_handler)
+    words = sys.argv[1:] if arguments is None else arguments
     try:
         try:
-            options = _parser().parse_args(_with_numbers_joined(arguments))
-            text = options.command(options)
+            # Imports take longer than many a run. An exception could be dropped in a callback of
+            # what is being imported.
+            with _signals(_exit_at_once):
+                options = parse(words)
+                module = import_module(f".{COMMANDS[options.command].module}", __package__)
+                function = getattr(module, options.command.replace("-", "_"))
+            with _signals(interrupt):
+                text = function(options)
             if text:
                 print(text)
         finally:
             sys.stdout.flush()
-    except UserError as error:
-        _stop(2, str(error))
+    except CommandError as error:
+        _stop(error.status, str(error))
+    except (ImportError, MemoryError) as error:
+        _stop(FAILURE, str(error) or "expected more memory")
     except KeyboardInterrupt as error:
-        _stop(130, str(error) or "interrupted")
+        _stop(INTERRUPTED, str(error) or "interrupted")
     except OSError as error:
         if error.filename is not None:
-            _stop(2, f"{error.filename}: {error.strerror or error}")
-        # Files are dealt with where they are opened: this is the output. What is left of it cannot
-        # be written when Python ends either.
+            _stop(FAILURE, f"{error.filename}: {error.strerror or error}")
+        # Other files have a name: this is the output. Python could not write the rest of it at
+        # exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
-            sys.exit(1)
-        _stop(2, f"standard output: {error.strerror or error}")
+            sys.exit(FAILURE)
+        _stop(FAILURE, f"standard output: {error.strerror or error}")
     sys.exit(0)
 
 
+@contextmanager
+def _signals(handler: Any) -> Iterator[None]:
+    """Give all requests to stop to a handler, but for those that are ignored, as under nohup."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
+
+
+def _exit_at_once(number: int, frame: FrameType | None) -> NoReturn:
+    sys.stderr.write("suslov-fast: interrupted\n")
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
+
+
 def _prepare_streams() -> None:
-    """Make sure that there is something to write to, and that it takes every name of a file."""
+    """Make sure that there are streams to write to, and that they take every name of a file."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is None:  # closed by whoever started this process
+        if stream is None:  # closed by the parent process
             stream = open(os.devnull, "w")  # noqa: SIM115
             setattr(sys, name, stream)
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
 
 
-def _with_numbers_joined(arguments: Sequence[str] | None) -> list[str]:
-    """Write `--eps -1e-3` as `--eps=-1e-3`: argparse takes some negative numbers for options."""
-    joined: list[str] = []
-    for argument in sys.argv[1:] if arguments is None else arguments:
-        if joined and joined[-1].startswith("--") and _is_negative(argument):
-            joined[-1] += f"={argument}"
-        else:
-            joined.append(argument)
-    return joined
-
-
-def _is_negative(text: str) -> bool:
-    """Whether a number, or a list of numbers, begins with a minus."""
-    try:
-        [float(part) for part in text.split(",")]
-    except ValueError:
-        return False
-    return text.startswith("-")
-
-
 def _stop(status: int, message: str) -> NoReturn:
     print("suslov-fast: " + " ".join(message.split()), file=sys.stderr)
     sys.exit(status)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="suslov-fast",
-        description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
-    )
-    parser.add_argument("--version", action="version", version=f"suslov-fast {__version__}")
-    commands = parser.add_subparsers(metavar=f"{{{','.join(_COMMANDS)}}}", required=True)
-    for command in _COMMANDS.values():
-        command.add_to(commands)
-    return parser

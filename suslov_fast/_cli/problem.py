@@ -1,151 +1,210 @@
-"""The body, the step size and the starts that options describe."""
+"""The body, the step size, the starts and the orientation that options describe."""
 
 from __future__ import annotations
 
 import argparse
+import re
+import stat
+import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray
-from .._engine.arguments import Body
-from .._engine.memory import require
-from .._ensemble.starts import RandomStarts
-from .errors import UserError
-from .files import named, read_matrix, read_states
-from .values import integer, number, numbers, positive
+from .._checks import FloatArray, rotations, vectors
+from .._maps.registry import map_of
+from .._runs.replacing import kind_of
+from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, body_classes, flag, usage_error
+from .work import checking, reading
 
-TRAJECTORIES = 65_536
-_GROUPS = {
-    "picture": ("picture",),
-    "3D": ("I1", "I2", "I13", "I23"),
-    "mass tensor": ("inertia",),
-    "inertia tensor": ("inertia_tensor",),
-    "nD": ("J", "I"),
-}
-# Random starts fill the square |Omega1|, |Omega2| <= EXTENT.
-EXTENT = 2.0
+# The head of a column in a .csv file; "nan" and "inf" are numbers, which are refused as such.
+_HEAD = r"(?!(nan|inf|infinity)$)[A-Za-zΩ_][\wΩ ]*"
 
 
-def add_body_to(parser: argparse.ArgumentParser) -> None:
-    """Add the options that describe the body."""
-    body = parser.add_argument_group(
-        "body (a picture of the paper, or all parameters and a step size)"
-    )
-    body.add_argument("--picture", metavar="1..4", help="body and step size of a picture (1)")
-    body.add_argument("--I1", type=positive, help="moment of inertia")
-    body.add_argument("--I2", type=positive, help="moment of inertia")
-    body.add_argument("--I13", type=number, help="product of inertia")
-    body.add_argument("--I23", type=number, help="product of inertia")
-    body.add_argument(
-        "--inertia-tensor",
-        type=Path,
-        metavar="FILE",
-        help="in three dimensions: the 3 x 3 inertia tensor in any basis, .npy or .csv",
-    )
-    body.add_argument("--J", type=numbers, metavar="J1,J2,...", help="in n dimensions: I_ii + I_nn")
-    body.add_argument("--I", type=numbers, metavar="I1,I2,...", help="in n dimensions: I_in")
-    body.add_argument(
-        "--inertia",
-        type=Path,
-        metavar="FILE",
-        help=(
-            "in n dimensions: the n x n mass tensor in any basis, the I of M = I Omega + Omega I "
-            "with the second moments of mass, .npy or .csv; for n = 3 it is not the inertia tensor "
-            "T but trace(T)/2 - T"
-        ),
-    )
-    body.add_argument(
-        "--axis",
-        type=numbers,
-        metavar="A1,A2,...",
-        help="with one of the two matrices: the axis of the constraint, in its basis (the last)",
-    )
-    body.add_argument("--eps", type=number, help="step size (that of the picture)")
+class Problem(NamedTuple):
+    """A body, a step size, and the rotation to the adapted basis if a tensor was given."""
+
+    body: Any
+    eps: float
+    rotation: FloatArray | None
 
 
-def add_batch_to(parser: argparse.ArgumentParser) -> Any:
-    """Add the options that describe the batch."""
-    batch = parser.add_argument_group("batch")
-    batch.add_argument(
-        "--trajectories", type=integer(1), metavar="N", help=f"random starts ({TRAJECTORIES})"
-    )
-    batch.add_argument("--seed", type=integer(0), help="of the random starts (0)")
-    batch.add_argument(
-        "--initial", type=Path, metavar="FILE", help="starts from a .npy or .csv, a row for each"
-    )
-    return batch
+def problem_of(options: argparse.Namespace, eps_of_pictures: float | None = None) -> Problem:
+    """Return the problem that options describe.
 
-
-def problem_of(options: argparse.Namespace) -> tuple[Body, float, FloatArray | None]:
-    """The body, the step size, and the rotation to the adapted basis unless it was given so."""
+    The step size is that of the picture, or `eps_of_pictures`, unless the body is the user's own.
+    """
     given = {
-        group: [_option(name) for name in names if getattr(options, name) is not None]
-        for group, names in _GROUPS.items()
+        name: getattr(options, name)
+        for kind in body_classes()
+        for name in kind._names()
+        if getattr(options, name) is not None
     }
-    chosen = [group for group, names in given.items() if names]
-    if len(chosen) > 1:
-        both = " and ".join(given[group][0] for group in chosen)
-        raise UserError(f"expected one body, got {both}")
-    if options.axis is not None and not {"mass tensor", "inertia tensor"} & set(chosen):
-        raise UserError("expected --axis only with --inertia or --inertia-tensor, got it alone")
-    if chosen in ([], ["picture"]):
-        choice = options.picture or "1"
-        if choice not in map(str, PICTURES):
-            raise UserError(f"argument --picture: expected 1, 2, 3 or 4, got {choice!r}")
-        picture = PICTURES[int(choice)]
-        return picture.body, picture.eps if options.eps is None else options.eps, None
-    needed = (*_GROUPS[chosen[0]], "eps")
-    missing = [_option(name) for name in needed if getattr(options, name) is None]
-    if missing:
-        wanted = " ".join(map(_option, needed))
-        raise UserError(f"expected all of {wanted} or none, got no {' '.join(missing)}")
-    body, rotation = _body(options, chosen[0])
-    return body, options.eps, rotation
+    tensors = [name for name in ("inertia", "mass_tensor") if getattr(options, name) is not None]
+    sources = [*tensors, *(["picture"] if options.picture else [])]
+    if len(sources) > 1:
+        raise usage_error(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
+    if options.axis is not None and not tensors:
+        raise usage_error("expected --axis only with --inertia or --mass-tensor, got it alone")
+    base, rotation = None, None
+    if tensors:
+        base, rotation = _of_tensor(options, tensors[0])
+    elif sources or not given:
+        picture = PICTURES[options.picture or DEFAULT_PICTURE]
+        base = picture.body
+        if options.eps is None:
+            options.eps = eps_of_pictures or picture.eps
+    body = _of_parameters(base, given)
+    if options.eps is None:
+        raise usage_error(
+            "expected a step size with a body of your own, got none; write --eps 0.1, for example"
+        )
+    return Problem(body, options.eps, rotation)
 
 
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
+def _of_parameters(base: Any, given: dict[str, Any]) -> Any:
+    """Return the first body that has the parameters that are given, others being those of a base.
+
+    It has all parameters of the base, but for those that may be left out.
+    """
+    if not given:
+        return base
+    needed = given.keys() | (set() if base is None else _required(type(base)))
+    values = {**({} if base is None else base._values), **given}
+    kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
+    if not kinds:
+        received = " ".join(flag(name) for name in sorted(needed))
+        raise usage_error(f"expected the parameters of one body, got {received}")
+    for kind in kinds:
+        if _required(kind) <= values.keys():
+            own = {name: values[name] for name in kind._names() if name in values}
+            with checking("parameters of the body"):
+                return kind(**own)
+    names = [name for name in kinds[0]._names() if name in _required(kinds[0])]
+    wanted = " ".join(map(flag, names))
+    missing = " ".join(flag(name) for name in names if name not in values)
+    hint = "; --picture N takes them from a picture" if kinds[0] is Suslov3D else ""
+    raise usage_error(f"expected all of {wanted}, got no {missing}{hint}")
 
 
-def _body(options: argparse.Namespace, group: str) -> tuple[Body, FloatArray | None]:
-    if group in ("3D", "nD"):
-        parameters = [getattr(options, name) for name in _GROUPS[group]]
+def _required(kind: Any) -> set[str]:
+    return set(kind._names()) - set(kind._optional())
+
+
+def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray | None]:
+    source = getattr(options, name)
+    if isinstance(source, list):
+        if len(source) != 6:
+            raise usage_error(
+                "argument --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the name of a "
+                f".npy or .csv file, got {len(source)} numbers"
+            )
+        xx, yy, zz, xy, xz, yz = source
+        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        errors = checking("argument --inertia")
+    else:
+        matrix, errors = read_matrix(source), reading(source)
+    with errors:
+        if name == "mass_tensor":
+            body, rotation = SuslovND.from_mass_tensor(matrix, options.axis)
+        else:
+            axis = [0.0, 0.0, 1.0] if options.axis is None else options.axis
+            body, rotation = Suslov3D.from_inertia(matrix, axis)  # type: ignore[assignment]
+    identity = (rotation == np.eye(len(rotation))).all()
+    return body, None if identity else rotation
+
+
+def starts_of(options: argparse.Namespace, body: Any) -> Any:
+    """Return the starts: an array, `RandomStarts`, or the name of a .npy file to read in parts."""
+    random = [
+        name for name in ("trajectories", "seed", "extent") if getattr(options, name) is not None
+    ]
+    sources = [name for name in ("omega0", "initial") if getattr(options, name) is not None]
+    if len(sources + random[:1]) > 1:
+        first, second = (sources + random)[:2]
+        raise usage_error(f"expected either {flag(first)} or {flag(second)}, got both")
+    if options.omega0 is not None:
+        return np.array([start_of(row, body) for row in options.omega0])
+    if options.initial is not None:
+        return options.initial
+    from .._ensemble.starts import RandomStarts
+
+    count = options.trajectories or TRAJECTORIES
+    return RandomStarts(count, options.extent or EXTENT, options.seed or 0)
+
+
+def start_of(row: list[float], body: Any) -> list[float]:
+    """Return a start with as many components as the body has."""
+    names = map_of(body).components(body)
+    if len(row) != len(names):
+        raise usage_error(
+            f"argument --omega0: expected {len(names)} numbers, {', '.join(names)}, got {len(row)}"
+        )
+    return row
+
+
+def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
+    """Return the orientation at the start, if one is given."""
+    source = options.orientation
+    if not isinstance(source, list):
+        if source is None:
+            return None
+        with reading(source):
+            return rotations("orientation", read_matrix(source), n)
+    if len(source) != 3 or n != 3:
+        raise usage_error(
+            "argument --orientation: expected a rotation vector of three numbers for a "
+            f"three-dimensional body, or the name of a .npy or .csv file, got {len(source)} "
+            f"numbers for n = {n}"
+        )
+    from scipy.spatial.transform import Rotation
+
+    matrix: FloatArray = Rotation.from_rotvec(source, degrees=True).as_matrix()
+    return matrix
+
+
+def read_states(path: Path, dimension: int) -> FloatArray:
+    """Read angular velocities from a .npy or .csv file, a column for each component."""
+    with reading(path):
+        table = _read_table(path)
+        if not table.size:
+            raise ValueError("expected at least one state, got none")
+        if table.ndim != 2:
+            raise ValueError(f"expected {dimension} columns, got an array of shape {table.shape}")
+        return vectors("states", table, dimension)
+
+
+def read_matrix(path: Path) -> FloatArray:
+    """Read a square matrix from a .npy or .csv file."""
+    with reading(path):
+        table = _read_table(path)
+        if table.ndim != 2 or table.shape[0] != table.shape[1]:
+            raise ValueError(f"expected an n x n matrix, got an array of shape {table.shape}")
+    return table
+
+
+def _read_table(path: Path) -> FloatArray:
+    suffix = path.suffix.lower()
+    if suffix not in (".npy", ".csv"):
+        raise ValueError(f"expected a .npy or .csv file, got {suffix or 'no suffix'!r}")
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        raise ValueError(f"expected a readable file, got {kind_of(mode)}")
+    if suffix == ".npy":
         try:
-            return (Suslov3D if group == "3D" else SuslovND)(*parameters), None
-        except ValueError as error:
-            raise UserError(f"arguments of the body: {error}") from error
-    path = options.inertia or options.inertia_tensor
-    matrix = read_matrix(path)
-    with named(path):
-        if group == "mass tensor":
-            return SuslovND.from_mass_tensor(matrix, options.axis)
-        axis = [0.0, 0.0, 1.0] if options.axis is None else options.axis
-        return Suslov3D.from_inertia(matrix, axis)
-
-
-def starts_of(options: argparse.Namespace, body: Body) -> FloatArray:
-    """The states 0, one for each trajectory."""
-    if options.initial is None:
-        count = options.trajectories or TRAJECTORIES
-        _require_memory(count, body, options)
-        return RandomStarts(count, EXTENT, options.seed or 0).states(count, 0, body.dimension)
-    for name in ("trajectories", "seed"):
-        if getattr(options, name) is not None:
-            raise UserError(f"expected either --initial or --{name}, got both")
-    states = read_states(options.initial, body.dimension)
-    _require_memory(len(states), body, options)
-    return states
-
-
-def _require_memory(count: int, body: Body, options: argparse.Namespace) -> None:
-    """Refuse a batch that no memory holds, rather than be killed in the middle."""
-    saved = 1 if options.save_every is None else options.steps // options.save_every + 1
-    numbers_each = body.dimension + ((body.dimension + 1) ** 2 if options.attitude else 0)
-    needed = 8 * numbers_each * count * (saved + 8)
-    try:
-        require(needed, "raise --save-every or lower --trajectories")
-    except MemoryError as error:
-        raise UserError(str(error)) from error
+            table: FloatArray = np.load(path, allow_pickle=False)
+            return table
+        except OSError:
+            raise
+        except Exception as error:  # depends on how the file is damaged
+            raise ValueError(f"expected a .npy file that numpy.save wrote, got: {error}") from error
+    with open(path, encoding="utf-8-sig") as file:  # spreadsheets begin files with a mark
+        header = [cell.strip() for cell in file.readline().split(",")]
+        if not all(re.fullmatch(_HEAD, cell) for cell in header) or len(header) < 2:
+            file.seek(0)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*input contained no data")
+            return np.loadtxt(file, delimiter=",", ndmin=2)

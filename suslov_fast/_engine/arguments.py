@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, common_shape, instance, real_number, rotations, states
+from .._checks import FloatArray, aligned, common_shape, instance, real_number, rotations, states
 
 Body = Suslov3D | SuslovND
 
@@ -20,27 +20,29 @@ def check(
     dimension: int | None = None,
     orientations: dict[str, ArrayLike] | None = None,
     later: bool = False,
+    kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
 ) -> tuple[list[Any], tuple[int, ...]]:
     """All arguments as arrays, in the order given, and the batch shape they broadcast to.
 
-    Single numbers become floats. States have the dimension of the body, unless another is asked
-    for, which only three-dimensional bodies have. They may be NaN: no such state. With `later`,
+    Single numbers become floats. The body is one of `kinds`. States have the dimension of the
+    body, unless another is asked for. They may be NaN: no such state. With `later`,
     infinite ones among many are left to who reads them.
     """
-    instance("body", body, Suslov3D if dimension else (Suslov3D, SuslovND))
+    instance("body", body, kinds)
     size = dimension or body.dimension
     arrays: list[Any] = []
     shapes = {"body": body.shape}
-    for name, value in given.items():
-        arrays.append(array := states(name, value, size, later))
+    values = aligned({**given, **(numbers or {}), **(orientations or {})})
+    for name in given:
+        arrays.append(array := states(name, values[name], size, later))
         shapes[name] = array.shape[:-1]
     if numbers:
-        for name, value in numbers.items():
-            arrays.append(number := real_number(name, value))
+        for name in numbers:
+            arrays.append(number := real_number(name, values[name]))
             shapes[name] = () if isinstance(number, float) else number.shape
     if orientations:
-        for name, value in orientations.items():
-            arrays.append(array := rotations(name, value, body.dimension + 1))
+        for name in orientations:
+            arrays.append(array := rotations(name, values[name], body.dimension + 1))
             shapes[name] = array.shape[:-2]
     return arrays, common_shape(shapes)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from typing import TypeAlias
 
 import numba
@@ -11,19 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._core.codes import NEEDS_ELIMINATION, NOT_COMPUTED
-from .._core.cpu import map_nd
-from .._core.cpu.elimination import matrix_shape
-from .._core.cpu.vector import VECTOR
+from .._kernels import map_nd
+from .._kernels.codes import NEEDS_ELIMINATION, NOT_COMPUTED
+from .._kernels.elimination import WIDTH
 from . import threads
-from .problem import Outcome, Part, Problem, check_computed, never, not_computed, worst
+from .problem import Outcome, Problem, check_computed, never, not_computed, worst
 
-_ALL = np.empty(0, np.int64)
-# Numbers, and rows of a matrix, between what tasks work in: the processor fetches ahead, also what
-# another thread writes, which slows both (measured with 0 to 4,096 numbers and 0 to 300 rows).
-_AHEAD = 4096, 40
-# To work in: for all, for elimination, and for orientations, as `map_nd.iterate` takes it.
-_Room: TypeAlias = tuple[tuple[FloatArray, ...], FloatArray | None, tuple[FloatArray, ...] | None]
+_Turning: TypeAlias = tuple[FloatArray, ...] | None
+# Lanes of a block are a multiple of this: whole vectors.
+_VECTOR = 8
 
 
 def run(problem: Problem) -> Outcome:
@@ -32,131 +26,105 @@ def run(problem: Problem) -> Outcome:
     Raises
     ------
     MemoryError
-        If there is no room to work in.
+        If there is no room for elimination where that is needed.
     """
-    run = _Run(problem)
-    for part in problem.parts(run.work, map_nd.block_size(problem.omega.shape[1])):
-        run.compute(part)
-    return run.outcome()
-
-
-class _Run:
-    """The arrays of a run."""
-
-    def __init__(self, problem: Problem) -> None:
-        size, m = problem.omega.shape
-        gauss = problem.method == "gauss"
-        # The O(n) step may have to eliminate each time: then the first part takes some 0.3 s.
-        self.work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
-        self.problem = problem
-        # Trajectories of the blocks that threads share out.
-        self.shared = min(map_nd.block_size(m), map_nd.SHARED)
-        self.method = map_nd.GAUSS if gauss else map_nd.RANK2
-        self.bodies = (*problem.parameters, problem.time_step)  # as `map_nd.Bodies`
-        self.saved = (problem.saved, problem.turns)  # as `map_nd.Saved`
-        self.kept = _kept(problem)
-        # Few trajectories need elimination, which takes long to compile and much room: without
-        # orientations, which are turned in place, they are computed anew.
-        self.rooms = self._room(size, gauss or problem.orientation is not None)
-
-    def _room(self, size: int, eliminates: bool) -> _Room:
-        """Room for so many trajectories, as much as threads can use at once."""
-        m, blocks = self.problem.omega.shape[1], -(-size // self.shared)
-        tasks = min(self.problem.threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
-        groups = -(-min(map_nd.block_size(m), max(size, 1)) // VECTOR)
-        numbers, rows = _AHEAD if tasks > 1 else (0, 0)
-        shapes: list[tuple[int, ...]] = [
-            (tasks, (groups * m + VECTOR) * map_nd.CELL + numbers),
-            (tasks, groups * map_nd.GROUP + numbers),
-            (tasks, groups * VECTOR * m + VECTOR + numbers),
-        ]
-        if eliminates:
-            height, *row = matrix_shape(m)
-            shapes.append((tasks, height + rows, *row))
-        if self.problem.orientation is not None:
-            shapes += [(tasks, groups * VECTOR, m), (tasks, 2 * m + 4, m + 1)]
-        cells, sums, tile, *others = _arrays(*shapes)
-        return (
-            (cells, sums, tile),
-            others[0] if eliminates else None,
-            None if self.problem.orientation is None else tuple(others[1:]),
-        )
-
-    def compute(self, part: Part) -> None:
-        status = self.kept.status[part.begin : part.end]
-        if part.start:  # else they are new
-            status[self.kept.failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
-        self._call(part, _ALL, self.rooms)
-        if worst(status) == NEEDS_ELIMINATION:
-            left = np.flatnonzero(status == NEEDS_ELIMINATION)
-            status[left] = NOT_COMPUTED
-            rooms = self._room(left.size, True)
-            self._call(part._replace(begin=0, end=left.size), left + part.begin, rooms)
-        check_computed(status)
-
-    def _call(self, part: Part, chosen: NDArray[np.intp], rooms: _Room) -> None:
-        every, first_row = self.problem.every, self.problem.first_row
+    size, m = problem.omega.shape
+    gauss = problem.method == "gauss"
+    # Every step in O(n) may need elimination: then the first part takes some 0.3 s.
+    work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
+    final, status, failed_at, state, exponent = kept = _kept(problem)
+    tasks, lanes = _tasks_and_lanes(size, problem.threads)
+    columns, turning = _turning(problem, tasks, lanes)
+    pairs = m + m % 2
+    body = (lanes,) if max(len(each) for each in problem.parameters[:2]) > 1 else ()
+    room = (
+        np.empty((tasks, 2, pairs, *body)),
+        np.empty((tasks, 2, pairs, lanes)),
+        *_matrices(tasks, m, gauss),
+    )
+    for part in problem.parts(work, map_nd.LANES):
+        own = status[part.begin : part.end]
+        if part.start:  # else all of them are new
+            own[failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
         threads.run(
             map_nd.iterate,
-            part.work(self.shared, self.work),
-            self.problem.threads,
-            self.method,
-            self.bodies,
-            self.problem.omega,
-            (chosen, *part, every, first_row),
-            self.saved,
-            tuple(self.kept),
-            *rooms,
+            part.work(map_nd.LANES, work),
+            problem.threads,
+            gauss,
+            (*problem.parameters, problem.omega),
+            (*part, problem.every, problem.first_row),
+            problem.saved,
+            turning,
+            kept,
+            room,
         )
+        if worst(own) == NEEDS_ELIMINATION:
+            raise MemoryError(_no_room(m, tasks))
+        check_computed(own)
+    resume: dict[str, NDArray[np.generic]] = {
+        "state": state,
+        "exponent": exponent,
+        "status": status,
+        "failed_at": failed_at,
+    }
+    if columns is not None:
+        resume["columns"] = columns
+        if len(problem.turns) and not len(problem.saved):
+            problem.turns[-1] = columns.swapaxes(1, 2)
+    return Outcome(final, status, failed_at, resume)
 
-    def outcome(self) -> Outcome:
-        kept = self.kept
-        resume = {name: getattr(kept, name) for name in _names(self.problem)}
-        if len(self.problem.turns) and not len(self.problem.saved):
-            self.problem.turns[-1] = kept.columns.swapaxes(1, 2)
-        return Outcome(kept.final, kept.status, kept.failed_at, resume)
+
+def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
+    """How many tasks share the trajectories, and how many lanes their blocks have."""
+    blocks = max(-(-size // map_nd.LANES), 1)
+    tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
+    # Of several tasks each has as many blocks, and these about the same size.
+    blocks = -(-blocks // tasks) * tasks
+    lanes = -(-max(size, 1) // (blocks * _VECTOR)) * _VECTOR
+    return tasks, lanes
 
 
-def _names(problem: Problem) -> list[str]:
-    """What a run is gone on with from."""
-    turning = ["columns"] if problem.orientation is not None else []
-    return ["state", "exponent", "status", "failed_at", *turning]
-
-
-def _kept(problem: Problem) -> map_nd.Kept:
-    """What a run writes, with what it goes on from, which stays as it is."""
+def _kept(problem: Problem) -> tuple[NDArray[np.generic], ...]:
+    """What a run writes: final, status, failed_at, state, exponent; it begins with copies."""
     size, m = problem.omega.shape
-    # In one piece: of several, glibc gives memory back at the end of each call, and to get it anew
-    # takes as long as some steps.
-    state, *last = np.empty((1 if problem.saves_last else 2, size, m))
-    kept = map_nd.Kept(
-        final=last[0] if last else problem.saved[-1],
-        status=not_computed(size),
-        failed_at=never(size).copy(),
-        state=state,
-        exponent=np.empty(size),
-        columns=(
-            np.empty((0, m + 1, m + 1))
-            if problem.orientation is None
-            else np.ascontiguousarray(problem.orientation.swapaxes(1, 2))
-        ),
-    )
-    if not problem.start:
-        return kept
-    return kept._replace(**{name: problem.resume[name].copy() for name in _names(problem)})
+    final = problem.saved[-1] if problem.saves_last else np.empty((size, m))
+    if problem.start:
+        before = problem.resume
+        names = "status", "failed_at", "state", "exponent"
+        return (final, *(before[name].copy() for name in names))
+    return final, not_computed(size), never(size).copy(), np.empty((size, m)), np.empty(size)
 
 
-def _arrays(*shapes: tuple[int, ...]) -> Iterator[FloatArray]:
-    """Arrays of zeros on cache lines: a vector across two lines costs a quarter and more."""
-    sizes = [-(-math.prod(shape) // VECTOR) * VECTOR for shape in shapes]
+def _turning(problem: Problem, tasks: int, lanes: int) -> tuple[FloatArray | None, _Turning]:
+    """The transposed orientations, which a run turns in place, and the argument of kernels."""
+    if problem.orientation is None:
+        return None, None
+    m = problem.omega.shape[1]
+    if problem.start:
+        columns = problem.resume["columns"].copy()
+    else:
+        columns = problem.orientation.swapaxes(1, 2).copy()
+    room = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
+    return columns, (problem.time_step, columns, problem.turns, *room)
+
+
+def _matrices(tasks: int, m: int, needed: bool) -> tuple[FloatArray, FloatArray]:
+    """Room for elimination; empty where there is none and O(n) steps can do without.
+
+    The system gives memory when it is first written to: what is not used costs nothing.
+    """
+    width = WIDTH // (1 + (m > 16) + 2 * (m > 64))  # so that most of a matrix stays in the caches
     try:
-        buffer = np.zeros(sum(sizes) + VECTOR)
+        return np.empty((tasks, m, m + 1, width)), np.empty((tasks, 2, m + 1, width))
     except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
-        raise MemoryError(
-            f"expected {8 * sum(sizes):.3g} bytes to work in, which there are not; most of it is "
-            "room for elimination: use method='rank2', fewer threads, or shorter steps"
-        ) from error
-    begin = -(buffer.ctypes.data // buffer.itemsize) % VECTOR
-    for shape, size in zip(shapes, sizes, strict=True):
-        yield np.ndarray(shape, np.float64, buffer, buffer.itemsize * begin)
-        begin += size
+        if needed:
+            raise MemoryError(_no_room(m, tasks)) from error
+        return np.empty((tasks, 0, 1, width)), np.empty((tasks, 2, 1, width))
+
+
+def _no_room(m: int, tasks: int) -> str:
+    size = 8.0 * tasks * m * (m + 1) * _VECTOR
+    return (
+        f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
+        "use method='rank2', fewer threads, or shorter steps"
+    )

@@ -5,25 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._core import codes
-from .._core.cpu import closed_form, reduced_nd
-from .._core.cpu.orbits import WIDTH
-from .._core.cpu.seeds import GROUP
-from .._core.cpu.vector import VECTOR, aligned
-from . import closed_form as closed
-from . import iterate_3d, iterate_nd, threads
+from .._kernels import codes, reduction
+from . import iterate_3d, iterate_nd, jump, threads
 from .layout import for_kernel
-from .problem import Outcome, Problem, check_computed, never, worst
+from .problem import Outcome, Problem
 from .progress import reporter
 
 _NO_STATES, _NO_TURNS = np.empty((0, 0, 2)), np.empty((0, 0, 3, 3))
-# Numbers of states that are held beside the result at a time.
-_TOGETHER = 2**20
+# Numbers of 3D states that are held at a time, and their rows, if there are as many.
+_TOGETHER, _ROWS = 2**20, 2**12
+# What reducing a trajectory costs, in steps of the 3D map.
+_REDUCING = 30
 
 
 def run(problem: Problem) -> Outcome:
@@ -31,7 +27,7 @@ def run(problem: Problem) -> Outcome:
 
     A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
     """
-    if not (problem.size and iterate_3d.jumps(problem)):
+    if not (problem.size and jump.jumps(problem)):
         return iterate_nd.run(problem)
     solved = _solved(problem)
     if not solved.any():
@@ -126,123 +122,69 @@ class _Reduced:
     def __init__(self, problem: Problem) -> None:
         size, m = problem.omega.shape
         self.problem = problem
-        # One array: the system gives new memory for each large one, and takes it back.
-        numbers = np.empty((7 + 2 * m, size))
-        self.given, state = numbers[:5], numbers[5:7].reshape(size, 2)
-        self.along = numbers[7 : 7 + m].reshape(size, m)
-        self.across = numbers[7 + m :].reshape(size, m)
+        numbers, state = np.empty((size, 5)), np.empty((size, 2))
+        self.along, self.across = np.empty((size, m)), np.empty((size, m))
         self.fits = np.empty(size, np.bool_)
         threads.run(
-            reduced_nd.reduce,
-            size * (closed_form.ENTERING + 8 * m) if size > 1 else 0,
+            reduction.reduce,
+            size * (_REDUCING + 8 * m),
             problem.threads,
-            *problem.parameters,
+            tuple(problem.parameters),
             problem.omega,
-            self.given,
+            numbers,
             state,
             self.along,
             self.across,
-            self.fits.view(np.int8),
-            _room(problem if size > VECTOR else None, reduced_nd.room_to_reduce(m)),
+            self.fits,
         )
-        self.three = Problem(
-            method=problem.method,
+        parameters = [for_kernel(each) for each in numbers.T]
+        self.three = replace(
+            problem,
             omega=state,
-            parameters=list(self.given),
-            time_step=self.given[4],
-            start=problem.start,
-            stop=problem.stop,
-            every=problem.every,
-            keeps=problem.keeps,
+            parameters=parameters,
+            time_step=parameters[4],
             saved=_NO_STATES,
             turns=_NO_TURNS,
-            threads=problem.threads,
+            resume={},
+            progress=None,
         )
 
     def run(self) -> Outcome:
         """As `iterate_3d.run`; all trajectories must fit."""
         problem = self.problem
-        if problem.omega.shape[1] == 2:
+        size, m = problem.omega.shape
+        if m == 2:
             return _done(problem, *iterate_3d.run(_in_three(problem))[:3])
-        size = problem.size
-        status, saved = np.full(size, codes.NOT_COMPUTED, np.int8), problem.saved
-        if len(saved):
-            self._fill(status)
-        if problem.saves_last:
-            final = saved[-1]
-        else:
-            last = iterate_3d.last(self.three, self.three.omega, problem.stop, status)
-            final = np.empty_like(problem.omega)
-            together = max(_TOGETHER // final.shape[1], 1)
-            for some in (slice(k, k + together) for k in range(0, size, together)):
-                final[some] = self._expanded(last[some], some)
-        check_computed(status)
-        failed_at = never(size)
-        if worst(status) < 0:
-            failed_at = failed_at.copy()
-            unsafe = np.flatnonzero(status < 0)
-            together = max(_TOGETHER // (problem.omega.shape[1] * (len(saved) + 1)), 1)
-            for first in range(0, unsafe.size, together):
-                few = unsafe[first : first + together]
-                rows = np.empty((len(saved), few.size, 2))
-                three = replace(self.three.some(few, problem.stop, rows), start=problem.start)
-                last, status[few], failed_at[few], _ = iterate_3d.run(three)
-                final[few] = self._expanded(last, few)
-                if len(saved):
-                    saved[:, few] = self._expanded(rows, few)
-        if len(saved) and problem.start == 0:
-            saved[0] = problem.omega
+        final = np.empty((size, m))
+        status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
+        rows = len(problem.saved)
+        lanes = max(_TOGETHER // (2 * min(max(rows, 1), _ROWS)), 1)
+        for begin in range(0, size, lanes):
+            some = np.arange(begin, min(begin + lanes, size))
+            end = begin + some.size
+            height = max(_TOGETHER // (2 * some.size), 1)
+            for row in range(0, max(rows, 1), height):
+                three = self._part(some, row, min(row + height, rows))
+                last, status[begin:end], failed_at[begin:end], _ = iterate_3d.run(three)
+                if rows:
+                    self._expand(three.saved, problem.saved[row : row + len(three.saved)], begin)
+            self._expand(last[np.newaxis], final[np.newaxis], begin)
+        if rows and problem.start == 0:
+            first = problem.saved[0]
+            np.copyto(first, problem.omega, where=failed_at[:, np.newaxis] != 0)
         return _done(problem, final, status, failed_at)
 
-    def _expanded(self, state: FloatArray, some: NDArray[np.intp] | slice) -> FloatArray:
-        """States (..., m), from those of three dimensions; the same bits as those of `fill`."""
-        omega = self.along[some] * state[..., :1]
-        omega += self.across[some] * state[..., 1:]
-        return omega
+    def _part(self, some: NDArray[np.intp], row: int, end: int) -> Problem:
+        """The run in three dimensions of some trajectories, from a saved row to another."""
+        problem, before = self.problem, row + self.problem.first_row - 1
+        last = end == len(problem.saved)
+        stop = problem.stop if last else (end + problem.first_row - 1) * problem.every
+        saved = np.empty((end - row, some.size, 2))
+        start = before * problem.every if row else problem.start
+        return replace(self.three.some(some, stop, saved), start=start)
 
-    def _fill(self, status: NDArray[np.int8]) -> None:
-        """The saved states, where they are not beyond a pole."""
-        problem = self.problem
-        rows, size, m = problem.saved.shape
-        parallel = problem if size * rows > reduced_nd.STATES else None
-        room = _room(parallel, reduced_nd.room_to_fill(m))
-        missing = np.zeros((len(room), 2), np.int64)
-        for lanes, (begin, end) in _slices(size, rows, m):
-            threads.run(
-                reduced_nd.fill,
-                (lanes[1] - lanes[0]) * (closed_form.ENTERING + (end - begin) * (1 + m // 2)),
-                problem.threads,
-                self.given,
-                self.three.omega,
-                self.along,
-                self.across,
-                closed.NO_START,
-                (0.0, float(problem.every)),
-                lanes,
-                (problem.first_row + begin, problem.first_row + end, problem.first_row),
-                problem.saved,
-                status,
-                missing,
-                room,
-            )
-
-
-def _room(problem: Problem | None, length: int) -> FloatArray:
-    """So many numbers for each task of a run, or for a single one, on cache lines."""
-    tasks = 1 if problem is None else problem.threads or numba.get_num_threads()
-    length = -(-length // VECTOR) * VECTOR
-    room: FloatArray = aligned(tasks * length).reshape(tasks, length)
-    return room
-
-
-def _slices(size: int, rows: int, m: int) -> Iterator[tuple[closed.Range, closed.Range]]:
-    """Trajectories and saved states of each of the calls that a long one is cut into."""
-    most = max(4 * closed.SLICE // m, 1)
-    if size * rows <= most:
-        yield (0, size), (0, rows)
-        return
-    width = min(max(most // min(rows, reduced_nd.STATES), WIDTH), size)
-    height = max(most // max(width, 1), GROUP)
-    for lane in range(0, size, max(width, 1)):
-        for row in range(0, rows, height):
-            yield (lane, min(lane + width, size)), (row, min(row + height, rows))
+    def _expand(self, states: FloatArray, out: FloatArray, begin: int) -> None:
+        """Make states of some trajectories, of those of three dimensions."""
+        work = states.size * (1 + out.shape[-1] // 2)
+        arguments = for_kernel(states), self.along, self.across, for_kernel(out), begin
+        threads.run(reduction.expand, work, self.problem.threads, *arguments)

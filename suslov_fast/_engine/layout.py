@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._checks import FloatArray
+from .._checks import first_index as first_index
+from .._checks import spell as spell
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...]) -> FloatArray:
@@ -75,13 +76,3 @@ def checked_out(name: str, out: Any, shape: tuple[int, ...]) -> FloatArray:
     if not (out.flags.writeable and out.flags.aligned):
         raise ValueError(f"{name}: expected a writeable, aligned array, got one that is not")
     return out
-
-
-def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
-    """The index of the first element that is true."""
-    return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
-
-
-def spell(index: tuple[int, ...]) -> str:
-    """An index as users write it: `3`, `(1, 2)`, or `0` where there is only one."""
-    return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

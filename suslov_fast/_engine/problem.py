@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._core import codes
+from .._kernels import codes
 from .progress import Progress, reporter
 
 # What a part costs at first, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python

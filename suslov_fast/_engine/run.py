@@ -69,7 +69,7 @@ class Run:
 
     @property
     def rows(self) -> int:
-        """How many states of each trajectory are kept."""
+        """The number of states of each trajectory that are kept."""
         return 1 if self.save_every is None else self.steps // self.save_every + 1
 
     @property
@@ -79,7 +79,7 @@ class Run:
 
     @property
     def rows_before(self) -> int:
-        """How many of them were kept before."""
+        """The number of those that were kept before."""
         if self.save_every is None or self.start == 0:
             return 0
         return self.start // self.save_every + 1

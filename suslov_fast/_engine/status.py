@@ -1,14 +1,14 @@
-"""How a trajectory ended, and the warning and the error that say so."""
+"""The statuses of trajectories, and the warning of those that failed."""
 
 from __future__ import annotations
 
 from enum import IntEnum
 
-from .._core import codes
+from .._kernels import codes
 
 
 class Status(IntEnum):
-    """How a trajectory ended; negative means that it failed.
+    """The end of a trajectory: negative if it failed.
 
     Examples
     --------
@@ -24,7 +24,7 @@ class Status(IntEnum):
 
     @property
     def message(self) -> str:
-        """What the status means, as a sentence."""
+        """The meaning of the status, as a sentence."""
         return _MESSAGES[self]
 
 

@@ -1,18 +1,16 @@
-"""Which build of a loop runs, and on how many threads."""
+"""Run the serial or the parallel build of a kernel."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 import numba
-from numba.np.ufunc import parallel as numba_threads
 
 from .._checks import integer
-from .._core.jit import Loop
+from .._jit import Kernel
 
 # Lane-steps below which a call is serial. Measured on two cores: threads that are awake gain from
 # some 10,000 on, but less than 0.1 ms up to here, and one that sleeps may take 8 ms to wake.
@@ -38,31 +36,31 @@ def thread_count(threads: int | None) -> int | None:
     return count
 
 
-def run(loop: Loop, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a loop; `work` lane-steps decide between its two builds."""
+def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
+    """Call a kernel; `work` lane-steps decide between its two builds."""
     if (
         work < CROSSOVER
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
         or _owned()  # by a call that a signal has interrupted, whose handler this one is from
-        or not _parallel(loop, threads, arguments)
+        or not _parallel(kernel, threads, arguments)
     ):
-        loop.serial(*arguments)
+        kernel.serial(*arguments)
 
 
 # A handler of a signal may raise between any two lines here, but not before the first call of a
 # `finally`, which is one to C.
 
 
-def _parallel(loop: Loop, threads: int | None, arguments: tuple[Any, ...]) -> bool:
-    """Call the parallel build, unless another thread does so; whether it was called."""
+def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
+    """Call the parallel build and return True, or False where another thread is in one."""
     try:
         if not _one_at_a_time.acquire(blocking=False):
             return False
         if threads is None:
-            loop.parallel(*arguments)
+            kernel.parallel(*arguments)
         else:
-            _with_threads(loop, threads, arguments)
+            _with_threads(kernel, threads, arguments)
         return True
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
@@ -71,26 +69,17 @@ def _parallel(loop: Loop, threads: int | None, arguments: tuple[Any, ...]) -> bo
             pass
 
 
-def _with_threads(loop: Loop, threads: int, arguments: tuple[Any, ...]) -> None:
+def _with_threads(kernel: Kernel, threads: int, arguments: tuple[Any, ...]) -> None:
     before = numba.get_num_threads()
-    restore = _setter()
     try:
-        restore(threads)
-        loop.parallel(*arguments)
+        numba.set_num_threads(threads)
+        kernel.parallel(*arguments)
     finally:
-        restore(before)
-
-
-def _setter() -> Callable[[int], None]:
-    """Numba's own function in C behind `set_num_threads`, where it has it."""
-    setter: Callable[[int], None] = getattr(
-        numba_threads, "_set_num_threads", numba.set_num_threads
-    )
-    return setter
+        numba.set_num_threads(before)
 
 
 def _owned() -> bool:
-    """Whether this thread is in a parallel call."""
+    """Return True in a thread that is in a parallel call."""
     owned: bool = _one_at_a_time._is_owned()  # type: ignore[attr-defined]
     return owned
 

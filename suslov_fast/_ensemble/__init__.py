@@ -1,14 +1,13 @@
 """Runs larger than memory, longer than a process, wider than a machine.
 
-starts      where initial states come from
-plan        how a run is cut into tiles and segments
-identity    what makes two runs the same
-layout      the arrays of a store
-chunks      how one chunk is written and found whole
-pieces      what a segment computes, writes and marks
-reductions  what is kept along time instead of states
-local       this process: a tile on each thread
-settling    what outlives a power cut
-cluster     Dask workers
-lock, signals, meter   one writer at a time; stopping; progress
+api         `ensemble` and `open_ensemble`
+job         a run that is to be stored, checked, and its identity
+starts      sources of initial states
+plan        cutting a run into tiles of the batch and pieces along time
+record      what the next piece of a tile starts from
+compute     computing and writing a tile; the engine of this process
+workers     the engine of Dask
+reductions  quantities that are accumulated along time
+store       the Zarr store: created, lengthened, verified, opened
+control     one writer at a time; a request to stop
 """

@@ -1,37 +1,37 @@
-"""A run that is to be stored, checked; it goes to workers as it is."""
+"""A run that is to be stored: its checked arguments, its parts, its identity."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .._bodies.three import Suslov3D
-from .._checks import FloatArray
-from .._engine.arguments import Body
-from .._engine.iterate_3d import JUMP
+from .._bodies.base import Body
+from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
+from .._engine.run import numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
-from .._runs.schema import parameters_of
-from .plan import Plan, work_of
-from .starts import Slices, Source, own_part
+from .._runs.labelled import batch_names
+from .plan import Plan, Slices, plan_of, step_work
+from .reductions import checked
+from .starts import Source, described, own_part, source_of
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run and where it is stored; arguments as in `ensemble`, checked.
+    """A run and its store; arguments as in `ensemble`, checked. Workers receive it as it is.
 
     Attributes
     ----------
     source
-        Of states at step 0; None where these go along by themselves.
+        Initial states of the batch; None where a worker receives those of its tile apart.
     orientation
-        The orientations at step 0, which broadcast to the batch, or None.
+        Orientations at step 0, which broadcast to the batch, or None.
     """
 
-    body: Body
+    body: Any
     eps: FloatArray
     source: Source | None
     orientation: FloatArray | None
@@ -51,57 +51,132 @@ class Job:
 
     @property
     def keeps_states(self) -> bool:
-        """Whether states are stored, and not only what is made of them."""
-        return not self.reductions
+        """True if states are stored, and not only reductions of them."""
+        return self.save_every is not None or not self.reductions
 
     @property
-    def jumps(self) -> bool:
-        """Whether the last states come from the first in one go."""
-        return (
-            isinstance(self.body, Suslov3D)
-            and self.method == "auto"
-            and self.save_every is None
-            and self.orientation is None
-            and JUMP <= self.steps <= 2**53
-        )
+    def every(self) -> int | None:
+        """Stride of the states that are computed; where none is stored reductions look at all."""
+        return self.save_every if self.keeps_states else 1
 
     @property
-    def numbers(self) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """The step numbers of the states that are kept."""
-        if self.save_every is None:
-            return np.array([self.steps])
-        return np.arange(0, self.steps + 1, self.save_every)
-
-    @property
-    def chunk_bytes(self) -> int:
-        """What the states of one piece take, with their orientations."""
-        D = self.body.dimension
-        each = D + ((D + 1) ** 2 if self.orientation is not None else 0)
-        return 8 * each * self.plan.rows * math.prod(self.plan.tile)
-
-    def work(self, where: Slices) -> float:
-        """That of one step of a part of the batch, in steps of the 3D map."""
-        return work_of(self.body) * float(np.prod([each.stop - each.start for each in where]))
+    def numbers(self) -> NDArray[np.int64]:
+        """Step numbers of the stored states."""
+        return numbers_of_saved(self.steps, self.save_every)
 
     def starts(self, where: Slices) -> FloatArray:
-        """The states at step 0 of a part of the batch, which broadcast to it."""
+        """Return the initial states of a part of the batch, which broadcast to it."""
         assert self.source is not None
         return self.source.part(own_part(self.source.shape, where))
 
-    def of(self, where: Slices) -> Job:
-        """The same for a part of the batch, with its starts left where they are."""
-        kind = type(self.body).__name__
-        own = 0 if kind == "Suslov3D" else 1
-        parameters = []
-        for name in parameters_of(kind):
-            array = np.asarray(getattr(self.body, name))
-            parameters.append(array[own_part(array.shape[: array.ndim - own], where)])
-        orientation = self.orientation
-        if orientation is not None:
-            orientation = orientation[own_part(orientation.shape[:-2], where)]
-        return replace(
-            self,
-            body=type(self.body)(*parameters),
-            eps=self.eps[own_part(self.eps.shape, where)],
-            orientation=orientation,
+    def part(self, where: Slices) -> Job:
+        """Return the job of a part of the batch, with the source of the whole."""
+        own = self.body._own_axes
+        parameters = {
+            name: value[own_part(value.shape[: value.ndim - own], where)]
+            for name, value in parameters_of(self.body).items()
+        }
+        turned = self.orientation
+        if turned is not None:
+            turned = turned[own_part(turned.shape[:-2], where)]
+        eps = self.eps[own_part(self.eps.shape, where)]
+        return replace(self, body=type(self.body)(**parameters), eps=eps, orientation=turned)
+
+    def identity(self) -> dict[str, Any]:
+        """Return plain values that are equal where the results are, whatever the steps."""
+        from .. import __version__
+
+        assert self.source is not None
+        parameters = {name: described(value) for name, value in parameters_of(self.body).items()}
+        return {
+            "body": {"map": self.map.name, **parameters},
+            "eps": described(self.eps),
+            "omega0": self.source.identity(),
+            "batch": list(self.plan.batch),
+            "dims": list(self.dims),
+            "method": self.method,
+            "save_every": self.save_every,
+            "attitude": None if self.orientation is None else described(self.orientation),
+            "reductions": list(self.reductions),
+            "version": __version__,
+        }
+
+
+def parameters_of(body: Body) -> dict[str, FloatArray]:
+    """Return the parameters of a body that are set, as arrays."""
+    return {name: np.asarray(value) for name, value in body._values.items()}
+
+
+def job_of(
+    body: Any,
+    omega0: Any,
+    eps: Any,
+    steps: Any,
+    *,
+    store: Any,
+    save_every: Any,
+    method: Any,
+    attitude: Any,
+    reductions: Any,
+    dims: Any,
+    chunk: Any,
+    compression: Any,
+) -> Job:
+    """Check the arguments of `ensemble`; `store` is resolved already."""
+    methods = map_of(body).methods
+    source = source_of(omega0, body.dimension)
+    eps = real_array("eps", eps).copy()
+    side = body.dimension + 1
+    if isinstance(attitude, (bool, np.bool_)):
+        orientation = np.eye(side) if attitude else None
+    else:
+        orientation = rotations("attitude", attitude, side).copy()
+    turned = {} if orientation is None else {"attitude": orientation.shape[:-2]}
+    batch = common_shape({"body": body.shape, "omega0": source.shape, "eps": eps.shape, **turned})
+    steps = integer("steps", steps, 0, "an integer of at least 0")
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    one_of("method", method, methods)
+    names = checked(body, reductions)
+    if compression is not None:
+        one_of("compression", compression, ("lz4", "zstd"))
+    dims = batch_names(dims, len(batch))
+    state_bytes = 8 * (body.dimension + (0 if orientation is None else side * side))
+    every = 1 if names and save_every is None else save_every
+    rows = 1 if every is None else steps // every + 1
+    plan = plan_of(batch, dims, chunk, state_bytes, rows, steps * step_work(body.dimension))
+    return Job(
+        body,
+        eps,
+        source,
+        orientation,
+        steps,
+        save_every,
+        method,
+        names,
+        dims,
+        plan,
+        store,
+        compression,
+    )
+
+
+def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:
+    """Raise a ValueError that says what differs if the store holds another run."""
+    differing = [
+        f"{name} {_short(stored.get(name))} instead of {_short(asked[name])}"
+        for name in asked
+        if stored.get(name) != asked[name]
+    ]
+    if differing:
+        raise ValueError(
+            f"store: expected a new one or one that holds this run, got {store} of another run, "
+            f"with {'; '.join(differing)}"
         )
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_short(each)}" for name, each in value.items())
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,43 +1,40 @@
-"""What is kept along time instead of states."""
+"""Quantities that are accumulated along time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
 from .._checks import FloatArray
-from .._states.conserved import energy, first_integral, modified_energy
 from .._engine.arguments import Body
-
-# States (rows, ..., D) and the first ones (..., D) to one number, or vector, a trajectory.
-Reduce = Callable[[Body, FloatArray, FloatArray, FloatArray], FloatArray]
+from .._states.conserved import energy, first_integral, modified_energy
 
 
-@dataclass(frozen=True)
-class Reduction:
-    """One number, or vector, for each trajectory.
+class Reduction(NamedTuple):
+    """One number, or one for each component, of each trajectory.
 
     Attributes
     ----------
+    reduce
+        Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
     combine
-        Makes one of that of two stretches of time; twice the same stretch changes nothing.
+        Of the values of two stretches of time, that of both.
     """
 
     meaning: str
-    of_components: bool
-    reduce: Reduce
+    reduce: Callable[[Body, FloatArray, FloatArray, FloatArray], FloatArray]
     combine: Callable[[FloatArray, FloatArray], FloatArray]
+    of_components: bool = False
 
 
-def _drift(observable: Callable[..., FloatArray]) -> Reduce:
-    def reduce(body: Body, states: FloatArray, eps: FloatArray, first: FloatArray) -> FloatArray:
+def _drift(observable: Callable[[Body, FloatArray, FloatArray], FloatArray]) -> Any:
+    def reduce(body: Body, eps: FloatArray, states: FloatArray, first: FloatArray) -> FloatArray:
         begin = observable(body, first, eps)
         with np.errstate(all="ignore"):
-            # Nothing can be said where it vanishes.
+            # There is no relative change of 0.
             change = abs(observable(body, states, eps) / np.where(begin > 0, begin, np.nan) - 1.0)
         largest: FloatArray = np.fmax.reduce(change, axis=0)
         return largest
@@ -45,47 +42,38 @@ def _drift(observable: Callable[..., FloatArray]) -> Reduce:
     return reduce
 
 
-def _energy(body: Body, states: FloatArray, eps: FloatArray) -> FloatArray:
-    return energy(body, states)
-
-
-def _smallest(body: Body, states: FloatArray, eps: FloatArray, first: FloatArray) -> FloatArray:
-    smallest: FloatArray = np.fmin.reduce(states, axis=0)
-    return smallest
-
-
-def _largest(body: Body, states: FloatArray, eps: FloatArray, first: FloatArray) -> FloatArray:
-    largest: FloatArray = np.fmax.reduce(states, axis=0)
-    return largest
-
-
+_CHANGE = "largest relative change of {} since the start"
 REDUCTIONS = {
-    "first_integral_drift": Reduction(
-        "largest relative change of F since the start", False, _drift(first_integral), np.fmax
-    ),
+    "first_integral_drift": Reduction(_CHANGE.format("F"), _drift(first_integral), np.fmax),
     "modified_energy_drift": Reduction(
-        "largest relative change of the modified energy since the start",
-        False,
-        _drift(modified_energy),
-        np.fmax,
+        _CHANGE.format("the modified energy"), _drift(modified_energy), np.fmax
     ),
     "energy_drift": Reduction(
-        "largest relative change of the energy since the start", False, _drift(_energy), np.fmax
+        _CHANGE.format("the energy"), _drift(lambda body, omega, eps: energy(body, omega)), np.fmax
     ),
-    "omega_min": Reduction("least value of each component", True, _smallest, np.fmin),
-    "omega_max": Reduction("largest value of each component", True, _largest, np.fmax),
+    "omega_min": Reduction(
+        "least value of each component",
+        lambda body, eps, states, first: np.fmin.reduce(states, axis=0),
+        np.fmin,
+        of_components=True,
+    ),
+    "omega_max": Reduction(
+        "largest value of each component",
+        lambda body, eps, states, first: np.fmax.reduce(states, axis=0),
+        np.fmax,
+        of_components=True,
+    ),
 }
 
 
 def checked(body: Body, names: Any) -> tuple[str, ...]:
-    """The names of reductions, in one order; those that the body does not have are refused."""
+    """Return names of reductions in alphabetical order; refuse those that the body has not."""
     if names is None:
         return ()
     expected = f"names among {', '.join(REDUCTIONS)}"
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise TypeError(f"reductions: expected a list of {expected}, got {names!r}")
-    unknown = [name for name in names if name not in REDUCTIONS]
-    if unknown or not names:
+    if not names or any(name not in REDUCTIONS for name in names):
         raise ValueError(f"reductions: expected {expected}, got {names!r}")
     if "first_integral_drift" in names:
         try:
@@ -93,10 +81,3 @@ def checked(body: Body, names: Any) -> tuple[str, ...]:
         except NotIntegrableError as error:
             raise NotIntegrableError(f"reductions: {error}") from error
     return tuple(sorted(set(names)))
-
-
-def reduced(
-    names: Sequence[str], body: Body, eps: FloatArray, states: FloatArray, first: FloatArray
-) -> dict[str, FloatArray]:
-    """Each reduction of some states."""
-    return {name: REDUCTIONS[name].reduce(body, states, eps, first) for name in names}

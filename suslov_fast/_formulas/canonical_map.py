@@ -54,7 +54,7 @@ def has_subnormal_square(X):
 @formula
 def without_negligible(X, Z, c):
     """X, or 0 where it is next to the smallest normal number on its way to a fixed point."""
-    return select((abs(X) < NEGLIGIBLE) & (Z > c), 0.0, X)
+    return select((abs(X) < NEGLIGIBLE) & (c < Z), 0.0, X)
 
 
 @formula

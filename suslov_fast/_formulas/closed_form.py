@@ -1,4 +1,4 @@
-"""The n-th state of the 3D map, and the state of the flow at time t, without iterating.
+"""The n-th state of the 3D map, and the state of the flow at a time, without iterating.
 
 Section 4 of the paper, in forms that cancel nowhere: next to the line X = 0, next to t = 1 and on
 it. All is in the dimensionless coordinates (X, Y) of `coordinates`, and for n >= 0: the inverse map
@@ -20,11 +20,20 @@ exp(-2 K) for the ratio, and 1 for r and 1 + T elsewhere.
 log r is held as a sum of two numbers: n log r is large where an orbit comes from next to X = 0.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .._jit import formula, select, two_product
 from .canonical_map import ZERO_TO_ROUNDING
-from .coordinates import sum_of_ordered, two_sum
+from .coordinates import (
+    at_rest,
+    canonical_body,
+    canonical_state,
+    from_canonical,
+    sum_of_ordered,
+    two_sum,
+)
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
@@ -33,65 +42,78 @@ from .elementary import (
     halvings,
     is_integer,
     larger,
+    logarithm,
     logarithm_beyond,
     scaled,
     smaller,
     two_to_the,
+    within,
 )
 from .integrals import level
 
 # exp of less than this, times anything, is 0: so log r is where r = 0, whose power 0 is 1.
 NO_POWER = -1e5
-# Corrections of |Y| so much smaller than it are added to it without rounding the sum.
-SMALL_CORRECTION = 2.0**-8
 # |Y| beyond so many T is far from both limits, which only orbits with t > 1 can be.
 FAR_OUT = 1.5
 # Times in the unit of an orbit, and numbers of steps, that are as good as infinite: a step that
 # changes a state at all does so by 1e-150 of it.
 LONG_TIME = 2.0**900
+# Squares of larger X or Y leave the range of float64.
+LARGEST = 2.0**500
+# Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
+# states, which would leave the range of float64 in between.
+PART_OF_COEFFICIENTS = 300.0
+# A flow whose unit of time is farther from 1 than this power of two is out of range.
+LONGEST_UNIT = 960.0
 
 
-@formula
-def quotient(v, v_lost, w, w_lost):
-    """(v + v_lost) / (w + w_lost), and what rounding lost."""
-    q = v / w
-    back, back_lost = two_product(q, w)
-    return q, (((v - back) - back_lost) + (v_lost - q * w_lost)) / w
+class Orbit(NamedTuple):
+    """Time-independent data of an orbit.
+
+    omega = (a1 A + b1 B, a2 A + b2 B) 2**power, where A and B follow from
+    w_n = v 2**k r**(n - lag), or where h is not 0 from X_0 (1 + T) / (2 T) = g and Y_0 / T = h.
+
+    fate   one of the constants below, or 1 more than a real number next to which the number of a
+           state that does not exist may be.
+    """
+
+    a1: float
+    b1: float
+    a2: float
+    b2: float
+    power: float
+    v: float
+    k: float
+    lag: float
+    r: float
+    log_r: float
+    log_lost: float
+    g: float
+    h: float
+    fate: float
+
+
+# Fates of orbits: out of the range of float64, unknown because state 0 is NaN, at the point (0, 1)
+# that has no next state, below t = 1, and above it with no pole ahead.
+OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 0.5
+# What the coordinates of a state are beside these: it does not move.
+RESTS = 1.0
 
 
 @formula
 def level_in_two(size, correction, Y, lost, least):
-    """T or K, of which size is a rounded value, and size - |Y| is nearly `correction`.
+    """Return T or K as a sum, from its rounded value and a correction, nearly size - |Y|.
 
-    The sum is used where the correction is small beside `least`.
+    A correction that is less than half of `least` adds digits to |Y|.
     """
     more = correction + select(Y > 0.0, lost, -lost)
-    small = abs(correction) <= SMALL_CORRECTION * least
+    small = 2.0 * abs(correction) <= least
     return sum_of_ordered(select(small, abs(Y), size), select(small, more, 0.0))
 
 
 @formula
-def ratio_of_map(X, Y, lost):
-    """T and r of an orbit."""
-    T = level(X, Y)
-    # Both factors are of the order of 1 or smaller however large X and Y are.
-    below = 1.0 / (abs(X) + 1.0)
-    share = below / (1.0 + T)
-    above = (((1.0 - Y) - lost) * share) * (((1.0 + Y) + lost) * share)
-    return T, above / (below * below + 0.5 * (X * below) * (X * below))
-
-
-@formula
-def level_of_map(X, Y, lost, T, r):
-    """T as a sum of two numbers, from T, where that makes any difference."""
-    XT = X * (1.0 + T)
-    correction = 0.5 * r * XT * (XT / (T + abs(Y)))
-    return level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
-
-
-@formula
 def logarithm_of_ratio(T, T_lost, r):
-    """log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
+    """Return log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
     k = halvings(abs(r))
     d, d_lost = two_sum(1.0, -T)
     d, d_lost = sum_of_ordered(d, d_lost - T_lost)
@@ -100,14 +122,17 @@ def logarithm_of_ratio(T, T_lost, r):
     d, d_lost = select(near, r * (1.0 + T), d), select(near, 0.0, d_lost)
     s, s_lost = two_sum(1.0, T)
     s_lost = s_lost + T_lost
-    # r = 2**k m, and log m = 2 artanh((m - 1)/(m + 1)).
+    # r = 2**k m, and log m = 2 artanh(q), q = (m - 1)/(m + 1).
     scale = two_to_the(-k)
     scale = select(r < 0.0, -scale, scale)
     d, d_lost = scale * d, scale * d_lost
     above, lost = two_sum(d, -s)
     above, above_lost = two_sum(above, lost + (d_lost - s_lost))
     below, lost = two_sum(d, s)
-    q, q_lost = quotient(above, above_lost, below, lost + (d_lost + s_lost))
+    q = above / below
+    back, back_lost = two_product(q, below)
+    below_lost = lost + (d_lost + s_lost)
+    q_lost = (((above - back) - back_lost) + (above_lost - q * below_lost)) / below
     total, lost = sum_of_ordered(k * LN2_HIGH, 2.0 * q)
     lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
     high = total + lost
@@ -116,17 +141,8 @@ def logarithm_of_ratio(T, T_lost, r):
 
 
 @formula
-def level_of_flow(X, Y, lost):
-    """K as a sum of two numbers, X and Y being of the order of 1."""
-    size = abs(X) + abs(Y)
-    X1, Y1 = X / size, Y / size
-    K = size * np.sqrt(0.5 * X1 * X1 + Y1 * Y1)
-    return level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
-
-
-@formula
 def first_of_sequence(X, Y, T, one, lag):
-    """v and k, where w_lag = v 2**k, and the lag itself, 0 or the one given.
+    """Return v and k, where w_lag = v 2**k, and the lag itself, 0 or that of the argument.
 
     one   1 + T for the map, 1 for the flow.
     lag   1 for the map, whose r may be 0, and 0 for the flow.
@@ -141,45 +157,158 @@ def first_of_sequence(X, Y, T, one, lag):
 
 
 @formula
-def logarithm_of_power(power, log_r, log_lost):
-    """power log |r|, as a sum of two numbers."""
-    x, lost = two_product(power, log_r)
-    return x, lost + power * log_lost
+def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return X, Y and what rounding lost of Y, with back = -1 for the inverse map; the power of two
+    that the states have as a factor; that of time; and a fate or `RESTS`.
+    """
+    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
+    body = canonical_body(I1, I2, I13, I23)
+    own, inverse = eps * two_to_the(-power), two_to_the(-o)
+    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
+    factor = two_to_the(within(power + o, 1022.0))
+    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
+    rests = (X == 0.0) | at_rest(I13, I23, eps, X, Y)
+    kind = select(rests, select((1.0 - Y) - lost == 0.0, UNDEFINED, RESTS), REGULAR)
+    kind = select((abs(X) + abs(Y) < LARGEST) & (power + o < 1022.0), kind, OUT_OF_RANGE)
+    kind = select((I13 == 0.0) & (I23 == 0.0) | (eps == 0.0), RESTS, kind)
+    unknown = omega1 + omega2 != omega1 + omega2
+    return X, Y, lost, -power, 0.0, select(unknown, UNKNOWN, kind)
 
 
 @formula
-def power_of_logarithm(x, lost):
-    """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, x <= 0."""
+def coordinates_of_flow(back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return the same for the flow, in the unit of the orbit; eps is the unit of time."""
+    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
+    body = canonical_body(I1, I2, I13, I23)
+    own, inverse = eps * two_to_the(-power), two_to_the(-o)
+    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
+    e = exponent(larger(abs(X), abs(Y)))
+    factor, time = two_to_the(-e), power + o + e
+    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
+    kind = select(abs(time) < LONGEST_UNIT, REGULAR, OUT_OF_RANGE)
+    kind = select(X == 0.0, RESTS, kind)
+    unknown = omega1 + omega2 != omega1 + omega2
+    return X, Y, lost, o + e, time, select(unknown, UNKNOWN, kind)
+
+
+@formula
+def sequence_of_map(X, Y, lost, time, kind):
+    """Return T and the fields of an `Orbit` from v on."""
+    moves, supercritical = kind == REGULAR, abs(Y) >= 1.0
+    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
+    # Both factors of r are of the order of 1 or smaller however large X and Y are.
+    T = level(X, Y)
+    below = 1.0 / (abs(X) + 1.0)
+    share, X1, XT = below / (1.0 + T), X * below, X * (1.0 + T)
+    r = (((1.0 - Y) - lost) * share) * (((1.0 + Y) + lost) * share)
+    r = r / (below * below + 0.5 * X1 * X1)
+    sum_with_Y = T + abs(Y)
+    correction = 0.5 * r * XT * (XT / sum_with_Y)  # T - |Y|
+    T, T_lost = level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
+    log_r, log_lost = logarithm_of_ratio(T, T_lost, r)
+    v, k, lag = first_of_sequence(X, Y, T, 1.0 + T, 1.0)
+    far = (r <= 0.0) & (abs(Y) > FAR_OUT * T)
+    # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1. Where state
+    # n does not exist, r**(2 n) = (Y - T) / (Y + T).
+    ahead = (Y >= 1.0) & (r < 0.0)
+    q = select(ahead, -correction / sum_with_Y, 1.0)
+    pole = 0.5 * logarithm(q, 2.0 * (T / sum_with_Y)) / log_r
+    fate = select(supercritical, SUPERCRITICAL, REGULAR)
+    fate = select(moves | (kind == RESTS), fate, kind)
+    return (
+        T,
+        select(moves, v, 0.0),
+        select(moves, k, 0.0),
+        select(moves, lag, 0.0),
+        select(moves, r, 1.0),
+        select(moves, log_r, 0.0),
+        select(moves, log_lost, 0.0),
+        select(moves & far, 0.5 * X * (1.0 / T + 1.0), 0.0),
+        select(moves & far, Y / T, 0.0),
+        select(moves & ahead, 1.0 + pole, fate),
+    )
+
+
+@formula
+def sequence_of_flow(X, Y, lost, time, kind):
+    """Return K and the fields of an `Orbit` from v on."""
+    moves = kind == REGULAR
+    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
+    K = np.sqrt(0.5 * X * X + Y * Y)
+    K, K_lost = level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
+    v, k, _ = first_of_sequence(X, Y, K, 1.0, 0.0)
+    unit = -2.0 * two_to_the(within(time, LONGEST_UNIT))
+    return (
+        K,
+        select(moves, v, 0.0),
+        select(moves, k, 0.0),
+        0.0,
+        1.0,
+        select(moves, K * unit, 0.0),
+        select(moves, K_lost * unit, 0.0),
+        0.0,
+        0.0,
+        select(kind == RESTS, REGULAR, kind),
+    )
+
+
+@formula
+def coefficients(of_x, of_y, power, kind, back, I1, I2, I13, I23, eps, omega1, omega2):
+    """Return a1, b1, a2, b2 and power of an `Orbit` for which x is of_x A and y is of_y B."""
+    m11, m12, m21, m22 = from_canonical(I1, I2, I13, I23, eps * two_to_the(-exponent(eps)))
+    s = exponent(of_y)
+    power = power + s
+    own = within(power, PART_OF_COEFFICIENTS)
+    unit = two_to_the(own)
+    of_x, of_y = of_x * two_to_the(-s) * unit, back * of_y * two_to_the(-s) * unit
+    moves, ends = kind == REGULAR, kind < 0.0
+    a1, b1, a2, b2 = m11 * of_x, m12 * of_y, m21 * of_x, m22 * of_y
+    fits = abs(a1) + abs(a2) + abs(b1) + abs(b2) < LARGEST
+    ends = ends | moves & (~fits)
+    # A state that does not move is what its b alone makes.
+    return (
+        select(moves, a1, 0.0),
+        select(ends, np.nan, select(moves, b1, -omega1)),
+        select(moves, a2, 0.0),
+        select(ends, np.nan, select(moves, b2, -omega2)),
+        select(moves & fits, power - own, 0.0),
+    )
+
+
+@formula
+def power_of_ratio(n, r, log_r, log_lost):
+    """Return p, k and the sign s for which r**n = s (1 + p) 2**k, k an integer.
+
+    s is NaN where there is no such number: between two states of t >= 1.
+    """
+    x, lost = two_product(n, log_r)
+    lost = lost + n * log_lost
     endless = x < NO_POWER
-    return exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
+    p, k = exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
+    even = is_integer(0.5 * abs(n)) | (r >= 0.0)
+    exists = is_integer(abs(n)) | (r > 0.0)
+    return p, k, select(exists, select(even, 1.0, -1.0), np.nan)
 
 
 @formula
-def sign_of_power(power, r):
-    """The sign of r**power; NaN where there is no such number: between two states of t >= 1."""
-    even = is_integer(0.5 * abs(power)) | (r >= 0.0)
-    exists = is_integer(abs(power)) | (r > 0.0)
-    return select(exists, select(even, 1.0, -1.0), np.nan)
-
-
-@formula
-def growth(n, lag, r, log_r, log_lost, v, k):
-    """f and k for which w_n = f 2**k."""
-    p, halved = power_of_logarithm(*logarithm_of_power(n - lag, log_r, log_lost))
-    v = v * sign_of_power(n - lag, r)
-    return v + v * p, k + halved
+def growth(n, orbit):
+    """Return f and k for which w_n = f 2**k."""
+    steps = smaller(n, LONG_TIME) - orbit.lag
+    p, k, sign = power_of_ratio(steps, orbit.r, orbit.log_r, orbit.log_lost)
+    v = orbit.v * sign
+    return v + v * p, orbit.k + k
 
 
 @formula
 def square(w):
-    """w**2 beside a square of 1, where what is subnormal is slow and does not count."""
+    """Return w**2 beside a square of 1, where what is subnormal is slow and does not count."""
     w = select(abs(w) > 1e-100, w, 0.0)
     return w * w
 
 
 @formula
-def orbit_point(f, k, kappa):
-    """A and B of w = f 2**k, whatever its size; NaN at a pole."""
+def near_point(f, k, kappa):
+    """Return A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
     factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
@@ -192,23 +321,23 @@ def orbit_point(f, k, kappa):
 
 
 @formula
-def far_point(n, r, log_r, log_lost, g, h):
-    """A and B by the second form of the two, where g = X_0 (1 + T) / (2 T)."""
-    p, k = power_of_logarithm(*logarithm_of_power(n, log_r, log_lost))
-    power = scaled(1.0 + p, larger(k, -2000.0))
+def far_point(n, orbit):
+    """Return A and B by the second form of the two."""
+    p, k, sign = power_of_ratio(smaller(n, LONG_TIME), orbit.r, orbit.log_r, orbit.log_lost)
+    power, h = scaled(1.0 + p, larger(k, -2000.0)), orbit.h
     # Next to 1 its distance from 1 has digits that it lacks.
     rest = select(k == 0.0, -p, 1.0 - power)
     rest = rest * (2.0 - rest)
     R = square(power)
     D = (1.0 + R) - h * rest
     inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * ((1.0 + R) + abs(h) * rest), D, np.nan)
-    sign = sign_of_power(n, r)
-    return g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
+    return orbit.g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
 
 
 @formula
 def near_state(half, kappa, a1, b1, a2, b2):
-    """The angular velocity at a w neither so large that its square overflows, nor next to a pole.
+    """Return the angular velocity at a w neither so large that its square overflows, nor next to a
+    pole.
 
     half    w / 2.
     kappa   4 k.
@@ -218,22 +347,12 @@ def near_state(half, kappa, a1, b1, a2, b2):
 
 
 @formula
-def combined(a1, b1, a2, b2, A, B):
-    """The angular velocity, of which A and B are the parts."""
-    return a1 * A + b1 * B, a2 * A + b2 * B
-
-
-@formula
-def spread_of_body(I1, I2):
-    """How much larger a state of an orbit may be than another."""
-    of1, of2 = np.sqrt(I1), np.sqrt(I2)
-    return larger(of1, of2) / smaller(of1, of2)
-
-
-@formula
-def out_of_range(X, largest):
-    """Whether X**2 is beyond float64, or states of the orbit, up to `largest`, may be.
-
-    Such an orbit of the map is left to iteration, which sees where it ends.
-    """
-    return (abs(X) > 2.0**500) | (largest > 2.0**1000)
+def state_at(n, orbit):
+    """Return state n >= 0 of any orbit, which is infinite or NaN where there is none."""
+    f, k = growth(n, orbit)
+    A, B = near_point(f, k, 2.0 * orbit.r)
+    far_A, far_B = far_point(n, orbit)
+    far = orbit.h != 0.0
+    A, B = select(far, far_A, A), select(far, far_B, B)
+    omega1, omega2 = orbit.a1 * A + orbit.b1 * B, orbit.a2 * A + orbit.b2 * B
+    return scaled(omega1, orbit.power), scaled(omega2, orbit.power)

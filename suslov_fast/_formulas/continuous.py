@@ -61,20 +61,3 @@ def discrete_reaction(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     next1, next2 = select(rests, omega1, next1), select(rests, omega2, next2)
     value, unit = polarised_reaction(I1, I2, I13, I23, M, P, omega1, omega2, next1, next2)
     return scaled(value, unit + 2 * W)
-
-
-@formula
-def polarised_slope(J_i, I_i, omega_i, next_i, p, p_next, product):
-    """The right side of (dsn) over J_i and eps; product = omega.omega_next."""
-    return (0.5 * (p * next_i + p_next * omega_i) - I_i * product) / J_i
-
-
-@formula
-def reaction_entry(I_i, I_j, slope_i, slope_j):
-    """The part of lambda_ij of (nsus) that I drives; that of J is `gyration_entry`."""
-    return I_j * slope_i - I_i * slope_j
-
-
-@formula
-def gyration_entry(J_i, J_j, omega_i, omega_j, next_i, next_j):
-    return 0.5 * (J_j - J_i) * (omega_i * next_j + next_i * omega_j)

@@ -74,10 +74,19 @@ def canonical_state(
     is (1 - Y) - lost to a few ulps.
     """
     x = sum_of_products(I13, omega1, I23, omega2)
+    # y in 160 digits of 2: in bodies of few decimal digits all of the first 53 may cancel.
     y1, y1_lost = two_product(c1, omega1)
     y2, y2_lost = two_product(c2, omega2)
-    y, y_lost = two_sum(y1, y2)
-    y_lost = y_lost + ((y1_lost + c1_lost * omega1) + (y2_lost + c2_lost * omega2))
+    z1, z1_lost = two_product(c1_lost, omega1)
+    z2, z2_lost = two_product(c2_lost, omega2)
+    y, rest = two_sum(y1, y2)
+    lost, lost_of_y = two_sum(y1_lost, y2_lost)
+    z, lost_of_z = two_sum(z1, z2)
+    lost, lost_of_sum = two_sum(lost, z)
+    rest, lost_of_rest = two_sum(rest, lost)
+    lost = (lost_of_y + lost_of_z) + (lost_of_sum + lost_of_rest) + (z1_lost + z2_lost)
+    y, rest = two_sum(y, rest)
+    y, y_lost = two_sum(y, rest + lost)
     n, n_lost = two_product(eps, y)
     Y = n * inverse
     back, back_lost = two_product(Y, a2)

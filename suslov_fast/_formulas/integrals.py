@@ -111,19 +111,3 @@ def invariant_density(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     """The density of the invariant measure."""
     omega1, omega2, W = normal_state(omega1, omega2)
     return density(I1, I2, eps, M, E, sum_of_products(I13, omega1, I23, omega2), P + W)
-
-
-# In n dimensions, one component at a time.
-
-
-@formula
-def energy_term(J_i, omega_i):
-    return 0.5 * J_i * omega_i * omega_i
-
-
-@formula
-def modified_energy_nd(energy, excess, one):
-    """E**2 / (E + eps**2 f.Jf / 8), or 0 at rest; excess = eps**2 f.Jf / 8 in units in which 1 is
-    `one`.
-    """
-    return select(energy > 0.0, energy / (one * one + excess / energy), energy + excess)

@@ -17,7 +17,7 @@ _LAST_PLACE = 2.0**-51
 
 @formula
 def sum_in_two(total, lost, v, w):
-    """total + lost + v w: the rounded sum, and what rounding lost."""
+    """Return total + lost + v w: the rounded sum, and what rounding lost."""
     product, of_product = two_product(v, w)
     total, of_sum = two_sum(total, product)
     return total, lost + (of_product + of_sum)
@@ -25,7 +25,7 @@ def sum_in_two(total, lost, v, w):
 
 @formula
 def as_product(p, lost):
-    """A and B, 1 <= B < 2 or nearly, whose product is p + lost to 76 bits; p is a finite number.
+    """Return A and B, 1 <= B < 2 or nearly, whose product is p + lost to 76 bits; p is finite.
 
     Next to Y = 1, and from next to X = 0, more digits of y count than one number has, and it is as
     a product of two that the 3D map takes them: (S + i u)(S + j u) = S**2 + (i + j) S u + i j u**2
@@ -47,18 +47,3 @@ def as_product(p, lost):
     B = S + (k - i) * _LAST_PLACE
     A = select(p > 0.0, A, -A)
     return select(lost == 0.0, p, A), select(lost == 0.0, 1.0, B)
-
-
-@formula
-def orthogonal(across, I_i, along, I_k):
-    """A component of omega orthogonal to I, from I_k omega_i - I_i omega_k.
-
-    along   The component of the vector of these differences along I, over |I|.
-    """
-    return (across - I_i * along) / I_k
-
-
-@formula
-def state_nd(along_i, across_i, omega1, omega2):
-    """A component of the state, from that of the 3D body."""
-    return along_i * omega1 + across_i * omega2

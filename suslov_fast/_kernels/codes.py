@@ -1,3 +1,7 @@
 """How a trajectory ends, as kernels write it."""
 
 OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
+
+# Internal: the status before a kernel writes it, and that of a trajectory whose next step takes an
+# elimination for which there is no memory.
+NOT_COMPUTED, NEEDS_ELIMINATION = -128, -127

@@ -1,8 +1,8 @@
 """The loop over steps that all maps in three dimensions share.
 
-A block of up to LANES trajectories advances together, step by step: steps are outside, lanes inside,
-so that LLVM puts lanes side by side in vector registers. The constants of each trajectory stand in
-the rows of `c`, its state in those of `s`. A map is given by six formulas of one lane l:
+A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
+inside, so that LLVM puts lanes side by side in vector registers. The constants of each trajectory
+stand in the rows of `c`, its state in those of `s`. A map is given by six formulas of one lane l:
 
 enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
                                        its steps must be guarded, else 0.
@@ -39,8 +39,8 @@ from .tiles import lead_of, missing_of_first_block, write_row
 
 # 64 lanes lose a quarter to the loop around them, 256 gain nothing.
 LANES = 128
-# Rows of a block: constants of a trajectory at most, and numbers of its state.
-CONSTANTS, STATE = 10, 3
+# Rows of a block: constants of a trajectory at most, and numbers that hold its state.
+CONSTANTS, STATE = 12, 4
 # Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
 _TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
 _C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
@@ -61,6 +61,12 @@ def whole(width):
     return (width + 7) // 8 * 8
 
 
+@formula
+def nothing_to_settle(c, s, l, rounds):
+    """`settle` of a map whose states do not become subnormal."""
+    return 0
+
+
 def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):
     """Make the loop over the steps of a block from the formulas of a map.
 
@@ -77,7 +83,7 @@ def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):
 
     @inner
     def find_failure(c, s, l, n):
-        """Return the cause of a failure after state n, and the number of the first missing state."""
+        """Return the cause of a failure after state n, and the first missing state."""
         code = codes.OK
         while not np.isnan(s[0, l]):
             code = cause(c, s, l)
@@ -203,7 +209,9 @@ def turn_on(tile, r, lanes):
     """Turn the bodies from the angular velocities before the step to those in the tile."""
     for l in range(lanes):
         next1, next2 = tile[2 * l], tile[2 * l + 1]
-        unit, b1, b2 = turn_between(r[_TIME_STEP, l], r[_BEFORE, l], r[_BEFORE + 1, l], next1, next2)
+        unit, b1, b2 = turn_between(
+            r[_TIME_STEP, l], r[_BEFORE, l], r[_BEFORE + 1, l], next1, next2
+        )
         r[0, l], r[1, l], r[2, l], r[3, l] = turned(
             r[0, l], r[1, l], r[2, l], r[3, l], unit, b1, b2
         )

@@ -1,4 +1,4 @@
-"""The maps of a body in three dimensions: canonical, as printed, and with three components."""
+"""The map in three dimensions: in its canonical coordinates, and as the paper prints it."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, kernel, select
 from . import codes
-from .iterate import block_loop, blocks_of
+from .iterate import block_loop, blocks_of, nothing_to_settle
 
 # omega is finite where |X| + |Z| is below this over the largest number of the matrix from (X, Z):
 # float64 ends at 1.8e308, and omega is a sum of three products.
@@ -17,7 +17,7 @@ _LARGEST = 1e307
 
 
 class Canonical(NamedTuple):
-    """Constants of a trajectory: omega = (m (X, Z) + rest) scale; a bound of |X| + |Z|; Z = c - Y."""
+    """Constants of a trajectory: omega = (m (X, Z) + rest) scale, |X| + |Z| < bound, Z = c - Y."""
 
     m11: float
     m12: float
@@ -173,9 +173,7 @@ def enter_printed(parameters, omega, b, c, s, l):
 @formula
 def advance_printed(c, s, l):
     o = printed_at(c, l)
-    s[0, l], s[1, l] = printed_map.printed_step(
-        o.k1, o.k2, o.k3, o.k4, s[0, l], s[1, l], o.bound
-    )
+    s[0, l], s[1, l] = printed_map.printed_step(o.k1, o.k2, o.k3, o.k4, s[0, l], s[1, l], o.bound)
 
 
 @formula
@@ -191,11 +189,6 @@ def cause_printed(c, s, l):
     return codes.SINGULAR if np.isfinite(d) and not regular else codes.NONFINITE
 
 
-@formula
-def settle_nothing(c, s, l, rounds):
-    return 0
-
-
 run_printed = block_loop(
     2,
     2,
@@ -204,7 +197,7 @@ run_printed = block_loop(
     advance_printed,
     show_printed,
     cause_printed,
-    settle_nothing,
+    nothing_to_settle,
 )
 
 

@@ -1,13 +1,14 @@
-"""What a map is: one record, from which runs, files, datasets and the command read."""
+"""The record of a map, from which runs, files, datasets and the command read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from .._checks import FloatArray
-from .._engine.problem import Outcome, Problem
+if TYPE_CHECKING:
+    from .._checks import FloatArray
+    from .._engine.problem import Outcome, Problem
 
 
 @dataclass(frozen=True)
@@ -17,15 +18,12 @@ class Kept:
     Attributes
     ----------
     dims
-        Its axes: "B" (trajectories), "D" (components), "n" (D + 1), or a fixed length.
-    attitude
-        True for an array that only runs with an orientation have; its axis "B" is empty in others.
+        Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
     """
 
     name: str
     dims: tuple[str | int, ...]
     dtype: str = "float64"
-    attitude: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,13 @@ _BODIES = {
     "suslov3d": "Suslov3D",
     "suslov_nd": "SuslovND",
     "suslov3d_full": "Suslov3D",
+    "suslov_gyrostat": "SuslovGyrostat",
 }
+
+
+def body_names() -> list[str]:
+    """Return the names of the classes of bodies that have a map."""
+    return list(dict.fromkeys(_BODIES.values()))
 
 
 @cache
@@ -36,7 +42,7 @@ def _map_of_class(body: str) -> Map:
     for name, each in _BODIES.items():
         if each == body:
             return map_named(name)
-    raise TypeError(f"body: expected {' or '.join({*_BODIES.values()})}, got {body}")
+    raise TypeError(f"body: expected {' or '.join(dict.fromkeys(_BODIES.values()))}, got {body}")
 
 
 def map_of(body: Any, full: bool = False) -> Map:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray
 from .._engine.iterate_3d import run
+from .._engine.units import for_loops
 from .record import Kept, Map
-
-
-def _parameters(
-    body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]
-) -> list[FloatArray]:
-    return body.for_loops(eps, batch)
-
 
 MAP = Map(
     name="suslov3d",
     body=Suslov3D,
     components=lambda body: ("Omega1", "Omega2"),
     methods=("auto", "canonical", "ds2"),
-    parameters=_parameters,
+    parameters=for_loops,
     run=run,
-    resume=(Kept("state", (2, "B")), Kept("turn", (4, "B"), attitude=True)),
+    resume=(
+        Kept("state", ("flat", 2)),
+        Kept("turn", ("flat", 4)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+    ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),

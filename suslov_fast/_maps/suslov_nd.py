@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from .._bodies.nd import SuslovND
-from .._checks import FloatArray
 from .._engine.jump_nd import run
+from .._engine.units import for_loops
 from .record import Kept, Map
-
-
-def _parameters(
-    body: SuslovND, eps: float | FloatArray, batch: tuple[int, ...]
-) -> list[FloatArray]:
-    return body.for_loops(eps, batch)
-
 
 MAP = Map(
     name="suslov_nd",
     body=SuslovND,
     components=lambda body: tuple(f"Omega{i + 1}n" for i in range(body.dimension)),
     methods=("auto", "gauss", "rank2"),
-    parameters=_parameters,
+    parameters=for_loops,
     run=run,
     resume=(
-        Kept("state", ("B", "D")),
-        Kept("exponent", ("B",)),
-        Kept("status", ("B",), "int8"),
-        Kept("failed_at", ("B",), "int64"),
-        Kept("columns", ("B", "n", "n"), attitude=True),
+        Kept("state", ("flat", "component")),
+        Kept("exponent", ("flat",)),
+        Kept("status", ("flat",), "int8"),
+        Kept("failed_at", ("flat",), "int64"),
+        Kept("columns", ("flat", "space", "space")),
     ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "reaction")

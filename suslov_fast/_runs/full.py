@@ -44,7 +44,7 @@ def step_full(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def iterate_full(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed or written then.
+        For invalid arguments, before any work.
     ImportError
         If `progress` is True and tqdm is not installed.
     SingularStepError
@@ -143,7 +143,7 @@ def iterate_full(
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run = _checked(body, "omega0", omega0, eps, I3)
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     threads = thread_count(threads)
@@ -165,7 +165,7 @@ def _checked(
         body = replace(body, I3=I3)  # type: ignore[arg-type]
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
-    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, dimension=3)
+    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
     return Run(
         map=map_of(body, full=True),
         body=body,

@@ -24,7 +24,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega : array_like(float, shape=(..., D))
         Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
@@ -42,7 +42,14 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed then.
+        For invalid arguments, before any work.
+
+    Notes
+    -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------
@@ -51,12 +58,11 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     >>> step(body, [1.0, 0.5], eps=0.2).round(6)
     array([1.013781, 0.372248])
     """
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps})
+    map = map_of(body)
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
     threads = thread_count(threads)
     states = flat_vectors(state, batch)
-    run = Run(
-        map_of(body), body, batch, states, step_size, 1, None, "auto", None, threads, single=True
-    )
+    run = Run(map, body, batch, states, step_size, 1, None, "auto", None, threads, single=True)
     results = execute(run)
     # A state that does not exist has no next one, and that is no news.
     report(run, results, "warn", 1, stacklevel=2)
@@ -85,7 +91,7 @@ def iterate(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body, or a batch of them.
     omega0 : array_like(float, shape=(..., D))
         Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. NaN where
@@ -130,13 +136,20 @@ def iterate(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above; nothing is computed or written then.
+        For invalid arguments, before any work.
     MemoryError
         If the result does not fit in the memory that is available.
     ImportError
         If `progress` is True and tqdm is not installed.
     SingularStepError
         If `on_singular` is "raise" and a trajectory came to an end.
+
+    Notes
+    -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------
@@ -149,16 +162,16 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+    map = map_of(body)
     turning = not isinstance(attitude, (bool, np.bool_))
     given = {"attitude": attitude} if turning else {}
     (state, step_size, *turned), batch = check(
-        body, {"omega0": omega0}, {"eps": eps}, orientations=given
+        body, {"omega0": omega0}, {"eps": eps}, orientations=given, kinds=map.body
     )
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         expected = "None or an integer of at least 1"
         save_every = integer("save_every", save_every, 1, expected)
-    map = map_of(body)
     one_of("method", method, map.methods)
     threads = thread_count(threads)
     check_progress(progress)

@@ -1,8 +1,7 @@
-"""Entries of a run as an `xarray.Dataset`, and back."""
+"""Runs as an `xarray.Dataset`, and back."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,39 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._engine.status import Status
-from .schema import BODIES, PLAIN, RESUME, Entries, parameters_in, parameters_of
+from .._maps.registry import map_named
+from .schema import HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
 
 if TYPE_CHECKING:
     import xarray
 
-# Beside the axes of the batch.
-_AXES = ("n", "component", "space", "body")
-# Units are the user's: only what they are units of is known.
-_ATTRIBUTES: dict[str, dict[str, Any]] = {
-    "omega": {"long_name": "angular velocity", "units": "1/time"},
-    "final": {"long_name": "angular velocity after the last step", "units": "1/time"},
-    "n": {"long_name": "number of steps", "units": "1"},
-    "t": {"long_name": "time", "units": "time"},
-    "eps": {"long_name": "step size", "units": "time"},
-    "component": {"long_name": "component of the angular velocity"},
-    "attitude": {"long_name": "components in space of vectors of the body", "units": "1"},
-    "failed_at": {"long_name": "first state that does not exist, or -1", "units": "1"},
-    "status": {
-        "long_name": "how the trajectory ended",
-        "flag_values": np.array([int(status) for status in Status], np.int8),
-        "flag_meanings": " ".join(status.name for status in Status),
-    },
-    "I1": {"long_name": "moment of inertia", "units": "inertia"},
-    "I2": {"long_name": "moment of inertia", "units": "inertia"},
-    "I13": {"long_name": "product of inertia", "units": "inertia"},
-    "I23": {"long_name": "product of inertia", "units": "inertia"},
-    "J": {"long_name": "sum I_ii + I_nn", "units": "inertia"},
-    "I": {"long_name": "coupling I_in", "units": "inertia"},
-}
+# Names that axes of the batch cannot have.
+_TAKEN = ("n", "time", "component", "space", "body", "flat")
 
 
 def import_xarray() -> Any:
-    """The module xarray, or an ImportError that says how to get it."""
+    """Return the module xarray, or raise an ImportError that says how to get it."""
     try:
         import xarray
     except ImportError as error:
@@ -55,57 +33,71 @@ def dataset_of(
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
 ) -> xarray.Dataset:
-    """The dataset that `Trajectories.to_xarray` returns."""
+    """Return the dataset of the entries of a run, but for what it needs to go on."""
     xarray = import_xarray()
-    kind = str(entries["body"])
-    omega = entries["omega"]
-    batch = batch_names(dims, entries["status"].ndim, entries)
-    variables: dict[str, Any] = {
-        "omega": (("n", *batch, "component"), omega),
-        "status": (batch, entries["status"]),
-        "failed_at": (batch, entries["failed_at"]),
-        "eps": _varying(entries["eps"], batch),
+    header = read_header(entries)
+    map = map_named(header["map"])
+    schema = schema_of(map)
+    batch = _names_of(dims, entries, schema)
+    variables = {
+        name: _variable(name, entries[name], entry, batch)
+        for name, entry in schema.items()
+        if name in entries and not name.startswith(RESUME)
     }
-    for name in parameters_in(entries):
-        own = ("component",) if kind == "SuslovND" else ()
-        variables[name] = _varying(entries[name], batch, own)
-    if "final" in entries:
-        variables["final"] = ((*batch, "component"), entries["final"])
-    if "attitude" in entries:
-        variables["attitude"] = (("n", *batch, "space", "body"), entries["attitude"])
-    resume = {name: array for name, array in entries.items() if name.startswith(RESUME)}
-    for name, array in resume.items():
-        variables[name] = (tuple(f"{name}_axis{k}" for k in range(array.ndim)), array)
+    # Strings of any length: those of fixed length are no part of Zarr's third format.
+    labels = np.array(map.components(body_of(entries)), dtype=object)
+    steps = variables["eps"]
+    with np.errstate(over="ignore"):
+        time = np.multiply.outer(entries["n"], steps[1])
     dataset = xarray.Dataset(
         variables,
         coords={
-            "n": entries["n"],
-            "t": _times(entries["n"], variables["eps"]),
-            "component": _component_names(entries),
+            "time": (("n", *steps[0]), time, {"long_name": "time"}),
+            "component": ("component", labels, {"long_name": "component of angular velocity"}),
         },
-        attrs=_global_attributes(entries),
+        attrs={"title": "Trajectories of the discrete Suslov problem", **header},
     )
-    if resume:
-        last = entries.get("final", omega[-1])
-        dataset.attrs["resume_after"] = _checksum_of(last)
-    for name, variable in dataset.variables.items():
-        variable.attrs.update(_ATTRIBUTES.get(name, {}))
+    for variable in dataset.variables.values():
         if variable.dtype.kind == "f":
             # Else NaN becomes a "fill value", which readers replace by a NaN of their own.
             variable.encoding["_FillValue"] = None
     return _with_coordinates(dataset, coords)
 
 
+def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ...]) -> Any:
+    """An array with its axes and attributes."""
+    attributes: dict[str, Any] = {"long_name": entry.meaning}
+    if name in ("n", "failed_at", "attitude"):
+        attributes["units"] = "1"
+    if name == "status":
+        attributes["flag_values"] = np.array([int(status) for status in Status], np.int8)
+        attributes["flag_meanings"] = " ".join(status.name for status in Status)
+    if not entry.varying:
+        at = entry.dims.index("batch") if "batch" in entry.dims else 0
+        names = [str(dim) for dim in entry.dims if dim != "batch"]
+        with_batch = (*names[:at], *batch, *names[at:]) if "batch" in entry.dims else tuple(names)
+        return with_batch, array, attributes
+    # Along the axes on which it has more than one entry, or which have its name. The number of its
+    # axes is an attribute, so that its shape can be found again.
+    own = tuple(str(dim) for dim in entry.dims[1:])
+    axes = array.ndim - len(own)
+    names = list(batch[len(batch) - axes :])
+    kept = [k for k in range(axes) if array.shape[k] != 1 or names[k] == name]
+    shape = (*(array.shape[k] for k in kept), *array.shape[axes:])
+    attributes["batch_axes"] = axes
+    return (*(names[k] for k in kept), *own), array.reshape(shape), attributes
+
+
 def batch_names(
     dims: str | Sequence[str] | None, axes: int, taken: Iterable[str] = ()
 ) -> tuple[str, ...]:
-    """A name for each axis of the batch; none of those of variables may be among them."""
+    """Return a name for each axis of the batch; none of those taken may be among them."""
     if dims is None:
         return ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
     names = (dims,) if isinstance(dims, str) else tuple(dims)
     if not all(isinstance(name, str) for name in names):
         raise TypeError(f"dims: expected names, got {dims!r}")
-    clashing = sorted({*_AXES, "t", *taken} & set(names))
+    clashing = sorted({*_TAKEN, *HEADER, *taken} & set(names))
     if len(names) != axes or len(set(names)) != axes or clashing:
         but = f", of which {', '.join(clashing)} is taken" if clashing else ""
         raise ValueError(
@@ -115,40 +107,24 @@ def batch_names(
     return names
 
 
-def _varying(
-    array: NDArray[Any], batch: tuple[str, ...], own: tuple[str, ...] = ()
-) -> tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]:
-    """An array that broadcasts to the batch, along the axes on which it has more than one entry.
-
-    The number of its axes is an attribute, so that its shape can be found again.
-    """
-    axes = array.ndim - len(own)
-    kept = [k for k in range(axes) if array.shape[k] != 1]
-    shape = (*(array.shape[k] for k in kept), *array.shape[axes:])
-    names = batch[len(batch) - axes :]
-    return (*(names[k] for k in kept), *own), array.reshape(shape), {"batch_axes": axes}
-
-
-def _times(n: NDArray[np.int64], eps: tuple[Any, NDArray[Any], Any]) -> Any:
-    dims, values, _ = eps
-    with np.errstate(over="ignore"):
-        return ("n", *dims), np.multiply.outer(n, values)
-
-
-def _component_names(entries: Entries) -> NDArray[Any]:
-    last = "n" if str(entries["map"]) == "suslov_nd" else ""
-    dimension = entries["omega"].shape[-1]
-    # Strings of any length: those of fixed length are no part of Zarr's third format.
-    return np.array([f"Omega{i + 1}{last}" for i in range(dimension)], dtype=object)
-
-
-def _global_attributes(entries: Entries) -> dict[str, Any]:
-    return {
-        "Conventions": "CF-1.11",
-        "title": "Trajectories of the discrete Suslov problem",
-        "source": f"suslov_fast {entries['version']}",
-        **{name: entries[name].item() for name in PLAIN if name in entries},
-    }
+def _names_of(
+    dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry]
+) -> tuple[str, ...]:
+    """Names for the axes of a batch; that of a parameter where it varies along this axis alone."""
+    shape = entries["status"].shape
+    parameters = [name for name, entry in schema.items() if entry.varying and name in entries]
+    names = batch_names(dims, len(shape), set(entries) - set(parameters))
+    for axis, name in enumerate(names):
+        if name in parameters:
+            alone = [length if k == axis else 1 for k, length in enumerate(shape)]
+            array = entries[name]
+            padded = (*(1,) * (len(shape) - array.ndim), *array.shape)
+            if list(padded) != alone:
+                raise ValueError(
+                    f"dims: expected {name} for an axis along which it varies, and along no "
+                    f"other, got {name} of shape {array.shape} in a batch of shape {shape}"
+                )
+    return names
 
 
 def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None) -> xarray.Dataset:
@@ -158,7 +134,7 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
         raise TypeError(
             f"coords: expected a mapping of names to values, got {type(coords).__name__}"
         )
-    taken = [name for name in coords if name in dataset.variables or name in _AXES]
+    taken = [name for name in coords if name in dataset.variables or name in _TAKEN]
     if taken:
         raise ValueError(f"coords: expected names of their own, got {', '.join(map(str, taken))}")
     before = dict(dataset.sizes)
@@ -176,37 +152,32 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
 
 
 def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
-    """The entries of a run that a dataset holds."""
+    """Return the entries of a run that a dataset holds."""
     xarray = import_xarray()
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset: expected an xarray.Dataset, got {type(dataset).__name__}")
-    entries = {name: np.asarray(dataset.attrs[name]) for name in PLAIN if name in dataset.attrs}
-    needed = {"omega", "n", "eps", "status", "failed_at"} - set(dataset.variables)
-    if needed or str(entries.get("body")) not in BODIES:
-        lacking = ", ".join(sorted(needed)) or "the attribute 'body'"
+    header = read_header(dataset.attrs)
+    schema = schema_of(map_named(header["map"]))
+    missing = [n for n, e in schema.items() if not e.optional and n not in dataset.variables]
+    if missing:
         raise ValueError(
-            f"dataset: expected one that Trajectories.to_xarray made, got one without {lacking}"
+            f"dataset: expected one that Trajectories.to_xarray made, got one without "
+            f"{', '.join(missing)}"
         )
+    entries = {name: np.asarray(value) for name, value in header.items()}
     batch = tuple(map(str, dataset["status"].dims))
-    orders = {
-        "omega": ("n", *batch, "component"),
-        "n": ("n",),
-        "status": batch,
-        "failed_at": batch,
-        "final": (*batch, "component"),
-        "attitude": ("n", *batch, "space", "body"),
-    }
-    for name, order in orders.items():
-        if name in dataset.variables:
-            entries[name] = _in_order(dataset, name, order)
-    for name in ("eps", *parameters_of(str(entries["body"])), "I3"):
-        if name in dataset.variables:
+    for name, entry in schema.items():
+        if name not in dataset.variables or name.startswith(RESUME):
+            continue
+        if entry.varying:
             entries[name] = unvarying(dataset, name, batch)
-    entries.update(_resume_entries(dataset, entries))
+        else:
+            order = [d for dim in entry.dims for d in (batch if dim == "batch" else (str(dim),))]
+            entries[name] = _in_order(dataset, name, order)
     return entries
 
 
-def _in_order(dataset: xarray.Dataset, name: str, order: tuple[str, ...]) -> NDArray[Any]:
+def _in_order(dataset: xarray.Dataset, name: str, order: list[str]) -> NDArray[Any]:
     variable = dataset[name]
     if set(variable.dims) != set(order):
         raise ValueError(
@@ -218,7 +189,7 @@ def _in_order(dataset: xarray.Dataset, name: str, order: tuple[str, ...]) -> NDA
 
 
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
-    """The inverse of `_varying`."""
+    """Return a parameter in the shape that it had when `dataset_of` left out axes."""
     variable = dataset[name]
     own = tuple(dim for dim in variable.dims if dim == "component")
     along = [dim for dim in variable.dims if dim not in own]
@@ -233,32 +204,3 @@ def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDA
     shape = [dataset.sizes[dim] if dim in along else 1 for dim in names]
     values: NDArray[Any] = variable.transpose(*order, *own).values
     return values.reshape((*shape, *(dataset.sizes[dim] for dim in own)))
-
-
-def _resume_entries(dataset: xarray.Dataset, entries: Entries) -> Entries:
-    resume = {
-        str(name): np.asarray(dataset[name].values)
-        for name in dataset.data_vars
-        if str(name).startswith(RESUME)
-    }
-    last = entries.get("final", entries["omega"][-1:])
-    if resume and int(dataset.attrs.get("resume_after", -1)) != _checksum_of(last):
-        raise ValueError(
-            "dataset: expected the last states that its resume variables belong to, got others, "
-            f"as of a part of the batch; drop {', '.join(resume)} to use them, without going on"
-        )
-    return resume
-
-
-def checksum(entries: Entries) -> int:
-    """A number that changes when a bit of the entries does."""
-    total = 0
-    for name, array in sorted(entries.items()):
-        plain = array.dtype.kind not in "iuf"
-        data = str(array).encode() if plain else np.ascontiguousarray(array).data
-        total = zlib.crc32(data, zlib.crc32(f"{name}{array.shape}".encode(), total))
-    return total
-
-
-def _checksum_of(array: NDArray[Any]) -> int:
-    return zlib.crc32(np.ascontiguousarray(array).data)

@@ -1,174 +1,256 @@
-"""A run as named arrays, which is what files and labelled datasets hold.
+"""The parts of a run: the entries that files, datasets and stores of runs hold.
 
-Both are made from these entries and read back to them, so that what they hold is said once.
+A run is a header, a few numbers and strings, and arrays. `schema_of` lists the arrays that runs of
+a map may have, each as an `Entry` with symbolic axes:
+
+========= ==========================================
+"n"       saved states
+"batch"   all axes of the batch
+"flat"    trajectories, the batch in C order
+component components of a state
+"space"   axes of space, one more than components
+"body"    axes of the body, one more than components
+========= ==========================================
+
+`entries_of` and `run_of` convert a run to entries and back; `check` refuses shapes and dtypes that
+do not fit before anything is decoded. The arrays that a run needs to go on have names that begin
+with `RESUME`; datasets leave them out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from typing import Any
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
-from .._bodies.values import parameters_of as set_parameters
-from .._engine.arguments import Body
+from .._bodies.base import Body
 from .._engine.run import numbers_of_saved
+from .._maps.record import Map
 from .._maps.registry import map_named
 
 Entries = dict[str, NDArray[Any]]
+Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 
-# The number of this arrangement: a file that a later one wrote is refused, not misread.
-FORMAT = 2
-BODIES: dict[str, type[Suslov3D] | type[SuslovND]] = {"Suslov3D": Suslov3D, "SuslovND": SuslovND}
-RESUME = "resume_"
-# Entries that are one number or one string.
-PLAIN = ("format", "version", "map", "body", "method", "steps", "save_every")
-_ALWAYS = ("omega", "n", "eps", "status", "failed_at", "map", "body", "method", "steps")
+# The number of this arrangement: 1 is that of version 0.2.
+FORMAT = 3
+RESUME = "resume/"
+# Entries that are one number or one string; the last one is missing where only the last state is
+# kept.
+HEADER: dict[str, Callable[[Any], Any]] = {
+    "format": int,
+    "version": str,
+    "map": str,
+    "method": str,
+    "steps": int,
+    "save_every": int,
+}
 
 
-def parameters_of(kind: str) -> list[str]:
-    """The names of the parameters of a body."""
-    return [field.name for field in fields(BODIES[kind]) if field.default is MISSING]
+class Entry(NamedTuple):
+    """An array of a run.
+
+    Attributes
+    ----------
+    dims
+        Its axes, symbolic, or numbers: fixed lengths.
+    varying
+        True for parameters, of any shape that broadcasts to the batch.
+    optional
+        True if a run may be without it.
+    """
+
+    dims: tuple[str | int, ...]
+    dtype: str = "float64"
+    meaning: str = ""
+    varying: bool = False
+    optional: bool = False
 
 
-def parameters_in(entries: Mapping[str, NDArray[Any]]) -> list[str]:
-    """The names of the parameters of the body that entries hold."""
-    return [f.name for f in fields(BODIES[str(entries["body"])]) if f.name in entries]
+_STATES = {
+    "omega": Entry(("n", "batch", "component"), meaning="angular velocity"),
+    "n": Entry(("n",), "int64", "number of steps"),
+    "eps": Entry(("batch",), meaning="step size", varying=True),
+    "status": Entry(("batch",), "int8", "how the trajectory ended"),
+    "failed_at": Entry(("batch",), "int64", "first state that does not exist, or -1"),
+    "final": Entry(("batch", "component"), "float64", "state after the last step", optional=True),
+}
+_ATTITUDE = Entry(
+    ("n", "batch", "space", "body"),
+    meaning="components in space of vectors of the body",
+    optional=True,
+)
+
+
+def schema_of(map: Map) -> dict[str, Entry]:
+    """Return the arrays that runs of a map may have, by name."""
+    body, entries = map.body, dict(_STATES)
+    own = ("component",) * body._own_axes
+    for name in body._names():
+        optional = name in body._optional()
+        entries[name] = Entry(("batch", *own), "float64", body._meanings[name], True, optional)
+    entries[RESUME + "omega0"] = Entry(("flat", "component"), optional=True)
+    if map.carries_attitude:
+        entries["attitude"] = _ATTITUDE
+        entries[RESUME + "R0"] = Entry(("flat", "space", "body"), optional=True)
+    for kept in map.resume:
+        entries[RESUME + kept.name] = Entry(kept.dims, kept.dtype, optional=True)
+    return entries
+
+
+def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entries:
+    """Return the entries of a run that are one number or one string."""
+    from .. import __version__
+
+    values = (FORMAT, __version__, map.name, method, steps, save_every)
+    header = dict(zip(HEADER, values, strict=True))
+    return {name: np.asarray(value) for name, value in header.items() if value is not None}
 
 
 def entries_of(run: Mapping[str, Any]) -> Entries:
-    """The entries of a run, given as the attributes of `Trajectories`."""
-    from .. import __version__
-
-    body: Body = run["body"]
-    kind = type(body).__name__
-    entries = {
-        "format": FORMAT,
-        "version": __version__,
-        "map": run["_map"].name,
-        "body": kind,
-        "method": run["method"],
-        "steps": run["steps"],
+    """Return the entries of a run, given as the attributes of `Trajectories`."""
+    arrays = {
+        **{name: run[name] for name in ("omega", "eps", "status", "failed_at", "attitude")},
         "n": numbers_of_saved(run["steps"], run["save_every"]),
-        **{name: run[name] for name in ("omega", "eps", "status", "failed_at")},
-        **set_parameters(body),
+        "final": None if _is_saved(run) else run["final"],
+        **run["body"]._values,
         **{RESUME + name: array for name, array in run["_resume"].items()},
     }
-    if run["save_every"] is not None:
-        entries["save_every"] = run["save_every"]
-    if not _is_saved(run):
-        entries["final"] = run["final"]
-    if run["attitude"] is not None:
-        entries["attitude"] = run["attitude"]
-    return {name: np.asarray(value) for name, value in entries.items()}
+    header = header_of(run["_map"], run["method"], run["steps"], run["save_every"])
+    return header | {name: np.asarray(a) for name, a in arrays.items() if a is not None}
 
 
 def _is_saved(run: Mapping[str, Any]) -> bool:
-    """Whether the last state is the last of the saved ones, bit for bit."""
+    """True if the last state is the last of the saved ones, bit for bit."""
     omega, final = run["omega"], run["final"]
     if len(omega) == 0 or (run["save_every"] and run["steps"] % run["save_every"]):
         return False
     last = omega[-1]
     if last.ctypes.data == final.ctypes.data and last.strides == final.strides:
         return True
-    return bool((_bits(last) == _bits(final)).all())
-
-
-def _bits(array: NDArray[np.float64]) -> NDArray[np.int64]:
-    return np.ascontiguousarray(array).view(np.int64)
+    return bool(last.tobytes() == final.tobytes())
 
 
 def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """The attributes of `Trajectories`, from the entries of a run.
-
-    Raises ValueError if they are not those of a run.
-    """
-    missing = [name for name in _ALWAYS if name not in entries]
-    if missing:
+    """Return the attributes of `Trajectories`; ValueError if the entries are not those of a run."""
+    check(entries, {name: (array.shape, array.dtype) for name, array in entries.items()})
+    header = read_header(entries)
+    omega, eps, n = np.ascontiguousarray(entries["omega"]), entries["eps"], entries["n"]
+    steps, every = header["steps"], header.get("save_every")
+    if not np.array_equal(n, numbers_of_saved(steps, every)):
         raise ValueError(
-            "expected a run that Trajectories.save or to_xarray wrote, got something without "
-            f"{', '.join(missing)}"
+            f"n: expected the saved steps of a run of {steps} steps with save_every={every}, "
+            f"got {np.array2string(n, threshold=4, edgeitems=2)}"
         )
-    written = int(entries.get("format", np.array(FORMAT)))
-    if written != FORMAT:
+    map, body = map_named(header["map"]), body_of(entries)
+    if omega.shape[-1] != len(map.components(body)):
         raise ValueError(
-            f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
-            f"{entries.get('version', 'unknown')}"
+            f"omega: expected {len(map.components(body))} components, got {omega.shape[-1]}"
         )
-    omega = np.ascontiguousarray(entries["omega"])
-    eps = entries["eps"]
-    run = {
+    return {
         "omega": omega,
         "eps": float(eps) if eps.ndim == 0 else eps,
-        "body": _body_of(entries),
-        "_map": map_named(str(entries["map"])),
+        "body": body,
         "status": entries["status"],
         "failed_at": entries["failed_at"],
         "final": entries["final"] if "final" in entries else omega[-1:].reshape(omega.shape[1:]),
-        "method": str(entries["method"]),
-        "steps": int(entries["steps"]),
-        "save_every": int(entries["save_every"]) if "save_every" in entries else None,
+        "method": header["method"],
+        "steps": steps,
+        "save_every": every,
         "attitude": entries.get("attitude"),
+        "_map": map,
         "_resume": {
             name.removeprefix(RESUME): array
             for name, array in entries.items()
             if name.startswith(RESUME)
         },
     }
-    _check(run, entries["n"])
-    return run
 
 
-def _body_of(entries: Mapping[str, NDArray[Any]]) -> Body:
-    kind = str(entries["body"])
-    if kind not in BODIES:
-        raise ValueError(f"body: expected {' or '.join(BODIES)}, got {kind!r}")
-    missing = [name for name in parameters_of(kind) if name not in entries]
-    if missing:
-        raise ValueError(f"expected all parameters of the body, got no {', '.join(missing)}")
-    return BODIES[kind](**{name: entries[name] for name in parameters_in(entries)})
+def body_of(entries: Mapping[str, NDArray[Any]]) -> Any:
+    """Return the body of a run."""
+    kind: type[Body] = map_named(read_header(entries)["map"]).body
+    return kind(**{name: entries[name] for name in kind._names() if name in entries})
 
 
-def _check(run: Mapping[str, Any], n: NDArray[Any]) -> None:
-    """Refuse arrays that do not belong together."""
-    body, steps, every = run["body"], run["steps"], run["save_every"]
-    first, step, count = (steps, 1, 1) if every is None else (0, every, steps // every + 1)
-    # As many as there should be, but not more than would have to be there.
-    numbers = first + step * np.arange(min(count, np.size(n) + 1))
-    if n.dtype != np.int64 or not np.array_equal(n, numbers):
+def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the header as numbers and strings; ValueError if it is not that of this version."""
+    if "format" not in values:
         raise ValueError(
-            f"n: expected the saved steps of a run of {steps} steps with save_every={every}, "
-            f"got {_short(n)}"
+            "expected a run that Trajectories.save or to_xarray wrote, got something without format"
         )
-    batch = run["status"].shape
-    D = len(run["_map"].components(body))
-    side = D + 1
-    expected = {
-        "omega": ((n.size, *batch, D), np.float64),
-        "status": (batch, np.int8),
-        "failed_at": (batch, np.int64),
-        "final": ((*batch, D), np.float64),
-        "attitude": ((n.size, *batch, side, side), np.float64),
+    written = str(values["format"])
+    if written != str(FORMAT):
+        version = values.get("version", "unknown")
+        old = ": runs of version 0.2 cannot be read, compute them again" if written == "1" else ""
+        raise ValueError(
+            f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
+            f"{version}{old}"
+        )
+    missing = [name for name in HEADER if name not in values and name != "save_every"]
+    if missing:
+        raise ValueError(f"expected a run, got one without {', '.join(missing)}")
+    header = {}
+    for name, kind in HEADER.items():
+        if name in values:
+            value = np.asarray(values[name])
+            if value.ndim or value.dtype.kind != ("U" if kind is str else "i"):
+                raise ValueError(
+                    f"{name}: expected one {kind.__name__}, got {value.dtype} {value.shape}"
+                )
+            header[name] = kind(value)
+    if header["steps"] < 0 or header.get("save_every", 1) < 1:
+        raise ValueError(
+            f"steps, save_every: expected at least 0 and 1, got {header['steps']} and "
+            f"{header['save_every']}"
+        )
+    return header
+
+
+def check(values: Mapping[str, Any], shapes: Shapes) -> None:
+    """Refuse a header and arrays that do not belong together, of which the shapes are known."""
+    header = read_header(values)
+    schema = schema_of(map_named(header["map"]))
+    arrays = {name: each for name, each in shapes.items() if name not in HEADER}
+    missing = [name for name, each in schema.items() if not (each.optional or name in arrays)]
+    unknown = [name for name in arrays if name not in schema]
+    if missing or unknown:
+        raise ValueError(
+            f"expected a run of the map {header['map']}, got one "
+            + (f"without {', '.join(missing)}" if missing else f"with {', '.join(unknown)}")
+        )
+    if RESUME + "omega0" in arrays and ("attitude" in arrays) != (RESUME + "R0" in arrays):
+        raise ValueError(f"attitude, {RESUME}R0: expected both or none, got one of them")
+    every = header.get("save_every")
+    omega, batch = arrays["omega"][0], arrays["status"][0]
+    sizes: dict[Any, int] = {
+        "n": 1 if every is None else header["steps"] // every + 1,
+        "component": omega[-1] if omega else 0,
+        "flat": math.prod(batch),
     }
-    for name, (shape, dtype) in expected.items():
-        array = run[name]
-        if array is not None and (array.shape != shape or array.dtype != dtype):
+    sizes["space"] = sizes["body"] = sizes["component"] + 1
+    for name, (shape, dtype) in arrays.items():
+        entry = schema[name]
+        own = tuple(sizes.get(dim, dim) for dim in entry.dims if dim != "batch")
+        if entry.varying:
+            fits = shape[len(shape) - len(own) :] == own
+            fits &= _broadcasts(shape[: len(shape) - len(own)], batch)
+            expected = f"one that broadcasts to {(*batch, *own)}"
+        else:
+            at = entry.dims.index("batch") if "batch" in entry.dims else 0
+            whole = (*own[:at], *batch, *own[at:]) if "batch" in entry.dims else own
+            fits, expected = shape == whole, f"{whole}"
+        if not fits or dtype != np.dtype(entry.dtype):
             raise ValueError(
-                f"{name}: expected shape {shape} and dtype {np.dtype(dtype)}, "
-                f"got {array.shape} and {array.dtype}"
+                f"{name}: expected shape {expected} and dtype {entry.dtype}, "
+                f"got {shape} and {dtype}"
             )
-    for name, shape in (("body", body.shape), ("eps", np.shape(run["eps"]))):
-        try:
-            fits = np.broadcast_shapes(shape, batch) == batch
-        except ValueError:
-            fits = False
-        if not fits:
-            raise ValueError(f"{name}: expected a shape that broadcasts to {batch}, got {shape}")
 
 
-def _short(n: NDArray[Any]) -> str:
-    return np.array2string(n, threshold=4, edgeitems=2)
+def _broadcasts(shape: tuple[int, ...], batch: tuple[int, ...]) -> bool:
+    try:
+        return np.broadcast_shapes(shape, batch) == batch
+    except ValueError:
+        return False

@@ -5,15 +5,17 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .._bodies.reduction import reduce
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, finite_floats, integers_or_floats
 from .._engine.arguments import Body, check
-from .._engine.closed_form import Times, runs_of, states_at
+from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
+
+_BEYOND = "out of the range of float64, or on the way there"
 
 
 def exact(
@@ -38,14 +40,15 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states; NaN where there is none: at a pole, with a :class:`SingularStepWarning`, and
-        for n that is not an integer where t >= 1, with a `RuntimeWarning`. Where omega0 is NaN they
+        The states; NaN for the one that would follow a pole, with a
+        :class:`SingularStepWarning`, and for n that is not an integer where t >= 1, with a
+        `RuntimeWarning`. Where omega0 is NaN they
         are too, without a warning.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     MemoryError
         If the states do not fit in memory.
     NotIntegrableError
@@ -53,6 +56,11 @@ def exact(
 
     Notes
     -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
+
     The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
 
     Examples
@@ -69,17 +77,20 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    numbers, count = _times("n", n, flow=False), thread_count(threads)
+    numbers, count = _times("n", n), thread_count(threads)
     states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
-    if np.count_nonzero(missing):
-        at_steps, between = missing.sum(axis=0)
+    if missing.any():
+        at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
         _warn(at_steps, states, "no state there, a pole of the map", SingularStepWarning)
+        _warn(beyond, states, _BEYOND, RuntimeWarning)
     return states
 
 
-def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = None) -> FloatArray:
-    """The continuous motion at time t, by its closed form.
+def flow(
+    body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """The continuous motion at some times, by its closed form.
 
     Parameters
     ----------
@@ -87,7 +98,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
         The body, or a batch of them.
     omega0 : array_like(float, shape=(..., D))
         The angular velocity at time 0.
-    t : array_like(float, shape=() or (N,))
+    time : array_like(float, shape=() or (N,))
         Times, of either sign and any size, in the unit of time of omega0.
     threads : int, optional
         Number of threads; by default what Numba is set to. Results do not depend on it.
@@ -100,7 +111,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -112,7 +123,7 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     --------
     >>> from suslov_fast import Suslov3D, energy, flow
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> states = flow(body, [1.0, 0.5], t=[0.0, 5.0, 1e6])
+    >>> states = flow(body, [1.0, 0.5], time=[0.0, 5.0, 1e6])
     >>> states.round(6)
     array([[ 1.      ,  0.5     ],
            [ 0.873751, -1.093725],
@@ -121,14 +132,16 @@ def flow(body: Body, omega0: ArrayLike, t: ArrayLike, *, threads: int | None = N
     array([2.125, 2.125, 2.125])
     """
     (state,), batch = check(body, {"omega0": omega0})
-    times, count = _times("t", t, flow=True), thread_count(threads)
-    return _solve("flow", body, state, 1.0, batch, times, count)[0]
+    times, count = _times("time", time), thread_count(threads)
+    states, missing = _solve("flow", body, state, 1.0, batch, times, count)
+    _warn(missing[2], states, _BEYOND, RuntimeWarning)
+    return states
 
 
 def limits(
     body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Where an orbit of the map comes from and where it goes.
+    """Limits of an orbit of the map at minus and plus infinity.
 
     Parameters
     ----------
@@ -151,12 +164,17 @@ def limits(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
     Notes
     -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
+
     The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 
@@ -169,19 +187,17 @@ def limits(
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    ends: Times = (np.array([-np.inf, np.inf]), [])
-    count = thread_count(threads)
-    (minus, plus), _ = _solve("limits", body, state, step_size, batch, ends, count)
-    return minus, plus
+    ends, count = np.array([-np.inf, np.inf]), thread_count(threads)
+    states, missing = _solve("limits", body, state, step_size, batch, ends, count)
+    _warn(missing[2], states, _BEYOND, RuntimeWarning)
+    return states[0], states[1]
 
 
-def _times(name: str, value: ArrayLike, flow: bool) -> Times:
-    times = integers_or_floats(name, value)
+def _times(name: str, value: ArrayLike) -> FloatArray:
+    times = finite_floats(name, integers_or_floats(name, value))
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")
-    runs = runs_of(times, flow) if times.ndim else []
-    # What makes up runs is finite.
-    return times if runs else finite_floats(name, times), runs
+    return times
 
 
 def _solve(
@@ -190,9 +206,9 @@ def _solve(
     state: FloatArray,
     eps: float | FloatArray,
     batch: tuple[int, ...],
-    times: Times,
+    times: FloatArray,
     threads: int | None,
-) -> tuple[FloatArray, NDArray[np.int64]]:
+) -> tuple[FloatArray, FloatArray]:
     """States at some times of the map or of the flow, and how many of them are missing."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
@@ -202,11 +218,11 @@ def _solve(
     of_three, missing = states_at(reduction.three, reduced, eps, batch, times, flow, threads)
     states = reduction.back(of_three, state)
     # At time 0 the given state itself.
-    states[times[0] == 0] = state
+    states[times == 0.0] = state
     return states, missing
 
 
-def _warn(missing: np.int64, states: FloatArray, what: str, category: type[Warning]) -> None:
+def _warn(missing: float, states: FloatArray, what: str, category: type[Warning]) -> None:
     if missing:
         total = states.size // states.shape[-1]
-        warnings.warn(f"{missing} of {total} states: {what}", category, stacklevel=3)
+        warnings.warn(f"{missing:.0f} of {total} states: {what}", category, stacklevel=3)

@@ -1,4 +1,4 @@
-"""What an iteration returns."""
+"""Trajectories, the result of an iteration."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Trajectories:
         The saved states; NaN from the first state on that does not exist.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time that omega is measured in.
-    body : Suslov3D or SuslovND
+    body : Suslov3D, SuslovND or SuslovGyrostat
         The body.
     status : ndarray(int8, shape=(...))
         How each trajectory ended: a :class:`Status`; negative if it failed.
@@ -128,7 +128,7 @@ class Trajectories:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Trajectories:
-        """The same run, longer, bit for bit as if it had never been interrupted.
+        """Continue the run, bit for bit as if it had never been interrupted.
 
         Parameters
         ----------
@@ -160,7 +160,8 @@ class Trajectories:
         check_progress(progress)
         if "omega0" not in self._resume:
             raise ValueError(
-                "extend: expected a whole run, got a part of a batch read from a dataset"
+                "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
+                "of to_xarray does not hold what a run needs to go on"
             )
         resume = dict(self._resume)
         run = Run(
@@ -169,7 +170,7 @@ class Trajectories:
             batch=self.status.shape,
             omega0=resume.pop("omega0"),
             eps=self.eps,
-            steps=self.steps + integer("steps", steps, 0, "an integer of at least 0"),
+            steps=self.steps + integer("steps", steps, 0),
             save_every=self.save_every,
             method=self.method,
             orientation=resume.pop("R0", None),
@@ -188,7 +189,7 @@ class Trajectories:
         return numbers_of_saved(self.steps, self.save_every)
 
     @property
-    def t(self) -> FloatArray:
+    def time(self) -> FloatArray:
         """The times n eps of the saved states.
 
         Shape (n_saved,); where eps varies, (n_saved, ...), which broadcasts against the states.
@@ -200,7 +201,7 @@ class Trajectories:
 
     @property
     def ok(self) -> bool:
-        """Whether every trajectory finished."""
+        """True if every trajectory finished."""
         return worst(self.status) >= 0
 
     def first_integral(self) -> FloatArray:
@@ -277,17 +278,19 @@ class Trajectories:
     def _require(self, quantity: str) -> None:
         """TypeError for a quantity that the map of the run does not have."""
         if quantity not in self._map.quantities:
-            raise TypeError(f"{quantity}: not defined for runs of the map {self._map.name}")
+            raise TypeError(
+                f"{quantity}: expected a map that has it, got a run of {self._map.name}"
+            )
 
-    def plot(self, *, components: tuple[int, int] = (0, 1), axes: Any = None) -> Any:
-        """Draw the saved states of all trajectories: one component over another.
+    def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
+        """Draw the saved states of all trajectories, one component over another.
 
         Parameters
         ----------
         components : tuple of int
-            The numbers of the two, from 0 on: the horizontal and the vertical axis.
-        axes : matplotlib.axes.Axes, optional
-            Where to draw; by default axes of a new figure.
+            Numbers of the components on the horizontal and the vertical axis, from 0 on.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
 
         Returns
         -------
@@ -304,24 +307,25 @@ class Trajectories:
         --------
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> axes = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
-        >>> len(axes.lines)
+        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_or_new
+        from .._show.figures import axes_for, style
 
         D = self.omega.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
-        axes = axes_or_new(axes, (5.0, 5.0))
         states = self.omega.reshape(len(self.omega), -1, D)
-        axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
         labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
-        axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
-        axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
-        axes.set_aspect("equal", adjustable="datalim")
+        with style():
+            [axes] = axes_for(ax, (5.0, 5.0))
+            axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
+            axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
+            axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
+            axes.set_aspect("equal", adjustable="datalim")
         return axes
 
     def to_xarray(
@@ -329,7 +333,7 @@ class Trajectories:
         dims: str | Sequence[str] | None = None,
         coords: Mapping[Any, Any] | None = None,
     ) -> xarray.Dataset:
-        """The run as an `xarray.Dataset`, with all that :meth:`from_xarray` needs.
+        """The run as an `xarray.Dataset`, with all that a user looks at.
 
         What does not vary along an axis of the batch is not repeated along it, and the last state
         is a variable of its own, `final`, only where it is not saved. The arrays are not copied.
@@ -338,6 +342,8 @@ class Trajectories:
         ----------
         dims : str or sequence of str, optional
             Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
+            The name of a parameter that varies along this axis alone, "eps" for one, makes it the
+            coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
 
@@ -345,7 +351,7 @@ class Trajectories:
         -------
         xarray.Dataset
             Its dimensions are "n", those of the batch, and "component". It goes through NetCDF
-            and Zarr without loss.
+            and Zarr without loss; what the run needs to go on is only in files of :meth:`save`.
 
         Raises
         ------
@@ -372,9 +378,8 @@ class Trajectories:
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
         """The run that a dataset of :meth:`to_xarray` holds.
 
-        It may have been written to a file and opened again. Coordinates that were given by the
-        user stay with the dataset. A dataset that is a part of a batch gives the trajectories of
-        that part if the variables whose names begin with "resume" are dropped first.
+        It may have been written to a file and opened again, and may be a part of a batch. What it
+        does not hold is what a run needs to go on: :meth:`extend` raises ValueError.
 
         Raises
         ------

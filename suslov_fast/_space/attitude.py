@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
-from .._checks import FloatArray, common_shape, real_array, rotations, vectors
+from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
 from .._engine import threads as _threads
 from .._engine.layout import first_index, for_kernel, spell
 from .._engine.states import TASKS
@@ -86,6 +86,7 @@ def attitude(
     if type(body).__name__ not in _CLASSES:
         raise TypeError(f"body: expected {' or '.join(_CLASSES)}, got {type(body).__name__}")
     m = body.dimension
+    omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}).values()
     states = vectors("omega", omega, m, allow_nan=True)
     if states.ndim < 2 or len(states) == 0:
         raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")

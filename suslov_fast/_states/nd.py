@@ -11,21 +11,21 @@ from .._bodies.nd import SuslovND
 from .._bodies.reduction import first_integral as first_integral_of
 from .._bodies.reduction import reduce
 from .._checks import FloatArray
-from .._core.cpu import observables_nd as kernels
-from .._engine.observables import of_state_nd
 from .._engine.states import by_slabs
+from .._engine.states_nd import of_state_nd
+from .._kernels import states_nd as kernels
 
 Step = float | FloatArray | None
 Batch = tuple[int, ...]
 
 
-def _by_kernel(kernel: Any, axes: int = 0) -> Callable[..., FloatArray]:
-    """Return what evaluates a kernel whose results have so many axes of components."""
+def _by_kernel(quantity: int, axes: int = 0) -> Callable[..., FloatArray]:
+    """Return what evaluates a quantity whose results have so many axes of components."""
 
     def find(
         body: SuslovND, omega: FloatArray, eps: Step, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
-        return of_state_nd(kernel, body, omega, eps, batch, threads, (body.dimension,) * axes)
+        return of_state_nd(quantity, body, omega, eps, batch, threads, (body.dimension,) * axes)
 
     return find
 
@@ -87,7 +87,7 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
     batch, result = omega.shape[:-1], (body.dimension, body.dimension)
     following = _next(body, omega, eps)
     return of_state_nd(
-        kernels.reaction, body, np.ascontiguousarray(omega), None, batch, None, result, following
+        kernels.REACTION, body, np.ascontiguousarray(omega), None, batch, None, result, following
     )
 
 
@@ -119,13 +119,13 @@ def _ldexp(values: FloatArray, power: FloatArray) -> FloatArray:
 
 
 QUANTITIES: dict[str, Callable[..., FloatArray]] = {
-    "energy": _by_kernel(kernels.energy),
+    "energy": _by_kernel(kernels.ENERGY),
     "first_integral": _by_numpy(_first_integral, solved="first_integral"),
-    "modified_energy": _by_kernel(kernels.modified_energy),
+    "modified_energy": _by_kernel(kernels.MODIFIED_ENERGY),
     "criticality": _by_numpy(_criticality, solved="criticality"),
-    "vector_field": _by_kernel(kernels.vector_field, 1),
-    "reaction": _by_kernel(kernels.reaction, 2),
+    "vector_field": _by_kernel(kernels.VECTOR_FIELD, 1),
+    "reaction": _by_kernel(kernels.REACTION, 2),
     "discrete_reaction": _by_numpy(_discrete_reaction, 2),
     "jacobian": _by_numpy(_jacobian, 2),
-    "matrix": _by_kernel(kernels.matrix, 2),
+    "matrix": _by_kernel(kernels.MATRIX, 2),
 }

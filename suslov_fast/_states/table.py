@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, common_shape, real_number, states
+from .._checks import FloatArray, aligned, common_shape, real_number, states
 from .._engine.states import of_state
 from .._engine.threads import thread_count
 from .._kernels import states as kernels
@@ -57,6 +57,7 @@ def find(
     if finder is None:
         classes = " or ".join(each for each, has in TABLE.items() if quantity in has)
         raise TypeError(f"body: expected {classes}, got {type(body).__name__}")
+    omega, eps = aligned({name: omega, "eps": eps}).values()
     state = states(name, omega, body.dimension, later=True)
     shapes, step = {"body": body.shape, name: state.shape[:-1]}, None
     if eps is not None:

@@ -1,52 +1,58 @@
-"""Tens of kills, of every kind of run, and a file system that is full."""
+"""Tens of kills of every kind of run, failures of every write, and a full file system."""
 
 import os
 import subprocess
 import sys
 
 import pytest
-from ensemble_runs import arguments
-from test_ensemble_kills import assert_undisturbed, run
+from ensemble_runs import KINDS, arguments, assert_undisturbed
+from test_ensemble_kills import run
+from test_ensemble_stores import HARMS, VARIABLES, fails_and_goes_on, finished, mends
 
 from suslov_fast import ensemble
 
-KINDS = ["3d", "3d auto", "3d attitude", "3d reductions", "nd", "nd gauss"]
+__all__ = ["finished"]
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", KINDS)
-def test_runs_killed_again_and_again(tmp_path, kind, seed):
-    store = tmp_path / "run.zarr"
-    assert run("alone", store, kind, seed, 25) == [25]
-    assert_undisturbed(store, kind, 300)
+def test_processes(tmp_path, kind, seed):
+    assert run("alone", tmp_path / "run.zarr", kind, seed, 25) == [300, 25]
+    assert_undisturbed(tmp_path / "run.zarr", kind, 300)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_workers_killed_again_and_again(tmp_path, kind):
-    store = tmp_path / "run.zarr"
-    steps, killed = run("workers", store, kind, 1, 15)
+def test_workers(tmp_path, kind):
+    steps, killed = run("workers", tmp_path / "run.zarr", kind, 1, 15)
     assert killed == 15
-    assert_undisturbed(store, kind, steps)
+    assert_undisturbed(tmp_path / "run.zarr", kind, steps)
+
+
+@pytest.mark.parametrize("harm", HARMS)
+@pytest.mark.parametrize("name", VARIABLES)
+def test_damage(tmp_path, finished, name, harm):
+    mends(tmp_path, finished, name, harm)
+
+
+@pytest.mark.parametrize("room", range(140))
+def test_writes(tmp_path, monkeypatch, room):
+    fails_and_goes_on(tmp_path / "run.zarr", monkeypatch, room)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_small_file_system_that_is_full(tmp_path, kind):
-    """The run fails, goes on when there is room, and ends with the same bytes."""
+def test_a_file_system_that_is_full(tmp_path, kind):
     small = tmp_path / "small"
     small.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=200k", "tmpfs", str(small)], capture_output=True
-    )
-    if sys.platform != "linux" or mounted.returncode:
+    mount = ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(small)]
+    if sys.platform != "linux" or subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("no file system can be mounted here")
     try:
-        store = small / "run.zarr"
         for _ in range(2):
             with pytest.raises(OSError, match="No space left on device"):
-                ensemble(**arguments(kind), steps=300, store=store)
+                ensemble(**arguments(kind), steps=300, store=small / "run.zarr")
         subprocess.run(["mount", "-o", "remount,size=100m", str(small)], check=True)
-        ensemble(**arguments(kind), steps=300, store=store)
-        assert_undisturbed(store, kind, 300)
+        ensemble(**arguments(kind), steps=300, store=small / "run.zarr")
+        assert_undisturbed(small / "run.zarr", kind, 300)
     finally:
         os.sync()
         subprocess.run(["umount", str(small)], check=False)

@@ -1,1 +1,1 @@
-"""What `suslov-fast explore` serves: a page, and the numbers that it shows."""
+"""The page of `suslov-fast explore` and its server."""

@@ -1,4 +1,4 @@
-"""What a person moves on the page: a body, a step size, a start and a number of steps."""
+"""Parameters of the page: body, step size, start, number of steps, reach of the plane."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from ..._bodies.paper import PICTURES
 from ..._bodies.three import Suslov3D
 
 STEPS = 5000
-# A page remembers in its address what it shows beside the parameters.
-_VIEW = ("extent", "show")
-_QUERY = 2000
+_LINK = 2000
 
 
 class Parameters(NamedTuple):
-    """Numbers, by the names that the address of the page has for them."""
+    """Numbers, by their names in the address of the page."""
 
     I1: float
     I2: float
@@ -27,6 +25,8 @@ class Parameters(NamedTuple):
     Omega1: float
     Omega2: float
     steps: int
+    extent: float = 4.0
+    portrait: int = 0
 
     @property
     def body(self) -> Suslov3D:
@@ -40,7 +40,7 @@ class Parameters(NamedTuple):
 
 
 class WrongValue(ValueError):
-    """A value that a person can correct, and the field that holds it."""
+    """A value that the user can correct, and the field that holds it."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(f"{field}: {message}")
@@ -48,7 +48,7 @@ class WrongValue(ValueError):
 
 
 def read(texts: Mapping[str, str]) -> Parameters:
-    """Parameters from what the fields of the page hold."""
+    """Read parameters from the texts of the fields."""
     values: dict[str, Any] = {}
     for name, text in texts.items():
         try:
@@ -57,51 +57,55 @@ def read(texts: Mapping[str, str]) -> Parameters:
             values[name] = math.nan
         if not math.isfinite(values[name]):
             raise WrongValue(name, f"expected a number, got {text!r}")
-    for name in ("I1", "I2"):
-        if not values[name] > 0:
+    for name in ("I1", "I2", "extent"):
+        if not values.get(name, 1.0) > 0:
             raise WrongValue(name, f"expected a positive number, got {texts[name]}")
     steps = values["steps"]
     if not (steps == int(steps) and 1 <= steps <= STEPS):
         raise WrongValue("steps", f"expected an integer from 1 to {STEPS}, got {texts['steps']}")
-    return Parameters(**values | {"steps": int(steps)})
+    whole = {"steps": int(steps), "portrait": int(bool(values.get("portrait", 0)))}
+    return Parameters(**values | whole)
 
 
 def split(query: str) -> dict[str, str]:
-    """The fields of a query, all of them once; ValueError if it is another page's."""
+    """Return the fields of a query; ValueError unless each is there once, or has a default."""
     pairs = parse_qsl(query, keep_blank_values=True, max_num_fields=len(Parameters._fields))
     texts = dict(pairs)
-    if len(texts) < len(pairs) or set(texts) != set(Parameters._fields):
+    needed = set(Parameters._fields) - set(Parameters._field_defaults)
+    if len(texts) < len(pairs) or not needed <= set(texts) <= set(Parameters._fields):
+        names = ", ".join(name for name in Parameters._fields if name in needed)
         got = ", ".join(name for name, _ in pairs) or "none"
-        raise ValueError(f"expected each of {', '.join(Parameters._fields)} once, got {got}")
+        raise ValueError(f"expected each of {names} once, got {got}")
     return texts
 
 
 def query_of_link(link: str) -> str:
-    """The query of an address that was copied from the page, so that it can be shown again."""
-    address = urlsplit(link)
-    pairs = dict(parse_qsl(address.query))
-    view = {name: pairs.pop(name) for name in _VIEW if name in pairs}
-    if len(link) > _QUERY:
-        raise ValueError(f"expected at most {_QUERY} characters, got {len(link)}")
+    """Return the query of an address that was copied from the page, checked."""
+    pairs = dict(parse_qsl(urlsplit(link).query))
+    view = {"show": pairs.pop("show")} if "show" in pairs else {}
+    if len(link) > _LINK:
+        raise ValueError(f"expected at most {_LINK} characters, got {len(link)}")
     parameters = read(split(urlencode(pairs)))
     values = {name: f"{value}".removesuffix(".0") for name, value in parameters._asdict().items()}
     return urlencode(values | view)
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:
-    body, eps, _ = PICTURES[number]
+    body, eps, extent = PICTURES[number]
     I1, I2, I13, I23 = (float(each) for each in body.parameters)
-    return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps)
+    return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 
-# States near the repelling half of the line, and how far from 0 the plane reaches.
-PRESETS: dict[str, tuple[Parameters, float]] = {
-    "Picture 1": (_of_picture(1, -0.8, 1.3, 300), PICTURES[1].extent),
-    "Picture 2": (_of_picture(2, -2.5, 5.5, 300), PICTURES[2].extent),
-    "Picture 3": (_of_picture(3, -60.0, 3.0, 300), PICTURES[3].extent),
-    "Picture 4": (_of_picture(4, -1.5, 1.4, 100), PICTURES[4].extent),
-    "Long steps: t = 0.5": (_of_picture(4, -8.0, 7.0, 40), 14.0),
-    "t = 1": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 0.5, -2.0, 5), 4.0),
-    "t > 1: jumps": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 0.5, -4.0, 60), 8.0),
-    "A pole: no next state": (Parameters(1.0, 1.0, 1.0, 0.0, 1.0, 1.0, -3.0, 20), 5.0),
+# With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are of matter but
+# those of pictures of the paper that say so.
+PRESETS = {
+    "A rigid body": Parameters(4.0, 2.0, -0.5, -0.3, 0.2, -0.9, 1.3, 300, 4.0),
+    "Long steps: t = 0.5": Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -8.0, 7.0, 40, 14.0),
+    "t = 1": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -8.0, 5, 14.0),
+    "t > 1: jumps": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -16.0, 60, 30.0),
+    "A pole: no next state": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -9.0, 20, 14.0),
+    "Paper, picture 1 (no body of matter)": _of_picture(1, -0.8, 1.3, 300),
+    "Paper, picture 2": _of_picture(2, -2.5, 5.5, 300),
+    "Paper, picture 3": _of_picture(3, -60.0, 3.0, 300),
+    "Paper, picture 4": _of_picture(4, -1.5, 1.4, 100),
 }

@@ -1,4 +1,4 @@
-"""Everything that the page shows, found by the public functions, as plain numbers."""
+"""All numbers of the page, from the public functions, as values that JSON can hold."""
 
 from __future__ import annotations
 
@@ -7,40 +7,42 @@ from typing import Any
 
 import numpy as np
 
-from ..._bodies.matter import ellipsoid_of_inertia
 from ..._bodies.three import Suslov3D
 from ..._checks import FloatArray
+from ..._engine.status import Status
+from ..._runs.iterate import iterate
+from ..._runs.solution import flow, limits
+from ..._space.scattering import scattering_angle
+from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.continuous import vector_field
-from ..._runs.iterate import iterate
+from ..._states.coordinates import from_xy, to_xy
+from ..ellipsoid import ellipsoid
 from ..plane import energy_level, level_curves, repelling_direction
-from ..._space.scattering import scattering_angle
-from ..._runs.solution import flow, limits
-from ..._space.vectors import to_vector
-from ..._engine.status import Status
 from .parameters import Parameters
 
 # Branches that do not end are drawn as far as anyone zooms out.
 _REACH = 12.0
-_DOUBLINGS = 60
+# Orbits of a portrait: levels, steps, angle from the line of steady states, significant digits.
+_LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.05, 6
 
 REGIMES = {
     "steady": "This state is a steady rotation: it does not move.",
     "below": (
-        "The orbit follows the continuous motion: on a level of F, from the repelling half of the "
-        "line to the attracting one."
+        "The orbit follows the continuous motion on a level curve of F, from the repelling half of "
+        "the line of steady states to the attracting one."
     ),
-    "at": "The orbit falls onto a steady state in one step or two.",
+    "at": "The orbit reaches a steady state in one or two steps.",
     "above": (
-        "The step is too long to follow the continuous motion: the orbit jumps across the line "
-        "and, unless it meets a pole, still ends on it."
+        "The step is too long to follow the continuous motion: the orbit jumps across the line of "
+        "steady states and, unless it meets a pole, still tends to it."
     ),
 }
 
 
 def scene(parameters: Parameters) -> dict[str, Any]:
-    """All numbers of a page; ValueError, with what was expected, where there are none."""
-    with np.errstate(all="ignore"):  # numbers beyond float64 are shown as none
+    """Return all numbers of the page; ValueError, with what was expected, for a bad body."""
+    with np.errstate(all="ignore"):  # numbers beyond float64 become null
         return _scene(parameters)
 
 
@@ -52,24 +54,23 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     assert run.attitude is not None
     t = float(criticality(body, start, eps))
     status = Status(int(run.status))
-    F = run.first_integral()
+    drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
     regime = _regime(body, start, t)
     minus, plus = limits(body, start, eps)
-    of_matter = body.admissible_I3()
-    drift = np.abs(F / F[0] - 1.0)
-    curves = {
-        "F": [_rows(branch) for branch in _levels(body, eps, t)],
-        "energy": _rows(energy_level(body, start)),
-    }
     return {
         "parameters": parameters._asdict(),
+        "time": [_number(each) for each in run.time],
         "omega": _rows(run.omega),
-        "flow": _flow(body, start, run.t),
+        "flow": _flow(body, start, run.time),
         "attitude": _rows(run.attitude.reshape(-1, 9)),
         "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
         "line": _line(body, eps),
-        "levels": curves,
-        "ellipsoid": _ellipsoid(body, *of_matter),
+        "levels": {
+            "F": [_rows(branch) for branch in _levels(body, eps, t)],
+            "energy": _rows(energy_level(body, start)),
+        },
+        "portrait": _portrait(parameters) if parameters.portrait else None,
+        "ellipsoid": _ellipsoid(body),
         "regime": {"name": regime, "text": REGIMES[regime]},
         "status": {
             "name": status.name,
@@ -84,14 +85,14 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "omega_minus": _rows(minus[np.newaxis])[0],
             "omega_plus": _rows(plus[np.newaxis])[0],
             "scattering_angle": _number(scattering_angle(body)),
-            "I3": _rows(np.array([of_matter]))[0],
+            "I3": _rows(np.array([body.admissible_I3()]))[0],
         },
         "python": code(parameters),
     }
 
 
 def code(parameters: Parameters) -> str:
-    """The lines of Python that give the same states."""
+    """Return the lines of Python that give the same states."""
     return (
         "from suslov_fast import Suslov3D, iterate\n\n"
         f"body = {parameters.body!r}\n"
@@ -107,7 +108,7 @@ def _regime(body: Suslov3D, start: FloatArray, t: float) -> str:
 
 
 def _flow(body: Suslov3D, start: FloatArray, times: FloatArray) -> list[list[float] | None]:
-    """The continuous motion at the times of the states, where these are in the range of float64."""
+    """The continuous motion at the times of the states, where these are finite."""
     within = np.isfinite(times)
     missing = [None] * int((~within).sum())
     return [*_rows(flow(body, start, times[within])), *missing]
@@ -122,36 +123,52 @@ def _line(body: Suslov3D, eps: float) -> dict[str, list[float]] | None:
 
 
 def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
-    """The curves on which F is that of the start; a point is none."""
+    """Level curves of F through the start; none where they are a point."""
     if t == 0 or not math.isfinite(t):
         return []
     return level_curves(body, eps, abs(t), _REACH)
 
 
-def _ellipsoid(body: Suslov3D, low: FloatArray, high: FloatArray) -> dict[str, Any] | None:
-    """The ellipsoid of inertia of a body with these parameters.
+def _portrait(parameters: Parameters) -> dict[str, Any] | None:
+    """Orbits from both sides of the repelling half of the line, on levels that fill the view."""
+    body, eps, extent = parameters.body, parameters.eps, parameters.extent
+    if eps == 0 or (body.I13 == 0 and body.I23 == 0):
+        return None
+    direction = math.copysign(1.0, eps) * repelling_direction(body)
+    corner = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
+    y = to_xy(body, corner * np.outer(np.arange(1, _LEVELS + 1) / _LEVELS, direction))[:, 1]
+    x = np.tan(_NEAR) * y / np.sqrt(body.I1 * body.I2)
+    starts = from_xy(body, np.stack([[x, -x], [y, y]], axis=-1))
+    t = criticality(body, starts[0], eps)
+    steps = min(parameters.steps, _STEPS)
+    orbits = iterate(body, starts.reshape(-1, 2), eps, steps, on_singular="ignore", threads=1)
+    levels = [each for level in t for each in _levels(body, eps, float(level))]
+    return {
+        "levels": [_short(branch) for branch in levels],
+        "orbits": [_short(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
+    }
 
-    I3 decides its shape alone: it is in the middle of those that matter can have, from low to high,
-    or, where it can have none, large enough for an ellipsoid.
-    """
-    of_matter = bool(np.isfinite(low))
-    I3 = float(0.5 * (low + high)) if of_matter else float(np.maximum(body.I1, body.I2))
-    for _ in range(_DOUBLINGS):
-        try:
-            radii, axes = ellipsoid_of_inertia(*body.parameters, I3)
-        except ValueError:
-            I3 *= 2.0
-        else:
-            return {"I3": I3, "matter": of_matter, "radii": radii.tolist(), "axes": axes.tolist()}
-    return None
+
+def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
+    """The ellipsoid of inertia, if there is one in the range of float64."""
+    try:
+        radii, axes, I3, admissible = ellipsoid(body)
+    except (ValueError, OverflowError, np.linalg.LinAlgError):
+        return None
+    return {"I3": I3, "matter": admissible, "radii": radii.tolist(), "axes": axes.tolist()}
+
+
+def _short(array: FloatArray) -> list[list[float] | None]:
+    """Rows of few digits, for drawing alone."""
+    return [row and [float(f"{x:.{_DIGITS}g}") for x in row] for row in _rows(array)]
 
 
 def _number(value: Any) -> float | None:
-    """A number that JSON can hold."""
+    """A number, and None where it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
 def _rows(array: FloatArray) -> list[list[float] | None]:
-    """Rows of numbers, and None for those that do not exist."""
+    """Rows of numbers, and None for those that are not finite."""
     finite = np.isfinite(array).tolist()
     return [row if all(each) else None for row, each in zip(array.tolist(), finite, strict=True)]

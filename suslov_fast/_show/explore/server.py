@@ -1,4 +1,4 @@
-"""A server for one person's browser: it answers to its own page, on this machine, and no other."""
+"""An HTTP server on this machine that answers to its own page alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .scene import scene
 
 _ADDRESS = "127.0.0.1"
 _LONGEST = 2048
-# A browser may open connections ahead that it then says nothing on.
+# Seconds; browsers open connections ahead that they may never use.
 _PATIENCE = 10.0
 _ASSETS = {
     "/": ("index.html", "text/html; charset=utf-8"),
@@ -40,7 +40,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     block_on_close = False
-    # Another server on the same port is an error, not a second listener.
+    # A second server on the same port is an error.
     allow_reuse_port = False
     allow_reuse_address = os.name == "posix"
 
@@ -53,12 +53,12 @@ class Server(ThreadingHTTPServer):
         }
 
     def server_bind(self) -> None:
-        """Bind, and ask no one for the name of the address."""
+        """Bind without a DNS lookup of the name of the address."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = _ADDRESS, self.socket.getsockname()[1]
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error, unless it is that the browser has gone."""
+        """Report an error, unless the browser has closed the connection."""
         if not isinstance(sys.exc_info()[1], ConnectionError):
             super().handle_error(request, client_address)
 
@@ -74,16 +74,16 @@ class _Handler(BaseHTTPRequestHandler):
     server_version = f"suslov-fast/{__version__}"
     sys_version = ""
     timeout = _PATIENCE
-    # Head and body leave together, and at once.
+    # Header and body leave in one packet, at once.
     wbufsize = -1
     disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
-        """Answer with the page, one of its parts, or numbers for it."""
+        """Answer with a file of the page or with numbers for it."""
         if not self._from_own_page():
-            self._send(403, b"suslov-fast: this page answers to itself alone\n")
+            self._send(403, b"suslov-fast: requests of other pages are refused\n")
         elif len(self.path) > _LONGEST:
-            self._send(414, b"suslov-fast: too long an address\n")
+            self._send(414, b"suslov-fast: the address is too long\n")
         else:
             path, _, query = self.path.partition("?")
             if path in self.server.assets:
@@ -98,9 +98,9 @@ class _Handler(BaseHTTPRequestHandler):
     do_HEAD = do_GET
 
     def _from_own_page(self) -> bool:
-        """Whether a request names this server, and no foreign page has made it.
+        """Return False for requests that a page of another site has made.
 
-        A foreign page may give its own name the address of this machine; it cannot lie about it.
+        Its name may resolve to this machine (DNS rebinding), but the Host header tells.
         """
         if self.headers.get_all("Host", []) not in [[host] for host in self.server.hosts]:
             return False
@@ -122,26 +122,23 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Say nothing: what goes wrong is said on the page."""
+        """Log nothing: the page shows what goes wrong."""
 
 
 def settings() -> dict[str, Any]:
-    """What the page begins with."""
+    """Return the version, the longest run and the presets of the page."""
     return {
         "version": __version__,
         "longest": STEPS,
         "presets": [
-            {"name": name, "parameters": parameters._asdict(), "extent": extent}
-            for name, (parameters, extent) in PRESETS.items()
+            {"name": name, "parameters": parameters._asdict()}
+            for name, parameters in PRESETS.items()
         ],
     }
 
 
 def answer(query: str) -> tuple[int, dict[str, Any]]:
-    """The status and the numbers for a query of the page.
-
-    A value that no body has is an answer too: the page shows the message.
-    """
+    """Return the HTTP status and the numbers for a query, or a message that the page shows."""
     try:
         texts = split(query)
     except ValueError as error:

@@ -13,10 +13,12 @@ const FIELDS = {
   Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
 };
 const SHOWN = ["F", "energy"];
+const MARGIN = { left: 46, right: 12, top: 24, bottom: 34 };
 const SMALL = "12px system-ui, 'DejaVu Sans', sans-serif";
 const MATH = "italic 15px Georgia, 'DejaVu Serif', serif";
-const values = {}; // what the fields hold, as text: a wrong value stays as it was written
+const values = {}; // texts of the fields: a wrong value stays as the user wrote it
 const inputs = {};
+const LOST = "suslov-fast does not answer: start it again and reload this page.";
 let settings, scene = null;
 let extent = 4, shown = new Set(SHOWN), moment = 0, share = 0, playing = false, colours = {};
 let camera = { turn: -0.7, lift: 0.42 };
@@ -31,17 +33,18 @@ async function ask() {
   const begun = Date.now();
   const waiting = setInterval(() => {
     const seconds = Math.round((Date.now() - begun) / 1000);
-    say(`Compiling, this once: half a minute or so on a machine that is not busy. ${seconds} s`, true);
+    say(`Compiling the kernels, once per installation. ${seconds} s`, true);
   }, 1000);
   try {
-    const reply = await fetch("/scene?" + new URLSearchParams(values));
+    const reply = await fetch("/scene?" + new URLSearchParams(
+      { ...values, extent, portrait: Number(shown.has("portrait")) }));
     const found = await reply.json();
     clearInterval(waiting);
     if (found.error) complain(found.error, found.field);
     else receive(found);
   } catch {
     clearInterval(waiting);
-    complain("suslov-fast does not answer: start it again, and load this page anew.", null);
+    complain(LOST, null);
   }
   asking = false;
   if (again) { again = false; ask(); }
@@ -109,6 +112,7 @@ function build() {
     box.addEventListener("change", () => {
       if (box.checked) shown.add(box.value); else shown.delete(box.value);
       remember();
+      if (box.value === "portrait") ask();
       draw();
     });
   }
@@ -126,7 +130,7 @@ function change(changes, typed = null) {
   ask();
 }
 
-// Say which of the beginnings is shown, if it is one.
+// Select the preset that has these values, if there is one.
 function name() {
   const same = ({ parameters }) => Object.keys(FIELDS).every((field) => Number(values[field]) === parameters[field]);
   byId("preset").value = settings.presets.find(same)?.name ?? "";
@@ -142,6 +146,7 @@ function setExtent(value) {
     inputs[name].number.step = step;
   }
   remember();
+  if (shown.has("portrait") && scene) ask();
 }
 
 let remembering = null;
@@ -151,16 +156,15 @@ function remember() {
   remembering = setTimeout(() => history.replaceState(null, "", "?" + query()), 150);
 }
 
-const query = () => new URLSearchParams(
-  { ...values, extent: short(extent, 6), show: [...shown].join(" ") }).toString();
+const query = () => new URLSearchParams({ ...values, extent: short(extent, 6), show: [...shown].join(" ") }).toString();
 
 function choose(preset) {
-  for (const [name, value] of Object.entries(preset.parameters)) {
-    values[name] = String(value);
+  for (const name of Object.keys(FIELDS)) {
+    values[name] = String(preset.parameters[name]);
     inputs[name].slider.value = inputs[name].number.value = values[name];
   }
   name();
-  setExtent(preset.extent);
+  setExtent(preset.parameters.extent);
   setMoment(0);
   ask();
 }
@@ -171,12 +175,10 @@ const tidy = (text) => text && Number.isFinite(Number(text)) ? String(Number(tex
 function fromAddress() {
   const given = new URLSearchParams(location.search);
   const first = settings.presets[0];
-  choose({
-    parameters: Object.fromEntries(
-      Object.keys(FIELDS).map((name) => [name, tidy(given.get(name)) ?? first.parameters[name]])),
-    extent: Number(given.get("extent")) || first.extent,
-  });
+  const parameters = Object.fromEntries(
+    Object.keys(FIELDS).map((name) => [name, tidy(given.get(name)) ?? first.parameters[name]]));
   if (given.has("show")) shown = new Set(given.get("show").split(" ").filter(Boolean));
+  choose({ parameters: { ...parameters, extent: Number(given.get("extent")) || first.parameters.extent } });
   for (const box of document.querySelectorAll("#show input")) box.checked = shown.has(box.value);
 }
 
@@ -211,7 +213,7 @@ function describe() {
     ["limit n → −∞", pair(numbers.omega_minus)],
     ["limit n → +∞", pair(numbers.omega_plus)],
     ["scattering angle", numbers.scattering_angle === null ? "none" : `${short(numbers.scattering_angle * 180 / Math.PI, 5)}°`],
-    ["I₃ that matter can have", numbers.I3 ? numbers.I3.map((each) => short(each, 4)).join(" to ") : "none"],
+    ["I₃ of a rigid body", numbers.I3 ? numbers.I3.map((each) => short(each, 4)).join(" to ") : "none"],
   ];
   byId("numbers").replaceChildren(...rows.flatMap(([name, value]) => {
     const term = document.createElement("dt"), text = document.createElement("dd");
@@ -220,8 +222,8 @@ function describe() {
     return [term, text];
   }));
   byId("matter").textContent = ellipsoid === null ? ""
-    : `Ellipsoid of inertia, drawn with I₃ = ${short(ellipsoid.I3, 4)}` +
-      (ellipsoid.matter ? "." : ". No body of matter has these parameters.");
+    : `Ellipsoid of inertia with I₃ = ${short(ellipsoid.I3, 4)}` +
+      (ellipsoid.matter ? "." : ". No rigid body of matter has these parameters.");
 }
 
 // ---------------------------------------------------------------- the plane
@@ -239,12 +241,13 @@ function surface(canvas) {
   return { pen, width, height };
 }
 
-function view() {
-  const { clientWidth: width, clientHeight: height } = byId("plane");
-  const scale = Math.max(Math.min(width, height), 1) / (2 * extent);
-  return { width, height, scale,
-    at: ([x, y]) => [width / 2 + x * scale, height / 2 - y * scale],
-    from: (px, py) => [(px - width / 2) / scale, (height / 2 - py) / scale] };
+// The plane in a picture of so many pixels: its frame, and where points lie in it.
+function view({ width, height } = { width: byId("plane").clientWidth, height: byId("plane").clientHeight }) {
+  const x0 = MARGIN.left, x1 = width - MARGIN.right, y0 = MARGIN.top, y1 = height - MARGIN.bottom;
+  const scale = Math.max(Math.min(x1 - x0, y1 - y0), 1) / (2 * extent), x = (x0 + x1) / 2, y = (y0 + y1) / 2;
+  return { x0, x1, y0, y1, scale,
+    at: ([u, v]) => [x + u * scale, y - v * scale],
+    from: (px, py) => [(px - x) / scale, (y - py) / scale] };
 }
 
 // Far outside the canvas, where lines still lead but no browser overflows.
@@ -280,25 +283,41 @@ function write(pen, text, x, y, align = "center", font = SMALL, colour = colours
 
 function drawPlane() {
   const { pen, width, height } = surface(byId("plane"));
-  const { at, scale } = view();
-  const ticks = drawGrid(pen, width, height, scale, at);
-  if (!scene) return;
+  paintPlane(pen, width, height);
+}
+
+// Draws with a canvas or with an SvgPen.
+function paintPlane(pen, width, height, moving = true) {
+  const frame = view({ width, height }), { at, scale, x0, x1, y0, y1 } = frame;
+  const labels = drawGrid(pen, frame);
+  pen.save();
+  pen.beginPath();
+  pen.rect(x0, y0, x1 - x0, y1 - y0);
+  pen.clip();
+  if (scene) paintScene(pen, at, 2 * Math.hypot(width, height) / scale, moving);
+  pen.restore();
+  stroke(pen, [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]], colours.axis, 1);
+  for (const label of labels) write(pen, ...label);
+}
+
+function paintScene(pen, at, far, moving) {
   const place = (row) => row && at(row);
-  if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 2);
-  if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [6, 6]);
-  if (scene.line) {
-    const far = 4 * Math.hypot(width, height) / scale;
-    for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]])
-      stroke(pen, [at([0, 0]), at(scene.line[half].map((each) => each * far))], colours.line, 2.6, dash);
+  if (shown.has("portrait") && scene.portrait) {
+    for (const branch of scene.portrait.levels) stroke(pen, branch.map(place), colours.level, 1);
+    for (const orbit of scene.portrait.orbits) for (const row of orbit) if (row) disc(pen, at(row), 1.5, colours.faint);
   }
-  for (const [text, x, y, align, font] of ticks) write(pen, text, x, y, align, font);
+  // A wide band under a thin dashed line: both are seen where the two levels coincide.
+  if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 6);
+  if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [7, 5]);
+  if (scene.line) for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]])
+    stroke(pen, [at([0, 0]), at(scene.line[half].map((each) => each * far))], colours.line, 2.6, dash);
   const states = scene.omega.map(place), end = last();
   if (shown.has("joined")) stroke(pen, states, colours.faint, 1, [1, 4]);
   if (shown.has("flow")) for (const row of scene.flow) if (row) disc(pen, at(row), 4, null, colours.flow);
   const radius = end > 800 ? 1.8 : end > 300 ? 2.2 : 2.8;
   for (let n = end; n >= 0; n--) if (states[n]) disc(pen, states[n], radius, colours.state);
-  if (states[moment]) disc(pen, states[moment], 5.5, colours.panel, colours.text);
-  if (states[moment]) disc(pen, states[moment], 3, colours.text);
+  if (moving && states[moment]) disc(pen, states[moment], 5.5, colours.panel, colours.text);
+  if (moving && states[moment]) disc(pen, states[moment], 3, colours.text);
   const start = at([scene.parameters.Omega1, scene.parameters.Omega2]);
   disc(pen, start, 8, null, colours.accent);
   disc(pen, start, 9.5, null, colours.panel);
@@ -306,34 +325,33 @@ function drawPlane() {
   if (scene.status.failed_at !== null && states[end]) drawCross(pen, states[end]);
 }
 
-// Where the orbit ends, because there is no next state.
+// The last state of an orbit that meets a pole.
 function drawCross(pen, [x, y]) {
   for (const [colour, width] of [[colours.panel, 7], [colours.bad, 3.2]])
     stroke(pen, [[x - 10, y - 10], [x + 10, y + 10], null, [x - 10, y + 10], [x + 10, y - 10]], colour, width);
 }
 
-function drawGrid(pen, width, height, scale, at) {
+// Grid lines; returns the labels, which stand outside the frame.
+function drawGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
   const about = 70 / scale, power = 10 ** Math.floor(Math.log10(about));
   const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const named = (value) => (Math.abs(Math.log10(step)) > 5 ? value.toExponential(1) : value.toFixed(digits)).replace("-", "−");
-  const ticks = [], [x0, y0] = at([0, 0]);
-  for (let k = -Math.floor(width / 2 / scale / step); k * step * scale <= width / 2; k++) {
+  const named = (value) => (Math.abs(Math.log10(step)) > 4 ? value.toExponential(1) : value.toFixed(digits)).replaceAll("-", "−");
+  const labels = [], [left, top] = from(x0, y0), [right, bottom] = from(x1, y1);
+  for (let k = Math.ceil(left / step); k * step <= right; k++) {
     const [x] = at([k * step, 0]);
-    stroke(pen, [[x, 0], [x, height]], k ? colours.grid : colours.axis, 1);
-    if (k && x > 16 && x < width - 34) ticks.push([named(k * step), x, y0 + 16, "center", SMALL]);
+    stroke(pen, [[x, y0], [x, y1]], k ? colours.grid : colours.axis, 1);
+    labels.push([named(k * step), x, y1 + 15, "center", SMALL]);
   }
-  for (let k = -Math.floor(height / 2 / scale / step); k * step * scale <= height / 2; k++) {
+  for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
     const [, y] = at([0, k * step]);
-    stroke(pen, [[0, y], [width, y]], k ? colours.grid : colours.axis, 1);
-    if (k && y > 24 && y < height - 8) ticks.push([named(k * step), x0 - 7, y + 4, "right", SMALL]);
+    stroke(pen, [[x0, y], [x1, y]], k ? colours.grid : colours.axis, 1);
+    labels.push([named(k * step), x0 - 6, y + 4, "right", SMALL]);
   }
-  stroke(pen, [[x0, 0], [x0, height], null, [0, y0], [width, y0]], colours.axis, 1);
-  ticks.push(["Ω₁", width - 6, y0 - 8, "right", MATH], ["Ω₂", x0 + 8, 16, "left", MATH]);
-  return ticks;
+  return [...labels, ["Ω₁", (x0 + x1) / 2, y1 + 30, "center", MATH], ["Ω₂", x0, y0 - 8, "center", MATH]];
 }
 
-// The start goes where the mouse is, in as many digits as it can tell.
+// Puts the start at the pointer, with as many digits as a pixel resolves.
 function moveStart(px, py) {
   const digits = Math.max(0, Math.ceil(-Math.log10(1 / view().scale)) + 1);
   const [x, y] = view().from(px, py).map((each) => Number(each.toFixed(Math.min(digits, 20))));
@@ -530,7 +548,7 @@ function draw() {
 
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ["text", "faint", "panel", "edge", "grid", "axis", "accent", "line", "F", "energy", "flow", "omega", "bad", "state"])
+  for (const name of ["text", "faint", "panel", "edge", "grid", "axis", "accent", "line", "F", "energy", "flow", "omega", "bad", "state", "level"])
     colours[name] = style.getPropertyValue(`--${name}`).trim();
   const rgb = (name) => {
     const code = style.getPropertyValue(`--${name}`).trim();
@@ -589,6 +607,15 @@ function listen() {
     const preset = settings.presets.find((each) => each.name === event.target.value);
     if (preset) choose(preset);
   });
+  byId("save-png").addEventListener("click", savePng);
+  byId("save-svg").addEventListener("click", () => save("svg", new Blob([svg()], { type: "image/svg+xml" })));
+  byId("save-csv").addEventListener("click", () => save("csv", new Blob([csv()], { type: "text/csv" })));
+  addEventListener("click", (event) => {
+    if (!byId("export").contains(event.target)) byId("export").open = false;
+  });
+  byId("export").addEventListener("keydown", (event) => {
+    if (event.key === "Escape") { byId("export").open = false; byId("export").firstElementChild.focus(); }
+  });
   byId("copy-link").addEventListener("click", () => copy(`${location.origin}/?${query()}`, "Link copied"));
   byId("copy-python").addEventListener("click", () => scene && copy(scene.python, "Python copied"));
   const observer = new ResizeObserver(draw);
@@ -603,13 +630,77 @@ function look(turn, lift) {
   drawSpace();
 }
 
+// ---------------------------------------------------------------- files
+
+// Writes what is drawn on a canvas as SVG: those methods of a canvas that this page uses.
+class SvgPen {
+  parts = []; path = ""; dash = "";
+  beginPath() { this.path = ""; }
+  moveTo(x, y) { this.path += `M${round(x)} ${round(y)}`; }
+  lineTo(x, y) { this.path += `L${round(x)} ${round(y)}`; }
+  rect(x, y, width, height) { this.path += `M${x} ${y}h${width}v${height}h${-width}z`; }
+  arc(x, y, r) { this.path += `M${round(x - r)} ${round(y)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0`; }
+  setLineDash(dash) { this.dash = dash.join(" "); }
+  save() {}
+  clip() { this.parts.push(`<clipPath id="frame"><path d="${this.path}"/></clipPath><g clip-path="url(#frame)">`); }
+  restore() { this.parts.push("</g>"); }
+  fill() { this.parts.push(`<path d="${this.path}" fill="${this.fillStyle}"/>`); }
+  stroke() {
+    this.parts.push(`<path d="${this.path}" fill="none" stroke="${this.strokeStyle}" stroke-width="${this.lineWidth}"` +
+      (this.dash ? ` stroke-dasharray="${this.dash}"` : "") + "/>");
+  }
+  strokeText() {}
+  fillText(text, x, y) {
+    const anchor = { left: "start", center: "middle", right: "end" }[this.textAlign];
+    this.parts.push(`<text x="${round(x)}" y="${round(y)}" text-anchor="${anchor}" fill="${this.fillStyle}" style="font: ${this.font}">${text}</text>`);
+  }
+}
+
+const round = (value) => Number(value.toFixed(2));
+const escaped = (text) => text.replace(/[&<>]/g, (each) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[each]);
+
+function svg() {
+  const { clientWidth: width, clientHeight: height } = byId("plane"), pen = new SvgPen();
+  paintPlane(pen, width, height, false);
+  return `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${height}" width="${width}" height="${height}" ` +
+    `stroke-linejoin="round" stroke-linecap="round"><desc>${escaped(scene.python)}</desc>` +
+    `<path d="M0 0h${width}v${height}h${-width}z" fill="${colours.panel}"/>${pen.parts.join("\n")}</svg>\n`;
+}
+
+function savePng() {
+  const { clientWidth: width, clientHeight: height } = byId("plane"), ratio = 3;
+  const canvas = Object.assign(document.createElement("canvas"), { width: ratio * width, height: ratio * height });
+  const pen = canvas.getContext("2d");
+  pen.scale(ratio, ratio);
+  pen.fillStyle = colours.panel;
+  pen.fillRect(0, 0, width, height);
+  pen.lineJoin = pen.lineCap = "round";
+  paintPlane(pen, width, height, false);
+  canvas.toBlob((blob) => save("png", blob));
+}
+
+// Numbers in the digits that give them back exactly; states that do not exist are left out.
+const csv = () => ["n,time,Omega1,Omega2", ...scene.omega.flatMap((row, n) => row ? [[n, scene.time[n], ...row].join(",")] : [])].join("\n") + "\n";
+
+function save(kind, blob) {
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: `suslov-orbit.${kind}` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  tell(`Saved ${link.download}`);
+}
+
 async function copy(text, done) {
   try {
     await navigator.clipboard.writeText(text);
-    byId("copied").textContent = done;
+    tell(done);
   } catch {
-    byId("copied").textContent = "Not allowed here: copy the address";
+    tell("Not allowed here: copy the address");
   }
+}
+
+function tell(text) {
+  byId("export").open = false;
+  byId("copied").textContent = text;
   setTimeout(() => { byId("copied").textContent = ""; }, 2500);
 }
 
@@ -618,7 +709,7 @@ async function begin() {
   readColours();
   settings = await (await fetch("/settings")).json();
   inputs.steps.number.max = settings.longest;
-  const own = new Option("own values", "");
+  const own = new Option("Own values", "");
   byId("preset").append(...settings.presets.map(({ name }) => new Option(name, name)), own);
   document.querySelector("h1").title = `version ${settings.version}`;
   fromAddress();
@@ -626,4 +717,4 @@ async function begin() {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
-begin().catch(() => complain("suslov-fast does not answer: start it again, and load this page anew.", null));
+begin().catch(() => complain(LOST, null));

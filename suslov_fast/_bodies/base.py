@@ -1,0 +1,173 @@
+"""The base class of all bodies: parameters that cannot change, equality, text and plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from .._checks import FloatArray, common_shape, real_array
+
+# Characters of a line that a body is shown in.
+_LINE = 100
+
+
+Kind = TypeVar("Kind", bound="Body")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Body:
+    """A body, or a batch of them; the fields of a subclass are its parameters."""
+
+    # The number of axes of a parameter that are not axes of the batch.
+    _own_axes: ClassVar[int] = 0
+    # Names of parameters with the unit of a moment of inertia, and of those that couple them.
+    _moments: ClassVar[tuple[str, ...]] = ()
+    _couplings: ClassVar[tuple[str, ...]] = ()
+    # All parameters in words, and those that are positive.
+    _meanings: ClassVar[dict[str, str]] = {}
+    _positive: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        """Return the names of the parameters, optional ones last."""
+        return [field.name for field in fields(cls)]
+
+    @classmethod
+    def _optional(cls) -> list[str]:
+        """Return the names of the parameters that may be left out."""
+        return [field.name for field in fields(cls) if field.default is not MISSING]
+
+    @property
+    def _values(self) -> dict[str, float | FloatArray]:
+        """The parameters that are set, by name."""
+        named = {name: getattr(self, name) for name in self._names()}
+        return {name: value for name, value in named.items() if value is not None}
+
+    @cached_property
+    def parameters(self) -> tuple[Any, ...]:
+        """The parameters of the map, in order."""
+        return tuple(getattr(self, name) for name in (*self._moments, *self._couplings))
+
+    def _set(self, **values: Any) -> None:
+        """Check the parameters, and set copies that cannot be written to."""
+        left_out = [name for name in self._optional() if values[name] is None]
+        arrays = {
+            name: real_array(name, value) for name, value in values.items() if name not in left_out
+        }
+        for name in self._positive:
+            if name in arrays and not (arrays[name] > 0).all():
+                raise ValueError(
+                    f"{name}: expected a positive {self._meanings[name]}, got {arrays[name].min()}"
+                )
+        shapes = {name: array.shape for name, array in arrays.items()}
+        common_shape({name: shape[: len(shape) - self._own_axes] for name, shape in shapes.items()})
+        for name, array in arrays.items():
+            # Memory of bytes can never be made writeable.
+            frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
+            object.__setattr__(self, name, frozen if array.ndim else float(array))
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the body, () for a single one."""
+        shapes = map(np.shape, self._values.values())
+        return np.broadcast_shapes(*(shape[: len(shape) - self._own_axes] for shape in shapes))
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        mine, theirs = self._values, other._values
+        return mine.keys() == theirs.keys() and all(
+            map(np.array_equal, mine.values(), theirs.values())
+        )
+
+    def __hash__(self) -> int:
+        # Adding 0 makes one of the two zeros, which are equal.
+        arrays = [np.asarray(value) + 0.0 for value in self._values.values()]
+        return hash(tuple((array.shape, array.tobytes()) for array in arrays))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(self._values.values())
+
+    def __repr__(self) -> str:
+        name, values = type(self).__name__, self._values.items()
+        if sum(np.size(value) for _, value in values) <= _LINE // 4:
+            shown = ", ".join(f"{each}={np.asarray(value).tolist()!r}" for each, value in values)
+            if len(shown) < _LINE:
+                return f"{name}({shown})"
+        shown = ", ".join(
+            f"{each}={value if np.ndim(value) == 0 else np.shape(value)}" for each, value in values
+        )
+        return f"<{name} of shape {self.shape}: {shown}>"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th>{name}</th><td>{_brief(value)}</td></tr>"
+            for name, value in self._values.items()
+        )
+        shape = f", shape {self.shape}" if self.shape else ""
+        return f"<table><caption>{type(self).__name__}{shape}</caption>{rows}</table>"
+
+    def _repr_latex_(self) -> str:
+        shown = (
+            rf"{name[0]}_{{{name[1:]}}} = {_brief(value)}".replace("_{}", "")
+            for name, value in self._values.items()
+        )
+        line = r",\; ".join(shown).replace("...", r"\ldots")
+        return f"${line}$"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the parameters as numbers and nested lists, which JSON can hold, without loss.
+
+        Returns
+        -------
+        dict
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
+        {'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
+        """
+        return {name: np.asarray(value).tolist() for name, value in self._values.items()}
+
+    @classmethod
+    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+        """Return the body that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Numbers and nested lists by name.
+
+        Returns
+        -------
+        Suslov3D, SuslovND or SuslovGyrostat
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the names are not those of the parameters, or no body has such parameters.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D.from_dict({"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
+        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+        """
+        names = cls._names()
+        if not isinstance(parameters, Mapping):
+            raise TypeError(f"expected a mapping of {names}, got {type(parameters).__name__}")
+        if not set(names) - set(cls._optional()) <= set(parameters) <= set(names):
+            raise ValueError(f"expected the names {names}, got {sorted(map(str, parameters))}")
+        return cls(**parameters)
+
+
+def _brief(value: float | FloatArray) -> str:
+    """A number or a few, or of many the range."""
+    if np.size(value) <= _LINE // 10:
+        return repr(np.asarray(value).tolist())
+    return f"{np.min(value):g} ... {np.max(value):g}, shape {np.shape(value)}"

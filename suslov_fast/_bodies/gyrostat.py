@@ -1,0 +1,73 @@
+"""The body with a rotor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from .._checks import FloatArray
+from .base import Body
+from .three import check_apart
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SuslovGyrostat(Body):
+    """A rigid body with a rotor along the forbidden axis, or a batch of them: the Suslov gyrostat.
+
+    In the adapted basis the constraint is Omega3 = 0, and the angular momentum is that of
+    :class:`Suslov3D` with the constant k along e3.
+
+    Parameters
+    ----------
+    I1, I2 : array_like(float, shape=(...))
+        Moments of inertia, positive, in any unit that I13 and I23 share.
+    I13, I23 : array_like(float, shape=(...))
+        Products of inertia.
+    k : array_like(float, shape=(...))
+        Momentum of the rotor, of either sign, in units of inertia times angular velocity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not a finite real number, I1 or I2 is not positive, they are more than
+        2**1800 apart, or the shapes do not broadcast.
+
+    Notes
+    -----
+    With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
+    I2 Omega2' = l Omega1. States with l = 0 are steady. An orbit of energy E goes from one to
+    another where k**2 <= 2 E (I13**2 / I1 + I23**2 / I2), and is periodic elsewhere. With
+    I13 = I23 = 0 the body is not at rest.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovGyrostat
+    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8]).shape
+    (3,)
+    """
+
+    I1: float | FloatArray
+    I2: float | FloatArray
+    I13: float | FloatArray
+    I23: float | FloatArray
+    k: float | FloatArray
+
+    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
+    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")
+    _meanings: ClassVar[dict[str, str]] = {
+        **dict.fromkeys(("I1", "I2"), "moment of inertia"),
+        **dict.fromkeys(("I13", "I23"), "product of inertia"),
+        "k": "momentum of the rotor",
+    }
+    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2")
+
+    def __post_init__(self) -> None:
+        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k)
+        check_apart(self.I1, self.I2)
+
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return 2

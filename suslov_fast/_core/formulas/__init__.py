@@ -1,1 +1,0 @@
-"""Formulas: scalars in, scalars out. No loops, nothing about memory or threads."""

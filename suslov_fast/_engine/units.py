@@ -1,0 +1,34 @@
+"""Bodies as kernels take them: flat parameters, units taken out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._bodies.base import Body
+from .._bodies.units import scaled_eps, units_of
+from .._checks import FloatArray
+from .layout import flat_parameter, flat_rows, for_kernel
+
+
+def for_loops(body: Body, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
+    """Return the parameters of the map and eps, each for all trajectories or for one after another.
+
+    Scalars have shape (B,) or (1,), vectors (B, m) or (1, m); the units are taken out.
+    """
+    own: list[FloatArray] | None = vars(body).get("_flat") if not body.shape else None
+    if own is None:
+        flat = flat_rows if body._own_axes else flat_parameter
+        own = [flat(each, batch) for each in units_of(body).parameters]
+        if not body.shape:  # the same for all batches
+            vars(body)["_flat"] = own
+    return [*own, flat_parameter(scaled_eps(body, eps), batch)]
+
+
+def flat_of_one(body: Body) -> list[FloatArray]:
+    """Return the parameters of a single body, in its own units, as 1-D arrays."""
+    own: list[FloatArray] | None = vars(body).get("_own")
+    if own is None:
+        own = vars(body)["_own"] = [
+            for_kernel(np.asarray(each, np.float64)).reshape(-1) for each in body.parameters
+        ]
+    return own

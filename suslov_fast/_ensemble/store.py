@@ -1,0 +1,398 @@
+"""The Zarr store of a run: created, lengthened, verified, opened.
+
+Results lie in the root group, under the names and with the attributes of `Trajectories.to_xarray`.
+What is needed to go on lies in the group "progress":
+
+    steps_done    the mark of a tile: number of its steps that are stored; -1 before state 0 is
+    record        for each trajectory what the next piece starts from, see `record`
+
+A chunk that is absent reads as not computed: NaN, or the status PENDING. The root group holds a
+copy of the metadata of all arrays ("consolidated"), which is one object, so that readers see the
+arrays of a run that is being lengthened either all short or all long.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .._engine.run import numbers_of_saved
+from .._kernels.codes import NOT_COMPUTED
+from .._runs import labelled
+from .._runs.codecs import refuse_codecs
+from .._runs.schema import header_of
+from .job import Job, parameters_of, require_same
+from .plan import Plan, Slices
+from .record import words
+from .reductions import REDUCTIONS
+
+PROGRESS = "progress"
+STEPS_DONE, RECORD = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
+# Number of this arrangement; stores of version 0.2 have none.
+_LAYOUT = 2
+_CREATING = "creating"
+
+# Integers that stand for what is not computed; floats are NaN.
+_NOT_COMPUTED = {
+    **dict.fromkeys(("status", "failed_at"), NOT_COMPUTED),
+    **dict.fromkeys(("steps_done", "record"), -1),
+}
+
+
+def resolved(store: Any) -> Any:
+    """Return a store that other processes find: a folder, or its URL, as an absolute path."""
+    if isinstance(store, str) and store.startswith(("file:", "local:")):
+        from fsspec.core import url_to_fs
+
+        store = url_to_fs(store)[1]
+    if not is_folder(store):
+        return store
+    try:
+        return os.path.abspath(os.fspath(store))
+    except OSError as error:  # the working directory was deleted
+        message = f"expected a name in a folder that can be written to, got: {error.strerror}"
+        raise OSError(error.errno, message, os.fspath(store)) from error
+
+
+def is_folder(store: Any) -> bool:
+    """Return True if a store is a folder of the file system."""
+    return isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store)
+
+
+def _root(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
+    """Open the root group; None if there is none."""
+    import zarr
+
+    if is_folder(store) and not os.path.isdir(store):
+        return None
+    try:
+        return zarr.open_group(store, mode=mode, zarr_format=3, use_consolidated=consolidated)
+    except FileNotFoundError:
+        return None
+
+
+def _group(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
+    """Open the root group of a store whose creation was finished, else None."""
+    group = _root(store, mode, consolidated)
+    return None if group is None or _CREATING in group.attrs else group
+
+
+def _notes(group: Any, store: Any) -> dict[str, Any]:
+    """Return what a store says of its run; ValueError if it is not of this version."""
+    notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
+    if notes.get("layout") != _LAYOUT:
+        source = group.attrs.get("source", "") if "run" in notes else ""
+        raise ValueError(
+            "store: expected a new name or a store that ensemble of this version made, "
+            f"got another{f', of {source}' if source else ''}: {store}"
+        )
+    return notes
+
+
+def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
+    """Return the job with the chunks of its store; None if the name is free.
+
+    Raises ValueError if the store holds another run, or none, and FileExistsError for what is no
+    Zarr store.
+    """
+    group, store = _group(job.store), job.store
+    if group is None:
+        if is_folder(store) and os.path.lexists(store):
+            received = "another folder" if os.path.isdir(store) else "a file"
+            if received == "a file" or not _is_begun(store):
+                message = f"expected the name of a Zarr store to write, got {received}"
+                raise OSError(errno.EEXIST, message, store)
+        return None
+    notes = _notes(group, store)
+    require_same(identity, json.loads(notes["run"]), store)
+    stored = int(group.attrs["steps"])
+    if stored > job.steps:
+        raise ValueError(
+            f"steps: expected at least the {stored} of the run in {store}, got {job.steps}"
+        )
+    return replace(job, plan=Plan(job.plan.batch, tuple(notes["tile"]), int(notes["rows"])))
+
+
+def _is_begun(folder: str) -> bool:
+    """Return True for a folder that is empty, or that a killed process began to fill."""
+    names = [name for name in os.listdir(folder) if not name.endswith(".partial")]
+    return not names or "zarr.json" in names
+
+
+def create(job: Job, identity: dict[str, Any], dataset: Any) -> None:
+    """Create a store, which counts as one once the last step is done."""
+    import zarr
+
+    begun = _root(job.store) is not None  # by a process that was killed
+    zarr.create_group(job.store, overwrite=begun, zarr_format=3, attributes={_CREATING: True})
+    _write(job, dataset.assign_attrs({_CREATING: True}))
+    notes = {
+        "variables": sorted(map(str, dataset.variables)),
+        "known": ["eps", "component", *parameters_of(job.body)],
+        "layout": _LAYOUT,
+        "run": json.dumps(identity),
+        "tile": list(job.plan.tile),
+        "rows": job.plan.rows,
+    }
+    _write(job, _progress(job).assign_attrs(notes), PROGRESS)
+    del _root(job.store, "r+").attrs[_CREATING]
+    _consolidate(job.store)
+
+
+def lengthen(job: Job, dataset: Any, verify: bool) -> None:
+    """Make room for the states of a longer run, which a process may have begun before.
+
+    With `verify` the known variables of the dataset are written again, and arrays that are lost are
+    created.
+    """
+    group = _group(job.store, "r+")
+    consolidated = _group(job.store, consolidated=None).metadata.consolidated_metadata
+    if int(group.attrs["steps"]) == job.steps and consolidated is not None and not verify:
+        return
+    rows = len(job.numbers)
+    for name in ("omega", "attitude", "n"):
+        array = _array(group, name)
+        if array is not None and array.shape[0] != rows:
+            array.resize((rows, *array.shape[1:]))
+    attributes = dict(group.attrs)
+    if verify:
+        lazy = [name for name, each in dataset.variables.items() if each.chunks is not None]
+        whole = [name for name in lazy if _fits(group, name, dataset[name].shape)]
+        _write(job, dataset.drop_vars(whole))
+        _write(job, _progress(job).assign_attrs(group[PROGRESS].attrs), PROGRESS)
+        group = _group(job.store, "r+")
+    elif job.keeps_states:
+        group["n"][:] = job.numbers
+    # Coordinates of the user that are not given now stay.
+    group.attrs.put({**group.attrs, **attributes, "steps": job.steps})
+    _consolidate(job.store)
+
+
+def _array(group: Any, name: str) -> Any:
+    """Return an array; None if its metadata are lost or damaged."""
+    try:
+        return group[name]
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return None
+
+
+def _fits(group: Any, name: str, shape: tuple[int, ...]) -> bool:
+    return getattr(_array(group, name), "shape", None) == shape
+
+
+def _write(job: Job, dataset: Any, path: str | None = None) -> None:
+    """Write the known variables of a dataset, and create arrays for the others, which are lazy.
+
+    Each chunk has a checksum, which Zarr verifies when it reads.
+    """
+    from zarr.codecs import BloscCodec, Crc32cCodec
+
+    group = _group(job.store, "r+")
+    group = group.get(path) if group is not None and path else group
+    encoding: dict[Any, Any] = {}
+    for name, variable in dataset.variables.items():
+        if group is not None:
+            if _fits(group, name, variable.shape):
+                continue
+            del group[name]
+        codecs: list[Any] = [Crc32cCodec()]
+        if job.compression is not None and path is None and variable.dtype.kind in "iuf":
+            codecs.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
+        sizes = _tile(job) if variable.chunks is not None else {}
+        encoding[name] = {
+            "compressors": tuple(codecs),
+            "chunks": tuple(max(1, sizes.get(dim, n)) for dim, n in variable.sizes.items()),
+        }
+        if variable.dtype.kind == "f":
+            encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
+        elif name in _NOT_COMPUTED:
+            encoding[name]["fill_value"] = _NOT_COMPUTED[name]
+    dataset.to_zarr(
+        job.store,
+        group=path,
+        mode="a",
+        compute=False,
+        consolidated=False,
+        encoding=encoding,
+        safe_chunks=False,
+        write_empty_chunks=True,
+        zarr_format=3,
+    )
+
+
+def _tile(job: Job) -> dict[str, int]:
+    grid = {f"tile_{k}": 1 for k in range(len(job.dims))}
+    return {"n": job.plan.rows, **dict(zip(job.dims, job.plan.tile, strict=True)), **grid}
+
+
+def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
+    """Return the dataset of a run, with lazy zeros for what is to be computed."""
+    from dask.array import zeros
+
+    batch, D = job.plan.batch, job.body.dimension
+
+    def lazy(shape: tuple[int, ...], dtype: str = "f8") -> Any:
+        return zeros(shape, dtype=dtype, chunks=shape)
+
+    entries: dict[str, Any] = {
+        **header_of(job.map, job.method, job.steps, job.save_every),
+        "n": np.zeros(1, np.int64),
+        "eps": job.eps,
+        **parameters_of(job.body),
+        "omega": lazy((1, *batch, D)),
+        "final": lazy((*batch, D)),
+        "status": lazy(batch, "i1"),
+        "failed_at": lazy(batch, "i8"),
+    }
+    if job.orientation is not None:
+        entries["attitude"] = lazy((1, *batch, D + 1, D + 1))
+    dataset = labelled.dataset_of(entries, job.dims, coords)
+    # One row stands for all so far: times of all would be as many as states.
+    rows = {name: dataset[name].variable for name in ("omega", "attitude") if name in dataset}
+    number = dataset["n"].attrs
+    dataset = dataset.drop_vars([*rows, *({"n", "t", "time"} & set(dataset.variables))])
+    if job.keeps_states:
+        dataset = dataset.assign_coords(n=("n", job.numbers, number))
+        for name, row in rows.items():
+            dataset[name] = (row.dims, lazy((len(job.numbers), *row.shape[1:])), row.attrs)
+    for name in job.reductions:
+        own, tail = (("component",), (D,)) if REDUCTIONS[name].of_components else ((), ())
+        attributes = {"long_name": REDUCTIONS[name].meaning}
+        dataset[name] = ((*job.dims, *own), lazy((*batch, *tail)), attributes)
+    status = dataset["status"].attrs
+    status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
+    status["flag_meanings"] += " PENDING"
+    for name, variable in dataset.variables.items():
+        if variable.dtype.kind == "U":  # Zarr 3 has strings of any length only
+            dataset[name] = variable.astype(object)
+    return dataset
+
+
+def _progress(job: Job) -> Any:
+    """Return the dataset of what is needed to go on, lazy."""
+    import xarray
+    from dask.array import zeros
+
+    grid, record = job.plan.grid, (*job.plan.batch, words(job))
+    return xarray.Dataset(
+        {
+            "steps_done": (
+                [f"tile_{k}" for k in range(len(grid))],
+                zeros(grid, dtype="i8", chunks=grid),
+            ),
+            "record": ((*job.dims, "word"), zeros(record, dtype="i8", chunks=record)),
+        }
+    )
+
+
+def _consolidate(store: Any) -> None:
+    import zarr
+
+    with warnings.catch_warnings():
+        # An extension of the format, which readers that do not know it ignore.
+        warnings.simplefilter("ignore", UserWarning)
+        zarr.consolidate_metadata(store, zarr_format=3)
+
+
+class Arrays(dict[str, Any]):
+    """The arrays of a store by name, to be written to."""
+
+    def __init__(self, store: Any) -> None:
+        self.group = _group(store, "r+")
+
+    def __missing__(self, name: str) -> Any:
+        # Chunks of NaN are written like others: looking for them takes longer.
+        self[name] = self.group[name].with_config({"write_empty_chunks": True})
+        return self[name]
+
+    def remove(self, name: str, where: Slices) -> None:
+        """Remove the chunks of a tile, so that they read as not computed."""
+        if name in self.group:
+            array = self[name].with_config({"write_empty_chunks": False})
+            array[where] = array.fill_value
+
+
+def place_of(index: tuple[int, ...]) -> Slices:
+    """Return the place of a tile in the grid of tiles."""
+    return tuple(slice(k, k + 1) for k in index)
+
+
+def withdraw(job: Job, arrays: Arrays, index: tuple[int, ...], whole: bool = False) -> None:
+    """Remove the last states of a tile, or with `whole` all that it has, its mark first."""
+    where = job.plan.where(index)
+    names = ["final", "status", "failed_at", *job.reductions]
+    if whole:
+        arrays[STEPS_DONE][place_of(index)] = -1
+        names.append(RECORD)
+    for name in names:
+        arrays.remove(name, where)
+    if whole or job.save_every is None:
+        for name in ("omega", "attitude"):
+            arrays.remove(name, (slice(None), *where))
+
+
+def open_dataset(store: Any) -> Any:
+    """Return the dataset of a store, lazy."""
+    import xarray
+
+    group = _group(store)
+    if group is None:
+        if is_folder(store) and os.path.lexists(store) and not _is_begun(store):
+            raise ValueError(f"store: expected one that ensemble made, got another: {store}")
+        raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
+    notes = _notes(group, store)
+    with advice(store):
+        refuse_code(store)
+        missing = [name for name in notes["variables"] if name not in group]
+        if missing:
+            raise ValueError(f"{', '.join(missing)} missing")
+        options: dict[str, Any] = {"zarr_format": 3, "chunks": {}, "drop_variables": ["n"]}
+        try:
+            dataset = xarray.open_zarr(store, consolidated=False, **options)
+        except ValueError:  # some arrays are longer already, in a run that is being lengthened
+            group = _group(store, consolidated=None)
+            if group.metadata.consolidated_metadata is None:
+                raise
+            dataset = xarray.open_zarr(store, consolidated=True, **options)
+        done = np.asarray(group[STEPS_DONE][...])
+        for name in notes["known"]:
+            values = dataset[name].load().values
+            if (values == "" if values.dtype.kind in "OT" else values != values).any():
+                raise ValueError(f"a chunk of {name} is missing")
+    steps, every = int(dataset.attrs["steps"]), dataset.attrs.get("save_every")
+    dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
+    if "n" in dataset.dims:
+        numbers = numbers_of_saved(steps, every)
+        dataset = dataset.isel(n=slice(0, len(numbers)))
+        dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
+        with np.errstate(over="ignore"):
+            times = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
+        dataset = dataset.assign_coords(time=times)
+    return dataset
+
+
+def refuse_code(store: Any) -> None:
+    """Raise a ValueError if decoding an array of a store could run code."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of Zarr 3
+        refuse_codecs(store)
+
+
+@contextmanager
+def advice(store: Any) -> Iterator[None]:
+    """Say how damage that an error is about is mended."""
+    try:
+        yield
+    except (ValueError, RuntimeError, KeyError) as error:
+        raise ValueError(
+            f"store: expected an undamaged one, got {store}: {error}; "
+            "ensemble with verify=True mends it"
+        ) from error

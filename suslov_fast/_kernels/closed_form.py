@@ -1,0 +1,415 @@
+"""States by the closed form: rows of equal steps, and states at any times.
+
+The lanes of a block are trajectories or, where these are few, trajectories at several rows or
+times, row by row. In rows of equal steps the geometric sequence begins anew from an exact power
+every GROUP rows, and is multiplied twice in between: a state depends on its orbit and its number
+alone.
+
+Arguments of kernels, over a batch of B trajectories:
+
+sign         1, or -1 for the inverse map and the flow back in time; all times are >= 0
+parameters   I1, I2, I13, I23 and eps: (B,) each, or (1,) if all share it; for the flow eps is the
+             unit of times
+omega        (B, 2), the states at time 0
+lanes        the first trajectory wanted, and the one after the last
+out          (N, B, 2), the states; NaN where there is none
+ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
+             empty arrays the closed form goes on beyond it
+missing      (3,), to which is added how many states are NaN though state 0 is not: at a step,
+             between two steps, and out of the range of float64
+"""
+
+import numpy as np
+from numba import prange
+
+from .._formulas.closed_form import (
+    OUT_OF_RANGE,
+    SUPERCRITICAL,
+    UNDEFINED,
+    UNKNOWN,
+    Orbit,
+    coefficients,
+    coordinates_of_flow,
+    coordinates_of_map,
+    far_point,
+    growth,
+    near_point,
+    near_state,
+    power_of_ratio,
+    sequence_of_flow,
+    sequence_of_map,
+    state_at,
+)
+from .._formulas.elementary import larger, scaled, smaller
+from .._jit import carray, formula, inner, kernel, select, stack
+from . import codes
+from .tiles import lead_of, missing_of_first_block, write_row
+
+LANES, EIGHT, GROUP = 128, 8, 64
+# Rows of a block: the fields of an orbit, and what is known of the lanes of some rows.
+A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
+OMEGA1, OMEGA2, NUMBER, FAILS, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
+# r**(8 a every), and r**(a every), a = 0 ... 7.
+EIGHTHS, ROWS = SLOW + 1, SLOW + 9
+FIELDS = ROWS + 8
+# Rows from SEED on while orbits are entered. Loops over lanes become SIMD for up to 16 rows.
+I1_, I2_, I13_, I23_, EPS_, X_, Y_, LOST, UNIT, TIME, KIND, T_ = range(SEED, SEED + 12)
+ROOM, WIDE = FIELDS * LANES, 2 * LANES
+TILE = EIGHT * WIDE
+# States of one task.
+TASK = 2**16
+# Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
+LARGE_SEED, NEAR_POLE = 200.0, 0.25
+# A w so small becomes 0, as subnormal numbers are slow, and its square does earlier.
+NEGLIGIBLE, NO_SQUARE = 2.0**-960, 2.0**-300
+# The logarithm of the largest state that certainly is finite.
+LARGEST_EXPONENT = 1022.0
+# The status of a trajectory that must be iterated.
+NOT_FOUND = -3
+
+
+@formula
+def orbit_of(r, l):
+    """Return the orbit in lane l of a block."""
+    return Orbit(
+        *(r[0, l], r[1, l], r[2, l], r[3, l], r[4, l], r[5, l], r[6, l]),
+        *(r[7, l], r[8, l], r[9, l], r[10, l], r[11, l], r[12, l], r[13, l]),
+    )
+
+
+@formula
+def body_and_state_of(r, l):
+    """Return I1, I2, I13, I23, eps and omega in lane l of a block."""
+    return r[I1_, l], r[I2_, l], r[I13_, l], r[I23_, l], r[EPS_, l], r[OMEGA1, l], r[OMEGA2, l]
+
+
+@formula
+def not_negligible(v):
+    """Return v, or 0 in the place of what would soon be subnormal."""
+    return select(abs(v) < NEGLIGIBLE, 0.0, v)
+
+
+@formula
+def plan_of(lanes, out, count, length):
+    """Return how blocks and times are shared: the number of tasks, how many a block has, how many
+    of `count` rows or times a task has and a block holds side by side, and by how much the first
+    block is shorter.
+
+    length   of what is side by side.
+    """
+    batch, shift = lanes[1] - lanes[0], 0
+    groups = max(min(LANES // max(batch, 1), (count + length - 1) // length), 1)
+    if groups == 1:
+        shift = missing_of_first_block(lead_of(out), out.shape[1], 2)
+    blocks = (batch + shift + LANES - 1) // LANES
+    at_once = groups * length
+    some = max(TASK // (at_once * max(min(batch, LANES), 1)), 1) * at_once
+    parts = (count + some - 1) // some
+    return blocks * parts, parts, some, groups, shift
+
+
+@formula
+def gather(parameter, first, width, lanes, row):
+    """Fill a row with a parameter of the body."""
+    for l in range(lanes):
+        row[l] = parameter[min(first + min(l, width - 1), parameter.size - 1)]
+
+
+@formula
+def repeat(room, width, lanes, row, stop):
+    """Repeat what the first lanes of some rows hold."""
+    for k in range(row, stop):
+        for l in range(width, lanes):
+            room[k, l] = room[k, l - width]
+
+
+@inner
+def end_of(orbit, stop):
+    """Return how an orbit ends up to a step, and the number of the first state that it lacks."""
+    if orbit.fate <= OUT_OF_RANGE:
+        return NOT_FOUND, np.inf
+    if orbit.fate < 0.0:
+        unknown = orbit.fate == UNKNOWN
+        return (codes.NONFINITE, 0.0) if unknown else (codes.SINGULAR, 1.0)
+    if orbit.power > 0.0:
+        largest = (abs(orbit.a1) + abs(orbit.a2)) / np.sqrt(abs(2.0 * orbit.r) + 1e-300)
+        largest += abs(orbit.b1) + abs(orbit.b2)
+        if np.log2(largest) + orbit.power > LARGEST_EXPONENT:
+            return NOT_FOUND, np.inf
+    if orbit.fate >= 1.0:
+        nearest = np.floor(orbit.fate - 0.5)
+        for n in (nearest - 1.0, nearest, nearest + 1.0):
+            omega1, omega2 = state_at(n, orbit)
+            size = abs(omega1) + abs(omega2)
+            if 1.0 <= n <= stop and not size < np.inf:
+                return codes.NONFINITE if size == np.inf else codes.SINGULAR, n
+    return codes.SUPERCRITICAL if orbit.fate >= SUPERCRITICAL else codes.OK, np.inf
+
+
+@inner
+def write_ends(room, first, width, lanes, ends):
+    """Find how trajectories end; return True if any does before the last step."""
+    status, failed_at, stop = ends
+    any_fails = False
+    for l in range(width):
+        code, fails = end_of(orbit_of(room, l), stop)
+        room[FAILS, l], status[first + l] = fails, code
+        if fails < np.inf:
+            failed_at[first + l], any_fails = int(fails), True
+    repeat(room, width, lanes, FAILS, FAILS + 1)
+    return any_fails
+
+
+@inner
+def mend(room, l, n, tile, i, missing):
+    """Mend state n of lane l at tile[i:]: where it is slow, out of range, the first, or missing."""
+    omega1, omega2 = tile[i], tile[i + 1]
+    if room[SLOW, l] != 0.0:
+        omega1, omega2 = state_at(n, orbit_of(room, l))
+    elif room[POWER, l] != 0.0:
+        omega1, omega2 = scaled(omega1, room[POWER, l]), scaled(omega2, room[POWER, l])
+    size = abs(omega1) + abs(omega2)
+    if n == 0.0:
+        omega1, omega2 = room[OMEGA1, l], room[OMEGA2, l]
+    elif not size < np.inf:
+        omega1, omega2 = np.nan, np.nan
+        if room[FATE, l] == OUT_OF_RANGE or size == np.inf:
+            missing[2] += 1.0
+        elif room[FATE, l] != UNKNOWN:
+            missing[0 if np.floor(n) == n else 1] += 1.0
+    tile[i], tile[i + 1] = omega1, omega2
+
+
+@inner
+def end_rows(room, l, n, tile, i):
+    """Let no state follow a pole."""
+    if n >= room[FAILS, l]:
+        tile[i], tile[i + 1] = np.nan, np.nan
+
+
+def loop(of_map, of_rows):
+    """Make the loop over the rows or the times of a task of the map or the flow."""
+    coordinates, sequence = coordinates_of_flow, sequence_of_flow
+    if of_map:
+        coordinates, sequence = coordinates_of_map, sequence_of_map
+
+    @inner
+    def fill(task, arguments, times):
+        """Fill the states of a task; return how many are missing.
+
+        times   first, every, begin, end, origin and direction of rows; or times and rows (N,)
+        """
+        sign, parameters, omega, lanes_asked, out, ends = arguments
+        if of_rows:
+            first_number, every, begin, end, origin, direction = times
+            low = begin // GROUP * GROUP
+            _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
+        else:
+            moments, to = times
+            _, parts, some, groups, shift = plan_of(lanes_asked, out, moments.size, 1)
+        block, part = task // parts, task % parts
+        first = lanes_asked[0] + max(block * LANES - shift, 0)
+        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
+        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
+        missing = carray(stack(3), (3,))
+        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
+        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+
+        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            b = first + min(l, width - 1)
+            room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
+        gather(parameters[0], first, width, lanes, room[I1_])
+        gather(parameters[1], first, width, lanes, room[I2_])
+        gather(parameters[2], first, width, lanes, room[I13_])
+        gather(parameters[3], first, width, lanes, room[I23_])
+        gather(parameters[4], first, width, lanes, room[EPS_])
+        for l in range(lanes):
+            o = coordinates(sign, *body_and_state_of(room, l))
+            room[X_, l], room[Y_, l], room[LOST, l] = o[0], o[1], o[2]
+            room[UNIT, l], room[TIME, l], room[KIND, l] = o[3], o[4], o[5]
+        for l in range(lanes):
+            o = sequence(room[X_, l], room[Y_, l], room[LOST, l], room[TIME, l], room[KIND, l])
+            room[T_, l], room[V, l], room[K, l], room[LAG, l], room[R, l] = o[:5]
+            room[LOG_R, l], room[LOG_LOST, l], room[G, l], room[H, l], room[FATE, l] = o[5:]
+        for l in range(lanes):
+            T = room[T_, l]
+            of_x = 4.0 * (T / (1.0 + T) if of_map else T)
+            o = coefficients(of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state_of(room, l))
+            room[A1, l], room[B1, l], room[A2, l], room[B2, l], room[POWER, l] = o
+            room[FATE, l] = select(room[B1, l] == room[B1, l], room[FATE, l], smaller(room[FATE, l], UNDEFINED))
+        lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
+        if groups > 1:
+            repeat(room, width, lanes, 0, NUMBER)
+        fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
+        scales = 0
+        for l in range(lanes):
+            room[SLOW, l] = 0.0
+            scales += select(room[POWER, l] != 0.0, 1, 0)
+
+        if of_rows:
+            for a in range(2 * EIGHT):
+                steps = (8.0 * a if a < EIGHT else a - 8.0) * every
+                for l in range(lanes):
+                    p, k, s = power_of_ratio(
+                        steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l]
+                    )
+                    power = s * scaled(1.0 + p, larger(k, -1000.0))
+                    room[EIGHTHS + a, l] = not_negligible(power)
+            for l in range(lanes):
+                room[NUMBER, l] = float(l // width * GROUP)
+            begin_of_task = low + part * some
+            for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
+                for l in range(lanes):
+                    n = first_number + every * (top + room[NUMBER, l])
+                    f, k = growth(n, orbit_of(room, l))
+                    w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
+                    room[SEED, l] = not_negligible(w)
+                    between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
+                    slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
+                    room[LARGE, l] = select(slow, 1.0, 0.0)
+                starts = top == 0 and first_number == 0.0
+                for a in range(EIGHT):
+                    row, slow = top + EIGHT * a, 0
+                    if groups == 1 and (row >= end or row + EIGHT <= begin):
+                        continue
+                    for l in range(lanes):
+                        u = room[SEED, l] * room[EIGHTHS + a, l]
+                        kappa = 2.0 * room[R, l]
+                        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
+                        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
+                        room[HALF, l] = 0.5 * not_negligible(u)
+                        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
+                        slow += select(room[SLOW, l] != 0.0, 1, 0)
+                    mends = slow > 0 or scales > 0 or (starts and a == 0)
+                    for b in range(EIGHT):
+                        line = tile[b if groups > 1 else 0]
+                        for l in range(lanes):
+                            line[2 * l], line[2 * l + 1] = near_state(
+                                room[HALF, l] * room[ROWS + b, l],
+                                room[KAPPA, l],
+                                room[A1, l],
+                                room[B1, l],
+                                room[A2, l],
+                                room[B2, l],
+                            )
+                        if groups == 1 and not begin <= row + b < end:
+                            continue
+                        for l in range(width * groups if mends or fails else 0):
+                            place = row + b + room[NUMBER, l]
+                            n = first_number + every * place
+                            if mends and begin <= place < end:
+                                mend(room, l, n, line, 2 * l, missing)
+                            if fails:
+                                end_rows(room, l, n, line, 2 * l)
+                        if groups == 1:
+                            target = 2 * ((origin + direction * (row + b)) * batch + first)
+                            stride = 2 * direction * batch
+                            write_row(line, flat, target, 2 * width, stride, lead)
+                    if groups > 1:
+                        place = begin, end, origin, direction, batch, first
+                        scatter_rows(tile, flat, row, place, width, groups)
+        else:
+            far = 0
+            for l in range(lanes):
+                far += select(room[H, l] != 0.0, 1, 0)
+            for j in range(part * some, min((part + 1) * some, moments.size), groups):
+                for l in range(lanes):
+                    room[NUMBER, l] = moments[min(j + l // width, moments.size - 1)]
+                line, odd = tile[0], 0
+                for l in range(lanes):
+                    room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
+                for l in range(lanes):
+                    o = orbit_of(room, l)
+                    A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
+                    omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
+                    line[2 * l], line[2 * l + 1] = omega1, omega2
+                    finite = abs(omega1) + abs(omega2) < np.inf
+                    odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
+                if far > 0:
+                    for l in range(lanes):
+                        o = orbit_of(room, l)
+                        A, B = far_point(room[NUMBER, l], o)
+                        is_far = o.h != 0.0
+                        omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
+                        omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
+                        line[2 * l], line[2 * l + 1] = omega1, omega2
+                        odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
+                used = min(groups, moments.size - j)
+                for l in range(width * used if odd > 0 or scales > 0 or fails else 0):
+                    mend(room, l, room[NUMBER, l], line, 2 * l, missing)
+                    if fails:
+                        end_rows(room, l, room[NUMBER, l], line, 2 * l)
+                for g in range(used):
+                    target = 2 * (to[j + g] * batch + first)
+                    if groups == 1:
+                        write_row(line, flat, target, 2 * width, 0, lead)
+                    else:
+                        for i in range(2 * width):
+                            flat[target + i] = line[2 * g * width + i]
+        return missing[0], missing[1], missing[2]
+
+    return fill
+
+
+@inner
+def scatter_rows(tile, flat, row, rows, width, groups):
+    """Write eight rows of each group of lanes."""
+    begin, end, origin, direction, batch, first = rows
+    for g in range(groups):
+        for b in range(EIGHT):
+            place = row + g * GROUP + b
+            if begin <= place < end:
+                target = 2 * ((origin + direction * place) * batch + first)
+                for i in range(2 * width):
+                    flat[target + i] = tile[b, 2 * g * width + i]
+
+
+fill_rows_of_map, fill_rows_of_flow = loop(True, True), loop(False, True)
+fill_states_of_map, fill_states_of_flow = loop(True, False), loop(False, False)
+
+
+@kernel
+def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
+    """Fill rows begin <= i < end: state first + every i goes to row origin + direction i.
+
+    steps   first, every
+    rows    begin, end, origin, direction
+    """
+    steps_missing, between, beyond = 0.0, 0.0, 0.0
+    for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
+        some = fill_rows_of_map(task, (sign, parameters, omega, lanes, out, ends), steps + rows)
+        steps_missing += some[0]
+        between += some[1]
+        beyond += some[2]
+    missing[0], missing[1], missing[2] = steps_missing, between, beyond
+
+
+@kernel
+def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
+    """Fill rows as `rows_of_map` does, of states at times."""
+    beyond = 0.0
+    for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
+        beyond += fill_rows_of_flow(task, (sign, parameters, omega, lanes, out, ends), steps + rows)[2]
+    missing[2] = beyond
+
+
+@kernel
+def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing):
+    """Fill row to[j] with the states of number times[j]."""
+    steps_missing, between, beyond = 0.0, 0.0, 0.0
+    for task in prange(plan_of(lanes, out, times.size, 1)[0]):
+        some = fill_states_of_map(task, (sign, parameters, omega, lanes, out, ends), (times, to))
+        steps_missing += some[0]
+        between += some[1]
+        beyond += some[2]
+    missing[0], missing[1], missing[2] = steps_missing, between, beyond
+
+
+@kernel
+def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing):
+    """Fill row to[j] with the states at times[j]."""
+    beyond = 0.0
+    for task in prange(plan_of(lanes, out, times.size, 1)[0]):
+        beyond += fill_states_of_flow(task, (sign, parameters, omega, lanes, out, ends), (times, to))[2]
+    missing[2] = beyond

@@ -1,0 +1,429 @@
+"""Iteration of the n-dimensional map.
+
+A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
+A step in O(n) solves for the increment by `solve2`; lanes where that is not accurate take
+`solve_bordered` or elimination. The arithmetic of a lane never depends on the other lanes.
+
+Lanes hold omega in a unit, a power of two, in which it is of the order of 1; they get a new unit
+when omega has left that range. Lanes that have ended rest at 0 in a unit that is NaN.
+"""
+
+import numpy as np
+from numba import prange
+
+from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
+from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
+from .._formulas.rotation import mean
+from .._jit import carray, formula, inner, kernel, select, stack
+from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
+from .elimination import eliminate
+from .turning_nd import CLEAN_EVERY, clean_up, turn
+
+# Trajectories of a block: enough for sums over components not to wait for the memory they were
+# just written to.
+LANES = 64
+FIELDS = 19  # numbers of a lane
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
+
+
+# A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
+# (M, lanes), where work holds 1/d; and of numbers of each lane, in rows:
+(
+    EPS_INPUT,
+    EPS,  # in the unit of omega; 0 where nothing moves
+    EXPONENT,  # of the unit of omega
+    UNIT,
+    LOW,  # bounds of |omega|**2, see `bounds`
+    HIGH,
+    LONGEST,
+    NEAR,  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
+    RESTS,  # 1 where eps or I is 0, else 0
+    STATUS,  # of trajectories that have ended, else OK
+    P,
+    SQUARE,
+    HALF,  # eps p / 2
+    ALPHA,  # sums, see `solve2`
+    BETA,
+    GAMMA,
+    OF_OMEGA,  # factors in delta, see `solve2`
+    OF_I,
+    ACCURATE,  # 1 where the step by `solve2` is accurate, 0.5 where that depends on d, else 0
+    CHOSEN,  # the numbers of lanes that are eliminated
+) = range(20)
+FIELDS = 20
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
+# Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
+# and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows
+# that are written overlap others: the pairs must lie in two halves, not side by side.)
+
+
+@formula
+def at(values, i, l):
+    """Return a number of J or I."""
+    return values[i] if values.ndim == 1 else values[i, l]
+
+
+@formula
+def put(values, i, l, number):
+    """Set a number of J or I."""
+    if values.ndim == 1:
+        values[i] = number
+    else:
+        values[i, l] = number
+
+
+@formula
+def norms(I, omega, l):
+    """Return p and |omega|**2 of a lane."""
+    p, square, half = 0.0, 0.0, omega.shape[0] // 2
+    for i in range(half):
+        w_i, w_j = omega[i, l], omega[half + i, l]
+        p = p + at(I, i, l) * w_i + at(I, half + i, l) * w_j
+        square = square + w_i * w_i + w_j * w_j
+    return p, square
+
+
+@formula
+def units_serve(lane, lanes):
+    """Return whether the units of all lanes serve."""
+    left = 0.0
+    for l in range(lanes):
+        square = lane[SQUARE, l]
+        left += select((square > lane[LOW, l]) & (square < lane[HIGH, l]), 0.0, 1.0)
+    return left == 0.0
+
+
+@inner
+def solve_lanes(J, I, omega, lane, chosen, matrix, rows):
+    """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
+
+    matrix is room for A, and rows (2, m + 1, width) for omega and I of the chosen lanes.
+    """
+    m, w, I_w = matrix.shape[0], rows[0], rows[1]
+    of = carray(stack(ROOM_OF_ROW), (3, LANES))
+    for first in range(0, chosen, matrix.shape[2]):
+        width = min(matrix.shape[2], chosen - first)
+        for i in range(m):
+            for k in range(width):
+                l = int(lane[CHOSEN, first + k])
+                w[i, k], I_w[i, k] = omega[i, l], at(I, i, l)
+        for i in range(m):
+            for k in range(width):
+                l = int(lane[CHOSEN, first + k])
+                J_i = at(J, i, l)
+                of[0, k], of[1, k] = matrix_row(J_i, I_w[i, k], w[i, k], lane[EPS, l])
+                of[2, k] = 1.0 - lane[HALF, l] / J_i
+                matrix[i, m, k] = w[i, k]
+            for j in range(m):
+                for k in range(width):
+                    matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * I_w[j, k]
+            for k in range(width):
+                matrix[i, i, k] = of[2, k] + matrix[i, i, k]
+        eliminate(matrix, w, width)
+        for i in range(m):
+            for k in range(width):
+                omega[i, int(lane[CHOSEN, first + k])] = w[i, k]
+
+
+@formula
+def step_gauss(J, I, omega, lane, matrix, rows):
+    """Take a step by elimination."""
+    lanes = omega.shape[1]
+    for l in range(lanes):
+        lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
+        lane[CHOSEN, l] = l
+    solve_lanes(J, I, omega, lane, lanes, matrix, rows)
+    for l in range(lanes):
+        lane[P, l], lane[SQUARE, l] = norms(I, omega, l)
+
+
+@inner
+def step_bordered(J, I, omega, work, lane, l):
+    """Take the step in a lane, the increment of one component as an unknown; return the success.
+
+    If no d is small after all, the step by `solve2` stands.
+    """
+    eps, half, p, square = lane[EPS, l], lane[HALF, l], lane[P, l], lane[SQUARE, l]
+    k, smallest, second = 0, np.inf, np.inf
+    for i in range(omega.shape[0]):
+        ratio = abs(1.0 - half / at(J, i, l))
+        if ratio < smallest:
+            k, smallest, second = i, ratio, smallest
+        else:
+            second = min(second, ratio)
+    if lane[ACCURATE, l] > 0.0 and smallest > FAR:
+        lane[ACCURATE, l] = 1.0
+        return True
+    lane[ACCURATE, l] = 0.0
+    alpha, beta, gamma = 0.0, 0.0, 0.0
+    for i in range(omega.shape[0]):
+        if i != k:
+            I_i, w, r = at(I, i, l), omega[i, l], work[i, l]
+            alpha += I_i * r * w
+            beta += I_i * r * I_i
+            gamma += w * r * w
+    of_omega, of_I, delta_k, regular = solve_bordered(
+        at(J, k, l), at(I, k, l), omega[k, l], eps, p, square, alpha, beta, gamma
+    )
+    if not (regular and second > FAR_ENOUGH and square < lane[LONGEST, l]):
+        return False
+    for i in range(omega.shape[0]):
+        if i != k:
+            omega[i, l] += (of_omega * omega[i, l] - of_I * at(I, i, l)) * work[i, l]
+    omega[k, l] += delta_k
+    return True
+
+
+@inner
+def step_with_care(J, I, omega, work, lane, matrix, rows):
+    """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
+    left = 0
+    for l in range(omega.shape[1]):
+        if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
+            lane[CHOSEN, left] = l
+            left += 1
+            if matrix.shape[0] == 0:
+                lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
+    solve_lanes(J, I, omega, lane, left, matrix, rows)
+    for l in range(omega.shape[1]):
+        if lane[ACCURATE, l] < 1.0:
+            lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
+            for i in range(omega.shape[0]):
+                work[i, l] = 0.0
+                if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
+                    lane[HALF, l] = np.inf
+
+
+@formula
+def step_rank2(J, I, omega, work, lane, matrix, rows):
+    """Take a step in O(n)."""
+    half, lanes = omega.shape[0] // 2, omega.shape[1]
+    for l in range(lanes):
+        lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
+        lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l] = 0.0, 0.0, 0.0
+    for i in range(half):
+        j = half + i
+        for l in range(lanes):
+            I_i, I_j, w_i, w_j = at(I, i, l), at(I, j, l), omega[i, l], omega[j, l]
+            r_i, r_j = 1.0 / (at(J, i, l) - lane[HALF, l]), 1.0 / (at(J, j, l) - lane[HALF, l])
+            work[i, l], work[j, l] = r_i, r_j
+            lane[ALPHA, l] = lane[ALPHA, l] + I_i * r_i * w_i + I_j * r_j * w_j
+            lane[BETA, l] = lane[BETA, l] + I_i * r_i * I_i + I_j * r_j * I_j
+            lane[GAMMA, l] = lane[GAMMA, l] + w_i * r_i * w_i + w_j * r_j * w_j
+    left = 0.0
+    for l in range(lanes):
+        square = lane[SQUARE, l]
+        of_omega, of_I, det, size = solve2(
+            lane[EPS, l], lane[P, l], square, lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l]
+        )
+        accurate = (det > FAR * FAR * size) & (square < lane[LONGEST, l])
+        far = select(lane[HALF, l] < lane[NEAR, l], 1.0, 0.5)
+        accuracy = select(accurate, far, 0.0)
+        left += select(accuracy == 1.0, 0.0, 1.0)
+        lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accuracy
+    if left > 0.0:
+        step_with_care(J, I, omega, work, lane, matrix, rows)
+    for l in range(lanes):
+        lane[P, l], lane[SQUARE, l] = 0.0, 0.0
+    for i in range(half):
+        j = half + i
+        for l in range(lanes):
+            of_omega, of_I, w_i, w_j = lane[OF_OMEGA, l], lane[OF_I, l], omega[i, l], omega[j, l]
+            I_i, I_j = at(I, i, l), at(I, j, l)
+            w_i += (of_omega * w_i - of_I * I_i) * work[i, l]
+            w_j += (of_omega * w_j - of_I * I_j) * work[j, l]
+            omega[i, l], omega[j, l] = w_i, w_j
+            lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
+            lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
+
+
+@formula
+def unit_of(largest, before):
+    """Return the exponent of the unit for numbers up to this one in a unit of 2**before."""
+    size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
+    return larger(smaller(size + before, 1023.0), -1022.0)
+
+
+@inner
+def take_unit(J, I, omega, lane, l, size):
+    """Go over to the unit 2**size in a lane, or to rest where the trajectory has ended."""
+    change, ended = lane[EXPONENT, l] - size, lane[STATUS, l] != OK
+    smallest, I_square = np.inf, 0.0
+    for i in range(omega.shape[0]):
+        omega[i, l] = 0.0 if ended else scaled(omega[i, l], change)
+        smallest = min(at(J, i, l), smallest)
+        I_square += at(I, i, l) * at(I, i, l)
+    p, square = norms(I, omega, l)
+    rests = ended or lane[RESTS, l] > 0.0
+    lane[EXPONENT, l] = size
+    lane[EPS, l] = 0.0 if rests else scaled(lane[EPS_INPUT, l], size)
+    lane[UNIT, l] = np.nan if ended else two_to_the(size)
+    lane[P, l], lane[SQUARE, l], lane[NEAR, l] = p, square, (1.0 - FAR) * smallest
+    lane[LONGEST, l], lane[LOW, l], lane[HIGH, l] = bounds(
+        smallest, I_square, lane[EPS, l], square, two_to_the(size)
+    )
+
+
+@inner
+def renew_units(J, I, omega, lane, begin, end, n, failed_at):
+    """After the step to state n end the lanes that are not finite, and find units where needed."""
+    for l in range(omega.shape[1]):
+        if not (lane[LOW, l] < lane[SQUARE, l] < lane[HIGH, l]):
+            largest, undefined, infinite = 0.0, False, False
+            for i in range(omega.shape[0]):
+                size = abs(omega[i, l])
+                undefined |= size != size
+                infinite |= size * lane[UNIT, l] == np.inf
+                largest = larger(size, largest)
+            if (undefined or infinite) and lane[STATUS, l] == OK:
+                regular = undefined and lane[HALF, l] - lane[HALF, l] == 0.0
+                lane[STATUS, l] = SINGULAR if regular else NONFINITE
+            if lane[STATUS, l] != OK and begin + l < end and failed_at[begin + l] < 0:
+                failed_at[begin + l] = n
+            take_unit(J, I, omega, lane, l, unit_of(largest, lane[EXPONENT, l]))
+
+
+@inner
+def enter(parameters, start, kept, begin, end, block):
+    """Take trajectories up at state start; lanes beyond the last repeat it."""
+    (all_J, all_I, eps, initial), (J, I, omega, lane) = parameters, block
+    _, status, failed_at, state, exponents = kept
+    m, lanes = initial.shape[1], omega.shape[1]
+    for l in range(lanes):
+        b = min(begin + l, end - 1)
+        of_J, of_I = b if len(all_J) > 1 else 0, b if len(all_I) > 1 else 0
+        largest, coupled, undefined = 0.0, 0.0, False
+        for i in range(omega.shape[0]):
+            J_i, I_i, w = np.inf, 0.0, 0.0
+            if i < m:
+                J_i, I_i = all_J[of_J, i], all_I[of_I, i]
+                w = initial[b, i] if start == 0 else state[b, i]
+            put(J, i, l, J_i)
+            put(I, i, l, I_i)
+            omega[i, l] = w
+            largest, coupled = larger(abs(w), largest), larger(abs(I_i), coupled)
+            undefined |= w != w
+        lane[EPS_INPUT, l] = eps[b if eps.size > 1 else 0]
+        lane[RESTS, l] = 1.0 if lane[EPS_INPUT, l] == 0.0 or coupled == 0.0 else 0.0
+        if start == 0:
+            # NaN is no state: such a trajectory ends before it begins.
+            status[b], failed_at[b] = (NONFINITE, 0) if undefined else (OK, -1)
+        lane[STATUS, l] = status[b] if failed_at[b] >= 0 else OK
+        lane[EXPONENT, l] = 0.0 if start == 0 else exponents[b]
+        size = unit_of(largest, 0.0) if start == 0 else exponents[b]
+        take_unit(J, I, omega, lane, l, size)
+
+
+@inner
+def write(initial, omega, lane, begin, end, n, target):
+    """Write the states n of a block; those that never move, and the first, as they were given."""
+    for l in range(end - begin):
+        b = begin + l
+        as_given = (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK
+        for i in range(initial.shape[1]):
+            target[b, i] = initial[b, i] if as_given else omega[i, l] * lane[UNIT, l]
+
+
+@inner
+def leave(initial, omega, lane, begin, end, stop, kept):
+    """Write the last states, in the unit of the user and in those of the lanes."""
+    final, status, _, state, exponents = kept
+    write(initial, omega, lane, begin, end, stop, final)
+    for l in range(end - begin):
+        b = begin + l
+        status[b], exponents[b] = lane[STATUS, l], lane[EXPONENT, l]
+        for i in range(initial.shape[1]):
+            state[b, i] = omega[i, l]
+
+
+@inner
+def orient(omega, lane, turning, task, begin, end, n, start):
+    """Turn the orientations to state n; `before` holds the states before it."""
+    time_step, columns, _, before, room = turning
+    size = columns.shape[1]
+    middle, image = room[task, 2 * size], room[task, 2 * size + 1]
+    for l in range(end - begin):
+        b = begin + l
+        for i in range(size - 1):
+            w = omega[i, l] * lane[UNIT, l]
+            middle[i], before[task, i, l] = mean(before[task, i, l], w), w
+        if n > start:
+            eps = time_step[b if time_step.size > 1 else 0]
+            turn(columns[b], middle[: size - 1], eps, image)
+            if n % CLEAN_EVERY == 0:
+                clean_up(columns[b], room[task, :size], room[task, size : 2 * size])
+        elif lane[STATUS, l] != OK:
+            for r in range(size):
+                for c in range(size):
+                    columns[b, r, c] = np.nan
+
+
+@inner
+def save_turns(turning, begin, end, row):
+    """Write the orientations of a block to a row."""
+    _, columns, turns, _, _ = turning
+    for b in range(begin, end):
+        for r in range(columns.shape[1]):
+            for c in range(columns.shape[1]):
+                turns[row, b, r, c] = columns[b, c, r]
+
+
+@inner
+def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
+    """Take all steps of the blocks of a task."""
+    first, last, start, stop, every, first_row = span
+    bodies, states, matrices, rows_of_tasks = room
+    J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
+    lane = carray(stack(ROOM), (FIELDS, LANES))
+    matrix, rows = matrices[task], rows_of_tasks[task]
+    initial, failed_at = parameters[3], kept[2]
+    tasks, lanes = states.shape[0], states.shape[3]
+    blocks = (last - first + lanes - 1) // lanes
+    for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+        begin = first + k * lanes
+        end = min(begin + lanes, last)
+        enter(parameters, start, kept, begin, end, (J, I, omega, lane))
+        n, row, next_saved = start, 0, stop + 1
+        if saved.shape[0] > 0:
+            row = start // every + 1 - first_row if start > 0 else 0
+            next_saved = (start // every + 1) * every if start > 0 else 0
+        while True:
+            if turning is not None:
+                orient(omega, lane, turning, task, begin, end, n, start)
+            if n == next_saved:
+                write(initial, omega, lane, begin, end, n, saved[row])
+                if turning is not None:
+                    save_turns(turning, begin, end, row)
+                row, next_saved = row + 1, next_saved + every
+            if n == stop:
+                break
+            until = min(next_saved, stop) if turning is None else n + 1
+            while n < until:
+                if gauss:
+                    step_gauss(J, I, omega, lane, matrix, rows)
+                else:
+                    step_rank2(J, I, omega, work, lane, matrix, rows)
+                n += 1
+                if not units_serve(lane, lanes):
+                    renew_units(J, I, omega, lane, begin, end, n, failed_at)
+        leave(initial, omega, lane, begin, end, stop, kept)
+
+
+@kernel
+def iterate(gauss, parameters, span, saved, turning, kept, room):
+    """Iterate states, by elimination alone or in O(n) steps.
+
+    parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
+    span : begin and end of the trajectories; start, stop; every, first_row of the saved states
+    saved : (rows, B, m)
+    turning : None, or the step size in the unit of time of omega (B,) or (1,); the transposed
+        orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
+        (tasks, 2 n + 2, n)
+    kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
+        exponent (B,). Those but `final` are read where start is not 0.
+    room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
+        (tasks, 2, M, lanes); for elimination, if there is memory for it, else with m = 0,
+        (tasks, m, m + 1, width) and (tasks, 2, m + 1, width)
+    """
+    for task in prange(room[1].shape[0]):
+        iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task)

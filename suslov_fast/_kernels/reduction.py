@@ -1,0 +1,112 @@
+"""Bodies in n dimensions whose problem is solved, as bodies in three: see `_formulas.reduction`."""
+
+import numpy as np
+from numba import prange
+
+from .._formulas.coordinates import sum_of_products
+from .._formulas.elementary import exponent, larger, scaled, within
+from .._formulas.reduction import as_product, sum_in_two
+from .._jit import inner, kernel
+
+# The largest exponents of states, of step sizes and of J over J for which no number comes near the
+# ends of float64, at poles neither.
+LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
+
+
+@inner
+def split(I, omega, k, own, along, across):
+    """Split a state in units of 2**own into parts along I and orthogonal to it; I_k is the largest.
+
+    Returns I23 and the state of the 3D body.
+    """
+    p, lost, square, total, coupled = 0.0, 0.0, 0.0, 0.0, 0
+    w_k = scaled(omega[k], -own)
+    for i in range(I.size):
+        w = scaled(omega[i], -own)
+        p, lost = sum_in_two(p, lost, I[i], w)
+        # Accurate next to the steady states, where all of these differences vanish.
+        across[i] = sum_of_products(I[k], w, -I[i], w_k)
+        square += I[i] * I[i]
+        total += I[i] * across[i]
+        coupled += I[i] != 0.0
+    largest, undefined = 0.0, 0.0
+    for i in range(I.size):
+        across[i] = (across[i] - I[i] * (total / square)) / I[k]
+        largest = larger(abs(across[i]), largest)
+        undefined += 0.0 * across[i]
+    power, length = exponent(largest + undefined), 0.0
+    for i in range(I.size):
+        across[i] = scaled(across[i], -power)
+        length += across[i] * across[i]
+    length, norm, rounded = np.sqrt(length), np.sqrt(square), p + lost
+    omega1, I23 = as_product(rounded, lost - (rounded - p))
+    if coupled == 1:
+        omega1, I23 = w_k, I[k]
+    for i in range(I.size):
+        along[i] = scaled(I23 * I[i] / square, own)
+        across[i] = scaled(across[i] / length * (I23 / norm), own)
+    return I23, omega1, scaled(norm * length / I23, power), length == 0.0, p
+
+
+@inner
+def reduce_one(J, I, eps, omega, three, state, along, across):
+    """Find the 3D problem of a trajectory; return whether its numbers are in range."""
+    k, largest, undefined, m = 0, 0.0, 0.0, I.size
+    for i in range(m):
+        if abs(I[i]) > abs(I[k]):
+            k = i
+        largest = larger(abs(omega[i]), largest)
+        undefined += 0.0 * omega[i]
+    own = exponent(largest) if largest > 0.0 else 0.0
+    step = scaled(eps, within(own, 1000.0))
+    of_k, of_others = J[k], J[0 if k > 0 else m - 1]
+    three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
+    if m != 2:  # n = 3 needs other names alone
+        I23, omega1, omega2, on_line, p = split(I, omega, k, own, along, across)
+        rests = I[k] == 0.0 or on_line or step == 0.0
+        three[3], state[0], state[1] = I23, omega1, omega2
+        if rests:  # the state that does not move is `along` as it is
+            three[3], state[0], state[1] = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
+            for i in range(m):
+                along[i], across[i] = omega[i], 0.0
+    apart = abs(exponent(of_k) - exponent(of_others))
+    in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
+    return in_range and exponent(step) <= LONGEST
+
+
+@kernel
+def reduce(parameters, omega, three, state, along, across, fits):
+    """Find the 3D problems of trajectories of bodies whose problem is solved; of n = 3 only `fits`.
+
+    parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
+    omega : (B, m), the states at step 0
+    three : (B, 5), I1, I2, I13, I23 of the 3D bodies, and the step sizes in units of time in which
+        states are of the order of 1
+    state : (B, 2), the states of these bodies
+    along, across : (B, m); omega is along times the first component of a state of the 3D body, plus
+        across times the second
+    fits : (B,), 1 where a trajectory is in the range that is taken here, else 0
+    """
+    J, I, eps = parameters
+    for b in prange(len(omega)):
+        of_J, of_I, of_eps = b % len(J), b % len(I), b % len(eps)
+        fits[b] = reduce_one(
+            J[of_J], I[of_I], eps[of_eps], omega[b], three[b], state[b], along[b], across[b]
+        )
+
+
+@inner
+def expand_row(states, along, across, out):
+    for b in range(along.shape[0]):
+        omega1, omega2 = states[b, 0], states[b, 1]
+        for i in range(along.shape[1]):
+            out[b, i] = along[b, i] * omega1 + across[b, i] * omega2
+
+
+@kernel
+def expand(states, along, across, out, begin):
+    """Make states out (rows, B, m), from `begin` on, of those of the 3D bodies (rows, lanes, 2)."""
+    lanes = states.shape[1]
+    for r in prange(len(states)):
+        row = out[r, begin : begin + lanes]
+        expand_row(states[r], along[begin : begin + lanes], across[begin : begin + lanes], row)

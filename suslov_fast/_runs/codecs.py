@@ -1,0 +1,58 @@
+"""Zarr stores that may be decoded: numbers and strings, by codecs that cannot run code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+# Zarr's standard compressors and checksums, the filters that only reorder numbers, and strings.
+_STANDARD = frozenset(
+    "blosc bz2 gzip lz4 lzma zlib zstd adler32 crc32 crc32c fletcher32 shuffle delta vlen-utf8 "
+    "bytes transpose sharding_indexed".split()
+)
+
+
+def refuse_codecs(store: Any) -> None:
+    """Raise ValueError if an array of a store is of objects, or its codecs are not standard ones.
+
+    `store` is what `zarr.open_group` takes. Nothing is decoded.
+    """
+    import zarr
+
+    # Metadata lie in one place and beside each array: readers may take either.
+    for consolidated in (None, False):
+        group = zarr.open_group(store, mode="r", use_consolidated=consolidated)
+        for name, member in group.members(max_depth=None):
+            if isinstance(member, zarr.Array):
+                _check(name, member.metadata.to_dict())
+
+
+def _check(name: str, metadata: dict[str, Any]) -> None:
+    used = {
+        codec.removeprefix("numcodecs.")
+        for key in ("filters", "compressor", "codecs")
+        for codec in _names(metadata.get(key))
+    }
+    kind = metadata.get("dtype", metadata.get("data_type"))
+    of_objects = "O" in str(kind) and "vlen-utf8" not in used
+    if of_objects or not used <= _STANDARD:
+        what = "objects" if of_objects else f"codecs {', '.join(sorted(used - _STANDARD))}"
+        raise ValueError(f"{name}: expected numbers and Zarr's standard compressors, got {what}")
+
+
+def _names(codec: Any) -> Iterator[str]:
+    """The names of codecs, those in the configuration of others included."""
+    if isinstance(codec, (list, tuple)):
+        for each in codec:
+            yield from _names(each)
+    elif hasattr(codec, "get_config"):
+        yield from _names(codec.get_config())
+    elif isinstance(codec, dict):
+        name = codec.get("id", codec.get("name"))
+        if name is not None:
+            yield str(name)
+        configuration = codec.get("configuration") or {}
+        for key in ("codecs", "index_codecs"):
+            yield from _names(configuration.get(key))
+    elif codec is not None:
+        yield str(codec)

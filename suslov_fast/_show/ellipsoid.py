@@ -1,0 +1,45 @@
+"""The ellipsoid of inertia that stands for a body in drawings."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._bodies.matter import ellipsoid_of_inertia
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+
+
+class Ellipsoid(NamedTuple):
+    """Semi-axes, the largest 1, their directions as columns, and the I3 that they belong to."""
+
+    radii: FloatArray
+    axes: FloatArray
+    I3: float
+    admissible: bool
+
+
+def ellipsoid(body: Suslov3D) -> Ellipsoid:
+    """Return the ellipsoid of inertia of a single body; ValueError where there is none.
+
+    I3 is that of the body, by default the middle of the interval of admissible values, and where
+    this is empty one with a positive definite inertia tensor.
+    """
+    low, high = body.admissible_I3()
+    if body.I3 is not None:
+        I3 = float(body.I3)
+    elif np.isfinite(low):
+        I3 = float(0.5 * (low + high))
+    else:
+        least = float(body.I13) ** 2 / float(body.I1) + float(body.I23) ** 2 / float(body.I2)
+        I3 = max(float(body.I1), float(body.I2), 2.0 * least)
+    return Ellipsoid(*ellipsoid_of_inertia(body.parameters, I3), I3, bool(low < I3 < high))
+
+
+def sphere(turns: int = 64) -> FloatArray:
+    """Return the points (3, turns / 2 + 1, turns + 1) of a grid on the unit sphere."""
+    pole = 1e-3  # patches with two equal corners have no normal to shade by
+    v = np.linspace(np.pi - pole, pole, turns // 2 + 1)  # normals point outwards
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, turns + 1), v)
+    return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])

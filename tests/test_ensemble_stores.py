@@ -1,0 +1,295 @@
+"""Stores: damaged, in other places, of others, written to twice, half written."""
+
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import warnings
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from damage import damaged
+from ensemble_runs import BODY, CUT, assert_same, contents
+
+from suslov_fast import RandomStarts, ensemble, iterate, open_ensemble
+
+xarray = pytest.importorskip("xarray")
+zarr = pytest.importorskip("zarr")
+pytest.importorskip("dask")
+
+STARTS = RandomStarts(20, 2.0, seed=3)
+EPS = np.array([0.2, 0.3])[:, None]
+ASKED = {
+    "body": BODY,
+    "omega0": STARTS,
+    "eps": EPS,
+    "save_every": 2,
+    "method": "canonical",
+    "attitude": True,
+    "reductions": ["omega_max"],
+    "dims": ("step_size", "trajectory"),
+    "coords": {"step_size": ["a", "b"]},
+    "chunk": CUT,
+}
+VARIABLES = "omega attitude final status failed_at omega_max eps I1 I13 n component step_size "
+VARIABLES = (VARIABLES + "progress/record progress/steps_done").split()
+
+
+def expected(steps):
+    return iterate(
+        BODY, STARTS.states(20), EPS, steps, save_every=2, attitude=True, method="canonical"
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    store = tmp_path_factory.mktemp("ensemble") / "run.zarr"
+    ensemble(**ASKED, steps=20, store=store)
+    return store
+
+
+HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
+
+
+@pytest.mark.parametrize(
+    ("name", "harm"),
+    # A third of all; the slow tests have them all.
+    [(n, h) for i, n in enumerate(VARIABLES) for k, h in enumerate(HARMS) if (i + k) % 3 == 0],
+)
+def test_damage_is_mended(tmp_path, finished, name, harm):
+    mends(tmp_path, finished, name, harm)
+
+
+def mends(tmp_path, finished, name, harm):
+    store = tmp_path / "run.zarr"
+    shutil.copytree(finished, store)
+    paths = [path for path in sorted((store / name).rglob("*")) if path.is_file()]
+    path = next(path for path in paths if (path.name == "zarr.json") == (harm == "metadata"))
+    if harm == "array":
+        shutil.rmtree(store / name)
+    elif harm == "chunk":
+        path.unlink()
+    elif harm == "cut":
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    else:
+        path.write_bytes(damaged(path.read_bytes(), seed=0 if harm == "bit" else 1))
+    dataset = ensemble(**ASKED, steps=20, store=store, verify=True)
+    assert_same(dataset, expected(20))
+    assert contents(store) == contents(finished)
+    assert_same(xarray.open_zarr(store), expected(20))
+
+
+@pytest.mark.parametrize("name", ["eps", "I23", "component"])
+def test_a_store_without_parameters_is_refused(tmp_path, finished, name):
+    for harm in ("chunk", "array"):
+        store = tmp_path / f"{harm}.zarr"
+        shutil.copytree(finished, store)
+        shutil.rmtree(store / name if harm == "array" else store / name / "c", ignore_errors=True)
+        (store / name / "c").unlink(missing_ok=True)
+        with pytest.raises(ValueError, match="verify=True"):
+            open_ensemble(store)
+        with pytest.raises(ValueError, match="verify=True"):
+            ensemble(**ASKED, steps=20, store=store)
+
+
+def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
+    from suslov_fast._ensemble import compute
+
+    made, go_on = [], compute.go_on
+    monkeypatch.setattr(compute, "go_on", lambda run: made.append(run.start) or go_on(run))
+    store = tmp_path / "run.zarr"
+    shutil.copytree(finished, store)
+    ensemble(**ASKED, steps=20, store=store, verify=True)
+    assert made == []
+    assert_same(ensemble(**ASKED, steps=31, store=store), expected(31))
+    assert min(made) == 20
+    before = len(made)
+    next((store / "omega").rglob("1")).joinpath("0", "1", "0").unlink()
+    assert_same(ensemble(**ASKED, steps=31, store=store, verify=True), expected(31))
+    assert made[before] == 0  # one tile alone
+    assert len(set(made[before:])) == len(made[before:])
+
+
+def fails_and_goes_on(store, monkeypatch, room):
+    """Create and lengthen a store while every write from some number on fails; return True then."""
+    left = [room]
+    methods = {name: getattr(zarr.storage.LocalStore, name) for name in ("set", "delete")}
+
+    def limited(name):
+        async def method(self, *arguments):
+            left[0] -= 1
+            if left[0] < 0:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            await methods[name](self, *arguments)
+
+        return method
+
+    small = {**ASKED, "chunk": {"trajectory": 20, "n": 6}}
+    with monkeypatch.context() as patch:
+        for name in methods:
+            patch.setattr(zarr.storage.LocalStore, name, limited(name))
+        with suppress(OSError):
+            ensemble(**small, steps=20, store=store)
+            ensemble(**small, steps=31, store=store)
+    try:
+        dataset = open_ensemble(store)
+    except FileNotFoundError:
+        dataset = None
+    if dataset is not None:
+        steps = dataset.attrs["steps"]
+        assert dataset.n.values.tolist() == expected(steps).n.tolist()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of metadata in one place
+            assert xarray.open_zarr(store).sizes["n"] in (11, 16)
+        omega = dataset.omega.values
+        assert np.array_equal(omega, np.where(np.isnan(omega), omega, expected(steps).omega), True)
+        if dataset.attrs["tiles_done"] == "1 of 1":
+            assert_same(dataset, expected(steps))
+    assert_same(ensemble(**small, steps=31, store=store), expected(31))
+    assert_same(xarray.open_zarr(store), expected(31))
+    return left[0] < 0
+
+
+def test_every_write_may_be_the_last(tmp_path, monkeypatch):
+    rooms = [*range(0, 150, 19), 10**6]
+    failed = [fails_and_goes_on(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]
+    assert failed[:4] == [True] * 4
+    assert not failed[-1]
+
+
+def test_one_writer_whatever_the_name(tmp_path):
+    store, other = tmp_path / "run.zarr", tmp_path / "link.zarr"
+    store.mkdir()
+    other.symlink_to(store)
+    refused = []
+
+    def while_it_runs(done, total):
+        for name in (store, other, f"file://{other}"):
+            with pytest.raises(BlockingIOError, match="another writer"):
+                ensemble(**ASKED, steps=20, store=name)
+            refused.append(name)
+
+    ensemble(**ASKED, steps=20, store=other, progress=while_it_runs)
+    assert len(refused) >= 3
+    code = "import sys; from suslov_fast._ensemble.control import only_writer\n"
+    code += "with only_writer(sys.argv[1], True): print('held', flush=True); sys.stdin.read()"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code, str(other)], **pipes) as holder:
+        assert holder.stdout.readline().strip() == b"held"
+        with pytest.raises(BlockingIOError):
+            ensemble(**ASKED, steps=20, store=store)
+        holder.kill()
+        holder.wait()
+    assert_same(ensemble(**ASKED, steps=20, store=store), expected(20))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no symbolic links")
+def test_the_lock_follows_no_link(tmp_path):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / "run.zarr.lock").symlink_to(victim)
+    with pytest.raises(OSError, match=r"run\.zarr\.lock"):
+        ensemble(**ASKED, steps=20, store=tmp_path / "run.zarr")
+    assert victim.read_text() == "mine"
+    assert not (tmp_path / "run.zarr").exists()
+
+
+@pytest.mark.parametrize("place", ["file", "memory", "object"])
+def test_other_places(tmp_path, place):
+    store = {
+        "file": f"file://{tmp_path}/run.zarr",
+        "memory": f"memory://{tmp_path}/run.zarr",
+        "object": zarr.storage.MemoryStore(),
+    }[place]
+    for steps in (20, 31):
+        assert_same(ensemble(**ASKED, steps=steps, store=store), expected(steps))
+    assert_same(open_ensemble(store), expected(31))
+    assert (tmp_path / "run.zarr").exists() == (place == "file")
+    with pytest.raises(ValueError, match=r"method ds2|canonical instead of ds2"):
+        ensemble(**{**ASKED, "method": "ds2"}, steps=31, store=store)
+
+
+def test_what_is_no_store_is_left_alone(tmp_path):
+    asked = {**ASKED, "steps": 20}
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.txt").write_text("mine")
+    for name, received in (("notes", "another folder"), ("notes/a.txt", "a file")):
+        with pytest.raises(FileExistsError, match=received):
+            ensemble(**asked, store=tmp_path / name)
+    zarr.create_group(tmp_path / "other.zarr", attributes={"mine": 1})
+    zarr.create_group(tmp_path / "old.zarr", attributes={"source": "suslov_fast 0.2.0"})
+    zarr.create_group(tmp_path / "old.zarr", path="progress", attributes={"run": "{}"})
+    for name, received in (("other", "got another: "), ("old", r"another, of suslov_fast 0\.2\.0")):
+        for function in (lambda store: ensemble(**asked, store=store), open_ensemble):
+            with pytest.raises(ValueError, match=received):
+                function(tmp_path / f"{name}.zarr")
+    with pytest.raises(FileNotFoundError):
+        open_ensemble(tmp_path / "none.zarr")
+    with pytest.raises(ValueError, match="got another"):
+        open_ensemble(tmp_path / "notes")
+    assert (tmp_path / "notes" / "a.txt").read_text() == "mine"
+
+
+class _Trap:
+    def __reduce__(self):
+        return os.mkdir, (os.environ["SUSLOV_FAST_TRAP"],)
+
+
+def test_stores_that_could_run_code_are_refused(tmp_path, finished, monkeypatch):
+    import pickle
+
+    monkeypatch.setenv("SUSLOV_FAST_TRAP", str(tmp_path / "sprung"))
+    codec = {"name": "numcodecs.pickle", "configuration": {}}
+    for kind in ("second", "third"):
+        store = tmp_path / f"{kind}.zarr"
+        shutil.copytree(finished, store)
+        for path in [store / "zarr.json", store / "status" / "zarr.json"]:
+            metadata = json.loads(path.read_text())
+            if kind == "second" and path.parent.name == "status":
+                path.unlink()
+                old = {"zarr_format": 2, "shape": [2, 20], "chunks": [2, 20], "dtype": "|O"}
+                old |= {"order": "C", "fill_value": None, "compressor": None}
+                old |= {"filters": [{"id": "pickle"}]}
+                (path.parent / ".zarray").write_text(json.dumps(old))
+                (path.parent / "0.0").write_bytes(pickle.dumps(_Trap()))
+            elif path.parent.name == "status":
+                metadata["codecs"] = [codec, *metadata["codecs"]]
+                path.write_text(json.dumps(metadata))
+            else:
+                del metadata["consolidated_metadata"]
+                path.write_text(json.dumps(metadata))
+        with pytest.raises(ValueError, match="store: expected"):
+            open_ensemble(store)
+    whole = tmp_path / "whole.zarr"
+    group = zarr.create_group(whole, zarr_format=2, attributes={"steps": 1})
+    group.create_group("progress", attributes={"run": "{}", "layout": 2})
+    with pytest.raises(ValueError, match="store: expected"):
+        open_ensemble(whole)
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.mark.parametrize("compressor", [zarr.codecs.GzipCodec(), zarr.codecs.ZstdCodec(level=5)])
+def test_recompressed_stores_are_read(tmp_path, finished, compressor):
+    store = tmp_path / "run.zarr"
+    shutil.copytree(finished, store)
+    group = zarr.open_group(store, mode="r+", use_consolidated=False)
+    for name in ("omega", "status"):
+        array = group[name]
+        values, settings = array[...], {"chunks": array.chunks, "fill_value": array.fill_value}
+        names, attributes = array.metadata.dimension_names, dict(array.attrs)
+        new = group.create_array(
+            name,
+            shape=values.shape,
+            dtype=values.dtype,
+            compressors=[compressor],
+            dimension_names=names,
+            attributes=attributes,
+            overwrite=True,
+            **settings,
+        )
+        new[...] = values
+    assert_same(open_ensemble(store), expected(20))
+    assert_same(ensemble(**ASKED, steps=31, store=store), expected(31))

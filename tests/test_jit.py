@@ -1,0 +1,67 @@
+"""The instructions that Numba lacks, their Python twins, and checked indices."""
+
+import children
+import numpy as np
+import pytest
+
+# A kernel that uses all instructions; it runs compiled, interpreted and with checked indices.
+KERNEL = """
+import sys
+import numpy as np
+from numba import prange
+from suslov_fast import _jit
+
+@_jit.inner
+def fill(x, k, out):
+    rows = _jit.carray(_jit.stack(32), (2, 16))
+    for i in range(16):
+        product, lost = _jit.two_product(x[i], x[i] + 1.0 / 3.0)
+        rows[0, i] = _jit.select(x[i] < 0.5, product, lost)
+        rows[1, i] = _jit.number_of_bits(_jit.bits_of(x[i]) + (i << 52))
+    _jit.expect_store(out, 0)
+    for i in range(0, 16, 8):
+        _jit.stream_line(out, i, rows[0], i)
+    for i in range(16):
+        out[16 + i] = rows[1, i + k]
+
+@_jit.kernel
+def run(x, k, out):
+    for i in prange(1):
+        fill(x, k, out)
+
+memory = np.zeros(40)
+out = memory[-(memory.ctypes.data // 8) % 8:][:32]
+x = np.random.default_rng(1).random(16)
+for build in (run.serial, run.parallel):
+    out[:] = 0
+    build(x, int(sys.argv[1]), out)
+    print(out.tobytes().hex())
+"""
+
+
+@pytest.mark.parametrize("disable_jit", ["0", "1"])
+def test_instructions(disable_jit):
+    """Compiled and interpreted they give the same bits, those of exact arithmetic."""
+    output = children.run(KERNEL, 0, NUMBA_DISABLE_JIT=disable_jit)
+    serial, parallel = (np.frombuffer(bytes.fromhex(line)) for line in output.split())
+    assert serial.tobytes() == parallel.tobytes()
+    x = np.random.default_rng(1).random(16)
+    for i, v in enumerate(x.tolist()):
+        numerators, denominators = zip(
+            v.as_integer_ratio(), (v + 1 / 3).as_integer_ratio(), strict=True
+        )
+        above, below = np.prod(numerators, dtype=object), np.prod(denominators, dtype=object)
+        product = v * (v + 1 / 3)
+        n, d = product.as_integer_ratio()
+        lost = (above * d - n * below) / (below * d)
+        assert serial[i] == (product if v < 0.5 else lost)
+        assert serial[16 + i] == v * 2.0**i
+
+
+@pytest.mark.compiled
+def test_a_wrong_index_is_an_error_where_bounds_are_checked():
+    """So that the suite, run with NUMBA_BOUNDSCHECK=1, checks all kernels, those of rows too."""
+    process = children.start(KERNEL, 1, NUMBA_BOUNDSCHECK="1", NUMBA_DISABLE_JIT="0")
+    _, errors = children.finish(process)
+    assert process.returncode == 1
+    assert "IndexError" in errors

@@ -6,7 +6,7 @@
 #endif
 #define LANES 64
 #define ARGUMENTS const double *from, double *to, long batch, long steps, double I1, double I2, \
-                  double I13, double I23, double eps, int threads
+                  double I13, double I23, double eps, long threads
 #define FOR_LANES for (int l = 0; l < LANES; l++)
 #define FOR_BLOCKS _Pragma("omp parallel for schedule(static) num_threads(threads)") \
                    for (long first = 0; first < batch; first += LANES)

@@ -1,0 +1,7 @@
+"""This package."""
+
+from cases import CASES  # noqa: F401
+
+
+def bench_case(measure, case, threads):
+    measure(case, threads)

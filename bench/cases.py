@@ -196,7 +196,7 @@ for key, label, function, batch, times, more in (
     ("far", "`exact`", exact, 65_536, lambda size: 10**6, {}),
     ("rows", "`exact`, 256 n in a row", exact, 16_384, lambda size: np.arange(size(256, 16)), {}),
     *(
-        (f"scattered-{batch}", f"`exact`, {count:,} scattered n, {batch:,} orbits")
+        (f"scattered-{batch}", f"`exact`, {count:,} scattered n, {batch:,} orbit" + "s" * (batch > 1))
         + (exact, batch, scattered(count), {"at_most": 1.6, "quick": batch > 1})
         for batch, count in ((4096, 244), (1, 1_000_000))
     ),

@@ -1,4 +1,4 @@
-"""This package."""
+"""The cases of this package."""
 
 from cases import CASES  # noqa: F401
 

@@ -145,27 +145,24 @@ for method in ("auto", "canonical"):
     for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):
         make = saved_states(method, batch, STATES // batch)
         more = {"x": batch, "limit": ("streaming", 16), "at_most": at_most if batch >= 64 else 2.5}
-        more["quick"] = batch in (1, 65_533)
+        more["quick"] = (batch, method) in ((1, "auto"), (65_533, "auto"), (65_533, "canonical"))
         add("few orbits", method, iterated, "states", make, **more)
     for every in (10**k for k in range(5)):
         more = {"x": every, "at_most": at_most}
         make = saved_states(method, 4096, 50, every)
         add("save_every", method, iterated, "states", make, **more)
 
-for method, every, offset, memory in (
-    ("auto", 1, 0, "reused memory"),
-    ("auto", 10, 0, "reused memory"),
-    ("auto", 1000, 0, "reused memory"),
-    ("auto", 1, 2, "reused memory, unaligned"),
-    ("auto", 1, None, "new memory"),
-    ("canonical", 1, 0, "reused memory"),
-    ("canonical", 1, 2, "reused memory, unaligned"),
+MEMORY = {0: "reused", 2: "unaligned", None: "new"}  # by the offset, in doubles
+for method, every, offset in (
+    *(("auto", every, 0) for every in (1, 10, 1000)),
+    *(("auto", 1, None), ("auto", 1, 2), ("canonical", 1, 0), ("canonical", 1, 2)),
 ):
-    label = f'`method="{method}"`, every {f"{every:,}th " * (every > 1)}state, {memory}'
+    memory = MEMORY[offset]
+    label = f'`method="{method}"`, every {f"{every:,}th " * (every > 1)}state, {memory} memory'
     more = {"x": every, "limit": ("streaming", 16), "at_most": AT_MOST[method]}
-    more["quick"] = every == 1 and offset is not None
+    more["quick"] = every == 1 and offset == 0
     make = saved_states(method, every=every, offset=offset)
-    add("saved states", f"{method}-{memory.replace(' ', '-')}", label, "states", make, **more)
+    add("saved states", f"{method}-{memory}", label, "states", make, **more)
 
 
 def closed_form(function, batch, times, checked=False):
@@ -192,19 +189,16 @@ def scattered(count):
     return lambda size: np.random.default_rng(1).integers(-(10**6), 10**6, size(count, 16))
 
 
-for key, label, function, batch, times, more in (
-    ("far", "`exact`", exact, 65_536, lambda size: 10**6, {}),
-    ("rows", "`exact`, 256 n in a row", exact, 16_384, lambda size: np.arange(size(256, 16)), {}),
-    *(
-        (f"scattered-{batch}", f"`exact`, {count:,} scattered n, {batch:,} orbit" + "s" * (batch > 1))
-        + (exact, batch, scattered(count), {"at_most": 1.6, "quick": batch > 1})
-        for batch, count in ((4096, 244), (1, 1_000_000))
-    ),
-    ("flow-rows", "`flow`, 256 times in a row", flow, 16_384)
-    + (lambda size: np.linspace(0, 20, size(256, 16)), {}),
+in_a_row = lambda size: np.arange(size(256, 16))  # noqa: E731
+for key, label, function, batch, times in (
+    ("far", "`exact`", exact, 65_536, lambda size: 10**6),
+    ("rows", "`exact`, 256 n in a row", exact, 16_384, in_a_row),
+    ("flow-rows", "`flow`, 256 times in a row", flow, 16_384, in_a_row),
+    ("scattered-4096", "`exact`, 244 scattered n, 4,096 orbits", exact, 4096, scattered(244)),
+    ("scattered-1", "`exact`, 1,000,000 scattered n, 1 orbit", exact, 1, scattered(1_000_000)),
 ):
     make = closed_form(function, batch, times, checked=key == "far")
-    add("jumps", key, label, "states", make, **{"at_most": 1.6} | more)
+    add("jumps", key, label, "states", make, at_most=1.6, quick=key == "scattered-4096")
 make = closed_form(flow, 65_536, lambda size: STEPS * EPS, checked=True)
 add("motion", "flow", "`flow`, the closed form", "trajectories", make, at_most=1.6)
 for every in (10**k for k in range(5)):
@@ -303,7 +297,7 @@ def quantity(name):
 
 
 for name, (_, values) in QUANTITIES.items():
-    more = {"limit": ("copy", 16 + 8 * values), "quick": name in ("first_integral", "jacobian")}
+    more = {"limit": ("copy", 16 + 8 * values), "quick": name == "first_integral"}
     add("quantities", name, f"`{name}`", "states", quantity(name), threads="both", **more)
 
 
@@ -349,15 +343,14 @@ for what, label in {
         add("space", what, label, "steps", orientations(n, what), **more)
 
 BODY_ND, STATE_ND = suslov_fast.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
+STATE = [1.0, 0.5]
 for key, label, call in (
-    ("iterate", "`iterate`, one orbit, 10 steps", lambda: iterate(BODY, [1.0, 0.5], EPS, 10)),
-    ("iterate-nd", "`iterate`, one orbit, 10 steps, n = 4")
-    + (lambda: iterate(BODY_ND, STATE_ND, EPS, 10),),
-    ("step", "`step`, one state", lambda: step(BODY, [1.0, 0.5], EPS)),
-    ("step-nd", "`step`, one state, n = 4", lambda: step(BODY_ND, STATE_ND, EPS)),
-    ("exact", "`exact`, one state", lambda: exact(BODY, [1.0, 0.5], EPS, 10)),
-    ("first_integral", "`first_integral`, one state")
-    + (lambda: first_integral(BODY, [1.0, 0.5], EPS),),
+    ("iterate", "`iterate`, one orbit, 10 steps", lambda: iterate(BODY, STATE, EPS, 10)),
+    ("iterate-nd", "`iterate`, n = 4", lambda: iterate(BODY_ND, STATE_ND, EPS, 10)),
+    ("step", "`step`, one state", lambda: step(BODY, STATE, EPS)),
+    ("step-nd", "`step`, n = 4", lambda: step(BODY_ND, STATE_ND, EPS)),
+    ("exact", "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
+    ("first_integral", "`first_integral`, one state", lambda: first_integral(BODY, STATE, EPS)),
 ):
     make = lambda size, threads, call=call: Work(call, 1)  # noqa: E731
-    add("calls", key, label, "calls", make, at_most=1.3, quick=key in ("iterate", "step"))
+    add("calls", key, label, "calls", make, at_most=1.3, quick=key == "iterate")

@@ -82,36 +82,44 @@ DIMENSIONS = {
     "numpy-rank2": {"color": NUMPY, "marker": "^", "label": "NumPy, rank two"},
     "gauss": {"color": OURS, "marker": "o", "linestyle": ":", "label": 'method="gauss"'},
     "c-elimination": {"color": C, "marker": "s", "linestyle": ":", "label": "C, elimination"},
-    "numpy-solve": {"color": NUMPY, "marker": "^", "linestyle": ":", "label": "NumPy, linalg.solve"},
+    "numpy-solve": {
+        "color": NUMPY,
+        "marker": "^",
+        "linestyle": ":",
+        "label": "NumPy, linalg.solve",
+    },
 }
-# Table, title, labels of the axes, value of a row, logarithmic y, styles of the keys.
+# Table, title, labels of the axes, styles of the keys.
 PANELS = (
-    ("batch", "Batch (last states, 50 steps)", "orbits", "1e9 steps per second")
-    + (lambda results, row: row.rate / 1e9, True, METHODS),
-    ("few orbits", "All states of few orbits, 5e6 in all", "orbits", "% of streaming stores")
-    + (lambda results, row: 100 * (results.share(row) or 0), False, METHODS),
-    ("save_every", "Saved states that lie apart", "save_every", "ns per saved state")
-    + (lambda results, row: 1e9 / row.rate, True, METHODS),
-    ("n dimensions", "Dimension (one thread)", "n - 1", "ns per step of one orbit")
-    + (lambda results, row: 1e9 / row.rate, True, DIMENSIONS),
+    ("batch", "Batch (last states, 50 steps)", "orbits", "1e9 steps per second", METHODS),
+    ("few orbits", "All states, 5e6 in all", "orbits", "% of streaming stores", METHODS),
+    ("save_every", "Saved states that lie apart", "save_every", "ns per saved state", METHODS),
+    ("n dimensions", "Dimension (one thread)", "n - 1", "ns per step of one orbit", DIMENSIONS),
 )
+
+
+def height(results, row, unit):
+    """The value of a row in the unit of its panel."""
+    if unit.startswith("%"):
+        return 100 * (results.share(row) or 0)
+    return 1e9 / row.rate if unit.startswith("ns") else row.rate / 1e9
 
 
 def scaling(results):
     """Against everything that may grow."""
     figure = Figure(figsize=(11, 9), layout="constrained")
     for axis, panel in zip(figure.subplots(2, 2).flat, PANELS, strict=True):
-        table, title, x, y, value, logarithmic, styles = panel
+        table, title, x, y, styles = panel
         for key, style in styles.items():
-            points = sorted((row.x, value(results, row)) for row in results.of(table, key=key))
+            points = sorted((row.x, height(results, row, y)) for row in results.of(table, key=key))
             if points:
                 axis.plot(*zip(*points, strict=True), **style)
-        if table == "few orbits":
+        if y.startswith("%"):
             axis.axhline(100, color=LIMIT, linestyle="--", linewidth=1.2, label="streaming stores")
             axis.set_ylim(bottom=0)
-        axis.set(title=title, xlabel=x, ylabel=y, xscale="log")
-        if logarithmic:
+        else:
             axis.set_yscale("log")
+        axis.set(title=title, xlabel=x, ylabel=y, xscale="log")
         axis.grid(alpha=0.25, which="major")
         if axis.get_legend_handles_labels()[0]:
             axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)

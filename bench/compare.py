@@ -44,7 +44,9 @@ def work():
                 case, current = CASES[index], None  # frees the memory of the case before
                 threads = 1 if case.threads == "one" else numba.config.NUMBA_NUM_THREADS
                 numba.set_num_threads(threads)
-                choose = (lambda large, small: min(large, small)) if tiny else lambda large, _: large
+                choose = (
+                    (lambda large, small: min(large, small)) if tiny else lambda large, _: large
+                )
                 current = case.make(choose, threads)
                 current.call()  # compiles
             begin = time.perf_counter()
@@ -83,6 +85,7 @@ class Worker:
     def close(self):
         self.process.stdin.close()
         self.process.wait()
+        self.process.stdout.close()
 
 
 def turns(workers, index, rounds, tiny):
@@ -138,7 +141,8 @@ def ratios(a, b):
 def compare_processes(trees, folder, rounds, quick):
     """Print the times of processes in multiples of `import numba`; return those that are late."""
     codes = {
-        key: (label, code, at_most, "import") for key, (label, code, at_most) in processes.IMPORTS.items()
+        key: (label, code, at_most, "import")
+        for key, (label, code, at_most) in processes.IMPORTS.items()
     }
     for key, (label, call) in processes.CALLS.items():
         if quick and key == "exact":

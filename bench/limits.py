@@ -54,18 +54,39 @@ def new_copy(size, threads):
     return Work(source.copy, 2 * source.nbytes // 24)
 
 
+STREAMING, COPY = ("streaming", 16), ("copy", 24)
 CASES = [
     Case(table, key, f"*limit: {label}*", unit, make, limit=limit, whose=MACHINE, threads=threads)
-    for table, key, label, unit, make, limit, threads in (
-        ("last states", "divisions", "one division per step", "steps", divisions)
-        + (("divisions", 1), "all"),
-        ("saved states", "streaming", "streaming stores", "states", states_stored("streaming"))
-        + (("streaming", 16), "all"),
-        ("saved states", "plain", "plain stores", "states", states_stored("plain"))
-        + (("streaming", 16), "all"),
-        ("saved states", "new", "`np.ones`, new memory", "states", new_memory, None, "one"),
-        ("quantities", "copy", "a copy of 24 bytes in C", "states", copy, ("copy", 24), "both"),
-        ("quantities", "new-copy", "`ndarray.copy` of 24 bytes", "states", new_copy)
-        + (("copy", 24), "one"),
+    for table, unit, key, label, limit, threads, make in (
+        (
+            "last states",
+            "steps",
+            "divisions",
+            "one division per step",
+            ("divisions", 1),
+            "all",
+            divisions,
+        ),
+        (
+            "saved states",
+            "states",
+            "streaming",
+            "streaming stores",
+            STREAMING,
+            "all",
+            states_stored("streaming"),
+        ),
+        (
+            "saved states",
+            "states",
+            "plain",
+            "plain stores",
+            STREAMING,
+            "all",
+            states_stored("plain"),
+        ),
+        ("saved states", "states", "new", "`np.ones`, new memory", STREAMING, "one", new_memory),
+        ("quantities", "states", "copy", "a copy of 24 bytes in C", COPY, "both", copy),
+        ("quantities", "states", "new-copy", "`ndarray.copy` of 24 bytes", COPY, "one", new_copy),
     )
 ]

@@ -15,7 +15,10 @@ IMPORTS = {
     "import": ("`import suslov_fast`", "import suslov_fast", 1.4),
 }
 CALLS = {
-    "iterate": ("`iterate` of 10,000 orbits", f"s.iterate({BODY_3D}, np.ones((10_000, 2)), .2, 200)"),
+    "iterate": (
+        "`iterate` of 10,000 orbits",
+        f"s.iterate({BODY_3D}, np.ones((10_000, 2)), .2, 200)",
+    ),
     "iterate-nd": ("`iterate`, 9 components", f"s.iterate({BODY_ND}, np.ones((100, 9)), .1, 20)"),
     "exact": ("`exact` of one state", f"s.exact({BODY_3D}, [1.0, 0.5], 0.2, 25)"),
 }

@@ -117,7 +117,10 @@ def load(path):
                 for each in content["benchmarks"]
             ],
         }
-    rows = [row | {"limit": tuple(row["limit"]) if row.get("limit") else None} for row in content["rows"]]
+    rows = [
+        row | {"limit": tuple(row["limit"]) if row.get("limit") else None}
+        for row in content["rows"]
+    ]
     return Results(**content | {"rows": tuple(Row(**row) for row in rows)})
 
 

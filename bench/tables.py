@@ -179,7 +179,7 @@ TABLES = (
     ),
     Table(
         "n dimensions",
-        "**In n dimensions**, nanoseconds per step of one trajectory, 512 trajectories, one thread:",
+        "**In n dimensions**, nanoseconds per step of one of 512 trajectories, on one thread:",
         (seconds_per_unit(1e9),),
         "n - 1 =",
     ),

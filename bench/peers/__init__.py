@@ -124,9 +124,9 @@ def quantity(name):
 
 
 PRINTED, FREE, PRANGE = "(ds2) as printed", "parameter-free", "Numba, `prange` over trajectories, "
+QUARTER = f"C, {FREE}, one division per four steps"
 for key, label, module, function, batch, steps, divisions, threads in (
-    ("c-projective", f"C, {FREE}, one division per four steps", "c", "projective", 65_536, 1000)
-    + (0.25, "all"),
+    ("c-projective", QUARTER, "c", "projective", 65_536, 1000, 0.25, "all"),
     ("c-free", f"C, {FREE}", "c", "parameter_free", 65_536, 1000, 1, "all"),
     ("c-printed", f"C, {PRINTED}", "c", "as_printed", 65_536, 1000, 2, "all"),
     ("heyoka", f"heyoka, compiled function, {FREE}", "heyoka_", "final", 65_536, 100, None, "all"),

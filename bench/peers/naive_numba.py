@@ -4,7 +4,6 @@ import formulas
 import numba
 import numpy as np
 
-
 _step = numba.njit(formulas.step_as_printed)
 
 

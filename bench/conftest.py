@@ -8,7 +8,6 @@ import limits
 import numba
 import pytest
 import results
-from cases import OURS
 
 import suslov_fast
 
@@ -61,10 +60,10 @@ def measure(benchmark):
         row |= {"limit": case.limit, "whose": case.whose, "work": work.work, "error": error}
         benchmark.extra_info.update(row, threads=threads)
         work.call()  # compiles, wakes threads, touches memory
-        stores = _streaming_stores() if full and case.limit and case.whose == OURS else None
-        if stores and case.limit[0] == "streaming":
-            call, nbytes = stores
-            benchmark.extra_info["share"] = in_turns(work, case.limit[1], call, nbytes)
+        limit, needed = case.limit or (None, 0)
+        stores = _streaming_stores() if full and limit == "streaming" != case.key else None
+        if stores:
+            benchmark.extra_info["share"] = in_turns(work, needed, *stores)
         benchmark(work.call)
 
     def in_turns(work, bytes_of_unit, store, nbytes):

@@ -54,39 +54,17 @@ def new_copy(size, threads):
     return Work(source.copy, 2 * source.nbytes // 24)
 
 
-STREAMING, COPY = ("streaming", 16), ("copy", 24)
+LAST, SAVED, COPIED = ("last states", "steps"), ("saved states", "states"), ("quantities", "states")
+DIVISIONS, STREAMING, COPY = ("divisions", 1), ("streaming", 16), ("copy", 24)
+streaming_stores, plain_stores = states_stored("streaming"), states_stored("plain")
 CASES = [
-    Case(table, key, f"*limit: {label}*", unit, make, limit=limit, whose=MACHINE, threads=threads)
-    for table, unit, key, label, limit, threads, make in (
-        (
-            "last states",
-            "steps",
-            "divisions",
-            "one division per step",
-            ("divisions", 1),
-            "all",
-            divisions,
-        ),
-        (
-            "saved states",
-            "states",
-            "streaming",
-            "streaming stores",
-            STREAMING,
-            "all",
-            states_stored("streaming"),
-        ),
-        (
-            "saved states",
-            "states",
-            "plain",
-            "plain stores",
-            STREAMING,
-            "all",
-            states_stored("plain"),
-        ),
-        ("saved states", "states", "new", "`np.ones`, new memory", STREAMING, "one", new_memory),
-        ("quantities", "states", "copy", "a copy of 24 bytes in C", COPY, "both", copy),
-        ("quantities", "states", "new-copy", "`ndarray.copy` of 24 bytes", COPY, "one", new_copy),
+    Case(table[0], key, f"*limit: {label}*", table[1], make, None, limit, MACHINE, threads=threads)
+    for table, key, label, limit, threads, make in (
+        (LAST, "divisions", "one division per step", DIVISIONS, "all", divisions),
+        (SAVED, "streaming", "streaming stores", STREAMING, "all", streaming_stores),
+        (SAVED, "plain", "plain stores", STREAMING, "all", plain_stores),
+        (SAVED, "new", "`np.ones`, new memory", None, "one", new_memory),
+        (COPIED, "copy", "a copy of 24 bytes in C", COPY, "both", copy),
+        (COPIED, "new-copy", "`ndarray.copy` of 24 bytes", COPY, "one", new_copy),
     )
 ]

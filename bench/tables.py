@@ -110,100 +110,78 @@ def named(results, row):
     return ours + row.label + ", one thread" * few
 
 
-LAST = Table(
-    "last states",
-    "**Last states** of 65,536 trajectories after 1000 steps; slower peers do a part of it. A form "
-    "with fewer than one division per step can pass the limit of one per step.",
-    (
-        ("1e9 steps/s", rate(1e9)),
-        ("of C as printed", times("last states", "c-printed")),
-        ("divisions per step", divisions),
-        ("of the divider", share),
-        ("error", error_of),
-    ),
-)
-README = Table(LAST.name, "", tuple(LAST.columns[k] for k in (0, 1, 4)))
+RATES, NS = {9: rate(1e9), 6: rate(1e6)}, seconds_per_unit(1e9)
+OF_PRINTED, ERROR = ("of C as printed", times("last states", "c-printed")), ("error", error_of)
+README = Table("last states", "", (("1e9 steps/s", RATES[9]), OF_PRINTED, ERROR))
+LAST = (("divisions per step", divisions), ("of the divider", share), ERROR)
+SAVED = (("GB/s", rate(1e9 / 16)), ("of streaming stores", share), ERROR)
+QUANTITIES = (("one thread, times NumPy", times_numpy), ("of a copy in C", share), ERROR)
+SECONDS = ("seconds", lambda results, row: figure(row.seconds, 2))
 TABLES = (
-    LAST,
+    Table(
+        "last states",
+        "**Last states** of 65,536 trajectories after 1000 steps; slower peers do a part of it. A "
+        "form with fewer than one division per step can pass the limit of one per step.",
+        (("1e9 steps/s", RATES[9]), OF_PRINTED, *LAST),
+    ),
     Table(
         "saved states",
         "**Saved states**: 257 of each of 65,536 trajectories, 16 bytes each:",
-        (
-            ("1e9 states/s", rate(1e9)),
-            ("GB/s", rate(1e9 / 16)),
-            ("of streaming stores", share),
-            ("error", error_of),
-        ),
+        (("1e9 states/s", RATES[9]), *SAVED),
     ),
     Table(
         "few orbits",
         "**Few orbits**, 5,000,000 states in all, as shares of streaming stores:",
-        (share,),
-        "orbits",
+        *((share,), "orbits"),
     ),
     Table(
         "save_every",
         "**Saved states that lie apart**: 50 of each of 4096 orbits, nanoseconds per saved state:",
-        (seconds_per_unit(1e9),),
-        "`save_every` =",
+        *((NS,), "`save_every` ="),
     ),
     Table(
         "batch",
         "**Batches of any size**, last states after 50 steps, 1e9 steps per second:",
-        (rate(1e9),),
-        "orbits",
+        *((RATES[9],), "orbits"),
     ),
     Table(
         "jumps",
         "**Any state by the closed form**, into new memory: n = 1,000,000 for 65,536 orbits, 256 n "
         "for 16,384 orbits, 1,000,000 scattered n in all. The error is that for n = 1000:",
-        (("1e6 states/s", rate(1e6)), ("error", error_of)),
+        (("1e6 states/s", RATES[6]), ERROR),
     ),
     Table(
         "motion",
         "**The continuous motion** to time 200, the time of 1000 steps: what one would do without "
         "the map. Errors are against the motion, not the map:",
-        (("1e6 trajectories/s", rate(1e6)), ("error", error_of)),
+        (("1e6 trajectories/s", RATES[6]), ERROR),
     ),
     Table(
         "quantities",
         "**Quantities** of 10,000,000 states, into new memory. Shares are those of a copy in C of "
         "as many bytes, into memory that is used again:",
-        (
-            ("ns per state", seconds_per_unit(1e9)),
-            ("on one thread", one_thread),
-            ("one thread, times NumPy", times_numpy),
-            ("of a copy in C", share),
-            ("error", error_of),
-        ),
+        (("ns per state", NS), ("on one thread", one_thread), *QUANTITIES),
     ),
     Table(
         "n dimensions",
         "**In n dimensions**, nanoseconds per step of one of 512 trajectories, on one thread:",
-        (seconds_per_unit(1e9),),
-        "n - 1 =",
+        *((NS,), "n - 1 ="),
     ),
     Table(
         "n dimensions, saved states",
         "**In n dimensions, all states** of 4096 orbits, as shares of streaming stores:",
-        (share,),
-        "n - 1 =",
+        *((share,), "n - 1 ="),
     ),
     Table(
         "space",
-        "**Orientations and exponents** of 4096 bodies, 100 steps, into new memory, nanoseconds "
-        "per step:",
-        (seconds_per_unit(1e9),),
-        "n =",
+        "**Orientations and exponents** of 4096 bodies, 100 steps, nanoseconds per step:",
+        *((NS,), "n ="),
     ),
     Table("calls", "**Small calls**:", (("µs", seconds_per_unit(1e6)),)),
     Table(
         "processes",
         "**Processes** from start to end:",
-        (
-            ("seconds", lambda results, row: figure(row.seconds, 2)),
-            ("of `import numba`", of_import_numba),
-        ),
+        (SECONDS, ("of `import numba`", of_import_numba)),
     ),
 )
 PICTURES = (

@@ -92,7 +92,7 @@ def pytest_generate_tests(metafunc):
     metafunc.parametrize(
         ("case", "threads"),
         [
-            pytest.param(case, threads, id=f"{case}-{threads}")
+            pytest.param(case, threads, id=f"{case}-{case.whose}-{threads}")
             for case in metafunc.module.CASES
             for threads in counts[case.threads]
         ],

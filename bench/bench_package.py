@@ -1,7 +1,0 @@
-"""The cases of this package."""
-
-from cases import CASES  # noqa: F401
-
-
-def bench_case(measure, case, threads):
-    measure(case, threads)

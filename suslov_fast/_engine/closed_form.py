@@ -95,17 +95,12 @@ def states_at(
         for run in runs:
             fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
         return out, missing
-    if moments.size == 1:
-        n = float(moments[0])
-        places, sign = np.zeros(1, np.intp), -1.0 if n < 0.0 else 1.0
-        some = np.array([abs(n)])
-        fill_states(sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads)
-        return out, missing
     negative = moments < 0.0
-    for sign in (1.0, -1.0):
-        places = np.flatnonzero(negative if sign < 0.0 else ~negative)
-        if places.size:
-            some = abs(moments[places])
+    forward, back = not negative.all(), negative.any()
+    for sign, asked, among in ((1.0, forward, ~negative), (-1.0, back, negative)):
+        if asked:
+            places = np.flatnonzero(among) if forward and back else np.arange(moments.size)
+            some = sign * (moments[places] if forward and back else moments)
             fill_states(
                 sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads
             )
@@ -190,6 +185,8 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             run._replace(origin=size - 1 - run.origin, direction=-run.direction)
             for run in runs_of(times[::-1], flow)
         ]
+    if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
+        return []
     negative = int(np.searchsorted(times, 0.0))
     runs = []
     for sign, outward, origin in (

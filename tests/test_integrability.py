@@ -5,7 +5,6 @@ import random
 import re
 import subprocess
 import sys
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import islice
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suslov_fast import Suslov3D, SuslovND
+from suslov_fast import Suslov3D, SuslovGyrostat, SuslovND
 
 pytest.importorskip("flint")
 sympy = pytest.importorskip("sympy")
@@ -33,18 +32,6 @@ BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
 EPS = F(1, 4)
 GENERIC = SuslovND(J=[1.25, 2.125, 3.75], I=[0.5, -0.75, 0.25])
 EQUAL = SuslovND(J=[2, 2, 2], I=[0.5, -0.75, 0.25])
-
-
-@dataclass(frozen=True)
-class SuslovGyrostat:
-    """Its parameters, as the lookup by name takes them."""
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    shape: tuple = ()
 
 
 ROTOR = SuslovGyrostat(2, 3, 0.5, -0.25, 0.75)

@@ -36,7 +36,7 @@ import numpy as np
 from ._bodies.gyrostat import SuslovGyrostat
 from ._bodies.nd import SuslovND
 from ._bodies.three import Suslov3D
-from ._checks import wrong
+from ._checks import instance, integer, wrong
 from ._engine.progress import Progress, check_progress, reporter
 
 try:
@@ -46,18 +46,7 @@ except ImportError as error:
         "suslov_fast.integrability needs python-flint: pip install 'suslov_fast[algebra]'"
     ) from error
 
-__all__ = [
-    "Growth",
-    "HKBasis",
-    "KahanMap",
-    "Polynomials",
-    "QuadraticField",
-    "darboux_polynomials",
-    "degrees",
-    "growth",
-    "hk_bases",
-    "kahan",
-]
+__all__ = ["QuadraticField", "darboux_polynomials", "degrees", "growth", "hk_bases", "kahan"]
 
 Point = tuple[Fraction, ...]
 Matrix = tuple[Point, ...]
@@ -158,7 +147,7 @@ class QuadraticField:
         >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
         QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
         """
-        n = _count("dimension", dimension, least=1)
+        n = integer("dimension", dimension, 1)
         unit = _array("unit", np.eye(n, dtype=int))
 
         def at(x: Any) -> Any:
@@ -190,9 +179,7 @@ class QuadraticField:
         >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
         QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
-        if not isinstance(body, Suslov3D | SuslovND | SuslovGyrostat):
-            expected = "Suslov3D, SuslovND or SuslovGyrostat"
-            raise wrong("body", expected, type(body).__name__, TypeError)
+        instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
         if body.shape != ():
             raise wrong("body", "a single body", f"a batch of shape {body.shape}")
         if isinstance(body, SuslovND):
@@ -359,14 +346,13 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
     (['-2'], ['2'])
     """
-    if not isinstance(field, QuadraticField):
-        expected = "a QuadraticField, such as QuadraticField.of(body)"
-        raise wrong("field", expected, type(field).__name__, TypeError)
+    instance("field", field, QuadraticField)
     map = KahanMap(field, _array("eps", eps, ()).item())
     try:
         map._rational.image(map._rational.random_point(random.Random(0)))
     except ZeroDivisionError:
-        raise wrong("eps", "a step that points have an image of", map.eps) from None
+        message = f"eps: with {map.eps}, the equations of a step are singular everywhere"
+        raise ValueError(message) from None
     return map
 
 
@@ -383,7 +369,7 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
     Parameters
     ----------
     map : KahanMap
-        The map to iterate.
+        Made by `kahan`.
     n : int
         Number of iterates.
     seed : int, optional
@@ -398,10 +384,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above.
-    ArithmeticError
-        If no two lines agree, or every line runs into points without an image.
+    TypeError, ValueError, ArithmeticError
+        If an argument is not as above; if every line runs into points without an image.
 
     Examples
     --------
@@ -410,8 +394,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
-    _check_map(map)
-    n = _count("n", n)
+    instance("map", map, KahanMap)
+    n = integer("n", n, 0)
     check_progress(progress)
     rng = random.Random(seed)
     done = 0
@@ -465,12 +449,9 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, which `growth` returns."""
 
-    kind: str
-    """"bounded", "linear", "quadratic", "exponential" or "unclear"."""
-    entropy: float
-    """Algebraic entropy, the log of the limit of d_(k+1) / d_k."""
-    based_on: str
-    """The recurrence or the fit that kind and entropy follow from."""
+    kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
+    entropy: float  # the log of the limit of d_(k+1) / d_k
+    based_on: str  # the recurrence or the fit that kind and entropy follow from
 
 
 def growth(degrees: Sequence[int]) -> Growth:
@@ -506,9 +487,8 @@ def growth(degrees: Sequence[int]) -> Growth:
     >>> kind, round(entropy, 6)  # the log of the golden ratio
     ('exponential', 0.481212)
     """
-    if not isinstance(degrees, Iterable):
-        raise wrong("degrees", "a sequence of integers", type(degrees).__name__, TypeError)
-    d = [_count("degrees", each) for each in degrees]
+    instance("degrees", degrees, Iterable)
+    d = [integer("degrees", each, 0) for each in degrees]
     half = len(d) // 2
     power, rate = 0.0, 0.0
     if recurrence := _recurrence(d):
@@ -556,21 +536,20 @@ def _recurrence(d: list[int]) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class HKBasis:
-    """Linear relations between monomials along orbits, which `hk_bases` returns."""
+    """Linear relations between `monomials` along orbits, which `hk_bases` returns.
+
+    The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
+    `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
+    too long to reconstruct. On random orbits `independent` of the coefficients are independent
+    first integrals. So are quotients of the polynomials `integrals`, if there are any.
+    """
 
     monomials: Exponents
-    """Exponents of each monomial."""
     dimension: int
-    """Number of independent relations along the orbit of `point`."""
     independent: int
-    """Number of independent first integrals among their coefficients."""
     integrals: Polynomials
-    """Polynomials whose quotients are first integrals; none if the relations give none."""
     point: Point
-    """Point whose orbit `basis` belongs to."""
     basis: Matrix | None
-    """Coefficients of the relations along that orbit: a row for each. The last nonzero entry of a
-    row is 1, and 0 in the others. None if they are too long to reconstruct."""
 
     @property
     def polynomials(self) -> Polynomials:
@@ -591,7 +570,7 @@ class HKBasis:
 def hk_bases(
     map: KahanMap, monomials: int | Sequence[Sequence[int]], *, point: Any = None, seed: int = 0
 ) -> HKBasis:
-    """Find the linear relations between monomials that hold along orbits.
+    """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
     An orbit has 10 points more than there are monomials, and is made longer until the number of
     relations remains the same. The coefficients of a relation in the form of `HKBasis.basis` are
@@ -603,7 +582,7 @@ def hk_bases(
     Parameters
     ----------
     map : KahanMap
-        The map to examine.
+        Made by `kahan`.
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
@@ -620,14 +599,8 @@ def hk_bases(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above.
-    ArithmeticError
-        If orbits end at poles, that of `point` or those of most points.
-
-    References
-    ----------
-    M. Petrera, A. Pfadler, Yu. B. Suris, arXiv:1008.1040.
+    TypeError, ValueError, ArithmeticError
+        If an argument is not as above; if the orbit of `point`, or of most points, ends at a pole.
 
     Examples
     --------
@@ -639,7 +612,7 @@ def hk_bases(
     >>> hk_bases(map, 2).integrals
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
-    _check_map(map)
+    instance("map", map, KahanMap)
     exponents, rng = _exponents(monomials, map.dimension), random.Random(seed)
 
     def relations(p: int, point: Any = None) -> Residues:
@@ -714,7 +687,7 @@ def _independent(modular: _Arithmetic, exponents: Exponents, rng: random.Random)
 def darboux_polynomials(
     map: KahanMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x), for a cofactor C.
+    """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
 
     For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
     quotients of two such polynomials are first integrals. The equations for the coefficients are
@@ -724,7 +697,7 @@ def darboux_polynomials(
     Parameters
     ----------
     map : KahanMap
-        The map to examine.
+        Made by `kahan`.
     degree : int
         Largest degree of P.
     cofactor : number or callable, optional
@@ -741,16 +714,9 @@ def darboux_polynomials(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above, or `cofactor` does not return rational numbers.
-    ArithmeticError
-        If the coefficients have more than 1000 digits, if the result fails at fresh points, or if
-        the map or the cofactor is undefined at most points.
-
-    References
-    ----------
-    E. Celledoni, C. Evripidou, D. I. McLaren, B. Owren, G. R. W. Quispel, B. K. Tapley,
-    P. H. van der Kamp, arXiv:1902.04715.
+    TypeError, ValueError, ArithmeticError
+        If an argument, or what `cofactor` returns, is not as above; if the coefficients have more
+        than 1000 digits, or the map or the cofactor is undefined at most points.
 
     Examples
     --------
@@ -762,8 +728,8 @@ def darboux_polynomials(
     (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
-    _check_map(map)
-    exponents = _exponents(_count("degree", degree), map.dimension)
+    instance("map", map, KahanMap)
+    exponents = _exponents(integer("degree", degree, 0), map.dimension)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
         constant = _array("cofactor", cofactor, ()).item()
@@ -888,11 +854,11 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     if isinstance(monomials, int | np.integer):
         return tuple(
             tuple(chosen.count(i) for i in range(n))
-            for degree in range(_count("monomials", monomials) + 1)
+            for degree in range(integer("monomials", monomials, 0) + 1)
             for chosen in combinations_with_replacement(range(n), degree)
         )
     try:
-        exponents = tuple(tuple(_count("monomials", e) for e in each) for each in monomials)
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
         raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
     for each in exponents:
@@ -928,36 +894,19 @@ def _array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any
     """Array of fractions; floats are refused if `exact`."""
     if hasattr(value, "unit") or hasattr(value, "units"):
         raise wrong(name, "numbers without units", type(value).__name__, TypeError)
-    raw = np.array(value, dtype=object)
-    if any(isinstance(each, list | tuple | np.ndarray) for each in raw.flat):
-        raise wrong(name, "an array", "rows of different lengths")
-    if shape is not None and raw.shape != shape:
-        raise wrong(name, f"the shape {shape}", raw.shape)
-    result = np.empty(raw.shape, object)
-    for index, each in np.ndenumerate(raw):
+    array = np.array(value, dtype=object)
+    if shape is not None and array.shape != shape:
+        raise wrong(name, f"the shape {shape}", array.shape)
+    for index, each in np.ndenumerate(array):
         number = each.item() if isinstance(each, np.generic) else each
         if not isinstance(number, Rational if exact else Rational | float):
             expected = "integers or fractions" if exact else "integers, fractions or floats"
             raise wrong(name, expected, type(each).__name__, TypeError)
         if isinstance(number, float) and not math.isfinite(number):
             raise wrong(name, "finite numbers", number)
-        fraction = Fraction(number)
-        # Fractions keep NumPy's integers, which would overflow.
-        result[index] = Fraction(int(fraction.numerator), int(fraction.denominator))
-    return result
-
-
-def _count(name: str, value: Any, least: int = 0) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise wrong(name, "an integer", type(value).__name__, TypeError)
-    if value < least:
-        raise wrong(name, f"an integer of at least {least}", value)
-    return int(value)
-
-
-def _check_map(map: Any) -> None:
-    if not isinstance(map, KahanMap):
-        raise wrong("map", "a map made by kahan(field, eps)", type(map).__name__, TypeError)
+        a = Fraction(number)
+        array[index] = Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
+    return array
 
 
 def _fmpq(a: Any) -> Any:

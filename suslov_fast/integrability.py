@@ -488,7 +488,12 @@ def growth(degrees: Sequence[int]) -> Growth:
     ('exponential', 0.481212)
     """
     instance("degrees", degrees, Iterable)
-    d = [integer("degrees", each, 0) for each in degrees]
+    d = list(degrees)
+    for each in d:
+        instance("degrees", each, (int, np.integer))
+        if each < 0:
+            raise wrong("degrees", "integers of at least 0", each)
+    d = [int(each) for each in d]
     half = len(d) // 2
     power, rate = 0.0, 0.0
     if recurrence := _recurrence(d):
@@ -541,7 +546,8 @@ class HKBasis:
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
     too long to reconstruct. On random orbits `independent` of the coefficients are independent
-    first integrals. So are quotients of the polynomials `integrals`, if there are any.
+    first integrals. So are quotients of the polynomials `integrals`, which the fewest monomials
+    give: with more there are none, as the relations of one orbit have multiples.
     """
 
     monomials: Exponents

@@ -99,7 +99,7 @@ def test_step_sizes_and_chunks_of_any_shape(store, rng, eps, chunk, settings):
 
 
 def test_one_row_may_fill_a_chunk(store, monkeypatch):
-    monkeypatch.setattr("suslov_fast._ensemble.plan._BYTES", 2**12)
+    monkeypatch.setattr("suslov_fast._ensemble.job._BYTES", 2**12)
     random = RandomStarts(70, 1.0)
     for steps in (3, 5):
         dataset = ensemble(BODY_4D, random, 0.2, steps, store=store, save_every=1, attitude=True)

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from threading import Event
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -38,18 +39,16 @@ _DURATION, _FIRST = 20.0, 2**30
 
 
 class Piece(NamedTuple):
-    """Steps `start` to `stop` of a tile; `rows` are those of its saved states."""
+    """A stretch of time of a tile, which ends at step `stop`.
 
-    start: int
+    `steps` is the number of its trajectory-steps, and `rows` are those of its saved states.
+    """
+
     stop: int
+    steps: int
     rows: slice
     results: Results
     reduced: Values
-
-    @property
-    def steps(self) -> int:
-        """Number of trajectory-steps."""
-        return (self.stop - self.start) * int(self.results.status.size)
 
 
 def pieces(
@@ -87,8 +86,7 @@ def pieces(
             threads=threads,
         )
         results = go_on(run)
-        resume = {kept.name: results.resume.get(kept.name) for kept in job.map.resume}
-        resume = {name: array for name, array in resume.items() if array is not None}
+        resume = results.resume
         for name in job.reductions if len(results.omega) else ():
             first = np.broadcast_to(starts, (*shape, D))
             values = REDUCTIONS[name].reduce(job.body, job.eps, results.omega, first)
@@ -98,7 +96,7 @@ def pieces(
         # Where the closed form is evaluated steps cost nothing, and soon one piece has them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         rows = slice(run.rows_before, run.rows_before + len(results.omega))
-        yield Piece(start, stop, rows, results, reduced)
+        yield Piece(stop, (stop - start) * math.prod(shape), rows, results, reduced)
         del results, run  # the next piece takes the same memory
         start, most = stop, int(speed * _DURATION)
 
@@ -137,13 +135,9 @@ def _left(job: Job, index: Index, arrays: Arrays) -> tuple[int, Values, Values]:
     steps = int(records["steps"].flat[0])
     if not mark <= steps <= job.steps:  # the mark may be older, as it is written last
         return 0, {}, {}
-    resume, reduced = (
-        {name: records[part][name].copy() for name in records[part].dtype.names or ()}
-        for part in ("resume", "reduced")
-    )
-    axes = records.ndim
-    flat = {name: each.reshape(-1, *each.shape[axes:]) for name, each in resume.items()}
-    return steps, flat, reduced
+    flat = records.reshape(-1)["resume"]
+    resume = {name: flat[name].copy() for name in flat.dtype.names or ()}
+    return steps, resume, {name: records["reduced"][name].copy() for name in job.reductions}
 
 
 def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
@@ -185,25 +179,19 @@ def _is_nan_where(values: Any, expected: NDArray[np.bool_]) -> bool:
     return bool((found == expected[..., np.newaxis]).all())
 
 
-class Stop:
-    """A request to stop."""
-
-    asked = False
-
-    def ask(self, number: int, frame: FrameType | None) -> None:
-        """Note the first signal; raise KeyboardInterrupt at the second."""
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
-
-
 @contextmanager
-def stopping() -> Iterator[Stop]:
-    """Turn SIGINT and SIGTERM into a request to stop; only the main thread receives them."""
-    stop, before = Stop(), {}
+def stopping() -> Iterator[Event]:
+    """Turn the first SIGINT or SIGTERM into a request to stop, if this is the main thread."""
+    stop, before = Event(), {}
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, signal.SIGTERM):
-            before[number] = signal.signal(number, stop.ask)
+            before[number] = signal.signal(number, ask)
     try:
         yield stop
     finally:
@@ -211,7 +199,7 @@ def stopping() -> Iterator[Stop]:
             signal.signal(number, handler)
 
 
-def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: Stop) -> None:
+def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: Event) -> None:
     """Compute tiles with all threads, each piece while the one before is written."""
 
     def keep(index: Index, piece: Piece) -> None:
@@ -230,7 +218,7 @@ def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: 
                 writing.result()
             writing = writer.submit(keep, index, piece)
             del piece
-            if stop.asked:
+            if stop.is_set():
                 break
         if writing is not None:
             writing.result()

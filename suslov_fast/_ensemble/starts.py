@@ -85,7 +85,7 @@ class RandomStarts:
     def part(self, where: Slices, dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch."""
         if not where:
-            return self.states(1, 0, dimension)[0]
+            return self.states(1, 0, dimension).reshape(dimension)
         *leading, last = where
         axes = [range(each.start, each.stop) for each in leading]
         count = last.stop - last.start

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from threading import Event
 from typing import Any
 
 from .._checks import FloatArray, instance
-from .compute import Report, Stop, pieces, write
+from .compute import Report, pieces, write
 from .job import Index, Job
 from .starts import RandomStarts
 from .store import open_arrays
@@ -33,7 +34,7 @@ def client_of(scheduler: Any) -> Iterator[Any]:
             yield client
 
 
-def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Stop) -> None:
+def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Event) -> None:
     """Compute tiles on the workers; a request to stop lets those in hand finish."""
     from distributed import as_completed
 
@@ -49,7 +50,7 @@ def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Sto
     try:
         for future in futures:
             report(future.result())
-            if not stop.asked:
+            if not stop.is_set():
                 for index in islice(left, 1):
                     futures.add(submit(index))
     except BaseException:

@@ -35,7 +35,7 @@ for chosen, marker, color, label in (
 # l = 0; the halves meet where the line touches an ellipse.
 normal = np.array([body.I13, body.I23])
 middle = -body.k * normal / [body.I1, body.I2] / (normal**2 / [body.I1, body.I2]).sum()
-for sign, style, name in ((5, "--", "repelling"), (-5, "-", "attracting")):
+for sign, style, name in ((9, "--", "repelling"), (-9, "-", "attracting")):
     end = middle + sign * np.array([body.I23, -body.I13])
     axes.plot(*np.stack([middle, end]).T, style, color="crimson", label=f"{name} steady states")
 axes.set(xlim=(-2.6, 2.6), ylim=(-2.6, 2.6), aspect="equal")

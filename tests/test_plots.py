@@ -11,6 +11,7 @@ import suslov_fast as sf
 from suslov_fast._bodies.paper import PICTURES
 
 matplotlib = pytest.importorskip("matplotlib")
+Figure = pytest.importorskip("matplotlib.figure").Figure
 
 # The end of Section 4 of the paper, arXiv:0807.2966, as its source has it.
 PAPER = r"""
@@ -54,7 +55,7 @@ def test_phase(number):
 
 
 def test_axes_are_taken_and_returned(body):
-    figure = matplotlib.figure.Figure()
+    figure = Figure()
     first, second, space, *rest = (
         figure.add_subplot(3, 3, k + 1, projection="3d" if k == 2 else None) for k in range(9)
     )

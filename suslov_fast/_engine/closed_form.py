@@ -95,6 +95,12 @@ def states_at(
         for run in runs:
             fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
         return out, missing
+    if moments.size == 1:
+        n = float(moments[0])
+        places, sign = np.zeros(1, np.intp), -1.0 if n < 0.0 else 1.0
+        some = np.array([abs(n)])
+        fill_states(sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads)
+        return out, missing
     negative = moments < 0.0
     for sign in (1.0, -1.0):
         places = np.flatnonzero(negative if sign < 0.0 else ~negative)

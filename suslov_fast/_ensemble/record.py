@@ -25,7 +25,7 @@ def _layout(job: Job) -> Iterator[tuple[str, slice, tuple[int, ...], str]]:
     lengths = {"component": D, "space": D + 1}
     for kept in job.map.resume:
         shape = tuple(lengths[dim] if isinstance(dim, str) else dim for dim in kept.dims[1:])
-        turning = kept.attitude or "space" in kept.dims
+        turning = kept.name == "turn" or "space" in kept.dims
         size = 0 if turning and job.orientation is None else math.prod(shape)
         yield kept.name, slice(at, at := at + size), shape, kept.dtype
     for name in job.reductions:

@@ -35,6 +35,15 @@ def formula(function):
 class Kernel:
     """A loop over `prange` that Python calls, compiled twice from one body.
 
+    Parameters
+    ----------
+    function : callable
+        The loop.
+    name : str, optional
+        Its name in the cache, by default its own.
+    **names
+        Functions that free names of the loop stand for. Numba caches no function with a closure.
+
     Attributes
     ----------
     serial, parallel : callable
@@ -42,8 +51,10 @@ class Kernel:
         cached on disk.
     """
 
-    def __init__(self, function):
+    def __init__(self, function, name=None, **names):
         self.function = function
+        self.name = name or function.__name__
+        self.names = function.__globals__ | names if names else function.__globals__
 
     @cached_property
     def serial(self):
@@ -55,13 +66,12 @@ class Kernel:
         return self.serial if config.BOUNDSCHECK else self._build(parallel=True)
 
     def _build(self, parallel):
-        function = self.function
-        if config.DISABLE_JIT:
-            return np.errstate(all="ignore")(function)  # compiled code does not warn either
         # Numba names cache files after the function: two builds need two names.
-        name = f"{function.__name__}_{'parallel' if parallel else 'serial'}"
-        named = types.FunctionType(function.__code__, function.__globals__, name)
+        name = f"{self.name}_{'parallel' if parallel else 'serial'}"
+        named = types.FunctionType(self.function.__code__, self.names, name)
         named.__qualname__ = name
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(named)  # compiled code does not warn either
         return enable_cache(named, numba.njit(parallel=parallel, **OPTIONS))
 
 

@@ -104,42 +104,43 @@ def reconstruct_nd(omega, eps, number, before, out, scratch):
         turn_some(task, omega, eps, number, before, out, scratch)
 
 
-@inner
-def follows(root, h, I, rotor, omega, following):
-    """Test that a state follows another by the implicit equations."""
-    m, largest = omega.size, 0.0
+@formula
+def follows(equations, row, omega, k, i):
+    """Test that state k + 1 of trajectory i follows state k by the implicit equations."""
+    # Indices throughout: each slice of an array would count references.
+    root, h, I, rotor = equations
+    m, largest = omega.shape[2], 0.0
     for j in range(m):
-        largest = max(largest, max(abs(omega[j]), abs(following[j])))
+        largest = max(largest, max(abs(omega[k, i, j]), abs(omega[k + 1, i, j])))
     unit = unit_of(largest)
     p, p_next, product = 0.0, 0.0, 0.0
     for j in range(m):
-        w, v = omega[j] * unit, following[j] * unit
-        p += I[j] * w
-        p_next += I[j] * v
+        w, v = omega[k, i, j] * unit, omega[k + 1, i, j] * unit
+        p += I[row, j] * w
+        p_next += I[row, j] * v
         product += w * v
-    left, step, size = 0.0, 0.0, 0.0
+    left, step, size, momentum = 0.0, 0.0, 0.0, rotor[row] * unit
     for j in range(m):
-        driven = 0.0
-        if rotor != 0.0:
-            driven = rotor_term(j, rotor * unit, omega[1 - j] * unit, following[1 - j] * unit)
-        left_j, step_j, size_j = mismatch(
-            h[j] / unit, I[j], omega[j] * unit, following[j] * unit, p, p_next, product, driven
+        w, v, driven = omega[k, i, j] * unit, omega[k + 1, i, j] * unit, 0.0
+        if momentum != 0.0:
+            other, after = omega[k, i, 1 - j] * unit, omega[k + 1, i, 1 - j] * unit
+            driven = rotor_term(j, momentum, other, after)
+        of_left, of_step, of_size = mismatch(
+            h[row, j] / unit, I[row, j], w, v, p, p_next, product, driven
         )
-        left += root[j] * left_j
-        step += root[j] * step_j
-        size += root[j] * size_j
+        left += root[row, j] * of_left
+        step += root[row, j] * of_step
+        size += root[row, j] * of_size
     return not strays(left, step, size)
 
 
 @inner
-def follow_block(block, root, h, I, rotor, number, omega, stray):
+def follow_block(block, equations, number, omega, stray):
     """Fill the first stray state of each trajectory of a block."""
     for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
-        row = min(i, len(h) - 1)
+        row = min(i, len(equations[1]) - 1)
         k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
-        while k < end and follows(
-            root[row], h[row], I[row], rotor[row], omega[k, i], omega[k + 1, i]
-        ):
+        while k < end and follows(equations, row, omega, k, i):
             k += 1
         if k < end:
             stray[i] = number + k + 1
@@ -156,4 +157,4 @@ def follow(root, h, I, rotor, number, omega, stray):
     stray    (B,), the number of the first state that does not, or -1; read and written
     """
     for block in prange((omega.shape[1] + LANES - 1) // LANES):
-        follow_block(block, root, h, I, rotor, number, omega, stray)
+        follow_block(block, (root, h, I, rotor), number, omega, stray)

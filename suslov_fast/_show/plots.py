@@ -338,7 +338,6 @@ def animate_body(
     steps: int = 440,
     *,
     R0: ArrayLike | None = None,
-    I3: float | None = None,
     every: int = 2,
     fps: int = 25,
 ) -> Any:
@@ -359,8 +358,6 @@ def animate_body(
         Number of steps.
     R0 : array_like(float, shape=(3, 3)), optional
         The orientation at the start; by default the identity.
-    I3 : float, optional
-        The third moment of inertia, which decides the shape alone; by default that of the body.
     every : int
         Steps from one frame to the next.
     fps : int
@@ -384,8 +381,6 @@ def animate_body(
     from matplotlib.animation import FuncAnimation
 
     body = _BODY if body is None else body
-    if I3 is not None:
-        body = Suslov3D(*body.parameters, I3)
     direction = repelling_direction(body)
     if omega0 is None:
         _, y = to_xy(body, 2.0 * direction)

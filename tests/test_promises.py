@@ -13,7 +13,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form, problem, states, states_nd, threads
+from suslov_fast._engine import closed_form, states, states_nd, threads
 from suslov_fast._kernels import maps_3d
 from suslov_fast._kernels.iterate import LANES
 from suslov_fast._space import attitude as attitude_of
@@ -223,8 +223,9 @@ def test_broadcasting(rng, name, kind, shapes):
     """Every element of the batch is found as if it were alone."""
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, *shapes)
     batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
-    state, step = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(
-        eps if row.steps else 0.0, batch
+    state, step = (
+        np.broadcast_to(omega, (*batch, omega.shape[-1])),
+        np.broadcast_to(eps if row.steps else 0.0, batch),
     )
     assert all(each.shape[: len(batch)] == batch for each in values)
     for index in np.ndindex(batch):
@@ -369,7 +370,7 @@ def test_bodies_that_a_function_does_not_know(rng, name):
     """The error names those that it knows."""
     row = ROWS[name]
     for kind in {"3D", "gyrostat", "nD"} - set(row.kinds):
-        if kind == "nD" and "solved" in row.kinds or name == "step_full" or ":" in name:
+        if (kind == "nD" and "solved" in row.kinds) or name == "step_full" or ":" in name:
             error = (sf.NotIntegrableError, TypeError, ValueError)
         else:
             error = (sf.NotIntegrableError, TypeError)

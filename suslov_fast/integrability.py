@@ -12,10 +12,9 @@ first integrals, and Darboux polynomials, which give invariant measures and firs
     hk_bases(map, 2).integrals
     darboux_polynomials(map, 3)
 
-All arithmetic is exact, over the rationals or modulo primes of 62 bits, with points and lines from
-a seeded generator, so that results are reproducible. What is found modulo one prime is confirmed
-modulo another; the probability of an error is of the order of the number of operations over 2**62.
-The module needs python-flint: ``pip install 'suslov_fast[algebra]'``.
+All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
+agree on each result. A seed determines primes, points and lines. The module needs python-flint:
+``pip install 'suslov_fast[algebra]'``.
 """
 
 from __future__ import annotations
@@ -23,16 +22,21 @@ from __future__ import annotations
 import contextlib
 import math
 import random
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations_with_replacement, islice, pairwise
+from itertools import combinations_with_replacement, islice
 from numbers import Rational
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._bodies.gyrostat import SuslovGyrostat
+from ._bodies.nd import SuslovND
+from ._bodies.three import Suslov3D
+from ._checks import instance, integer, wrong
 from ._engine.progress import Progress, check_progress, reporter
 
 try:
@@ -42,35 +46,20 @@ except ImportError as error:
         "suslov_fast.integrability needs python-flint: pip install 'suslov_fast[algebra]'"
     ) from error
 
-__all__ = [
-    "Growth",
-    "HKBasis",
-    "KahanMap",
-    "Polynomials",
-    "QuadraticField",
-    "darboux_polynomials",
-    "degrees",
-    "growth",
-    "hk_bases",
-    "kahan",
-]
+__all__ = ["QuadraticField", "darboux_polynomials", "degrees", "growth", "hk_bases", "kahan"]
 
 Point = tuple[Fraction, ...]
 Matrix = tuple[Point, ...]
 Exponents = tuple[tuple[int, ...], ...]
 Residues = list[list[int]]  # a matrix modulo a prime
 
-_DRAWS = 8  # of lines, points or primes, of which two must agree
+_DRAWS = 8  # of primes with points or lines, of which two must agree
 _MORE = 10  # equations more than unknowns
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
-class _BadDrawError(ArithmeticError):
-    """A line, a point or a prime for which the computation does not go through."""
-
-
 class Polynomials(tuple[Any, ...]):
-    """A tuple of polynomials of python-flint, in the variables x1, ..., xD."""
+    """A tuple of polynomials of python-flint in the variables x1, ..., xD."""
 
     __slots__ = ()
 
@@ -83,16 +72,22 @@ class Polynomials(tuple[Any, ...]):
             names = polynomial.context().names()
             x = sympy.symbols(names) if symbols is None else symbols
             if len(x) != len(names):
-                raise ValueError(f"symbols: expected {len(names)}, got {len(x)}")
-            terms = [
-                sympy.Mul(sympy.Rational(str(a)), *(v**e for v, e in zip(x, each, strict=True)))
-                for each, a in polynomial.to_dict().items()
-            ]
-            expressions.append(sympy.Add(*terms))
+                raise wrong("symbols", str(len(names)), len(x))
+            terms = {e: sympy.Rational(str(a)) for e, a in polynomial.to_dict().items()}
+            expressions.append(sympy.Poly(terms or 0, *x).as_expr())
         return expressions
+
+    def __reduce__(self) -> Any:
+        rings = [each.context() for each in self]
+        terms = [each.to_dict() for each in self]
+        return _restored, ([(type(a), a.names(), b) for a, b in zip(rings, terms, strict=True)],)
 
     def __repr__(self) -> str:
         return f"({', '.join(_shortened(str(each)) for each in self)})"
+
+
+def _restored(pickled: list[Any]) -> Polynomials:
+    return Polynomials(ring.get(names, "deglex").from_dict(terms) for ring, names, terms in pickled)
 
 
 # --- Fields and maps ------------------------------------------------------------------------------
@@ -100,9 +95,7 @@ class Polynomials(tuple[Any, ...]):
 
 @dataclass(frozen=True, init=False, repr=False)
 class QuadraticField:
-    """A quadratic vector field with rational coefficients.
-
-    ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``
+    """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
     Parameters
     ----------
@@ -134,7 +127,7 @@ class QuadraticField:
         q = _array("quadratic", quadratic)
         n = len(q) if q.ndim else 0
         if n == 0 or q.shape != (n, n, n):
-            raise ValueError(f"quadratic: expected the shape (D, D, D), got {q.shape}")
+            raise wrong("quadratic", "the shape (D, D, D)", q.shape)
         q = (q + q.transpose(0, 2, 1)) / 2
         l = _array("linear", np.zeros((n, n), int) if linear is None else linear, (n, n))
         c = _array("constant", np.zeros(n, int) if constant is None else constant, (n,))
@@ -144,24 +137,9 @@ class QuadraticField:
 
     @classmethod
     def from_function(cls, f: Callable[[Point], Any], dimension: int) -> QuadraticField:
-        """Return the field that a function computes.
+        """Return the field with components ``f(x)``, computed exactly for a tuple x of fractions.
 
-        Parameters
-        ----------
-        f : callable
-            It takes a point, a tuple of fractions, and returns the `dimension` components of the
-            field there, exactly.
-        dimension : int
-            Number of variables.
-
-        Returns
-        -------
-        QuadraticField
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `f` returns anything else, or is no polynomial of degree 2 at most.
+        Raises TypeError or ValueError if they are not polynomials of degree 2 or less.
 
         Examples
         --------
@@ -169,42 +147,30 @@ class QuadraticField:
         >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
         QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
         """
-        n = _count("dimension", dimension, least=1)
+        n = integer("dimension", dimension, 1)
         unit = _array("unit", np.eye(n, dtype=int))
 
         def at(x: Any) -> Any:
-            return _array("the value of f", f(tuple(x)), (n,), (Rational,))
+            return _array("the value of f", f(tuple(x)), (n,), exact=True)
 
         c = at(0 * unit[0])
         l = np.stack([at(e) - at(-e) for e in unit], axis=-1) / 2
         q = np.empty((n, n, n), object)
         for i, j in combinations_with_replacement(range(n), 2):
-            mixed = at(unit[i] + unit[j]) - at(unit[i]) - at(unit[j]) + c
-            q[:, i, j] = q[:, j, i] = mixed / 2
+            q[:, i, j] = (at(unit[i] + unit[j]) - at(unit[i]) - at(unit[j]) + c) / 2
+            q[:, j, i] = q[:, i, j]
         field = cls(q, l, c)
         x = [Fraction(k, 7) for k in random.Random(0).sample(range(100, 10_000), n)]
         if tuple(at(x)) != field(x):
-            raise ValueError("f: expected polynomials of degree 2 at most, computed exactly")
+            raise ValueError("f: expected polynomials of degree 2 or less, computed exactly")
         return field
 
     @classmethod
-    def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, its parameters taken exactly.
+    def of(cls, body: Suslov3D | SuslovND | SuslovGyrostat) -> QuadraticField:
+        """Return the equations of motion of a single body, its parameters taken exactly.
 
-        Parameters
-        ----------
-        body : Suslov3D, SuslovND or SuslovGyrostat
-            A single body.
-
-        Returns
-        -------
-        QuadraticField
-            In Omega_1 and Omega_2, or in Omega_1n, ..., Omega_(n-1)n.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If `body` is not one of the above, or a batch of them.
+        The variables are Omega_1 and Omega_2, or Omega_1n, ..., Omega_(n-1)n. Raises TypeError or
+        ValueError for anything else, or a batch of bodies.
 
         Examples
         --------
@@ -213,17 +179,20 @@ class QuadraticField:
         >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
         QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
-        kind = type(body).__name__
-        if kind not in ("Suslov3D", "SuslovGyrostat", "SuslovND"):
-            raise TypeError(f"body: expected Suslov3D, SuslovND or SuslovGyrostat, got {kind}")
+        instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
         if body.shape != ():
-            raise ValueError(f"body: expected a single body, got a batch of shape {body.shape}")
-        if kind == "SuslovND":
+            raise wrong("body", "a single body", f"a batch of shape {body.shape}")
+        if isinstance(body, SuslovND):
             J, I = _array("J", body.J), _array("I", body.I)
-            return cls.from_function(lambda x: _suslov_nd(J, I, np.array(x)), len(J))
-        rotor = getattr(body, "k", 0)
-        parameters = _array("body", [body.I1, body.I2, body.I13, body.I23, rotor])
-        return cls.from_function(lambda x: _suslov_3d(*parameters, *x), 2)
+        else:
+            J, I = _array("J", (body.I1, body.I2)), _array("I", (body.I23, -body.I13))
+        unit = np.eye(len(J), dtype=int)
+        # J_i x_i' = sum_j I_j x_j x_i - I_i sum_j x_j x_j
+        q = (np.multiply.outer(unit, I) - np.multiply.outer(I, unit)) / J[:, None, None]
+        if not isinstance(body, SuslovGyrostat):
+            return cls(q)
+        k = _array("k", body.k, ()).item()
+        return cls(q, [[0, -k / J[0]], [k / J[1], 0]])
 
     @property
     def dimension(self) -> int:
@@ -233,36 +202,22 @@ class QuadraticField:
     @property
     def components(self) -> Polynomials:
         """The components of the field as polynomials, ``flint.fmpq_mpoly``."""
-        unit = np.eye(self.dimension, dtype=int)
-        ring = _ring(self.dimension, flint.fmpq_mpoly_ctx)
-        components = []
-        for q, l, c in zip(self.quadratic, self.linear, self.constant, strict=True):
-            terms = {(0,) * self.dimension: c}
-            for i, e in enumerate(unit):
-                terms[tuple(e.tolist())] = l[i]
-                for j, d in enumerate(unit[: i + 1]):
-                    terms[tuple((e + d).tolist())] = q[i][j] * (1 if i == j else 2)
-            fractions = {e: flint.fmpq(a.numerator, a.denominator) for e, a in terms.items()}
-            components.append(ring.from_dict(fractions))
-        return Polynomials(components)
+        return Polynomials(self._at(_ring(self.dimension, flint.fmpq_mpoly_ctx).gens(), _fmpq))
 
     def __call__(self, point: Any) -> Point:
         """Return the field at a point, exactly."""
-        x = _array("point", point, (self.dimension,))
-        return tuple(np.array(self.quadratic) @ x @ x + np.array(self.linear) @ x + self.constant)
+        return tuple(self._at(_array("point", point, (self.dimension,)), Fraction))
+
+    def _at(self, x: Sequence[Any], number: Callable[[Fraction], Any]) -> Iterator[Any]:
+        for q, l, c in zip(self.quadratic, self.linear, self.constant, strict=True):
+            value = number(c) + 0 * x[0]
+            for row, b, y in zip(q, l, x, strict=True):
+                value += y * (number(b) + sum(number(a) * z for a, z in zip(row, x, strict=True)))
+            yield value
 
     def __repr__(self) -> str:
         equations = (f"x{i}' = {each}" for i, each in enumerate(self.components, start=1))
         return f"QuadraticField({_shortened(', '.join(equations))})"
-
-
-def _suslov_3d(I1: Any, I2: Any, I13: Any, I23: Any, k: Any, omega1: Any, omega2: Any) -> Any:
-    momentum = I13 * omega1 + I23 * omega2 + k
-    return -momentum * omega2 / I1, momentum * omega1 / I2
-
-
-def _suslov_nd(J: Any, I: Any, omega: Any) -> Any:
-    return (np.dot(I, omega) * omega - I * np.dot(omega, omega)) / J
 
 
 @dataclass(frozen=True, repr=False)
@@ -281,63 +236,90 @@ class KahanMap:
         """The number of variables."""
         return self.field.dimension
 
-    @cached_property
+    @property
     def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
-        return kahan(self.field, -self.eps)
+        return KahanMap(self.field, -self.eps)
 
     def __call__(self, point: Any) -> Point:
         """Return the image of a point, exactly."""
-        A, b = self._equations(point)
-        return tuple(a for (a,) in self._solve(A, b, point))
+        return tuple(map(_fraction, self._at(point, self._rational.image)))
 
     def jacobian(self, point: Any) -> Matrix:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
-        backward, _ = self.inverse._equations(self(point))
-        return self._solve(self._equations(point)[0], backward, point)
+        rows = self._at(point, self._rational.derivative).tolist()
+        return tuple(tuple(map(_fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        backward, _ = self.inverse._equations(self(point))
-        return _fraction(backward.det() / self._equations(point)[0].det())
+        return _fraction(self._at(point, self._rational.derivative).det())
 
     def __repr__(self) -> str:
         return f"kahan({self.field}, eps={self.eps})"
 
     @cached_property
-    def _forms(self) -> list[list[list[tuple[int, Fraction]]]]:
-        """The equations A(x) x~ = b(x) of a step, as rows of (A | b).
+    def _rational(self) -> _Arithmetic:
+        return _Arithmetic(self)
 
-        Each entry is a linear form in x0 = 1, x1, ..., xD: its nonzero coefficients, by index.
-        """
-        n, half = self.dimension, self.eps / 2
-        rows = []
-        for i in range(n):
-            q, l, c = self.field.quadratic[i], self.field.linear[i], self.field.constant[i]
-            row = [[(i == j) - half * l[j], *(-self.eps * a for a in q[j])] for j in range(n)]
-            rows.append([*row, [self.eps * c, *((i == j) + half * l[j] for j in range(n))]])
-        return [[[(k, a) for k, a in enumerate(form) if a] for form in row] for row in rows]
-
-    def _modulo(self, p: int) -> list[list[list[tuple[int, int]]]]:
-        return [[[(k, _residue(a, p)) for k, a in form] for form in row] for row in self._forms]
-
-    def _equations(self, point: Any) -> tuple[Any, Any]:
-        """A and b at a point."""
+    def _at(self, point: Any, compute: Callable[[list[Any]], Any]) -> Any:
         x = _array("point", point, (self.dimension,))
-        system = _evaluate(self._forms, [Fraction(1), *x])
-        A, b = ([row[:-1] for row in system], [row[-1:] for row in system])
-        return _rational_matrix(A), _rational_matrix(b)
-
-    def _solve(self, A: Any, b: Any, point: Any) -> Matrix:
         try:
-            return tuple(tuple(map(_fraction, row)) for row in A.solve(b).tolist())
+            return compute([_fmpq(a) for a in x])
         except ZeroDivisionError:
-            where = ", ".join(map(str, point))
+            where = ", ".join(map(str, x))
             raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
 
 
+class _Arithmetic:
+    """A map over the rationals, or modulo a prime p; divisions by 0 raise `ZeroDivisionError`.
+
+    A step solves the linear equations A(x) x~ = b(x).
+    """
+
+    def __init__(self, map: KahanMap, p: int | None = None) -> None:
+        self.dimension, self.p = map.dimension, p
+        self.forward = self._forms(map.field, map.eps)
+        self.backward = self._forms(map.field, -map.eps)
+
+    def number(self, a: Any) -> Any:
+        return _fmpq(a) if self.p is None else flint.nmod(_fmpq(a), self.p)
+
+    def matrix(self, rows: Any) -> Any:
+        return flint.fmpq_mat(rows) if self.p is None else flint.nmod_mat(rows, self.p)
+
+    def _forms(self, field: QuadraticField, eps: Fraction) -> list[Any]:
+        """Rows of (A | b): the nonzero coefficients of linear forms in x0 = 1, x1, ..., xD."""
+        rows = []
+        for i, c in enumerate(field.constant):
+            q, half = field.quadratic[i], [eps / 2 * a for a in field.linear[i]]
+            row = [[(i == j) - a, *(-eps * b for b in q[j])] for j, a in enumerate(half)]
+            row.append([eps * c, *((i == j) + a for j, a in enumerate(half))])
+            rows.append([[(k, self.number(a)) for k, a in enumerate(form) if a] for form in row])
+        return rows
+
+    def _equations(self, forms: list[Any], x: Sequence[Any]) -> tuple[Any, Any]:
+        rows = _evaluate(forms, [self.number(1), *x])
+        return self.matrix([row[:-1] for row in rows]), self.matrix([row[-1:] for row in rows])
+
+    def image(self, x: Sequence[Any]) -> list[Any]:
+        A, b = self._equations(self.forward, x)
+        return list(A.solve(b).entries())
+
+    def derivative(self, x: Sequence[Any]) -> Any:
+        backward, _ = self._equations(self.backward, self.image(x))
+        return self._equations(self.forward, x)[0].solve(backward)
+
+    def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
+        for _ in range(length):
+            yield x
+            x = self.image(x)
+
+    def random_point(self, rng: random.Random) -> list[Any]:
+        return [self.number(rng.randrange(self.p or 2**62)) for _ in range(self.dimension)]
+
+
 def kahan(field: QuadraticField, eps: Any) -> KahanMap:
-    """Return the Kahan map of a field.
+    """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 
     Parameters
     ----------
@@ -349,8 +331,7 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     Returns
     -------
     KahanMap
-        The x~ of ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c`` as a function of x. It is
-        callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field` and `eps`.
+        It is callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field`, `eps`.
 
     Raises
     ------
@@ -365,56 +346,46 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
     (['-2'], ['2'])
     """
-    if not isinstance(field, QuadraticField):
-        raise TypeError(
-            f"field: expected a QuadraticField, got {type(field).__name__}; "
-            "QuadraticField.of(body) is that of a body"
-        )
+    instance("field", field, QuadraticField)
     map = KahanMap(field, _array("eps", eps, ()).item())
-    rng = random.Random(0)
-    for p in islice(_primes(map), 2):
-        x = [1, *(rng.randrange(p) for _ in range(field.dimension))]
-        A = [row[:-1] for row in _evaluate(map._modulo(p), x)]
-        if flint.nmod_mat(A, p).det() != 0:
-            return map
-    raise ValueError(f"eps: with {map.eps}, the equations of a step are singular everywhere")
+    try:
+        map._rational.image(map._rational.random_point(random.Random(0)))
+    except ZeroDivisionError:
+        message = f"eps: with {map.eps}, the equations of a step are singular everywhere"
+        raise ValueError(message) from None
+    return map
 
 
 # --- Degrees --------------------------------------------------------------------------------------
 
 
 def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) -> list[int]:
-    """Degrees of the iterates of a map.
+    """Degrees of the first n iterates of a map, as maps of projective space.
+
+    The degree is the largest of the numerators and the common denominator, after cancelling common
+    factors. The images of a random line are computed modulo a prime, and those of another line
+    modulo another prime. If their degrees differ, further lines are drawn until two agree.
 
     Parameters
     ----------
     map : KahanMap
-        The map to iterate.
+        Made by `kahan`.
     n : int
         Number of iterates.
     seed : int, optional
-        Seed of the random lines.
+        Seed of the random primes and lines.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``.
 
     Returns
     -------
     list of int
-        Degrees of the iterates 1, ..., n as maps of projective space: the largest degree of the
-        numerators and the common denominator, after cancelling common factors.
+        Degrees of the iterates 1, ..., n.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above.
-    ArithmeticError
-        If no two lines agree, or every line runs into points without an image.
-
-    Notes
-    -----
-    The image of a random line is iterated modulo a prime, and so is another line modulo another
-    prime. Should they disagree, further ones are drawn until two agree.
-    The time for an iterate grows a little faster than its degree.
+    TypeError, ValueError, ArithmeticError
+        If an argument is not as above; if every line runs into points without an image.
 
     Examples
     --------
@@ -423,36 +394,36 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
-    _check_map(map)
-    n = _count("n", n)
+    instance("map", map, KahanMap)
+    n = integer("n", n, 0)
     check_progress(progress)
     rng = random.Random(seed)
-    found: list[int] = []
+    done = 0
     with reporter(progress, 2 * n) as report:
 
-        def on_a_line(p: int) -> list[int]:
-            nonlocal found
-            done = n if found else 0
-            for found in _degrees_on_a_line(map, n, p, rng):
-                report(done + len(found))
+        def along_a_line(p: int) -> list[int]:
+            nonlocal done
+            found = []
+            for degree in islice(_degrees_on_a_line(map, p, rng), n):
+                found.append(degree)
+                report(min(done + len(found), 2 * n))
+            done = n
             return found
 
-        return list(_confirmed(map, on_a_line))
+        return list(_confirmed(rng, along_a_line))
 
 
-def _degrees_on_a_line(map: KahanMap, n: int, p: int, rng: random.Random) -> Iterator[list[int]]:
-    forms = map._modulo(p)
+def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
+    forms = _Arithmetic(map, p).forward
     line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
     x = [flint.nmod_poly(each, p) for each in ([1], *line)]
-    degrees = []
-    for _ in range(n):
+    while True:
         x = _cramer(_evaluate(forms, x))
         common = x[0]
         for each in x[1:]:
             common = common.gcd(each)
         x = [each // common for each in x]
-        degrees.append(max(each.degree() for each in x))
-        yield degrees
+        yield max(each.degree() for each in x)
 
 
 def _cramer(system: list[list[Any]]) -> list[Any]:
@@ -465,7 +436,7 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
     for k in range(n):
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
         if pivot is None:
-            raise _BadDrawError
+            raise ZeroDivisionError
         system[k], system[pivot] = system[pivot], system[k]
         top = system[k]
         for row in system[:k] + system[k + 1 :]:
@@ -478,16 +449,17 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, which `growth` returns."""
 
-    kind: str
-    """"bounded", "linear", "quadratic", "exponential" or "unclear"."""
-    entropy: float
-    """Algebraic entropy, the log of the limit of d_(k+1) / d_k."""
-    based_on: str
-    """The recurrence or the fit that kind and entropy follow from."""
+    kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
+    entropy: float  # the log of the limit of d_(k+1) / d_k
+    based_on: str  # the recurrence or the fit that kind and entropy follow from
 
 
 def growth(degrees: Sequence[int]) -> Growth:
     """Classify the growth of a sequence of degrees.
+
+    If all degrees obey a linear recurrence with integer coefficients, and are at least two more
+    than those that determine it, then the result is that of its characteristic polynomial: exact,
+    if the recurrence goes on. Otherwise it is a fit to the last half of the sequence.
 
     Parameters
     ----------
@@ -497,84 +469,71 @@ def growth(degrees: Sequence[int]) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, based_on`. Apart from the four kinds of `Growth`, kind
-        may be "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN,
-        if the sequence is too short to tell.
+        A named tuple `kind, entropy, based_on`. Apart from the four kinds of `Growth`, kind may be
+        "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN, if the
+        sequence is too short to tell.
 
     Raises
     ------
     TypeError, ValueError
         If `degrees` is not a sequence of non-negative integers.
 
-    Notes
-    -----
-    If all degrees obey a linear recurrence with integer coefficients, and are at least two more
-    than those that determine it, then kind and entropy are those of its characteristic polynomial:
-    exact, if the recurrence goes on. Otherwise they are a fit to the last half of the sequence.
-
     Examples
     --------
     >>> from suslov_fast.integrability import growth
     >>> growth([2, 4, 6, 8, 10, 12])
-    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - d(k), all 6 degrees')
+    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees')
     >>> kind, entropy, _ = growth([2, 3, 5, 8, 13, 21])
     >>> kind, round(entropy, 6)  # the log of the golden ratio
     ('exponential', 0.481212)
     """
-    if not isinstance(degrees, Iterable):
-        raise TypeError(f"degrees: expected a sequence of integers, got {type(degrees).__name__}")
-    d = [_count("degrees", each) for each in degrees]
-    recurrence = _recurrence(d)
-    if recurrence:
-        return _growth_of(recurrence, len(d))
-    if len(d) < 6 or min(d) == 0:
-        return Growth("unclear", math.nan, f"{len(d)} degrees without a short recurrence")
+    instance("degrees", degrees, Iterable)
+    d = list(degrees)
+    for each in d:
+        instance("degrees", each, (int, np.integer))
+        if each < 0:
+            raise wrong("degrees", "integers of at least 0", each)
+    d = [int(each) for each in d]
     half = len(d) // 2
-    what = f"a fit to the last {len(d) - half} of {len(d)} degrees, without a short recurrence"
-    if max(d[half:]) <= max(d[:half]):
-        return Growth("bounded", 0.0, what)
-    k, logs = np.arange(half + 1, len(d) + 1), np.log(d[half:])
-    (power, _), [of_power], *_ = np.polyfit(np.log(k), logs, 1, full=True)
-    (rate, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
-    if of_rate < of_power:
-        return Growth("exponential", float(rate), what)
-    return Growth(_power_law(max(round(power), 1)), 0.0, what)
+    power, rate = 0.0, 0.0
+    if recurrence := _recurrence(d):
+        *c, _ = recurrence.coeffs()
+        terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
+        what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {len(d)} degrees"
+        what = what.replace("+ -", "- ").replace("k+0", "k")
+        for factor, multiplicity in recurrence.factor()[1]:
+            if factor.is_cyclotomic():
+                power = max(power, multiplicity - 1)
+            else:
+                sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
+                rate = max(rate, math.log(max(1.0, *sizes)))
+    elif len(d) < 6 or min(d) == 0:
+        return Growth("unclear", math.nan, f"{len(d)} degrees without a short recurrence")
+    else:
+        what = f"a fit to the last {len(d) - half} of {len(d)} degrees, without a short recurrence"
+        if max(d[half:]) > max(d[:half]):
+            k, logs = np.arange(half + 1, len(d) + 1), np.log(d[half:])
+            (power, _), [of_power], *_ = np.polyfit(np.log(k), logs, 1, full=True)
+            (slope, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
+            power, rate = max(round(power), 1), float(slope) if of_rate < of_power else 0.0
+    if rate > 0:
+        return Growth("exponential", rate, what)
+    kinds = dict(enumerate(("bounded", "linear", "quadratic", "cubic")))
+    return Growth(kinds.get(power, f"polynomial of degree {power}"), 0.0, what)
 
 
-def _recurrence(d: list[int]) -> list[int]:
-    """Characteristic polynomial of the shortest recurrence, ascending; [] if none is certain."""
+def _recurrence(d: list[int]) -> Any:
+    """Characteristic polynomial of the shortest recurrence; None if none is certain."""
     for order in range(len(d) // 2):
         hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
         reduced, rank = flint.fmpq_mat(hankel).rref()
-        if rank <= order:
-            coefficients = [-reduced[i, order] for i in range(order)]
-            if all(a.q == 1 for a in coefficients):  # as for every infinite sequence of integers
-                return [*(int(a.p) for a in coefficients), 1]
-    return []
-
-
-def _growth_of(recurrence: list[int], n: int) -> Growth:
-    order = len(recurrence) - 1
-    right = ""
-    for k in range(order - 1, -1, -1):
-        if a := -recurrence[k]:
-            factor = "" if abs(a) == 1 else f"{abs(a)} "
-            right += f" {'-' if a < 0 else '+'} {factor}d(k{f'+{k}' if k else ''})"
-    what = f"d(k+{order}) = {right.removeprefix(' + ').strip() or 0}, all {n} degrees"
-    exponent, radius = 0, 1.0
-    for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
-        if factor.is_cyclotomic():
-            exponent = max(exponent, multiplicity - 1)
-        elif factor != flint.fmpz_poly([0, 1]):
-            radius = max(radius, *(abs(complex(root)) for root, _ in factor.complex_roots()))
-    if radius > 1:
-        return Growth("exponential", math.log(radius), what)
-    return Growth(_power_law(exponent), 0.0, what)
-
-
-def _power_law(exponent: int) -> str:
-    kinds = ("bounded", "linear", "quadratic", "cubic")
-    return kinds[exponent] if exponent < len(kinds) else f"polynomial of degree {exponent}"
+        coefficients = [-reduced[i, order] for i in range(order)]
+        # Every infinite sequence of integers with a recurrence has one of integers.
+        if rank <= order and all(a.q == 1 for a in coefficients):
+            c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
+            if not any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()):
+                return c
+    return None
 
 
 # --- Hirota-Kimura bases --------------------------------------------------------------------------
@@ -582,29 +541,29 @@ def _power_law(exponent: int) -> str:
 
 @dataclass(frozen=True, repr=False)
 class HKBasis:
-    """Linear relations between monomials along orbits, which `hk_bases` returns."""
+    """Linear relations between `monomials` along orbits, which `hk_bases` returns.
+
+    The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
+    `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
+    too long to reconstruct. On random orbits `independent` of the coefficients are independent
+    first integrals. So are quotients of the polynomials `integrals`, which the fewest monomials
+    give: with more there are none, as the relations of one orbit have multiples.
+    """
 
     monomials: Exponents
-    """Exponents of each monomial."""
     dimension: int
-    """Number of independent relations along the orbit of `point`."""
     independent: int
-    """Number of independent first integrals among their coefficients."""
     integrals: Polynomials
-    """Polynomials whose quotients are first integrals; none if the relations give none."""
     point: Point
-    """Point whose orbit `basis` belongs to."""
     basis: Matrix | None
-    """Coefficients of the relations along that orbit: a row for each. The last nonzero entry of a
-    row is 1, and 0 in the others. None if they are too long to reconstruct."""
 
     @property
     def polynomials(self) -> Polynomials:
-        """The relations as polynomials, which vanish on the orbit of `point`."""
-        return _polynomials(self.basis or (), self.monomials)
+        """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
+        return _polynomials(self.basis, self.monomials)
 
     def as_sympy(self, symbols: Sequence[Any] | None = None) -> list[Any]:
-        """Return the relations along the orbit of `point` as SymPy expressions."""
+        """Return `polynomials` as SymPy expressions."""
         return self.polynomials.as_sympy(symbols)
 
     def __repr__(self) -> str:
@@ -617,19 +576,26 @@ class HKBasis:
 def hk_bases(
     map: KahanMap, monomials: int | Sequence[Sequence[int]], *, point: Any = None, seed: int = 0
 ) -> HKBasis:
-    """Find the linear relations between monomials that hold along orbits.
+    """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
+
+    An orbit has 10 points more than there are monomials, and is made longer until the number of
+    relations remains the same. The coefficients of a relation in the form of `HKBasis.basis` are
+    functions of the orbit, that is, first integrals; the rank of their derivatives tells how many
+    are independent. If the relations of all orbits together span one dimension more than those of
+    one orbit, then values of these polynomials at two points of an orbit are proportional, and
+    their quotients are first integrals.
 
     Parameters
     ----------
     map : KahanMap
-        The map to examine.
+        Made by `kahan`.
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default one with small integers
         whose orbit has as many relations as a random one.
     seed : int, optional
-        Seed of the random points.
+        Seed of the random primes and points.
 
     Returns
     -------
@@ -639,25 +605,8 @@ def hk_bases(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above.
-    ArithmeticError
-        If orbits end at poles, that of `point` or those of most points.
-
-    Notes
-    -----
-    `dimension`, `independent` and `integrals` are those of random orbits modulo a prime, confirmed
-    modulo another one. An orbit has 10 points more than there are monomials, and is made longer
-    until the number of relations remains the same.
-
-    The coefficients of a relation in the form of `basis` are functions of the orbit, that is, first
-    integrals; `independent` is the rank of their derivatives. If the relations of all orbits
-    together span one dimension more than those of one orbit, then values of these polynomials at
-    two points of an orbit are proportional: they are `integrals`.
-
-    References
-    ----------
-    M. Petrera, A. Pfadler, Yu. B. Suris, arXiv:1008.1040.
+    TypeError, ValueError, ArithmeticError
+        If an argument is not as above; if the orbit of `point`, or of most points, ends at a pole.
 
     Examples
     --------
@@ -669,101 +618,73 @@ def hk_bases(
     >>> hk_bases(map, 2).integrals
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
-    _check_map(map)
-    n = map.dimension
-    exponents = _exponents(monomials, n)
-    rng = random.Random(seed)
+    instance("map", map, KahanMap)
+    exponents, rng = _exponents(monomials, map.dimension), random.Random(seed)
 
-    def relations(p: int, x: Any = None) -> Residues:
-        start = [rng.randrange(p) if x is None else _residue(x[i], p) for i in range(n)]
-        return _relations(map, exponents, start, p)
+    def relations(p: int, point: Any = None) -> Residues:
+        modular = _Arithmetic(map, p)
+        x = modular.random_point(rng) if point is None else [modular.number(a) for a in point]
+        return _relations(modular, exponents, x)
 
-    dimension = _confirmed(map, lambda p: len(relations(p)))
-    if point is None:
-        start = _ordinary_point(map, rng, lambda p, x: len(relations(p, x)) == dimension)
-    else:
-        start = _array("point", point, (n,))
+    def ordinary_point() -> Any:
+        p = _prime(rng)
+        for _ in range(_DRAWS):
+            x = _array("point", rng.choices(range(-9, 10), k=map.dimension))
+            with contextlib.suppress(ZeroDivisionError):
+                if len(relations(p, x)) == dimension:
+                    return x
+        raise ArithmeticError("the orbits of small integers are exceptional: pass `point`")
+
+    def span(p: int) -> Residues:
+        rows = [row for _ in range(3) for row in relations(p)]
+        reduced, rank = flint.nmod_mat(rows, p).rref()
+        return _integers(reduced)[:rank] if rank == dimension + 1 else []
+
+    start = None if point is None else _array("point", point, (map.dimension,))
+    dimension = of_point = _confirmed(rng, lambda p: len(relations(p)))
     basis: Matrix | None = ()
+    if start is None:
+        start = ordinary_point()
     if dimension > 0 or point is not None:
-        basis = _over_rationals(map, lambda p: relations(p, start))
+        basis = _over_rationals(rng, lambda p: relations(p, start))
+        of_point = dimension if basis is None else len(basis)
     independent, integrals = 0, Polynomials()
     if dimension > 0:
-        independent = _confirmed(map, lambda p: _independent(map, exponents, rng, p))
-        span = _over_rationals(map, lambda p: _span(relations, dimension, p))
-        integrals = _polynomials(_short(span or ()), exponents)
-    of_point = dimension if basis is None else len(basis)
+        independent = _confirmed(rng, lambda p: _independent(_Arithmetic(map, p), exponents, rng))
+        integrals = _polynomials(_over_rationals(rng, span), exponents)
     return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
 
 
-def _ordinary_point(map: KahanMap, rng: random.Random, ordinary: Callable[[int, Any], bool]) -> Any:
-    """A point with small integers that is `ordinary` modulo a prime."""
-    p = next(_primes(map))
-    for _ in range(_DRAWS):
-        x = _array("point", rng.choices(range(-9, 10), k=map.dimension))
-        with contextlib.suppress(_BadDrawError):
-            if ordinary(p, x):
-                return x
-    raise ArithmeticError("the orbits of small integers are exceptional: pass `point`")
-
-
-def _relations(map: KahanMap, exponents: Exponents, x: list[int], p: int) -> Residues:
-    """Relations along the orbit of x, in the form of `HKBasis.basis`."""
-    steps = len(exponents) + _MORE
-    before = None
+def _relations(modular: _Arithmetic, exponents: Exponents, x: Sequence[Any]) -> Residues:
+    """Relations along the orbit of a point, in the form of `HKBasis.basis`."""
+    steps, before = len(exponents) + _MORE, None
     while True:
-        relations = _null_space(_values(exponents, islice(_orbit(map, x, p), steps), p), p)
+        rows = [list(_values(exponents, y)) for y in modular.orbit(x, steps)]
+        relations = _null_space(rows, modular.p)
         if len(relations) in (0, before):
             return relations
         before, steps = len(relations), 2 * steps
 
 
-def _orbit(map: KahanMap, x: list[int], p: int) -> Iterator[list[int]]:
-    forms = map._modulo(p)
-    while True:
-        yield x
-        system = _evaluate(forms, [1, *x])
-        image = _solve_modulo([row[:-1] for row in system], [row[-1:] for row in system], p)
-        x = [int(a) for a in image.entries()]
-
-
-def _span(relations: Callable[[int], Residues], dimension: int, p: int) -> Residues:
-    """The span of the relations along several orbits, if it has one dimension more than one."""
-    span = relations(p)
-    for _ in range(3):
-        reduced, rank = flint.nmod_mat(span + relations(p), p).rref()
-        if rank > dimension + 1:
-            return []
-        span = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
-    return span if len(span) == dimension + 1 else []
-
-
-def _independent(map: KahanMap, exponents: Exponents, rng: random.Random, p: int) -> int:
+def _independent(modular: _Arithmetic, exponents: Exponents, rng: random.Random) -> int:
     """Rank of the derivatives of the coefficients of the relations with respect to the orbit.
 
-    For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0. The coefficients
-    that the form of `HKBasis.basis` makes 0 or 1 are constant.
+    For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
     """
-    n, count = map.dimension, len(exponents)
-    forward, backward = map._modulo(p), map.inverse._modulo(p)
-    orbit = list(islice(_orbit(map, [rng.randrange(p) for _ in range(n)], p), count + _MORE + 1))
-    rows = _values(exponents, orbit[:-1], p)
-    relations = _null_space(rows, p)
-    last = {max(i for i, a in enumerate(row) if a) for row in relations}
-    varying = [i for i in range(count) if i not in last]
-    c = flint.nmod_mat(relations, p).transpose()
-    derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
-    equations = []
-    for row, (x, image) in zip(rows, pairwise(orbit), strict=True):
-        changes = (derivative.transpose() * flint.nmod_mat(_gradient(exponents, x, p), p)) * c
-        equations.append([row[i] for i in varying] + [int(a) for a in changes.entries()])
-        A, B = _evaluate(forward, [1, *x]), _evaluate(backward, [1, *image])
-        derivative = _solve_modulo([r[:-1] for r in A], [r[:-1] for r in B], p) * derivative
-    solved = flint.nmod_mat(equations, p).rref()[0].tolist()
-    width = len(relations)
-    changes = [
-        row[len(varying) + j :: width] for row in solved[: len(varying)] for j in range(width)
-    ]
-    return int(flint.nmod_mat(changes, p).rank()) if changes else 0
+    n, x = modular.dimension, modular.random_point(rng)
+    relations = _relations(modular, exponents, x)
+    ring = _ring(n, flint.nmod_mpoly_ctx, modulus=modular.p)
+    polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
+    gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
+    derivative = modular.matrix(np.eye(n, dtype=int).tolist())  # of x_k
+    rows = []
+    for y in modular.orbit(x, len(exponents) + _MORE):
+        changes = modular.matrix([[each(*y) for each in row] for row in gradients]) * derivative
+        rows.append([*_values(exponents, y), *changes.entries()])
+        derivative = modular.derivative(y) * derivative
+    reduced = modular.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
+    starts = range(len(exponents), len(rows[0]), n)
+    return int(modular.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
 
 
 # --- Darboux polynomials --------------------------------------------------------------------------
@@ -772,19 +693,24 @@ def _independent(map: KahanMap, exponents: Exponents, rng: random.Random, p: int
 def darboux_polynomials(
     map: KahanMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x), for a cofactor C.
+    """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
+
+    For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
+    quotients of two such polynomials are first integrals. The equations for the coefficients are
+    those of random integer points, 10 more than there are monomials, solved modulo primes; fresh
+    points confirm the result over the rationals.
 
     Parameters
     ----------
     map : KahanMap
-        The map to examine.
+        Made by `kahan`.
     degree : int
         Largest degree of P.
     cofactor : number or callable, optional
         C: a rational number, or a function that takes a point, a tuple of fractions, and returns
         a rational number, exactly. By default it is ``map.determinant``.
     seed : int, optional
-        Seed of the random points.
+        Seed of the random primes and points.
 
     Returns
     -------
@@ -794,23 +720,9 @@ def darboux_polynomials(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is not as above, or `cofactor` does not return rational numbers.
-    ArithmeticError
-        If the coefficients have more than 1000 digits, if the result fails at fresh points, or if
-        the map or the cofactor is undefined at most points.
-
-    Notes
-    -----
-    For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
-    quotients of two such polynomials are first integrals. The equations for the coefficients are
-    those of random integer points, 10 more than there are monomials, solved modulo primes; fresh
-    points confirm the result over the rationals.
-
-    References
-    ----------
-    E. Celledoni, C. Evripidou, D. I. McLaren, B. Owren, G. R. W. Quispel, B. K. Tapley,
-    P. H. van der Kamp, arXiv:1902.04715.
+    TypeError, ValueError, ArithmeticError
+        If an argument, or what `cofactor` returns, is not as above; if the coefficients have more
+        than 1000 digits, or the map or the cofactor is undefined at most points.
 
     Examples
     --------
@@ -822,8 +734,8 @@ def darboux_polynomials(
     (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
-    _check_map(map)
-    exponents = _exponents(_count("degree", degree), map.dimension)
+    instance("map", map, KahanMap)
+    exponents = _exponents(integer("degree", degree, 0), map.dimension)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
         constant = _array("cofactor", cofactor, ()).item()
@@ -835,7 +747,7 @@ def darboux_polynomials(
         for _ in range(2 * count):
             x = tuple(Fraction(rng.randrange(-(2**30), 2**30)) for _ in range(map.dimension))
             with contextlib.suppress(ZeroDivisionError):  # at poles
-                found.append((x, map(x), _array("cofactor", C(x), (), (Rational,)).item()))
+                found.append((x, map(x), _array("cofactor", C(x), (), exact=True).item()))
             if len(found) == count:
                 return found
         raise ArithmeticError("the map or the cofactor is undefined at most points")
@@ -843,43 +755,39 @@ def darboux_polynomials(
     equations = samples(len(exponents) + _MORE)
 
     def solutions(p: int) -> Residues:
-        points = ([_residue(a, p) for a in y] for x, image, _ in equations for y in (x, image))
-        values = _values(exponents, points, p)
+        number = _Arithmetic(map, p).number
         rows = []
-        for (_, _, c), before, after in zip(equations, values[::2], values[1::2], strict=True):
-            factor = _residue(c, p)
-            rows.append([(a - factor * b) % p for a, b in zip(after, before, strict=True)])
+        for x, image, c in equations:
+            before, after = (_values(exponents, [number(a) for a in y]) for y in (x, image))
+            rows.append(list(after - number(c) * before))
         return _null_space(rows, p)
 
-    basis = _over_rationals(map, solutions)
+    basis = _over_rationals(rng, solutions)
     if basis is None:
         raise ArithmeticError("the coefficients have more than 1000 digits")
     for x, image, c in samples(3):
-        before, after = np.array(_values(exponents, (x, image)), object)
-        if any(np.array(row, object) @ (after - c * before) for row in basis):
+        defect = _values(exponents, image) - c * _values(exponents, x)
+        if any(np.array(row) @ defect for row in basis):
             raise ArithmeticError("the polynomials fail at fresh points")
-    return _polynomials(_short(basis), exponents)
+    return _polynomials(basis, exponents)
 
 
 # --- Modulo primes, and back to the rationals -----------------------------------------------------
 
 
-def _primes(map: KahanMap) -> Iterator[int]:
-    """Primes below 2**62, in descending order, that divide no coefficient of the map."""
-    coefficients = {a for row in map._forms for form in row for _, a in form}
-    for p in range(2**62 - 1, 0, -2):
-        if flint.fmpz(p).is_prime() and all(
-            a.numerator % p and a.denominator % p for a in coefficients
-        ):
-            yield p
+def _prime(rng: random.Random) -> int:
+    while True:
+        p = rng.getrandbits(62) | 2**61 | 1
+        if flint.fmpz(p).is_prime():
+            return p
 
 
-def _confirmed(map: KahanMap, result: Callable[[int], Any]) -> Any:
+def _confirmed(rng: random.Random, compute: Callable[[int], Any]) -> Any:
     """The first result on which two primes agree, with points or lines of their own."""
     found: list[Any] = []
-    for p in islice(_primes(map), _DRAWS):
-        with contextlib.suppress(_BadDrawError):
-            found.append(result(p))
+    for _ in range(_DRAWS):
+        with contextlib.suppress(ZeroDivisionError):
+            found.append(compute(_prime(rng)))
             if found.count(found[-1]) > 1:
                 return found[-1]
     if not found:
@@ -887,75 +795,48 @@ def _confirmed(map: KahanMap, result: Callable[[int], Any]) -> Any:
     raise ArithmeticError(f"results modulo primes do not agree: {found}")
 
 
-def _over_rationals(map: KahanMap, matrix: Callable[[int], Residues]) -> Matrix | None:
+def _over_rationals(rng: random.Random, matrix: Callable[[int], Residues]) -> Matrix | None:
     """The rational matrix with these residues modulo primes; None if its entries are too long."""
-    height = _confirmed(map, lambda p: len(matrix(p)))
+    height = _confirmed(rng, lambda p: len(matrix(p)))
+    if height == 0:
+        return ()
     modulus, used = 1, 0
     residues: list[int] = []
-    candidate = None
-    for p in islice(_primes(map), _PRIMES):
-        with contextlib.suppress(_BadDrawError):
+    candidate: list[Fraction] = []
+    for _ in range(_PRIMES):
+        p = _prime(rng)
+        with contextlib.suppress(ZeroDivisionError):
             rows = matrix(p)
             if len(rows) != height:
                 continue
             new = [a for row in rows for a in row]
-            if candidate is not None and [_residue(a, p) for a in candidate] == new:
-                width = len(new) // max(height, 1)
-                return tuple(tuple(candidate[i * width : (i + 1) * width]) for i in range(height))
-            inverse = pow(modulus, -1, p)
-            old = residues or [0] * len(new)
+            if candidate and [int(flint.nmod(_fmpq(a), p)) for a in candidate] == new:
+                width = len(rows[0])
+                return tuple(tuple(candidate[i : i + width]) for i in range(0, len(new), width))
+            old, inverse = residues or [0] * len(new), pow(modulus, -1, p)
             residues = [
                 r + modulus * ((a - r) * inverse % p) for r, a in zip(old, new, strict=True)
             ]
-            modulus *= p
-            used += 1
+            modulus, used = modulus * p, used + 1
             if used & (used - 1) == 0:  # a power of two
-                candidate = _reconstructed(residues, modulus)
+                candidate = [_reconstructed(r, modulus) for r in residues]
     return None
 
 
-def _reconstructed(residues: list[int], modulus: int) -> list[Fraction] | None:
-    """The fractions with these residues, numerators and denominators below sqrt(modulus / 2)."""
-    bound = math.isqrt(modulus // 2)
-    fractions = []
-    for residue in residues:
-        (r0, t0), (r1, t1) = (modulus, 0), (residue, 1)
-        while r1 > bound:
-            q = r0 // r1
-            (r0, t0), (r1, t1) = (r1, t1), (r0 - q * r1, t0 - q * t1)
-        if abs(t1) > bound or math.gcd(r1, t1) != 1:
-            return None
-        fractions.append(Fraction(r1, t1))
-    return fractions
+def _reconstructed(residue: int, modulus: int) -> Fraction:
+    """The simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
+    shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()
+    return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
 
 
-def _null_space(rows: Residues, p: int) -> Residues:
+def _null_space(rows: Any, p: Any) -> Residues:
     """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
-    reduced, rank = flint.nmod_mat(rows, p).rref()
-    if rank == len(rows[0]):
-        return []
-    entries = [[int(a) for a in row] for row in reduced.tolist()[:rank]]
-    pivots = [next(i for i, a in enumerate(row) if a) for row in entries]
-    vectors = []
-    for free in sorted({*range(len(rows[0]))} - {*pivots}):
-        vector = [int(i == free) for i in range(len(rows[0]))]
-        for pivot, row in zip(pivots, entries, strict=True):
-            vector[pivot] = -row[free] % p
-        vectors.append(vector)
-    return vectors
+    columns, dimension = flint.nmod_mat(rows, p).nullspace()
+    return _integers(columns.transpose())[:dimension]
 
 
-def _solve_modulo(A: Residues, b: Residues, p: int) -> Any:
-    try:
-        return flint.nmod_mat(A, p).solve(flint.nmod_mat(b, p))
-    except ZeroDivisionError:
-        raise _BadDrawError from None
-
-
-def _residue(a: Fraction, p: int) -> int:
-    if a.denominator % p == 0:
-        raise _BadDrawError
-    return a.numerator * pow(a.denominator, -1, p) % p
+def _integers(matrix: Any) -> Residues:
+    return [[int(a) for a in row] for row in matrix.tolist()]
 
 
 # --- Linear forms, monomials, numbers -------------------------------------------------------------
@@ -966,26 +847,12 @@ def _evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
 
 
-def _values(exponents: Exponents, points: Iterable[Any], p: int | None = None) -> list[list[Any]]:
-    """The monomials at points, a row for each, modulo p unless that is None."""
-    powers = np.array(exponents).T
-    rows = []
-    for x in points:
-        values = np.ones(len(exponents), object)
-        for a, e in zip(x, powers, strict=True):
-            values *= np.array([pow(a, k, p) for k in range(e.max() + 1)], object)[e]
-        rows.append(list(values if p is None else values % p))
-    return rows
-
-
-def _gradient(exponents: Exponents, x: list[int], p: int) -> Residues:
-    """The derivatives of the monomials at a point: a row for each variable."""
-    rows = []
-    for i in range(len(x)):
-        lower = tuple((*each[:i], max(each[i] - 1, 0), *each[i + 1 :]) for each in exponents)
-        (values,) = _values(lower, [x], p)
-        rows.append([each[i] * value % p for each, value in zip(exponents, values, strict=True)])
-    return rows
+def _values(exponents: Exponents, x: Sequence[Any]) -> Any:
+    """The monomials at a point, whose coordinates may be of any type of numbers."""
+    values = np.ones(len(exponents), object)
+    for a, e in zip(x, np.array(exponents).T, strict=True):
+        values *= np.array([a**k for k in range(int(e.max()) + 1)], object)[e]
+    return values
 
 
 def _exponents(monomials: Any, n: int) -> Exponents:
@@ -993,95 +860,63 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     if isinstance(monomials, int | np.integer):
         return tuple(
             tuple(chosen.count(i) for i in range(n))
-            for degree in range(_count("monomials", monomials) + 1)
+            for degree in range(integer("monomials", monomials, 0) + 1)
             for chosen in combinations_with_replacement(range(n), degree)
         )
     try:
-        exponents = tuple(tuple(_count("monomials", e) for e in each) for each in monomials)
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
-        raise TypeError(
-            f"monomials: expected a degree or a list of exponents, got {monomials!r}"
-        ) from None
+        raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
     for each in exponents:
         if len(each) != n:
-            raise ValueError(f"monomials: expected {n} exponents for each monomial, got {each}")
+            raise wrong("monomials", f"{n} exponents for each monomial", each)
     if not exponents or len({*exponents}) < len(exponents):
-        raise ValueError("monomials: expected at least one monomial, and none twice")
+        raise wrong("monomials", "at least one monomial, and none twice", monomials)
     return exponents
 
 
-def _ring(n: int, context: Any) -> Any:
-    return context.get([f"x{i}" for i in range(1, n + 1)], "deglex")
+def _ring(n: int, context: Any, **modulus: Any) -> Any:
+    return context.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex", **modulus)
 
 
-def _polynomials(rows: Sequence[Sequence[Any]], exponents: Exponents) -> Polynomials:
-    """Polynomials that are proportional to these, with coprime integer coefficients."""
+def _polynomials(rows: Matrix | None, exponents: Exponents) -> Polynomials:
+    """Polynomials with the same span, whose integer coefficients are short and coprime."""
+    if not rows:
+        return Polynomials()
+    integers = []
+    for row in rows:
+        numerators = flint.fmpq_mat([[_fmpq(a) for a in row]]).numer_denom()[0].entries()
+        divisor = math.gcd(*(int(a) for a in numerators))
+        integers.append([a // divisor for a in numerators])
     ring = _ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
     polynomials = []
-    for row in rows:
-        terms = zip(exponents, _coprime(row), strict=True)
-        polynomial = ring.from_dict({each: a for each, a in terms if a})
-        polynomials.append(-polynomial if polynomial.coeffs()[0] < 0 else polynomial)
+    for short in flint.fmpz_mat(integers).lll().tolist():
+        P = ring.from_dict(dict(zip(exponents, short, strict=True))).primitive()[1]
+        polynomials.append(-P if P.leading_coefficient() < 0 else P)
     return Polynomials(polynomials)
 
 
-def _coprime(row: Sequence[Any]) -> list[int]:
-    denominator = math.lcm(*(a.denominator for a in row))
-    integers = [int(a * denominator) for a in row]
-    divisor = math.gcd(*integers)
-    return [a // divisor for a in integers]
-
-
-def _short(rows: Sequence[Sequence[Any]]) -> Residues:
-    """Short integer vectors with the same span, for the sake of readers."""
-    if not rows:
-        return []
-    reduced = flint.fmpz_mat([_coprime(row) for row in rows]).lll()
-    return [[int(a) for a in row] for row in reduced.tolist()]
-
-
-def _array(name: str, value: Any, shape: Any = None, kinds: Any = (Rational, float)) -> Any:
-    """Array of fractions, made of numbers of these kinds."""
+def _array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
+    """Array of fractions; floats are refused if `exact`."""
     if hasattr(value, "unit") or hasattr(value, "units"):
-        raise TypeError(f"{name}: expected numbers without units, got {type(value).__name__}")
-    raw = np.array(value, dtype=object)
-    if any(isinstance(each, list | tuple | np.ndarray) for each in raw.flat):
-        raise ValueError(f"{name}: expected an array, got rows of different lengths")
-    if shape is not None and raw.shape != shape:
-        raise ValueError(f"{name}: expected the shape {shape}, got {raw.shape}")
-    result = np.empty(raw.shape, object)
-    for index, each in np.ndenumerate(raw):
+        raise wrong(name, "numbers without units", type(value).__name__, TypeError)
+    array = np.array(value, dtype=object)
+    if shape is not None and array.shape != shape:
+        raise wrong(name, f"the shape {shape}", array.shape)
+    for index, each in np.ndenumerate(array):
         number = each.item() if isinstance(each, np.generic) else each
-        if not isinstance(number, kinds):
-            expected = (
-                "integers, fractions or floats" if float in kinds else "integers or fractions"
-            )
-            raise TypeError(f"{name}: expected {expected}, got {type(each).__name__}")
+        if not isinstance(number, Rational if exact else Rational | float):
+            expected = "integers or fractions" if exact else "integers, fractions or floats"
+            raise wrong(name, expected, type(each).__name__, TypeError)
         if isinstance(number, float) and not math.isfinite(number):
-            raise ValueError(f"{name}: expected finite numbers, got {number}")
-        if isinstance(number, float):
-            number = Fraction(number)
-        # NumPy's integers would overflow, also as parts of a Fraction.
-        result[index] = Fraction(int(number.numerator), int(number.denominator))
-    return result
+            raise wrong(name, "finite numbers", number)
+        a = Fraction(number)
+        array[index] = Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
+    return array
 
 
-def _count(name: str, value: Any, least: int = 0) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{name}: expected an integer, got {type(value).__name__}")
-    if value < least:
-        raise ValueError(f"{name}: expected an integer of at least {least}, got {value}")
-    return int(value)
-
-
-def _check_map(map: Any) -> None:
-    if not isinstance(map, KahanMap):
-        kind = type(map).__name__
-        raise TypeError(f"map: expected a map made by kahan(field, eps), got {kind}")
-
-
-def _rational_matrix(rows: Sequence[Sequence[Fraction]]) -> Any:
-    return flint.fmpq_mat([[flint.fmpq(a.numerator, a.denominator) for a in row] for row in rows])
+def _fmpq(a: Any) -> Any:
+    return flint.fmpq(a.numerator, a.denominator)
 
 
 def _fraction(a: Any) -> Fraction:
@@ -1089,4 +924,4 @@ def _fraction(a: Any) -> Fraction:
 
 
 def _shortened(text: str) -> str:
-    return text if len(text) <= 300 else f"{text[:297]}..."
+    return textwrap.shorten(text, 300, placeholder=" ...")

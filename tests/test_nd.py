@@ -240,7 +240,7 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
         method=method,
         omega=omega,
         parameters=for_loops(body, eps, (size,)),
-        time_step=flat_parameter(eps, (size,)),
+        eps=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,
         every=every,

@@ -96,10 +96,11 @@ def states_at(
             fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
         return out, missing
     negative = moments < 0.0
-    for sign in (1.0, -1.0):
-        places = np.flatnonzero(negative if sign < 0.0 else ~negative)
-        if places.size:
-            some = abs(moments[places])
+    forward, back = not negative.all(), negative.any()
+    for sign, asked, among in ((1.0, forward, ~negative), (-1.0, back, negative)):
+        if asked:
+            places = np.flatnonzero(among) if forward and back else np.arange(moments.size)
+            some = sign * (moments[places] if forward and back else moments)
             fill_states(
                 sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads
             )
@@ -184,6 +185,8 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             run._replace(origin=size - 1 - run.origin, direction=-run.direction)
             for run in runs_of(times[::-1], flow)
         ]
+    if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
+        return []
     negative = int(np.searchsorted(times, 0.0))
     runs = []
     for sign, outward, origin in (

@@ -1,5 +1,6 @@
 """Every option of Numba that the package uses, with the reason for it."""
 
+import hashlib
 import types
 from functools import cached_property
 
@@ -24,12 +25,28 @@ _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 def inner(function):
     """Compile a loop that kernels call."""
-    return numba.njit(**_INNER)(function)
+    return numba.njit(**_INNER)(_distinct(function))
 
 
 def formula(function):
     """Compile a formula: LLVM inlines it, so that a loop over lanes that calls it becomes SIMD."""
-    return numba.njit(forceinline=True, **_INNER)(function)
+    return numba.njit(forceinline=True, **_INNER)(_distinct(function))
+
+
+def _distinct(function):
+    """Name a function that a factory defines after what it closes over.
+
+    Numba tells functions of one name apart by a counter in the process. Those of two processes,
+    loaded from the cache by a third, could have one symbol, and LLVM would link only one of them.
+    """
+    if function.__closure__:
+        parts = [
+            getattr(cell.cell_contents, "py_func", cell.cell_contents)
+            for cell in function.__closure__
+        ]
+        names = [f"{p.__module__}.{p.__qualname__}" if callable(p) else repr(p) for p in parts]
+        function.__qualname__ += "_" + hashlib.sha256(repr(names).encode()).hexdigest()[:12]
+    return function
 
 
 class Kernel:

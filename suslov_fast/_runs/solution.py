@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.reduction import reduce
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, finite_floats, integers_or_floats
+from .._checks import FloatArray, real_array
 from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
@@ -185,7 +185,7 @@ def limits(
 
 
 def _times(name: str, value: ArrayLike) -> FloatArray:
-    times = finite_floats(name, integers_or_floats(name, value))
+    times = real_array(name, value)
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")
     return times

@@ -85,10 +85,12 @@ def value(P, x):
     )
 
 
-def assert_same_span(found, expected, n):
-    x = sympy.symbols(f"x1:{n + 1}")
-    terms = [sympy.Poly(each, *x).as_dict() for each in (*found.as_sympy(), *expected)]
-    monomials = sorted({e for each in terms for e in each})
+def assert_same_span(found, expected):
+    terms = [
+        sympy.Poly(each, *sympy.symbols("x1 x2")).as_dict()
+        for each in (*found.as_sympy(), *expected)
+    ]
+    monomials = {e for each in terms for e in each}
     matrix = sympy.Matrix([[each.get(e, 0) for e in monomials] for each in terms])
     assert matrix.rank() == len(found) == len(expected)
 
@@ -127,13 +129,6 @@ def test_bodies():
     assert [*map(float, kahan(of(rotor), 0.35)((1.1, -0.4)))] == pytest.approx(moved, rel=1e-15)
 
 
-def test_numbers_are_taken_exactly():
-    field = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]], [np.float32(0.1)])
-    assert field([2**40]) == (F(0.1) * 2**80 + F(2**102, 3) + F(float(np.float32(0.1))),)
-    halves = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, 0]]])
-    assert halves == QuadraticField([[[0, 0.5], [0.5, 0]], [[0, 0], [0, 0]]])
-
-
 @pytest.mark.parametrize(
     ("map", "n"),
     [(MAP, 3), (kahan(of(ROTOR), EPS), 2), (EULER, 2)]
@@ -159,14 +154,12 @@ def test_degrees_by_sympy(map, n):
         (of(BODY), 30, lambda k: 2 * k, "linear", 0),
         (of(ROTOR), 12, lambda k: 2 * k, "linear", 0),
         (of(SuslovND([2, 2, 2], I[:3])), 12, lambda k: 2 * k, "linear", 0),
-        (of(SuslovND([2, 2, 3], [0, 0, 1])), 12, lambda k: 2 * k, "linear", 0),
         (of(SuslovND(J[:3], I[:3])), 6, lambda k: 3**k, "exponential", math.log(3)),
         (of(SuslovND(J[:4], I[:4])), 4, lambda k: 4**k, "exponential", math.log(4)),
         (of(SuslovND(J, I)), 4, lambda k: 5**k, "exponential", math.log(5)),
         (EULER.field, 12, lambda k: 2 * k**2 + 1, "quadratic", 0),
         (FORCED, 8, lambda k: 2**k, "exponential", math.log(2)),
         (random_field(1), 8, lambda k: 1, "bounded", 0),
-        (of(Suslov3D(1, 2, 0, 0)), 6, lambda k: 1, "bounded", 0),
         # Every point has the same image.
         (QuadraticField([[[0]]], [[-8]], [1]), 6, lambda k: 0, "bounded", 0),
     ],
@@ -224,9 +217,9 @@ def test_integral_and_measure_of_lemma_1(body, k):
     assert hk_bases(map, 1).dimension == 0
     found = hk_bases(map, 2)
     assert (found.dimension, found.independent) == (1, 1)
-    assert_same_span(found.integrals, lemma, 2)
+    assert_same_span(found.integrals, lemma)
     assert darboux_polynomials(map, 2) == ()
-    assert_same_span(darboux_polynomials(map, 3), [x * each for each in lemma], 2)
+    assert_same_span(darboux_polynomials(map, 3), [x * each for each in lemma])
 
 
 @pytest.mark.parametrize(
@@ -302,15 +295,6 @@ def test_darboux_polynomials(map, degree, cofactor, expected):
         assert sympy.cancel(after - C * P) == 0
 
 
-def test_euler_top_measures():
-    """Products of the three conserved quadrics; Petrera and Suris (2007)."""
-    x = sympy.symbols("x1:4")
-    quadrics = [1 - sympy.Rational(a, 4) * y**2 for a, y in zip((-3, 2, -6), x, strict=True)]
-    assert_same_span(hk_bases(EULER, 2).integrals, quadrics, 3)
-    products = [a * b for i, a in enumerate(quadrics) for b in quadrics[: i + 1]]
-    assert_same_span(darboux_polynomials(EULER, 4), products, 3)
-
-
 def test_exceptional_primes_and_lines_are_drawn_again(monkeypatch):
     prime = _exact.random_prime(random.Random(0))
     for eps in (F(1, prime), F(prime)):
@@ -347,14 +331,11 @@ def test_linear_and_trivial_fields():
     assert hk_bases(MAP, 0).dimension == 0
 
 
-def test_what_is_printed():
-    assert repr(MAP.field) == (
-        "QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)"
-    )
-    assert repr(MAP) == f"kahan({MAP.field}, eps=1/4)"
-    assert repr(hk_bases(MAP, 2)) == (
-        "<HKBasis of dimension 1 among 6 monomials, independent=1, "
-        "integrals=(4*x1^2 + x2^2, x1*x2 + 1024)>"
+def test_numbers_are_taken_exactly_and_printed():
+    field = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]], [np.float32(0.1)])
+    assert field([2**40]) == (F(0.1) * 2**80 + F(2**102, 3) + F(float(np.float32(0.1))),)
+    assert repr(MAP.inverse) == (
+        "kahan(QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2), eps=-1/4)"
     )
     assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
 
@@ -371,7 +352,6 @@ class Quantity(float):
             ValueError,
             r"quadratic: .*\(D, D, D\).*\(2, 2\)",
         ),
-        (lambda: QuadraticField(3), ValueError, r"quadratic: .*got \(\)"),
         (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
         (lambda: QuadraticField([[[math.nan]]]), ValueError, "quadratic: .*finite.*got nan"),
         (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, r"linear: .*\(1, 1\), got \(2,\)"),
@@ -392,11 +372,9 @@ class Quantity(float):
         (lambda: degrees(BODY, 3), TypeError, "map: .*got Suslov3D"),
         (lambda: degrees(MAP, -1), ValueError, "n: .*got -1"),
         (lambda: growth([1, 2.5]), TypeError, "degrees: .*got float"),
-        (lambda: growth([1, -2]), ValueError, "degrees: .*got -2"),
         (lambda: hk_bases(MAP, 2.5), TypeError, "monomials: .*a degree or a list.*2.5"),
         (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials: .*none twice"),
         (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials: expected 2 .*\(1, 0, 0\)"),
-        (lambda: hk_bases(MAP, [(-1, 0)]), ValueError, "monomials: .*got -1"),
         (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*got str"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor: .*got float"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),

@@ -13,9 +13,7 @@ import numpy as np
 
 from .._checks import instance, integer, wrong
 from .._engine.progress import Progress, check_progress, reporter
-from ._exact import (
-    confirmed,
-)
+from ._exact import confirmed
 from ._maps import Arithmetic, KahanMap, evaluate
 
 

@@ -17,18 +17,8 @@ from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import instance, integer, wrong
-from ._exact import (
-    Matrix,
-    Point,
-    exact_array,
-    fmpq,
-    fraction,
-    shortened,
-)
-from ._polynomials import (
-    Polynomials,
-    polynomial_ring,
-)
+from ._exact import Matrix, Point, exact_array, fmpq, fraction, shortened
+from ._polynomials import Polynomials, polynomial_ring
 
 
 @dataclass(frozen=True, init=False, repr=False)

@@ -11,11 +11,7 @@ import flint
 import numpy as np
 
 from .._checks import integer, wrong
-from ._exact import (
-    Matrix,
-    fmpq,
-    shortened,
-)
+from ._exact import Matrix, fmpq, shortened
 
 Exponents = tuple[tuple[int, ...], ...]
 

@@ -24,12 +24,25 @@ _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 def inner(function):
     """Compile a loop that kernels call."""
-    return numba.njit(**_INNER)(function)
+    return numba.njit(**_INNER)(_distinct(function))
 
 
 def formula(function):
     """Compile a formula: LLVM inlines it, so that a loop over lanes that calls it becomes SIMD."""
-    return numba.njit(forceinline=True, **_INNER)(function)
+    return numba.njit(forceinline=True, **_INNER)(_distinct(function))
+
+
+def _distinct(function):
+    """Name a closure after what it holds.
+
+    Numba numbers symbols anew in each process. A closure that comes with a kernel from the cache
+    and another one of the same factory could have the same name, and LLVM would take one for both.
+    """
+    held = [cell.cell_contents for cell in function.__closure__ or ()]
+    if held:
+        names = [getattr(getattr(each, "py_func", each), "__qualname__", each) for each in held]
+        function.__qualname__ += f"({', '.join(map(str, names))})"
+    return function
 
 
 class Kernel:

@@ -1,7 +1,6 @@
 """Poles, overflow, and what is said of them."""
 
 import pickle
-import warnings
 
 import naive
 import numpy as np
@@ -313,33 +312,11 @@ def test_the_error_survives_pickling(unit):
     assert again.trajectories.status == sf.Status.SINGULAR
 
 
-@pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0])
-def test_poles_of_step_full_and_jacobian(x):
-    body = sf.Suslov3D(3, 1, 1, 0)
-    omega = [x, -(6 + x * x)]
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.jacobian(body, omega, 1)).all()
-
-
-def test_one_trajectory(unit):
-    with pytest.warns(sf.SingularStepWarning) as caught:
-        sf.step(unit, ON_THE_POLE, 1)
-    assert str(caught[0].message) == "1 of 1 trajectories: singular step, first: 0 at step 1"
-
-
 def test_raise(unit):
     with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     assert caught.value.trajectories.status.tolist() == [0, -1]
     assert np.isfinite(caught.value.trajectories.omega[:, 0]).all()
-
-
-def test_ignore(unit):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert not sf.iterate(unit, ON_THE_POLE, 1, 4, on_singular="ignore").ok
 
 
 def test_step(unit):
@@ -357,12 +334,6 @@ def test_step_full(unit):
         result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
     assert np.isnan(result[0]).all()
     assert np.isfinite(result[1]).all()
-
-
-def test_out_is_never_stale(unit):
-    out = np.full((5, 2, 2), 7.0)
-    sf.iterate(unit, [ON_THE_POLE, HEALTHY], 1, 4, out=out, on_singular="ignore")
-    assert np.isnan(out[1:, 0]).all()
 
 
 def test_status_messages():

@@ -249,7 +249,9 @@ def test_poles_to_rounding(rng):
         def determinant(w1, body=(I1, I2, I13, I23, 1.0, I3), rest=(w2, w3)):
             state, body = [w1, *naive.exactly(*rest)], naive.exactly(*body)
             zero = naive.ds(*body, state, naive.exactly(0, 0, -state[2]))
-            ones = [naive.ds(*body, state, [*naive.exactly(*u), -state[2]]) for u in ((1, 0), (0, 1))]
+            ones = [
+                naive.ds(*body, state, [*naive.exactly(*u), -state[2]]) for u in ((1, 0), (0, 1))
+            ]
             (a, b), (c, d) = ([one[i] - zero[i] for i in (0, 1)] for one in ones)
             return a * d - b * c
 

@@ -14,7 +14,6 @@ from suslov_fast._engine.iterate_nd import run
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
 from suslov_fast._engine.units import for_loops
-from suslov_fast._kernels import map_nd as loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])

@@ -1,146 +1,235 @@
-"""Compare two revisions of the package in one run; exit status 1 if the second is slower.
+"""Compare two revisions in one run; exit status 1 if the second is slower than it may be.
 
-`python bench/compare.py REV_A REV_B` checks both out beside the repository (`.` is the working
-tree) and runs the benchmarks of the working tree against each in turn, several rounds, the order
-changing from round to round. The best time of each benchmark counts. What looks slower than the
-threshold is measured again, in up to twice as many rounds, before it is called so. What takes long
-is measured in the first round alone. A benchmark that runs with A and fails with B counts as
-slower; one that A cannot run has nothing to be compared with. `revision.py` adapts to version 0.1.
+`python bench/compare.py REV_A REV_B` checks both revisions out (a folder, `.` for instance, is
+taken as it is). A process for each runs the cases of this working tree, in turns, A B, B A, and so
+on: machines are fast and slow for seconds at a time, and only ratios of one run say anything. A
+case is too slow if both the median of the ratios B / A and the ratio of the minima exceed what the
+case allows, or `--threshold` for all. A case that A cannot run has nothing to be compared with; one
+that B alone cannot run counts as too slow. Last come processes of each revision, from start to end,
+in multiples of `import numba`. `--quick` takes one case for each allowance (2 to 4 minutes, most
+of them for compiling both revisions anew).
 """
 
 import argparse
+import compileall
 import contextlib
-import re
+import json
+import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+from statistics import median
 
-from measuring import BENCH, run_pytest
-from results import Whose, load
+import processes
 
-ROOT = BENCH.parent
+BENCH = Path(__file__).parent
+TURN = 0.02  # seconds that a turn lasts at least
 
 
-def resolve(revision):
-    """The commit that a revision names; `.` stays."""
-    if revision == ".":
-        return "."
-    command = ["git", "-C", str(ROOT), "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"compare.py: no such revision: {revision}")
-    return done.stdout.strip()
+def work():
+    """Run cases as they are asked for on the standard input: the process of one revision."""
+    import numba
+    from cases import CASES
+
+    import suslov_fast
+
+    print(json.dumps(suslov_fast.__path__[0]), flush=True)
+    current = None
+    for line in sys.stdin:
+        index, calls, tiny = json.loads(line)
+        try:
+            if calls == 0:
+                case, current = CASES[index], None  # frees the memory of the case before
+                threads = 1 if case.threads == "one" else numba.config.NUMBA_NUM_THREADS
+                numba.set_num_threads(threads)
+                choose = (
+                    (lambda large, small: min(large, small)) if tiny else lambda large, _: large
+                )
+                current = case.make(choose, threads)
+                current.call()  # compiles
+            begin = time.perf_counter()
+            for _ in range(max(calls, 1)):
+                current.call()
+            answer = (time.perf_counter() - begin) / max(calls, 1)
+        except Exception as error:
+            answer = f"{type(error).__name__}: {error}"
+        time.sleep(0.005)  # until the threads of this process have stopped to wait for work
+        print(json.dumps(answer), flush=True)
+
+
+class Worker:
+    """The process of one revision."""
+
+    def __init__(self, tree, folder):
+        path = os.pathsep.join([str(tree), str(BENCH)])
+        environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder)}
+        command = [sys.executable, str(BENCH / "compare.py"), "--work"]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        self.process = subprocess.Popen(command, env=environment, cwd=folder, **pipes)
+        found = self.receive()
+        if Path(found).resolve() != (Path(tree) / "suslov_fast").resolve():
+            raise SystemExit(f"compare.py: expected the package of {tree}, got {found}")
+
+    def send(self, *message):
+        self.process.stdin.write(json.dumps(message) + "\n")
+        self.process.stdin.flush()
+
+    def receive(self):
+        line = self.process.stdout.readline()
+        if not line:
+            raise SystemExit("compare.py: a process ended early")
+        return json.loads(line)
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def turns(workers, index, rounds, tiny):
+    """Seconds per call of a case, in turns: a list for A and one for B, or errors."""
+    for worker in workers:
+        worker.send(index, 0, tiny)  # both compile at once
+    first = [worker.receive() for worker in workers]
+    if any(isinstance(each, str) for each in first):
+        return first
+    calls = max(1, round(TURN / max(first)))
+    found = [[], []]
+    for k in range(rounds):
+        for which in (0, 1) if k % 2 == 0 else (1, 0):
+            workers[which].send(index, calls, tiny)
+            found[which].append(workers[which].receive())
+    return found
+
+
+def compare_cases(trees, folder, rounds, chosen, threshold, tiny):
+    """Print the times of the chosen cases; return the names of those that are too slow."""
+    too_slow = []
+    with contextlib.ExitStack() as stack:
+        workers = []
+        for label, tree in zip("AB", trees, strict=True):
+            cache = folder / f"cache-{label}"
+            cache.mkdir()
+            workers.append(Worker(tree, cache))
+            stack.callback(workers[-1].close)
+        print(f"{'case':44}{'A':>11}{'B':>11} ns  medians  minima  at most", flush=True)
+        for index, case in chosen:
+            found, name = turns(workers, index, rounds, tiny), str(case)
+            if isinstance(found[0], str) or isinstance(found[1], str):
+                print(f"{name:44}" + "; ".join(str(each) for each in found), flush=True)
+                too_slow += [name] * isinstance(found[0], float)
+                continue
+            ratio, minima = ratios(*found)
+            at_most = threshold or case.at_most
+            late = min(ratio, minima) > at_most
+            too_slow += [name] * late
+            times = "".join(f"{1e9 * median(each):11.4g}" for each in found)
+            print(
+                f"{name:44}{times}   {ratio:8.2f}{minima:8.2f}{at_most:9.4g}{'  SLOWER' * late}",
+                flush=True,
+            )
+    return too_slow
+
+
+def ratios(a, b):
+    """The median of the ratios B / A of each turn, and the ratio of the minima."""
+    return median(y / x for x, y in zip(a, b, strict=True)), min(b) / min(a)
+
+
+def compare_processes(trees, folder, rounds, quick):
+    """Print the times of processes in multiples of `import numba`; return those that are late."""
+    codes = {
+        key: (label, code, at_most, "import")
+        for key, (label, code, at_most) in processes.IMPORTS.items()
+    }
+    for key, (label, call) in processes.CALLS.items():
+        if quick and key == "exact":
+            continue
+        code = processes.IMPORT + call
+        codes[f"{key}-first"] = (f"{label}, first call", code, processes.FIRST, "first")
+        codes[f"{key}-again"] = (f"{label}, second process", code, processes.SECOND, "again")
+    times = {(key, which): [] for key in codes for which in (0, 1)}
+    for tree in trees:  # as an installed package has it
+        compileall.compile_dir(Path(tree) / "suslov_fast", quiet=2)
+    for k in range(rounds):
+        for key, (_, code, _, kind) in codes.items():
+            if kind == "first" and k >= (1 if quick else 2):
+                continue
+            for which in (0, 1) if k % 2 == 0 else (1, 0):
+                cache = folder / f"processes-{which}-{key.split('-first')[0].split('-again')[0]}"
+                if kind == "first":  # its cache stays for the second process
+                    cache = cache.with_name(f"{cache.name}-{k}")
+                elif kind == "again":
+                    cache = cache.with_name(f"{cache.name}-0")
+                times[key, which].append(processes.run(code, trees[which], cache))
+    return report_processes(codes, times)
+
+
+def report_processes(codes, times):
+    """Print minima, as seconds and as multiples of `import numba`; return what takes too long."""
+    too_slow = []
+    print(f"\n{'process':44}{'A':>11}{'B':>11} s, x numba: A       B  at most")
+    for key, (label, _, at_most, _) in codes.items():
+        best = [min(times[key, which]) for which in (0, 1)]
+        multiples = [best[which] / min(times["import-numba", which]) for which in (0, 1)]
+        late = at_most is not None and multiples[1] > at_most
+        too_slow += [key] * late
+        seconds = "".join(f"{each:11.3g}" for each in best)
+        allowed = f"{at_most or '':>9}{'  SLOWER' * late}"
+        print(f"{label:44}{seconds}   {multiples[0]:11.2f}{multiples[1]:8.2f}{allowed}", flush=True)
+    return too_slow
 
 
 @contextlib.contextmanager
-def checked_out(commit, folder):
-    """A folder with the package of that commit; gone afterwards, also after Ctrl-C."""
-    if commit == ".":
-        yield ROOT
+def checked_out(revision, folder):
+    """A folder with the package of a revision, or the folder of that name."""
+    if (Path(revision) / "suslov_fast").is_dir():
+        yield Path(revision).resolve()
         return
-    git = ["git", "-C", str(ROOT), "worktree"]
+    git = ["git", "-C", str(BENCH.parent), "worktree"]
+    command = [*git, "add", "--quiet", "--detach", str(folder), revision]
+    if subprocess.run(command, capture_output=True).returncode:
+        raise SystemExit(f"compare.py: no such revision or folder with the package: {revision}")
     try:
-        subprocess.run([*git, "add", "--quiet", "--detach", str(folder), commit], check=True)
         yield folder
     finally:
         subprocess.run([*git, "remove", "--force", str(folder)], check=False)
 
 
-def measure(label, tree, folder, *options, names=None):
-    """One round with the package of `tree`: seconds by benchmark, of all or of those names."""
-    target = Path(folder) / "round.json"
-    target.unlink(missing_ok=True)
-    tests = [str(BENCH / name) for name in (names or [""])]
-    done = run_pytest(
-        target,
-        tests,
-        *options,
-        env={"PYTHONPATH": str(tree)},
-        cwd=folder,  # pytest would import the package from a checkout that it is run in
-        capture_output=True,
-        text=True,
-    )
-    found = re.search(r"^suslov_fast \S+ from (.*)$", done.stdout, re.MULTILINE)
-    if not found or Path(found[1]).resolve() != (Path(tree) / "suslov_fast").resolve():
-        raise SystemExit(f"compare.py: {label} did not import its package:\n{done.stdout[-3000:]}")
-    if not target.exists():
-        raise SystemExit(f"compare.py: no benchmark ran with {label}:\n{done.stdout[-3000:]}")
-    failed = re.findall(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
-    print(f"  {label}: {found[0]}", *(f"\n    fails: {name}" for name in failed), flush=True)
-    rows = load(target).rows
-    return {row.name: 1 / row.rate for row in rows if row.whose is Whose.OURS}
-
-
-def keep_best(best, times):
-    """Lower the best times to those of another round."""
-    for name, seconds in times.items():
-        best[name] = min(seconds, best.get(name, seconds))
-
-
-def slower(best_a, best_b, threshold):
-    """Names of benchmarks that take more than `threshold` times as long with B, or fail there."""
-    return sorted(
-        name for name, a in best_a.items() if best_b.get(name, float("inf")) > threshold * a
-    )
-
-
-def table(best_a, best_b, threshold):
-    """Times per unit of work, their ratio, and what is slower, in plain text."""
-    names = sorted(best_a.keys() | best_b.keys())
-    width = max(map(len, names), default=0)
-    lines = [f"{'benchmark':{width}}  {'A':>10}  {'B':>10}  {'B / A':>6}"]
-    late = set(slower(best_a, best_b, threshold))
-    for name in names:
-        a, b = best_a.get(name), best_b.get(name)
-        ratio = f"{b / a:6.3f}" if a and b else "     -"
-        times = "  ".join(f"{each * 1e9:10.4g}" if each else f"{'fails':>10}" for each in (a, b))
-        lines.append(f"{name:{width}}  {times}  {ratio}{'  SLOWER' * (name in late)}")
-    return "\n".join(
-        [*lines, "Nanoseconds for each unit of work: step, state, jump, call, process."]
-    )
-
-
-def compare(trees, rounds, threshold, select, folder):
-    """Best times with A and with B, after so many rounds, and more for what looks slower."""
-    best = {"A": {}, "B": {}}
-    names, chosen = None, ["-k", select] if select else []
-    for k in range(3 * rounds):
-        marked = ["-m", "not other and not once" if k else "not other"]
-        if k >= rounds:
-            names = [name for name in slower(best["A"], best["B"], threshold) if name in best["B"]]
-            if not names:
-                break
-            marked, chosen = [], []
-            print(f"again: {len(names)}", flush=True)
-        for label in "AB" if k % 2 == 0 else "BA":
-            found = measure(label, trees[label], folder, *marked, *chosen, names=names)
-            keep_best(best[label], found)
-    return best["A"], best["B"]
-
-
-def main():
-    """Compare, print, and tell by the exit status."""
+def main(arguments=None):
+    """Compare, print, and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("revisions", nargs=2, metavar="REV", help="a revision, or . as it is here")
-    parser.add_argument("--threshold", type=float, default=1.1, help="B / A that is slower (1.1)")
-    parser.add_argument("--rounds", type=int, default=4)
-    parser.add_argument("-k", dest="select", help="only benchmarks that match, as for pytest")
-    options = parser.parse_args()
-    commits = [resolve(revision) for revision in options.revisions]
+    parser.add_argument("revisions", nargs=2, metavar="REV", help="a revision, or a folder")
+    parser.add_argument("--quick", action="store_true", help="one case for each allowance")
+    parser.add_argument("--rounds", type=int, help="turns of each case (9; quick: 5)")
+    parser.add_argument("--threshold", type=float, help="what B / A may be, for all cases")
+    parser.add_argument("-k", dest="select", default="", help="only cases with this in their name")
+    parser.add_argument("--no-processes", action="store_true", help="only cases")
+    parser.add_argument("--tiny", action="store_true", help="tiny problems, to try this script")
+    options = parser.parse_args(arguments)
+    from cases import CASES
+
+    chosen = [
+        (index, case)
+        for index, case in enumerate(CASES)
+        if options.select in str(case) and (case.quick or not options.quick)
+    ]
+    rounds = options.rounds or (5 if options.quick else 9)
     with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory())
-        trees = {}
-        for label, revision, commit in zip("AB", options.revisions, commits, strict=True):
-            trees[label] = stack.enter_context(checked_out(commit, Path(folder) / label))
-            print(f"{label}: {revision}" + (f" = {commit[:10]}" if commit != "." else ""))
-        a, b = compare(trees, options.rounds, options.threshold, options.select, folder)
-    print(table(a, b, options.threshold))
-    late = slower(a, b, options.threshold)
-    both = len(a.keys() & b.keys())
-    print(f"{len(late)} of {both} slower than {options.threshold:g} times A")
-    return 1 if late else 0
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        trees = []
+        for label, revision in zip("AB", options.revisions, strict=True):
+            trees.append(stack.enter_context(checked_out(revision, folder / label)))
+            print(f"{label}: {revision}", flush=True)
+        tiny, threshold = options.tiny, options.threshold
+        too_slow = compare_cases(trees, folder, rounds, chosen, threshold, tiny)
+        if not options.no_processes:
+            too_slow += compare_processes(trees, folder, min(rounds, 3), options.quick)
+    print(f"\n{len(too_slow)} slower than allowed" + "".join(f"\n  {name}" for name in too_slow))
+    return 1 if too_slow else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    work() if sys.argv[1:] == ["--work"] else sys.exit(main())

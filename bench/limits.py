@@ -1,40 +1,70 @@
-"""The limits of the machine, measured: divisions, bytes stored and bytes copied, per second."""
+"""The limits of the machine, as benchmarks beside those that they limit."""
 
-import ctypes
-
+import native
 import numpy as np
-from gcc import library, pointer
+from cases import Case, Work
+from problem import aligned
 
-# Doubles of what is stored to: 256 MiB, far beyond the caches.
-LARGE = 2**25
-
-
-def aligned(shape):
-    """A C-contiguous array of zeros, touched, at a multiple of 64 bytes for streaming stores."""
-    size = int(np.prod(shape))
-    room = np.empty(size + 8)  # large ones are on huge pages, where the system has them
-    room.fill(0.0)
-    start = -room.ctypes.data % 64 // 8
-    return room[start : start + size].reshape(shape)
+LARGE = 2**25  # doubles: 256 MiB, far beyond the caches
+MACHINE = "the machine"
 
 
-def divide(blocks, rounds, threads):
-    """64 * blocks * rounds independent divisions of doubles."""
-    function = library("limits.c").divide
-    function.restype = ctypes.c_double
-    function(ctypes.c_long(blocks), ctypes.c_long(rounds), ctypes.c_int(threads))
+def divisions(size, threads):
+    """Independent divisions."""
+    blocks, rounds = size(1024, 8), size(1000, 10)
+    to = np.empty(blocks)
+    call = lambda: native.call("limits.c", "divide", to, blocks, rounds, threads)  # noqa: E731
+    call()
+    return Work(call, 64 * blocks * rounds)
 
 
-def store(to, threads, streaming=False):
-    """Fill memory with plain stores, or with streaming (non-temporal) ones."""
-    name = "store_streaming" if streaming else "store"
-    function = getattr(library("limits.c"), name, None)
-    if function is None:
-        raise ImportError("no streaming stores for this processor")
-    function(pointer(to), ctypes.c_long(to.size), ctypes.c_double(1.0), ctypes.c_int(threads))
+def stores(kind, threads, size=LARGE):
+    """A call that fills memory, and its bytes."""
+    to = aligned((size,))
+    call = lambda: native.call("limits.c", kind, to, size, threads)  # noqa: E731
+    call()
+    return call, to.nbytes
 
 
-def copy(source, to, threads):
-    """Copy memory, a part on each thread."""
-    size, count = ctypes.c_long(to.size), ctypes.c_int(threads)
-    library("limits.c").copy(pointer(source), pointer(to), size, count)
+def states_stored(kind):
+    """Stores, in states of 16 bytes."""
+
+    def make(size, threads):
+        call, nbytes = stores(kind, threads, size(LARGE, 2**10))
+        return Work(call, nbytes // 16)
+
+    return make
+
+
+def new_memory(size, threads):
+    count = size(LARGE, 2**10)
+    return Work(lambda: np.ones(count), count // 2)
+
+
+def copy(size, threads):
+    """Bytes read and written, in pieces of 24, into memory that is used again."""
+    source, to = (aligned((size(LARGE // 2, 2**10),)) for _ in range(2))
+    call = lambda: native.call("limits.c", "copy", source, to, to.size, threads)  # noqa: E731
+    call()
+    return Work(call, 2 * to.nbytes // 24)
+
+
+def new_copy(size, threads):
+    source = np.ones(size(LARGE // 2, 2**10))
+    return Work(source.copy, 2 * source.nbytes // 24)
+
+
+LAST, SAVED, COPIED = ("last states", "steps"), ("saved states", "states"), ("quantities", "states")
+DIVISIONS, STREAMING, COPY = ("divisions", 1), ("streaming", 16), ("copy", 24)
+streaming_stores, plain_stores = states_stored("streaming"), states_stored("plain")
+CASES = [
+    Case(table[0], key, f"*limit: {label}*", table[1], make, None, limit, MACHINE, threads=threads)
+    for table, key, label, limit, threads, make in (
+        (LAST, "divisions", "one division per step", DIVISIONS, "all", divisions),
+        (SAVED, "streaming", "streaming stores", STREAMING, "all", streaming_stores),
+        (SAVED, "plain", "plain stores", STREAMING, "all", plain_stores),
+        (SAVED, "new", "`np.ones`, new memory", None, "one", new_memory),
+        (COPIED, "copy", "a copy of 24 bytes in C", COPY, "both", copy),
+        (COPIED, "new-copy", "`ndarray.copy` of 24 bytes", COPY, "one", new_copy),
+    )
+]

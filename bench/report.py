@@ -7,39 +7,38 @@ nothing. `--write` also replaces the table in README.md.
 """
 
 import argparse
+from pathlib import Path
 
+import results
 import tables
-from measuring import BENCH, measure
-from results import dump, load, merge
 
-RESULTS = BENCH / "results"
-README = BENCH.parent / "README.md"
+README = results.BENCH.parent / "README.md"
 PASSES = 4
 
 
-def main():
+def main(arguments=None):
     """Measure or load, print, draw, and write if asked to."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
     parser.add_argument("--passes", type=int, default=PASSES, help=f"how often ({PASSES})")
     parser.add_argument("-k", dest="select", help="only benchmarks that match, as for pytest")
-    options = parser.parse_args()
+    parser.add_argument("--to", type=Path, default=results.BENCH / "results", help="folder")
+    options = parser.parse_args(arguments)
     import charts  # needs matplotlib: say so before all is measured
 
     if options.files:
-        results = merge([load(path) for path in options.files])
+        measured = results.merge([results.load(path) for path in options.files])
     else:
-        results = measure(options.passes, options.select)
-    RESULTS.mkdir(exist_ok=True)
-    if options.write or not options.files:
-        dump(results, RESULTS / "benchmarks.json")
-    text = tables.everything(results)
+        measured = results.measure(options.passes, options.select)
+    options.to.mkdir(exist_ok=True)
+    results.dump(measured, options.to / "benchmarks.json")
+    text = tables.everything(measured)
     print(text)
-    (RESULTS / "tables.md").write_text(text, encoding="utf-8")
-    charts.draw(results, RESULTS)
+    (options.to / "tables.md").write_text(text, encoding="utf-8")
+    charts.draw(measured, options.to)
     if options.write:
-        page = tables.replace(README.read_text(encoding="utf-8"), tables.summary(results))
+        page = tables.replace(README.read_text(encoding="utf-8"), tables.summary(measured))
         README.write_text(page, encoding="utf-8")
 
 

@@ -1,89 +1,43 @@
-"""What was measured: rows of benchmarks, how they are loaded, merged and compared with limits."""
+"""Run the benchmarks, and keep what they measured: rows of results, their files, their limits."""
 
+import importlib.metadata
 import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
 from dataclasses import asdict, dataclass
-from enum import Enum
 from pathlib import Path
 
-# What is told about a machine; nothing that names it or its owner.
-MACHINE = ("processor", "cores", "threads", "system", "versions")
+import native
 
-
-class Table(str, Enum):
-    """What rows have in common, so that they are compared with each other."""
-
-    LAST = "last states"
-    SAVED = "saved states"
-    FEW = "few orbits"
-    JUMPS = "jumps"
-    MOTION = "motion"
-    OBSERVABLES = "observables"
-    ND = "n dimensions"
-    ND_SAVED = "n dimensions, saved states"
-    ATTITUDE = "attitude"
-    CALLS = "calls"
-    STARTS = "starts"
-    LIMITS = "limits"
-    BATCH = "batch"
-    EVERY = "save_every"
-    STEPS = "steps"
-    THREADS = "threads"
-
-
-class Whose(str, Enum):
-    """Who does the work of a row."""
-
-    OURS = "this package"
-    C = "C"
-    NUMPY = "NumPy"
-    OTHER = "others"
-    MACHINE = "the machine"
-
-
-class Limit(str, Enum):
-    """What a machine does at most: the keys of the rows of `Table.LIMITS`."""
-
-    DIVISIONS = "divisions"
-    STREAMING = "streaming"
-    PLAIN = "plain"
-    COPY = "copy"
-    NEW = "new"
-    NEW_COPY = "new copy"
+BENCH = Path(__file__).parent
+PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "JAX", "numbalsoda", "pynamicalsys"]
+# Passes are short and follow each other: a shared machine is slow for seconds at a time.
+SETTINGS = ("--benchmark-min-rounds=3", "--benchmark-max-time=0.1", "--benchmark-columns=min")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One benchmark.
+    """One benchmark, measured.
 
-    Attributes
-    ----------
-    key, whose
-        Which line of its table it is on; rows with one key may differ in x, whose and threads.
-    label
-        What is shown for it, in Markdown.
-    seconds, work
-        The best time, of so many units.
-    error
-        The largest relative error, if it was measured.
-    limit
-        (what, how much of it a unit needs), what being a `Limit`.
-    share
-        How much of the limit was reached in turns with it: the median, if that was measured.
-    x
-        Where it stands in a chart or a table with columns.
+    `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
+    of the machine and how much of it a unit needs, `share` the measured share of that limit if row
+    and limit were measured in turn, `x` the place in a chart or in a table with columns.
     """
 
     name: str
-    table: Table
+    table: str
     key: str
     label: str
-    whose: Whose
+    whose: str
     unit: str
     work: float
     seconds: float
     threads: int = 1
     error: float | None = None
-    limit: tuple[Limit, float] | None = None
+    limit: tuple[str, float] | None = None
     share: float | None = None
     x: float | None = None
 
@@ -91,16 +45,6 @@ class Row:
     def rate(self):
         """Units of work per second."""
         return self.work / self.seconds
-
-    @classmethod
-    def of(cls, values):
-        """A row from what JSON has of it."""
-        known = {
-            "table": Table(values["table"]),
-            "whose": Whose(values["whose"]),
-            "limit": values.get("limit") and (Limit(values["limit"][0]), values["limit"][1]),
-        }
-        return cls(**values | known)
 
 
 @dataclass(frozen=True)
@@ -112,109 +56,139 @@ class Results:
     passes: int
     rows: tuple[Row, ...]
 
-    @property
-    def threads(self):
-        """The most threads that were used."""
-        return self.machine["threads"]
-
     def of(self, table, **wanted):
         """Rows of a table with these attributes, fastest first."""
         rows = [
             row
             for row in self.rows
-            if row.table is table
+            if row.table == table
             and all(getattr(row, name) == value for name, value in wanted.items())
         ]
         return sorted(rows, key=lambda row: row.rate, reverse=True)
-
-    def best(self, table, **wanted):
-        """The same, each key with the most threads it was measured with."""
-        rows = self.of(table, **wanted)
-        most = {}
-        for row in rows:
-            most[row.key, row.x] = max(most.get((row.key, row.x), 0), row.threads)
-        return [row for row in rows if row.threads == most[row.key, row.x]]
 
     def one(self, table, key, **wanted):
         """The fastest row of that key, or None."""
         return next(iter(self.of(table, key=key, **wanted)), None)
 
-    def limit(self, what, threads):
-        """Divisions or bytes per second on so many threads, or None where not measured.
-
-        Who gets more than the benchmark of the limit shows that it was measured at a bad moment:
-        the most that any got is the limit.
-        """
-        measured = self.one(Table.LIMITS, what, threads=threads)
-        if measured is None:
-            return None
-        used = [
-            row.rate * row.limit[1]
-            for row in self.rows
-            if row.limit and row.limit[0] is what and row.threads == threads
-        ]
-        return max([measured.rate, *used])
+    def best(self, table):
+        """Rows of a table, each key with the most threads it was measured with."""
+        rows, most = self.of(table), {}
+        for row in rows:
+            key = row.key, row.whose, row.x
+            most[key] = max(most.get(key, 0), row.threads)
+        return [row for row in rows if row.threads == most[row.key, row.whose, row.x]]
 
     def share(self, row):
-        """How much of its limit a row reaches, or None."""
+        """Share of its limit that a row reaches, or None.
+
+        The limit is the most that any row got: a row that passes the benchmark of the limit shows
+        that the limit was measured at a bad moment.
+        """
         if row.limit is None or row.share is not None:
             return row.share
-        what, count = row.limit
-        limit = self.limit(what, row.threads)
-        return limit and row.rate * count / limit
+        found = [
+            each
+            for each in self.rows
+            if each.limit and each.limit[0] == row.limit[0] and each.threads == row.threads
+        ]
+        if not any(each.whose == "the machine" for each in found):
+            return None
+        return row.rate * row.limit[1] / max(each.rate * each.limit[1] for each in found)
 
 
 def dump(results, path):
     """Write results to a file."""
-    text = json.dumps(asdict(results), indent=1, ensure_ascii=False)
+    rows = [{k: v for k, v in asdict(row).items() if v is not None} for row in results.rows]
+    text = json.dumps(vars(results) | {"rows": rows}, indent=1, ensure_ascii=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
 def load(path):
-    """Results from a file of `dump`, or of pytest-benchmark."""
+    """Results from a file of `dump`, or of pytest-benchmark: nothing that names machine or user."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
-    if "passes" not in content:
-        content = _trimmed(content)
-    return Results(**content | {"rows": tuple(map(Row.of, content["rows"]))})
+    if "benchmarks" in content:
+        machine = content["machine_info"]
+        content = {
+            "date": content["datetime"][:10],
+            "machine": {key: machine[key] for key in ("processor", "threads", "versions")},
+            "passes": 1,
+            "rows": [
+                each["extra_info"] | {"name": each["name"], "seconds": each["stats"]["min"]}
+                for each in content["benchmarks"]
+            ],
+        }
+    rows = [
+        row | {"limit": tuple(row["limit"]) if row.get("limit") else None}
+        for row in content["rows"]
+    ]
+    return Results(**content | {"rows": tuple(Row(**row) for row in rows)})
 
 
 def merge(several):
     """The best time of each benchmark; all come from one machine with one set of versions."""
-    first = several[0]
     best = {}
     for results in several:
-        if results.machine != first.machine:
+        if results.machine != several[0].machine:
             raise ValueError("expected results of one machine and one set of versions")
         for row in results.rows:
-            known = best.get(row.name)
-            if known is None or row.seconds < known.seconds:
+            if row.name not in best or row.seconds < best[row.name].seconds:
                 best[row.name] = row
     return Results(
         date=max(results.date for results in several),
-        machine=first.machine,
+        machine=several[0].machine,
         passes=sum(results.passes for results in several),
         rows=tuple(best.values()),
     )
 
 
-def _trimmed(raw):
-    """What of pytest-benchmark's output is kept: nothing that tells whose machine it was."""
+def measure(passes, select=None):
+    """The results of several passes over all benchmarks, each in a process of its own."""
+    several = []
+    # The peers that solve linear systems are measured on one thread, like the others beside them.
+    threads = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "pytest", str(BENCH), "-q", "--benchmark-enable", *SETTINGS]
+    command += ["--benchmark-quiet", *(["-k", select] if select else [])]
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(passes):
+            print(f"pass {k + 1} of {passes}", flush=True)
+            target = Path(folder) / f"{k}.json"
+            once = ["-m", "not once"] if k else []
+            json_to = f"--benchmark-json={target}"
+            subprocess.run(
+                [*command, json_to, *once], env=os.environ | threads, cwd=BENCH.parent, check=True
+            )
+            several.append(load(target))
+    return merge(several)
+
+
+def machine():
+    """Processor, threads and versions, and nothing that names the host."""
+    import numba
+    from llvmlite import binding
+
+    import suslov_fast
+
+    versions = {"Python": platform.python_version(), "suslov_fast": suslov_fast.__version__}
+    for package in PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package.lower())
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))
+    if native.version():
+        versions["gcc"] = native.version()
+    compiled_for = f", compiled for {native.PROCESSOR}" if native.PROCESSOR else ""
     return {
-        "date": raw["datetime"][:10],
-        "machine": {key: raw["machine_info"][key] for key in MACHINE if key in raw["machine_info"]},
-        "passes": 1,
-        "rows": [
-            {
-                "name": _short_name(each["fullname"]),
-                "seconds": each["stats"]["min"],
-                **each["extra_info"],
-            }
-            for each in raw["benchmarks"]
-        ],
+        "processor": _processor() + compiled_for,
+        "threads": int(numba.config.NUMBA_NUM_THREADS),
+        "versions": versions,
     }
 
 
-def _short_name(fullname):
-    """The name of a test without the folders of its file."""
-    path, separator, test = fullname.partition("::")
-    return path.rsplit("/", 1)[-1] + separator + test
+def _processor():
+    """The name of the processor, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()

@@ -107,3 +107,49 @@ def test_a_numba_whose_cache_is_organised_otherwise(folder):
     cache.write_text(cache.read_text().replace('"_cache"', '"_cache_of_another_numba"'))
     assert call(folder) == ("result 0.0 2.0 4.0", False)
     assert call(folder) == ("result 0.0 2.0 4.0", True)
+
+
+LOOPS_OF_A_FACTORY = """
+from numba import prange
+from .._jit import Kernel, formula, inner
+
+@formula
+def twice(x):
+    return 2.0 * x
+
+@formula
+def half(x):
+    return 0.5 * x
+
+def loop_of(change):
+    @inner
+    def part(x, out):
+        for i in range(x.size):
+            out[i] = change(x[i])
+    return part
+
+def whole(x, out):
+    for _ in prange(1):
+        part(x, out)
+
+first = Kernel(whole, "first", part=loop_of(twice))
+second = Kernel(whole, "second", part=loop_of(half))
+"""
+CALL_SOME = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from core._kernels import loops
+import numpy as np
+x = np.arange(3.0)
+for name in sys.argv[2:]:
+    getattr(loops, name).serial(x, out := np.zeros(3))
+    print(*out)
+"""
+
+
+def test_loops_of_one_factory_that_two_processes_compiled(folder):
+    """A third process loads both."""
+    (folder / "core" / "_kernels" / "loops.py").write_text(LOOPS_OF_A_FACTORY)
+    for names in (["first"], ["second"], ["first", "second"]):
+        output = children.run(CALL_SOME, str(folder), *names, NUMBA_CACHE_DIR="")
+    assert output.split("\n")[:2] == ["0.0 2.0 4.0", "0.0 0.5 1.0"]

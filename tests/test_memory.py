@@ -42,9 +42,12 @@ def group(folder, bound, used, cached):
         (INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0), 7 * GB),
         (INSIDE | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
         (INSIDE | group(GROUPS, 2 * GB, GB, 0), GB),
-        (INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0) | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
+        (
+            INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0) | group(GROUPS + "/a", 4 * GB, GB, 0),
+            3 * GB,
+        ),
     ],
-)  # fmt: skip
+)
 def test_available(files, expected):
     def read(path):
         if path not in files:

@@ -1,11 +1,10 @@
 """Numba as one writes it first: `prange` over trajectories."""
 
+import formulas
 import numba
 import numpy as np
 
-from . import printed
-
-_step = numba.njit(printed.step)
+_step = numba.njit(formulas.step_as_printed)
 
 
 @numba.njit(parallel=True, cache=True)

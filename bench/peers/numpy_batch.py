@@ -1,16 +1,26 @@
-"""NumPy: whole batches, step by step."""
+"""Python one number at a time, and NumPy over whole batches, step by step."""
 
 import numpy as np
-from problem import BODY, EPS, matrix_nd
+from formulas import EPS, Formulas, matrix_nd, step_as_printed
 
-from .printed import step
+MAP = Formulas()
+
+
+def final_python(omega0, steps, threads):
+    """(ds2) as printed, without NumPy."""
+    result = []
+    for p, q in omega0.tolist():
+        for _ in range(steps):
+            p, q = step_as_printed(p, q)
+        result.append((p, q))
+    return np.array(result)
 
 
 def final(omega0, steps, threads):
     """(ds2) as printed."""
     p, q = omega0.T.copy()
     for _ in range(steps):
-        p, q = step(p, q)
+        p, q = step_as_printed(p, q)
     return np.stack([p, q], axis=-1)
 
 
@@ -19,24 +29,20 @@ def stored(omega0, steps, threads, out):
     out[0] = omega0
     p, q = omega0.T.copy()
     for n in range(steps):
-        p, q = step(p, q)
+        p, q = step_as_printed(p, q)
         out[n + 1, :, 0], out[n + 1, :, 1] = p, q
     return out
 
 
-def jump(omega0, n, threads):
+def jump(omega0, n):
     """State n by the theorem of Section 4, corrected, for x != 0 and t < 1."""
-    I1, I2, I13, I23 = BODY.parameters
-    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
-    w1, w2 = omega0.T
-    x, y = I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
-    h = (a * x * x + y * y) / (4 * a + EPS**2 * x * x)
-    q = np.sqrt(a - h * EPS**2)
-    s = -2 * np.arctanh(EPS * np.sqrt(h / a)) * n + np.arcsinh(y / (np.abs(x) * q))
-    scale = 2 * np.sqrt(h * a) / D
+    x, y = MAP.to_xy(*omega0.T)
+    h = (MAP.a * x * x + y * y) / (4 * MAP.a + EPS**2 * x * x)
+    q = np.sqrt(MAP.a - h * EPS**2)
+    s = -2 * np.arctanh(EPS * np.sqrt(h / MAP.a)) * n + np.arcsinh(y / (np.abs(x) * q))
+    scale = 2 * np.sqrt(h * MAP.a)
     with np.errstate(over="ignore"):  # 1 / inf is the 0 that is meant
-        x, y = np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)
-    return np.stack([I13 * I2 * x + I23 * y, I23 * I1 * x - I13 * y], axis=-1)
+        return np.stack(MAP.from_xy(np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)), -1)
 
 
 def solve(body, omega0, eps, steps):

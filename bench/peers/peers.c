@@ -6,7 +6,7 @@
 #endif
 #define LANES 64
 #define ARGUMENTS const double *from, double *to, long batch, long steps, double I1, double I2, \
-                  double I13, double I23, double eps, int threads
+                  double I13, double I23, double eps, long threads
 #define FOR_LANES for (int l = 0; l < LANES; l++)
 #define FOR_BLOCKS _Pragma("omp parallel for schedule(static) num_threads(threads)") \
                    for (long first = 0; first < batch; first += LANES)
@@ -87,18 +87,21 @@ static inline void advance(double *X, double *Y)
     }
 }
 
-void parameter_free(ARGUMENTS)
-{
-    const Frame f = frame(I1, I2, I13, I23, eps);
-    FOR_BLOCKS {
-        double X[LANES], Y[LANES], u[LANES], v[LANES];
-        long width = load(from, batch, first, X, Y);
-        enter(f, X, Y);
-        for (long n = 0; n < steps; n++) advance(X, Y);
-        leave(f, X, Y, u, v);
-        unload(to, first, width, u, v);
-    }
+/* Last states; ADVANCE moves a block from step n on, and n with it. */
+#define LAST(ADVANCE) { \
+    const Frame f = frame(I1, I2, I13, I23, eps); \
+    FOR_BLOCKS { \
+        double X[LANES], Y[LANES], u[LANES], v[LANES]; \
+        long width = load(from, batch, first, X, Y), n = 0; \
+        enter(f, X, Y); \
+        ADVANCE \
+        for (; n < steps; n++) advance(X, Y); \
+        leave(f, X, Y, u, v); \
+        unload(to, first, width, u, v); \
+    } \
 }
+
+void parameter_free(ARGUMENTS) LAST()
 
 /* X = p/q, Y = s/q: a step without division, and one division after four steps. Half a block at a
    time, so that p, s, q stay in registers. */
@@ -122,22 +125,11 @@ static inline void four_steps(double *X, double *Y)
     }
 }
 
-void projective(ARGUMENTS)
-{
-    const Frame f = frame(I1, I2, I13, I23, eps);
-    FOR_BLOCKS {
-        double X[LANES], Y[LANES], u[LANES], v[LANES];
-        long width = load(from, batch, first, X, Y), n = 0;
-        enter(f, X, Y);
-        for (; n + 4 <= steps; n += 4) {
-            four_steps(X, Y);
-            four_steps(X + HALF, Y + HALF);
-        }
-        for (; n < steps; n++) advance(X, Y);
-        leave(f, X, Y, u, v);
-        unload(to, first, width, u, v);
-    }
-}
+void projective(ARGUMENTS) LAST(
+    for (; n + 4 <= steps; n += 4) {
+        four_steps(X, Y);
+        four_steps(X + HALF, Y + HALF);
+    })
 
 /* All states, to[n][trajectory][component]; the batch is a multiple of 64. */
 #define STORED(COPY) \

@@ -2,13 +2,12 @@
 
 import functools
 
+import formulas
 import numba
 import numpy as np
 from pynamicalsys import DiscreteDynamicalSystem
 
-from . import printed
-
-_step = numba.njit(printed.step)
+_step = numba.njit(formulas.step_as_printed)
 
 
 @numba.njit

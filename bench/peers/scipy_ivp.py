@@ -1,30 +1,26 @@
 """SciPy: the motion (s1) by `solve_ivp`."""
 
 import numpy as np
-from problem import EPS
+from formulas import velocity
 from scipy.integrate import solve_ivp
-
-from .printed import velocity
 
 TOLERANCES = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 
 
-def one_by_one(omega0, steps, threads):
+def one_by_one(omega0, time, threads):
     """A call for each trajectory."""
-    span = (0.0, steps * EPS)
-    ends = [
-        solve_ivp(lambda t, w: velocity(*w), span, state, t_eval=span[1:], **TOLERANCES).y[:, 0]
-        for state in omega0.tolist()
-    ]
-    return np.array(ends)
+
+    def last(state):
+        return solve_ivp(lambda t, w: velocity(*w), (0.0, time), state, **TOLERANCES).y[:, -1]
+
+    return np.array([last(state) for state in omega0.tolist()])
 
 
-def stacked(omega0, steps, threads):
+def stacked(omega0, time, threads):
     """All trajectories as one system, which takes the steps that its worst one needs."""
 
     def right(t, w):
         return np.concatenate(velocity(*w.reshape(2, -1)))
 
-    span = (0.0, steps * EPS)
-    end = solve_ivp(right, span, omega0.T.ravel(), t_eval=span[1:], **TOLERANCES).y[:, 0]
+    end = solve_ivp(right, (0.0, time), omega0.T.ravel(), **TOLERANCES).y[:, -1]
     return end.reshape(2, -1).T

@@ -192,6 +192,8 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             run._replace(origin=size - 1 - run.origin, direction=-run.direction)
             for run in runs_of(times[::-1], flow)
         ]
+    if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
+        return []
     negative = int(np.searchsorted(times, 0.0))
     runs = []
     for sign, outward, origin in (

@@ -1,5 +1,6 @@
 """Every option of Numba that the package uses, with the reason for it."""
 
+import hashlib
 import types
 from functools import cached_property
 
@@ -24,16 +25,41 @@ _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 def inner(function):
     """Compile a loop that kernels call."""
-    return numba.njit(**_INNER)(function)
+    return numba.njit(**_INNER)(_distinct(function))
 
 
 def formula(function):
     """Compile a formula: LLVM inlines it, so that a loop over lanes that calls it becomes SIMD."""
-    return numba.njit(forceinline=True, **_INNER)(function)
+    return numba.njit(forceinline=True, **_INNER)(_distinct(function))
+
+
+def _distinct(function):
+    """Name a function that a factory defines after what it closes over.
+
+    Numba tells functions of one name apart by a counter in the process. Those of two processes,
+    loaded from the cache by a third, could have one symbol, and LLVM would link only one of them.
+    """
+    if function.__closure__:
+        parts = [
+            getattr(cell.cell_contents, "py_func", cell.cell_contents)
+            for cell in function.__closure__
+        ]
+        names = [f"{p.__module__}.{p.__qualname__}" if callable(p) else repr(p) for p in parts]
+        function.__qualname__ += "_" + hashlib.sha256(repr(names).encode()).hexdigest()[:12]
+    return function
 
 
 class Kernel:
     """A loop over `prange` that Python calls, compiled twice from one body.
+
+    Parameters
+    ----------
+    function : callable
+        The loop.
+    name : str, optional
+        Its name in the cache, by default its own.
+    **names
+        Functions that free names of the loop stand for. Numba caches no function with a closure.
 
     Attributes
     ----------
@@ -42,8 +68,10 @@ class Kernel:
         cached on disk.
     """
 
-    def __init__(self, function):
+    def __init__(self, function, name=None, **names):
         self.function = function
+        self.name = name or function.__name__
+        self.names = function.__globals__ | names if names else function.__globals__
 
     @cached_property
     def serial(self):
@@ -55,13 +83,12 @@ class Kernel:
         return self.serial if config.BOUNDSCHECK else self._build(parallel=True)
 
     def _build(self, parallel):
-        function = self.function
-        if config.DISABLE_JIT:
-            return np.errstate(all="ignore")(function)  # compiled code does not warn either
         # Numba names cache files after the function: two builds need two names.
-        name = f"{function.__name__}_{'parallel' if parallel else 'serial'}"
-        named = types.FunctionType(function.__code__, function.__globals__, name)
+        name = f"{self.name}_{'parallel' if parallel else 'serial'}"
+        named = types.FunctionType(self.function.__code__, self.names, name)
         named.__qualname__ = name
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(named)  # compiled code does not warn either
         return enable_cache(named, numba.njit(parallel=parallel, **OPTIONS))
 
 

@@ -11,13 +11,11 @@ period       after how many states the bodies repeat
 report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
-import types
-
 import numpy as np
 from numba import prange
 
 from .._formulas import continuous, coordinates, gyrostat, integrals, linearised, section4, units
-from .._jit import carray, formula, inner, kernel, stack
+from .._jit import Kernel, carray, formula, inner, stack
 
 LANES = 128
 # Rows of a block: parameters; the body; the state and its largest component so far; results.
@@ -158,9 +156,7 @@ def all_states(parameters, omega, out, period, report):
 
 def quantity(name, enter, at_lane, size=1):
     """Make the kernel of a quantity of `size` numbers."""
-    # Numba caches no function with a closure, and names cache files after functions.
-    names = globals() | {"evaluate": evaluation(enter, at_lane, size)}
-    return kernel(types.FunctionType(all_states.__code__, names, name))
+    return Kernel(all_states, name, evaluate=evaluation(enter, at_lane, size))
 
 
 @formula

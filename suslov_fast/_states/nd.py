@@ -11,9 +11,11 @@ from .._bodies.nd import SuslovND
 from .._bodies.reduction import first_integral as first_integral_of
 from .._bodies.reduction import reduce
 from .._checks import FloatArray
+from .._engine.run import Run, execute
 from .._engine.states import by_slabs
 from .._engine.states_nd import of_state_nd
 from .._kernels import states_nd as kernels
+from .._maps.registry import map_of
 
 Step = float | FloatArray | None
 Batch = tuple[int, ...]
@@ -92,9 +94,9 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 
 def _next(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    from .._runs.iterate import iterate  # runs have quantities: they import this module
-
-    return iterate(body, omega, eps, 1, save_every=None, on_singular="ignore").final
+    batch = omega.shape[:-1]
+    states = np.ascontiguousarray(omega).reshape(-1, body.dimension)
+    return execute(Run(map_of(body), body, batch, states, eps, 1, None, "auto", single=True)).final
 
 
 def _normal(

@@ -8,30 +8,44 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 # C is compiled for the processor that Numba compiles for.
 PROCESSOR = os.environ.get("NUMBA_CPU_NAME")
 ARCHITECTURE = {None: "native", "generic": "x86-64"}.get(PROCESSOR, PROCESSOR)
-FLAGS = ["-O3", f"-march={ARCHITECTURE}", "-fopenmp"]
+FLAGS = ["-O3", f"-march={ARCHITECTURE}", "-fopenmp", "-shared", "-fPIC"]
 
 
 @functools.cache
-def library(name, *flags):
-    """The C file of that name in this folder, as a library; an ImportError where there is none."""
+def _library(name, *flags):
     if shutil.which("gcc") is None:
         raise ImportError("gcc is not installed")
     with tempfile.TemporaryDirectory() as folder:
         target = str(Path(folder) / "library.so")
-        source = str(Path(__file__).parent / name)
-        command = ["gcc", *FLAGS, *flags, "-shared", "-fPIC", source, "-o", target, "-lm"]
+        command = ["gcc", *FLAGS, *flags, str(Path(__file__).parent / name), "-o", target, "-lm"]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             raise ImportError(f"gcc could not compile {name}: {done.stderr.splitlines()[0]}")
         return ctypes.CDLL(target)
 
 
-def pointer(array):
-    """Where the numbers of a C-contiguous array of doubles are."""
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+def call(name, function, *arguments, flags=()):
+    """Call a C function with arrays of doubles, integers (long) and floats (double).
+
+    Raises ImportError where there is no gcc, or no such function for this processor.
+    """
+    found = getattr(_library(name, *flags), function, None)
+    if found is None:
+        raise ImportError(f"no {function} for this processor")
+    kinds = {int: ctypes.c_long, float: ctypes.c_double}
+    found(
+        *(
+            ctypes.c_void_p(each.ctypes.data)
+            if isinstance(each, np.ndarray)
+            else kinds[type(each)](each)
+            for each in arguments
+        )
+    )
 
 
 def version():

@@ -321,5 +321,7 @@ def test_files_of_runs(suffix, tmp_path, body):
     loaded = sf.Trajectories.load(tmp_path / f"run{suffix}")
     assert loaded.body.I3 == 3
     assert (loaded.extend(8).omega == whole.omega).all()
-    with pytest.raises(TypeError, match="energy: expected a map that has it, got a run of suslov3d_full"):
+    with pytest.raises(
+        TypeError, match="energy: expected a map that has it, got a run of suslov3d_full"
+    ):
         loaded.energy()

@@ -30,6 +30,8 @@ __all__ = sorted(_MODULE_OF)
 
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
+    if name == "integrability":
+        return import_module(".integrability", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(_MODULE_OF[name], __name__), name)

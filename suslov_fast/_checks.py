@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-# What is expected of an argument, in the words of messages.
 _EXPECTED = {
     "real": "real numbers",
     "finite": "finite real numbers",
@@ -28,7 +27,6 @@ _EXPECTED = {
     "positive": "a positive definite inertia matrix",
     "axis": "an axis other than 0",
     "rotation": "rotation matrices",
-    "batch": "a batch of at most {} axes",
     "64 bits": "an integer below 2**62",
 }
 # Arrays beyond this size take longer to look through than to compute with.
@@ -36,26 +34,34 @@ LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
 # Two calls of NumPy take as long as the sum of so many numbers in Python.
 _FEW = 64
-# NumPy broadcasts no more axes than these.
-_AXES = 32
+# Integers below are floats too.
+_EXACT = 2**53
+# Types without labels and units.
+_PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of our datasets behind those of the batch.
 _OWN_AXES = ("component", "space", "body")
 
 
 def wrong(
-    name: str, expected: str, received: object, error: type[Exception] = ValueError
+    name: str, expected: str, received: object, error: type[Exception] = ValueError, *words: object
 ) -> Exception:
-    """Return an error whose message names the argument, what was expected and what was received."""
-    return error(f"{name}: expected {_EXPECTED.get(expected, expected)}, got {received}")
+    """Return an error that names the argument; `expected` is a key of the table, or a text."""
+    text = _EXPECTED.get(expected, expected)
+    return error(f"{name}: expected {text.format(*words) if words else text}, got {received}")
 
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
     """Return any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
-    return finite_floats(name, integers_or_floats(name, value), allow_nan)
+    array = _floats(name, value)
+    if not _finite(array):
+        _refuse_infinite(name, array, allow_nan)
+    return array
 
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
-    """Return a finite real number as a float, with which all is faster by far, or an array."""
+    """Return a finite real number as a float, which is faster by far, or an array of them."""
+    if type(value) is int and abs(value) < _EXACT:
+        return float(value)
     if type(value) is not float:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array
@@ -64,18 +70,47 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     return value
 
 
-def integers_or_floats(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Return any array-like of real numbers: integers of whatever type they are, or float64."""
-    if type(value) is np.ndarray and value.dtype is _FLOAT64:
-        return value
-    _refuse_units(name, value)
-    if hasattr(value, "columns"):
-        how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
-        raise wrong(name, "labels", how, TypeError)
+def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
+    """Return an array of finite real vectors, components on the last axis."""
+    array = _vectors(name, value, dimension)
+    if not _finite(array):
+        _refuse_infinite(name, array, allow_nan)
+    return array
+
+
+def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
+    """Return states, with NaN in all components where one is NaN: there is no such state.
+
+    With `later`, a LARGE array is left to its reader, who calls `real_array` if it finds infinite
+    numbers.
+    """
+    array = _vectors(name, value, dimension)
+    if (later and array.size > LARGE) or _finite(array):
+        return array
+    _refuse_infinite(name, array, allow_nan=True)
+    return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
+
+
+def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
+    array = _floats(name, value)
+    if type(value) not in _PLAIN:
+        _check_labels(name, value)
+    if array.ndim == 0 or array.shape[-1] != dimension:
+        raise wrong(name, "shape", array.shape, ValueError, f"(..., {dimension})")
+    return array
+
+
+def _floats(name: str, value: Any) -> FloatArray:
+    """Return any array-like of real numbers as float64, infinite ones and NaN included."""
+    plain = type(value) in _PLAIN
+    if not plain or not isinstance(value, np.ndarray):
+        _refuse_units(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise wrong(name, "rectangular", _short(value)) from error
+    if array.dtype is _FLOAT64 and plain:
+        return array
     # `numpy.ma` is imported where something may be of it.
     if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
         raise wrong(name, "real", "a masked array with missing values")
@@ -83,23 +118,54 @@ def integers_or_floats(name: str, value: ArrayLike) -> NDArray[Any]:
         array = _from_objects(name, value, array)
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real", f"{_short(value)} of dtype {array.dtype}", TypeError)
-    if array.dtype.kind != "f":
-        return array
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+    if array.dtype.itemsize <= 8:
         return array.astype(np.float64, copy=False)
+    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+        return array.astype(np.float64)
+
+
+def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
+    for item in array.flat:
+        if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
+            received = f"{_short(item)} of type {type(item).__name__}"
+            raise wrong(name, "real", received, TypeError)
+    try:
+        return array.astype(np.float64)
+    except OverflowError as error:
+        raise wrong(name, "range", _short(value)) from error
+
+
+def _finite(array: FloatArray) -> bool:
+    """Return True if all numbers are finite; finite ones whose sum overflows may give False."""
+    if array.size <= _FEW:
+        return math.isfinite(sum(array.ravel().tolist()))
+    return bool(np.isfinite(array).all())
+
+
+def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
+    infinite = np.isinf(array) if allow_nan else ~np.isfinite(array)
+    if infinite.any():
+        index = first_index(infinite)
+        where = f" at index {index}" if index else ""
+        raise wrong(name, "finite", f"{array[index]}{where}")
 
 
 def _refuse_units(name: str, value: Any) -> None:
-    """Raise TypeError for quantities with units, alone or in lists."""
+    """Raise TypeError for tables, and for quantities with units, alone or in lists."""
     if isinstance(value, (list, tuple)):
         for each in value:
             if type(each) is not float and type(each) is not int:
                 _refuse_units(name, each)
         return
+    if type(value) in _PLAIN:
+        return
+    if hasattr(value, "columns"):
+        how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
+        raise wrong(name, "labels", how, TypeError)
     if _is_xarray(value):
         value = getattr(value, "data", None)  # the attributes are notes, as those of our datasets
     for attribute in ("unit", "units"):
-        if hasattr(value, attribute) and not hasattr(value, "columns"):
+        if hasattr(value, attribute):
             number = "magnitude" if hasattr(value, "magnitude") else "value"
             received = (
                 f"{type(value).__name__} in {getattr(value, attribute)}: pass its number in the "
@@ -114,7 +180,11 @@ def _is_xarray(value: Any) -> bool:
 
 def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
     """Return arguments of which labelled ones broadcast along axes of the same names."""
-    labelled = {name: value for name, value in arguments.items() if _is_xarray(value)}
+    labelled = {
+        name: value
+        for name, value in arguments.items()
+        if type(value) not in _PLAIN and _is_xarray(value)
+    }
     if len(labelled) < 2:
         return arguments
     batches = {
@@ -130,11 +200,11 @@ def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
         own = [dim for dim in value.dims if dim in _OWN_AXES]
         if own:
             _check_labels(name, value)
-        value = value.transpose(*(dim for dim in whole if dim in value.dims), *own)
         used = [dim for dim in whole if dim in value.dims]
         axes = whole[whole.index(used[0]) :] if used else []
         shape = [value.sizes[dim] if dim in used else 1 for dim in axes]
-        arrays[name] = value.data.reshape((*shape, *(value.sizes[dim] for dim in own)))
+        shape += [value.sizes[dim] for dim in own]
+        arrays[name] = value.transpose(*used, *own).data.reshape(shape)
     return arrays
 
 
@@ -145,7 +215,7 @@ def _check_labels(name: str, value: Any) -> None:
         own = [dim for dim in _OWN_AXES if dim in dims]
         if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
             how = f"{tuple(dims)}: pass it transposed, {name}.transpose('n', ..., 'component')"
-            raise wrong(name, _EXPECTED["axes"].format(tuple(own)), how)
+            raise wrong(name, "axes", how, ValueError, tuple(own))
         coords = getattr(value, "coords", {})
         labels = coords[dims[-1]].values if dims and dims[-1] in coords else ()
     else:
@@ -161,94 +231,23 @@ def _check_labels(name: str, value: Any) -> None:
         expected = sorted(received)
     if received != expected:
         how = f"{_short(received)}: pass values in this order, without labels"
-        raise wrong(name, _EXPECTED["components"].format(_short(expected)), how)
+        raise wrong(name, "components", how, ValueError, _short(expected))
 
 
-def finite_floats(name: str, array: NDArray[Any], allow_nan: bool = False) -> FloatArray:
-    """Return what `integers_or_floats` has returned as finite float64."""
-    array = _floats(array)
-    if not _finite(array):
-        _refuse_infinite(name, array, allow_nan)
-    return array
-
-
-def _floats(array: NDArray[Any]) -> FloatArray:
-    return array if array.dtype is _FLOAT64 else array.astype(np.float64)
-
-
-def _finite(array: FloatArray) -> bool:
-    """True if all numbers are finite; those whose sum overflows may be too."""
-    if array.size <= _FEW:
-        return math.isfinite(sum(array.ravel().tolist()))
-    return bool(np.isfinite(array).all())
-
-
-def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
-    infinite = np.isinf(array) if allow_nan else ~np.isfinite(array)
-    if infinite.any():
-        index = first_index(infinite)
-        where = f" at index {index}" if index else ""
-        raise wrong(name, "finite", f"{array[index]}{where}")
-
-
-def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
-    for item in array.flat:
-        if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
-            received = f"{_short(item)} of type {type(item).__name__}"
-            raise wrong(name, "real", received, TypeError)
-    try:
-        return array.astype(np.float64)
-    except OverflowError as error:
-        raise wrong(name, "range", _short(value)) from error
-
-
-def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
-    """Return an array of finite real vectors, components on the last axis."""
-    return finite_floats(name, _vectors(name, value, dimension), allow_nan)
-
-
-def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
-    """Return states; where a component is NaN all become so: there is no such state.
-
-    With `later`, a LARGE array is left as it is to whoever reads it, who must then call
-    `real_array` if there are infinite numbers.
-    """
-    array = _floats(_vectors(name, value, dimension))
-    if (later and array.size > LARGE) or _finite(array):
-        return array
-    _refuse_infinite(name, array, allow_nan=True)
-    return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
-
-
-def _vectors(name: str, value: ArrayLike, dimension: int) -> NDArray[Any]:
-    array = integers_or_floats(name, value)
-    if array is not value and not isinstance(value, (list, tuple, np.ndarray)):
-        _check_labels(name, value)
-    if array.ndim == 0 or array.shape[-1] != dimension:
-        raise _wrong_shape(name, f"(..., {dimension})", array)
-    return array
-
-
-def _wrong_shape(name: str, expected: str, array: NDArray[Any]) -> Exception:
-    return wrong(name, _EXPECTED["shape"].format(expected), array.shape)
-
-
-def inertia_matrix(
-    name: str, value: ArrayLike, n: int | None = None, positive: bool = True
-) -> FloatArray:
-    """Return symmetric (..., n, n) matrices, positive definite unless said otherwise."""
+def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatArray:
+    """Return symmetric, positive definite matrices (..., n, n), or without n a single one."""
     matrix = real_array(name, value)
     side = matrix.shape[-1] if n is None and matrix.ndim else n
     if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
-        raise _wrong_shape(name, "(n, n)" if n is None else f"(..., {n}, {n})", matrix)
+        shape = "(n, n)" if n is None else f"(..., {n}, {n})"
+        raise wrong(name, "shape", matrix.shape, ValueError, shape)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
         raise wrong(name, "symmetric", f"one with |I - I.T| = {asymmetry.max()}")
-    if positive:
-        eigenvalues = np.linalg.eigvalsh(matrix)
-        if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
-            raise wrong(name, "positive", f"the eigenvalue {eigenvalues.min()}")
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
+        raise wrong(name, "positive", f"the eigenvalue {eigenvalues.min()}")
     return matrix
 
 
@@ -267,7 +266,7 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
     matrices = vectors(name, value, n)
     if matrices.ndim < 2 or matrices.shape[-2] != n:
-        raise _wrong_shape(name, f"(..., {n}, {n})", matrices)
+        raise wrong(name, "shape", matrices.shape, ValueError, f"(..., {n}, {n})")
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     determinant = np.linalg.det(matrices)
     if error > 1e-10 or not (determinant > 0).all():
@@ -280,9 +279,6 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):
         return ()
-    for name, shape in shapes.items():
-        if len(shape) > _AXES:
-            raise wrong(name, _EXPECTED["batch"].format(_AXES), f"one of {len(shape)}")
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError as error:

@@ -1,10 +1,11 @@
-"""The paper's equations, slowly and literally, in arithmetic of 60 digits.
+"""The paper's equations, slowly and literally, in arithmetic of 60 digits or in fractions.
 
 Nothing here comes from the package, and nothing is solved by hand: each discrete equation is
 written down as printed, the coefficients of the unknowns are read off by evaluating it, and the
 linear system is solved.
 """
 
+from fractions import Fraction
 from itertools import pairwise
 
 import mpmath
@@ -68,6 +69,18 @@ def step(I1, I2, I13, I23, eps, omega):
     parameters = exactly(I1, I2, I13, I23, eps)
     state = [mpf(component) for component in omega]
     return solve_affine(lambda v: ds1(*parameters, state, v), 2)
+
+
+def rational_step(I1, I2, I13, I23, eps, omega):
+    """The next state in fractions, by Cramer's rule for (ds1); None at a pole."""
+    parameters = [Fraction(each) for each in (I1, I2, I13, I23, eps)]
+    state = [Fraction(component) for component in omega]
+    zero = [Fraction(0), Fraction(0)]
+    c1, c2 = ds1(*parameters, state, zero)
+    (a, b), (c, d) = (ds1(*parameters, state, unit) for unit in ((1, 0), (0, 1)))
+    a, b, c, d = a - c1, b - c2, c - c1, d - c2
+    det = a * d - b * c
+    return None if det == 0 else [(c * c2 - d * c1) / det, (b * c1 - a * c2) / det]
 
 
 def orbit(I1, I2, I13, I23, eps, omega, steps):

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
 from suslov_fast._formulas import rotation
-from suslov_fast._space import attitude as _attitude
 
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 BODIES = {"3D": (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
@@ -134,82 +133,6 @@ def test_half_a_turn(eps, size):
 
 def still(m):
     return sf.SuslovND(np.ones(m), np.zeros(m))
-
-
-@pytest.mark.parametrize("k", [-600, -300, -40, 40, 300, 600])
-def test_units_of_time(case, k):
-    body, omega0 = case
-    omega = states(body, omega0, 0.2, 40)
-    expected = sf.attitude(body, omega, 0.2)
-    scaled = sf.attitude(body, np.ldexp(omega, k), np.ldexp(0.2, -k))
-    assert (scaled == expected).all()
-
-
-def test_units_of_inertia(case):
-    body, omega0 = case
-    omega = states(body, omega0, 0.2, 40)
-    expected = sf.attitude(body, omega, 0.2)
-    for k in (-900, -60, 60, 900):
-        same = type(body)(*(np.ldexp(each, k) for each in body.parameters))
-        assert (sf.attitude(same, omega, 0.2) == expected).all()
-        with pytest.raises(ValueError, match="follow each other"):
-            sf.attitude(same, omega[::2], 0.2)
-
-
-def test_batches(body, rng):
-    omega = states(body, rng.normal(size=(4, 1, 2)), [0.1, 0.2], 12)
-    R0 = Rotation.from_quat(rng.normal(size=(4, 4))).as_matrix()[:, None]
-    R = sf.attitude(body, omega, [0.1, 0.2], R0)
-    assert R.shape == (13, 4, 2, 3, 3)
-    assert R.flags.c_contiguous
-    assert (R[0] == R0).all()
-    alone = sf.attitude(body, omega[:, 3, 1], 0.2, R0[3, 0])
-    assert (R[:, 3, 1] == alone).all()
-    turned = R0 @ sf.attitude(body, omega, [0.1, 0.2])
-    np.testing.assert_allclose(R, turned, atol=2e-15)
-    assert sf.attitude(body, np.empty((3, 0, 2)), 0.2).shape == (3, 0, 3, 3)
-
-
-def test_alone_or_in_a_batch(case, rng):
-    body, omega0 = case
-    size = 300
-    bodies = type(body)(
-        *(np.multiply.outer(rng.uniform(0.5, 2, size), each) for each in body.parameters)
-    )
-    eps = rng.choice([-0.5, 0.1, 0.3], size)
-    omega = states(bodies, rng.normal(size=(size, len(omega0))), eps, 20)
-    R = sf.attitude(bodies, omega, eps)
-    for i in (0, 1, 127, 128, 299):
-        one = type(body)(*(each[i] for each in bodies.parameters))
-        assert np.array_equal(sf.attitude(one, omega[:, i], eps[i]), R[:, i])
-
-
-def test_a_body_of_each_trajectory_and_one_run(rng):
-    """What broadcasts against a state broadcasts against a whole run of it."""
-    body = sf.Suslov3D([1, 2, 3], 1, 0, 0)
-    omega = np.tile(rng.normal(size=2), (7, 1))
-    R = sf.attitude(body, omega, np.full((2, 1), 0.1))
-    assert R.shape == (7, 2, 3, 3, 3)
-    assert (R[:, :1, :1] == R).all()
-
-
-@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
-def test_slices_and_threads(case, rng, monkeypatch, threads):
-    body, omega0 = case
-    omega = states(body, rng.normal(size=(300, len(omega0))), 0.2, 50)
-    expected = sf.attitude(body, omega, 0.2, threads=1)
-    monkeypatch.setattr(_attitude, "_SLICE", 300 * 9 * 7)
-    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
-    assert np.array_equal(sf.attitude(body, omega, 0.2, threads=threads), expected)
-
-
-def test_memory_order_of_the_states(case):
-    body, omega0 = case
-    omega = states(body, [omega0, np.negative(omega0)], 0.2, 10)
-    expected = sf.attitude(body, omega, 0.2)
-    for order in (np.asfortranarray(omega), omega[:, ::-1][:, ::-1]):
-        order.flags.writeable = False
-        assert np.array_equal(sf.attitude(body, order, 0.2), expected)
 
 
 def test_failed_trajectories(unit):

@@ -174,8 +174,8 @@ def test_one_writer_whatever_the_name(tmp_path):
 
     ensemble(**ASKED, steps=20, store=other, progress=while_it_runs)
     assert len(refused) >= 3
-    code = "import sys; from suslov_fast._ensemble.control import only_writer\n"
-    code += "with only_writer(sys.argv[1], True): print('held', flush=True); sys.stdin.read()"
+    code = "import sys; from suslov_fast._ensemble.store import only_writer\n"
+    code += "with only_writer(sys.argv[1]): print('held', flush=True); sys.stdin.read()"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code, str(other)], **pipes) as holder:
         assert holder.stdout.readline().strip() == b"held"

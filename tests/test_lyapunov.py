@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._states import lyapunov as _lyapunov
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -115,43 +114,6 @@ def test_where_nothing_moves(rng):
     assert abs(sf.lyapunov_exponents(ND, rng.normal(size=(4, 3)), 0.0, 5)).max() < 1e-15
 
 
-def mixed_batch(case, rng, size):
-    body, omega0 = case
-    bodies = type(body)(
-        *(np.multiply.outer(rng.uniform(0.5, 2, size), each) for each in body.parameters)
-    )
-    return bodies, rng.normal(size=(size, len(omega0))), rng.choice([-0.5, 0.0, 0.1], size)
-
-
-def test_alone_or_in_a_batch(case, rng):
-    bodies, omega0, eps = mixed_batch(case, rng, 300)
-    exponents = sf.lyapunov_exponents(bodies, omega0, eps, 20)
-    for i in (0, 1, 127, 128, 299):
-        one = type(bodies)(*(each[i] for each in bodies.parameters))
-        assert (sf.lyapunov_exponents(one, omega0[i], eps[i], 20) == exponents[i]).all()
-
-
-@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
-def test_slices_and_threads(case, rng, threads, monkeypatch):
-    bodies, omega0, eps = mixed_batch(case, rng, 150)
-    omega0[7] = np.nan
-    expected = sf.lyapunov_exponents(bodies, omega0, eps, 50, threads=1)
-    monkeypatch.setattr(_lyapunov, "_SLICE", 150 * 20 * 60)
-    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
-    cut = sf.lyapunov_exponents(bodies, omega0, eps, 50, threads=threads)
-    assert np.array_equal(cut, expected, equal_nan=True)
-
-
-@pytest.mark.parametrize("k", [-600, -50, 50, 600])
-def test_units(case, k):
-    body, omega0 = case
-    expected = sf.lyapunov_exponents(body, omega0, 0.2, 30)
-    faster = sf.lyapunov_exponents(body, np.ldexp(omega0, k), np.ldexp(0.2, -k), 30)
-    assert (faster == expected).all()
-    heavier = type(body)(*(np.ldexp(each, k) for each in body.parameters))
-    assert (sf.lyapunov_exponents(heavier, omega0, 0.2, 30) == expected).all()
-
-
 @pytest.mark.compiled
 def test_long_growth_does_not_leave_the_range(case):
     """|det DPhi| over the whole run is far below the least float."""
@@ -195,11 +157,6 @@ def test_next_to_t_1(unit, gap, eps):
     exact = naive.mpmath.log(abs(density[0] / density[1])) / steps
     total = sf.lyapunov_exponents(unit, omega, eps, steps).sum()
     assert abs(float(total / exact) - 1) < 2e-14
-
-
-def test_empty_batch():
-    assert sf.lyapunov_exponents(THREE, np.empty((0, 3, 2)), 0.1, 5).shape == (0, 3, 2)
-    assert sf.lyapunov_exponents(ND, np.empty((0, 3)), 0.1, 5).shape == (0, 3)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,6 @@ from suslov_fast._engine.iterate_nd import run
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._engine.problem import Problem
 from suslov_fast._engine.units import for_loops
-from suslov_fast._kernels import map_nd as loops
 
 METHODS = ("rank2", "gauss")
 BODY_C = ([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -241,7 +240,7 @@ def problem(J, I, eps, omega, stop=12, every=1, method="rank2", **options):
         method=method,
         omega=omega,
         parameters=for_loops(body, eps, (size,)),
-        time_step=flat_parameter(eps, (size,)),
+        eps=flat_parameter(eps, (size,)),
         start=start,
         stop=stop,
         every=every,

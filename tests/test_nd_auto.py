@@ -9,7 +9,7 @@ import pytest
 from naive import mp, mpf, mpmath
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form, iterate_3d, iterate_nd, jump_nd, threads
+from suslov_fast._engine import closed_form, iterate_nd, jump, jump_nd, threads
 from suslov_fast._engine.units import for_loops
 from suslov_fast._formulas.reduction import as_product
 
@@ -474,7 +474,7 @@ def test_what_is_out_of_range_is_iterated(rng):
 @pytest.mark.parametrize("m", [2, 3, 6])
 def test_the_cost_is_that_of_what_is_saved(rng, monkeypatch, m):
     """Whatever lies between: no step is taken, and loops are told of the same work."""
-    for module, name in ((iterate_nd, "run"), (iterate_3d, "_iterate")):
+    for module, name in ((iterate_nd, "run"), (jump, "_iterate")):
         monkeypatch.setattr(module, name, lambda *_: pytest.fail("a step was taken"))
     work, original = [], threads.run
     monkeypatch.setattr(threads, "run", lambda *each: (work.append(each[1]), original(*each)))

@@ -1,384 +1,408 @@
-"""Results depend on the trajectory alone, bit for bit."""
+"""What every public function promises of a batch: one table of functions, one test per promise.
 
-import numba
+A row is a function with sample arguments for each class of bodies that it knows. Values have the
+axes of the batch first, then time, then components.
+"""
+
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._engine import problem, threads
-from suslov_fast._kernels import maps_3d as loops
-from suslov_fast._kernels import tiles
+from suslov_fast import _checks
+from suslov_fast._engine import closed_form, states, states_nd, threads
+from suslov_fast._kernels import maps_3d
 from suslov_fast._kernels.iterate import LANES
+from suslov_fast._space import attitude as attitude_of
+from suslov_fast._states import lyapunov
 
-METHODS = ("auto", "canonical", "ds2")
+SIZE, STEPS = LANES + 13, 12
+EQUAL = (1, None, None)  # a sum of terms of two units, unless moments and products share one
 
 
-def same(first, second):
-    return np.array_equal(first, second, equal_nan=True)
+def body_3d(rng, shape, **more):
+    products = rng.uniform(-1, 1, (2, *shape)) * [rng.choice([0, 1, 1], shape), np.ones(shape)]
+    return sf.Suslov3D(*rng.uniform(0.5, 4, (2, *shape)), *products, **more)
 
 
-def mixed_batch(rng, size):
-    """Trajectories of every kind, each with a body and a step size of its own."""
-    body = sf.Suslov3D(
-        *rng.uniform(0.5, 4, (2, size)), *(rng.normal(size=(2, size)) * rng.choice([0, 0.5], size))
+def full_body(rng, shape):
+    return body_3d(rng, shape, I3=rng.uniform(1, 5, shape))
+
+
+def gyrostat(rng, shape):
+    return sf.SuslovGyrostat(*rng.uniform(0.5, 4, (2, *shape)), *rng.uniform(-1, 1, (3, *shape)))
+
+
+def body_nd(rng, shape):
+    return sf.SuslovND(rng.uniform(0.5, 4, (*shape, 4)), rng.uniform(-1, 1, (*shape, 4)))
+
+
+def solved_body(rng, shape):
+    J = rng.uniform(0.5, 4, (*shape, 1)) * np.ones(3)
+    return sf.SuslovND(J, rng.uniform(-1, 1, (*shape, 3)))
+
+
+# The sample bodies, and how many components a state has.
+KINDS = {
+    "3D": (body_3d, 2),
+    "full": (full_body, 3),
+    "gyrostat": (gyrostat, 2),
+    "nD": (body_nd, 4),
+    "solved": (solved_body, 3),
+}
+
+
+class Row(NamedTuple):
+    """`call(body, omega, eps, **options)` returns results, those with time first in `timed`.
+
+    Units are the powers of the units of moments, products of inertia and omega, for each result.
+    """
+
+    call: Callable[..., Any]
+    kinds: tuple[str, ...]
+    units: tuple[Any, ...]
+    timed: tuple[int, ...] = ()
+    name: str = "omega"
+    threads: bool = True
+    steps: bool = True  # eps is an argument
+
+    def values(self, body, omega, eps, **options):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.SingularStepWarning)
+            results = self.call(body, omega, eps, **options)
+        results = results if isinstance(results, tuple) else (results,)
+        axes = len(self.batch(body, omega, eps))
+        for k, each in enumerate(results):
+            yield np.moveaxis(each, 0, axes) if k in self.timed else np.asarray(each)
+
+    def batch(self, body, omega, eps):
+        of_eps = np.shape(eps) if self.steps else ()
+        return np.broadcast_shapes(body.shape, np.shape(omega)[:-1], of_eps)
+
+
+def of_states(function, kinds, *units, **more):
+    kinds = tuple(kinds.split())
+    return Row(lambda b, w, e, **o: function(b, w, **o), kinds, units, steps=False, **more)
+
+
+def of_steps(function, kinds, *units, **more):
+    return Row(lambda b, w, e, **o: function(b, w, e, **o), tuple(kinds.split()), units, **more)
+
+
+def runs(kinds, function=sf.iterate, **options):
+    """Saved and last states, with the orientation where it is carried along."""
+
+    def call(body, omega, eps, **others):
+        run = function(body, omega, eps, STEPS, on_singular="ignore", **options, **others)
+        more = (run.attitude,) if run.attitude is not None else ()
+        return run.omega, run.final, run.status, run.failed_at, *more
+
+    units = ((0, 0, 1), (0, 0, 1), (0, 0, 0), (0, 0, 0), (0, 0, 0))
+    units = [EQUAL[:2] + each[2:] for each in units] if function is sf.iterate_full else units
+    units = tuple((0, *each[1:]) for each in units)
+    return Row(call, tuple(kinds.split()), units, (0, 4), "omega0")
+
+
+def solutions(function, *numbers):
+    """States at given numbers of steps."""
+
+    def call(body, omega, eps, **options):
+        return tuple(function(body, omega, eps, each, **options) for each in numbers)
+
+    timed = tuple(k for k, each in enumerate(numbers) if np.ndim(each))
+    return Row(call, ("3D", "solved"), ((0, 0, 1),) * len(numbers), timed, "omega0")
+
+
+def orientations(body, omega, eps, **options):
+    run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore")
+    return sf.attitude(body, run.omega, eps, **options)
+
+
+def space(function, kinds, *units):
+    return of_states(function, kinds, *units, threads=False)
+
+
+FORWARD, SCATTERED = np.arange(40), np.array([-1e9, -3, 0, 7, 700, 1e9])
+ROWS = {
+    "energy": of_states(sf.energy, "3D gyrostat nD", (1, 0, 2)),
+    "first_integral": of_steps(sf.first_integral, "3D gyrostat solved", (-1, 0, 2)),
+    "modified_energy": of_steps(sf.modified_energy, "3D nD", (1, 0, 2)),
+    "criticality": of_steps(sf.criticality, "3D solved", (0, 0, 0)),
+    "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
+    "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
+    "vector_field": of_states(sf.vector_field, "3D gyrostat nD", (-1, 1, 2)),
+    "reaction": of_states(sf.reaction, "3D nD", (1, None, 2)),
+    "discrete reaction": of_steps(sf.reaction, "3D nD", (1, None, 2)),
+    "jacobian": of_steps(sf.jacobian, "3D gyrostat nD", (0, 0, 0)),
+    "matrix": of_steps(sf.matrix, "3D nD", (0, 0, 0)),
+    "closed_form": of_steps(
+        sf.closed_form, "3D", (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0), name="omega0"
+    ),
+    "step": of_steps(sf.step, "3D gyrostat nD solved", (0, 0, 1), threads=False),
+    "step_full": of_steps(sf.step_full, "full", (0, None, 1), threads=False),
+    "iterate": runs("3D gyrostat nD solved", save_every=3),
+    "iterate: last states": runs("3D gyrostat nD solved", save_every=None),
+    "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
+    "iterate: canonical": runs("3D", method="canonical"),
+    "iterate: ds2": runs("3D", method="ds2", attitude=True),
+    "iterate: rank2": runs("nD solved", method="rank2"),
+    "iterate: gauss": runs("nD", method="gauss"),
+    "iterate_full": runs("full", sf.iterate_full),
+    "exact": solutions(sf.exact, 7, FORWARD, SCATTERED),
+    "flow": Row(
+        lambda b, w, e, **o: (sf.flow(b, w, 0.7, **o), sf.flow(b, w, FORWARD / 8, **o)),
+        ("3D", "solved"), (), (1,), "omega0", steps=False,
+    ),
+    "limits": of_steps(sf.limits, "3D solved", (0, 0, 1), (0, 0, 1), name="omega0"),
+    "attitude": Row(orientations, ("3D", "gyrostat", "nD"), ((0, 0, 0),), (0,)),
+    "lyapunov_exponents": Row(
+        lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
+        ("3D", "nD"), ((0, 0, 0),), name="omega0",
+    ),
+    "to_matrix": space(sf.to_matrix, "3D nD", (0, 0, 1)),
+    "to_vector": space(sf.to_vector, "3D", (0, 0, 1)),
+    "momentum": space(sf.momentum, "3D nD", (1, None, 1)),
+}  # fmt: skip
+# LAPACK may round otherwise where matrices lie elsewhere in memory.
+ROUNDED = {("jacobian", "nD"): 1e-13}
+
+CASES = [(name, kind) for name, row in ROWS.items() for kind in row.kinds]
+every_case = pytest.mark.parametrize(("name", "kind"), CASES, ids="-".join)
+every_row = pytest.mark.parametrize("name", ROWS)
+
+
+def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
+    """Bodies, states and step sizes of such shapes: t below and above 1, eps of both signs."""
+    make, D = KINDS[kind]
+    size = 10 ** rng.uniform(-1, 1, (*omega, 1))
+    return make(rng, body), rng.normal(size=(*omega, D)) * size, rng.uniform(-0.5, 0.5, eps)
+
+
+def part(body, index, batch=None):
+    """Some bodies of a batch."""
+    own = type(body)._own_axes
+    taken = {}
+    for name, value in body._values.items():
+        shape = np.shape(value)[np.ndim(value) - own :]
+        whole = np.broadcast_to(value, (*(batch or body.shape), *shape))
+        taken[name] = whole[index]
+    return type(body)(**taken)
+
+
+def same(name, kind, first, second):
+    """Compare bit for bit, or to rounding where that is all that is promised."""
+    rounding = ROUNDED.get((name, kind), 0.0)
+    for one, other in zip(first, second, strict=True):
+        assert one.shape == other.shape
+        np.testing.assert_allclose(one, other, rtol=rounding, atol=rounding)
+
+
+@every_case
+def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind)
+    together = list(row.values(body, omega, eps))
+    assert all(each.shape[0] == SIZE for each in together)
+    for i in (0, 7, LANES - 1, LANES, SIZE - 1):
+        alone = list(row.values(part(body, i), omega[i], eps[i]))
+        same(name, kind, alone, [each[i] for each in together])
+    order = rng.permutation(SIZE)
+    shuffled = row.values(part(body, order), omega[order], eps[order])
+    same(name, kind, shuffled, [each[order] for each in together])
+
+
+# Shapes of the body, of omega but for its last axis, and of eps.
+SHAPES = [((), (), ()), ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
+
+
+@every_case
+@pytest.mark.parametrize("shapes", SHAPES, ids=str)
+def test_broadcasting(rng, name, kind, shapes):
+    """Every element of the batch is found as if it were alone."""
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, *shapes)
+    batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
+    state, step = (
+        np.broadcast_to(omega, (*batch, omega.shape[-1])),
+        np.broadcast_to(eps if row.steps else 0.0, batch),
     )
-    omega = rng.normal(size=(size, 2)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
-    eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
-    return body, omega, eps
-
-
-def part(body, chosen):
-    return sf.Suslov3D(*(parameter[chosen] for parameter in body.parameters))
-
-
-def run(body, omega, eps, steps=40, **options):
-    return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
-
-
-@pytest.mark.parametrize("save_every", [1, 3, None])
-@pytest.mark.parametrize("method", METHODS)
-def test_alone_or_in_a_batch(rng, method, save_every):
-    size = LANES + 22
-    body, omega, eps = mixed_batch(rng, size)
-    options = {"method": method, "save_every": save_every}
-    together = run(body, omega, eps, **options)
-    assert set(np.unique(together.status)) >= {sf.Status.OK, sf.Status.SUPERCRITICAL}
-    for i in (0, 1, 7, LANES - 1, LANES, size - 1):
-        alone = run(part(body, i), omega[i], eps[i], **options)
-        assert same(alone.omega, together.omega[:, i])
-        assert same(alone.final, together.final[i])
-        assert alone.status == together.status[i]
-
-
-@pytest.mark.parametrize("save_every", [1, None])
-@pytest.mark.parametrize("method", METHODS)
-def test_order_of_the_batch(rng, method, save_every):
-    body, omega, eps = mixed_batch(rng, 2 * LANES + 5)
-    shuffled = rng.permutation(len(omega))
-    options = {"method": method, "save_every": save_every}
-    first = run(body, omega, eps, **options)
-    second = run(part(body, shuffled), omega[shuffled], eps[shuffled], **options)
-    assert same(first.omega[:, shuffled], second.omega)
-    assert same(first.status[shuffled], second.status)
+    assert all(each.shape[: len(batch)] == batch for each in values)
+    for index in np.ndindex(batch):
+        alone = row.values(part(body, index, batch), state[index], step[index])
+        same(name, kind, alone, [each[index] for each in values])
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("save_every", [1, None])
-@pytest.mark.parametrize("method", METHODS)
-def test_number_of_threads(rng, monkeypatch, method, save_every):
+@every_case
+def test_threads(rng, monkeypatch, name, kind):
+    row, problem_of = ROWS[name], sample(rng, kind)
+    if not row.threads:
+        return
+    alone = list(row.values(*problem_of, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    body, omega, eps = mixed_batch(rng, 5 * LANES + 3)
-    options = {"method": method, "save_every": save_every}
-    counts = [None, *range(1, numba.config.NUMBA_NUM_THREADS + 1)]
-    results = [run(body, omega, eps, threads=threads, **options) for threads in counts]
-    for result in results[1:]:
-        assert same(result.omega, results[0].omega)
-        assert same(result.status, results[0].status)
+    same(name, kind, alone, list(row.values(*problem_of, threads=2)))
+    same(name, kind, alone, list(row.values(*problem_of)))
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_large_states_alone_or_beside_others(rng, method):
-    """A state that need not be guarded alone is, where its neighbours must be."""
-    unit = sf.Suslov3D(1, 1, 1, 0)
-    omega = rng.uniform(-1, 1, (64, 2)) * 10 ** rng.uniform(0, 6, (64, 1))
-    omega[:, 1] = rng.uniform(-1, 2, 64)
-    wild = np.array([[0.3, -5.0]])
-    beside = run(unit, np.concatenate([omega, wild]), 1.0, 4, method=method)
-    for i, state in enumerate(omega):
-        alone = run(unit, state, 1.0, 4, method=method)
-        assert same(alone.omega, beside.omega[:, i])
-        assert alone.status == beside.status[i]
+@every_case
+def test_calls_are_cut_into_parts(rng, monkeypatch, small_parts, name, kind):
+    """Each piece of a large call gives what the whole gives."""
+    row, problem_of = ROWS[name], sample(rng, kind)
+    pieces = list(row.values(*problem_of))
+    monkeypatch.undo()
+    whole = list(row.values(*problem_of))
+    same(name, kind, pieces, whole)
+    for module, constant, value in (
+        (states, "SLAB", 16), (states, "COPIES", 16), (states, "TASKS", 1),
+        (states_nd, "_COPIES", 4), (closed_form, "SLICE", 2**10), (lyapunov, "_SLICE", 2**12),
+        (attitude_of, "_SLICE", 2**10),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, constant, value)
+    same(name, kind, row.values(*problem_of), whole)
 
 
-@pytest.mark.parametrize("steps", [700, 701])  # the last state is saved, or not
-@pytest.mark.parametrize("attitude", [False, True])
-@pytest.mark.parametrize("method", METHODS)
-def test_parts(rng, request, method, attitude, steps):
-    """A run that is cut into parts, to look for Ctrl-C, goes on as if it were not."""
-    body, omega, eps = mixed_batch(rng, 70)
-    options = {"method": method, "attitude": attitude}
-    whole = run(body, omega, eps, steps, save_every=7, **options)
-    last = run(body, omega, eps, steps, save_every=None, **options)
-    request.getfixturevalue("small_parts")
-    parts = []
-    cut = run(
-        body,
-        omega,
-        eps,
-        steps,
-        save_every=7,
-        progress=lambda *seen: parts.append(seen),
-        **options,
-    )
-    if method != "auto":
-        assert len(parts) > 3
-    assert parts[-1] == (steps, steps)
-    assert same(whole.omega, cut.omega)
-    assert same(whole.final, cut.final)
-    assert same(whole.status, cut.status)
-    assert not attitude or same(whole.attitude, cut.attitude)
-    assert same(last.final, run(body, omega, eps, steps, save_every=None, **options).final)
+# Powers of two of the moments, of the products of inertia and of omega.
+UNITS = [
+    (0, 0, 300), (0, 0, -500), (600, 600, 0), (-600, -600, 0), (200, -300, 10), (-300, 200, 200),
+    (400, 400, -300), (0, 600, -600),
+]  # fmt: skip
 
 
-@given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
-def test_parts_are_alike(size, most, lanes):
-    """As few as can be, but for whole lanes, and none of them much shorter than others."""
-    length = problem.alike(size, most, lanes)
-    count = -(-size // length)
-    assert length % lanes == 0
-    assert length < most + lanes
-    assert count <= -(-size // most)
-    assert size - (count - 1) * length > length - count * lanes
+def in_units(body, moments, products, rotor):
+    powers = dict.fromkeys(body._names(), moments) | dict.fromkeys(body._couplings, products)
+    powers |= {"k": rotor}
+    return type(body)(**{n: np.ldexp(v, powers[n]) for n, v in body._values.items()})
 
 
-@pytest.mark.parametrize("attitude", [False, True])
+@every_case
+@pytest.mark.parametrize("units", UNITS, ids=str)
+def test_units(rng, name, kind, units):
+    """Powers of two of the units change no bit of a result that float64 can hold."""
+    row, (moments, products, omegas) = ROWS[name], units
+    body, omega, eps = sample(rng, kind, (20,), (20,), (20,))
+    other = in_units(body, moments, products, products + omegas)
+    moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
+    for before, after, unit in zip(
+        row.values(body, omega, eps), row.values(other, *moved), row.units, strict=False
+    ):
+        if None in np.ravel(unit) and moments != products:
+            continue
+        power = [
+            sum(p * u for p, u in zip(each, units, strict=True) if p is not None)
+            for each in np.atleast_2d(np.array(unit, object))
+        ]
+        if max(map(abs, power)) < 1000:
+            expected = np.ldexp(before, power if len(power) > 1 else power[0]) if power else before
+            rounding = 1e-13 if kind == "solved" or (name, kind) in ROUNDED else 0.0
+            np.testing.assert_allclose(after, expected, rtol=rounding, atol=0)
+
+
+@every_case
+def test_nan_is_passed_on_without_a_warning(rng, name, kind):
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind)
+    expected = list(row.values(body, omega, eps))
+    omega[3, 0] = omega[17, 1] = omega[20] = np.nan
+    missing = np.isnan(omega).any(axis=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        values = list(row.values(body, omega, eps))
+    for before, after in zip(expected, values, strict=True):
+        same(name, kind, [after[~missing]], [before[~missing]])
+        if after.dtype == np.float64:
+            assert np.isnan(after[missing]).all()
+    if name.startswith("iterate"):
+        assert (values[2][missing] == sf.Status.NONFINITE).all()
+        assert (values[3][missing] == 0).all()
+
+
+@every_case
+def test_any_memory(rng, name, kind):
+    """Read-only, of other orders, types and alignments, masked or lists: only the numbers count."""
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (6,), (5, 6), ())
+    omega = np.asarray(omega, np.float32).astype(float)
+    kept, expected = omega.copy(), list(row.values(body, omega, eps))
+    frozen = omega.copy()
+    frozen.flags.writeable = False
+    unaligned = np.frombuffer(b"x" + omega.tobytes(), np.float64, offset=1).reshape(omega.shape)
+    strided = np.repeat(np.repeat(omega, 2, axis=0), 2, axis=-1)[::2, :, ::2]
+    compiled = len(getattr(maps_3d.canonical.serial, "signatures", ()))
+    for given in (
+        frozen, unaligned, strided, np.asfortranarray(omega), omega.tolist(), omega.astype(">f8"),
+        omega.astype(object), omega.astype(np.float32), np.ma.masked_array(omega), omega[::-1][::-1],
+    ):  # fmt: skip
+        same(name, kind, row.values(body, given, eps), expected)
+    assert (omega == kept).all()
+    assert all(each.dtype != np.float32 for each in expected)
+    assert len(getattr(maps_3d.canonical.serial, "signatures", ())) in (compiled, compiled + 1)
+
+
+@every_case
+@pytest.mark.parametrize("many", [False, True])
+def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
+    """Kernels find infinite states themselves where there are LARGE numbers."""
+    if many:
+        for module in (_checks, states, states_nd):
+            monkeypatch.setattr(module, "LARGE", 64)
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (9,), (10, 9), ())
+    omega[3, 2, 1] = -np.inf
+    argument = "omega0" if name == "attitude" else row.name
+    with pytest.raises(ValueError, match=rf"{argument}: .* got -inf at index \(3, 2, 1\)"):
+        list(row.values(body, omega, eps))
+
+
+@every_case
+def test_bad_input(rng, name, kind):
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (), ())
+    argument = "omega0" if name == "attitude" else row.name
+    with pytest.raises(ValueError, match=rf"{argument}: expected shape \(..., {len(omega)}\)"):
+        list(row.values(body, np.append(omega, 1.0), eps))
+    with pytest.raises(TypeError, match="body: expected Suslov3D.*, got int"):
+        list(row.values(1 if name != "attitude" else part(body, ()), omega, eps)
+             if name != "attitude" else row.call(1, omega, eps))  # fmt: skip
+    if row.threads:
+        with pytest.raises(ValueError, match="threads: expected"):
+            list(row.values(body, omega, eps, threads=0))
+
+
+@every_row
+def test_bodies_that_a_function_does_not_know(rng, name):
+    """The error names those that it knows."""
+    row = ROWS[name]
+    for kind in {"3D", "gyrostat", "nD"} - set(row.kinds):
+        if (kind == "nD" and "solved" in row.kinds) or name == "step_full" or ":" in name:
+            error = (sf.NotIntegrableError, TypeError, ValueError)
+        else:
+            error = (sf.NotIntegrableError, TypeError)
+        body, omega, eps = sample(rng, kind, (), (), ())
+        with pytest.raises(error, match="expected"):
+            row.values(body, omega, eps).__next__()
+
+
+CUTS = ((30, (15, 15)), (30, (1, 0, 28, 1)), (300, (20, 280)), (300, (256, 44)))
+
+
 @pytest.mark.parametrize("save_every", [1, 4, None])
-@pytest.mark.parametrize("method", METHODS)
-def test_a_run_that_is_gone_on_with(rng, method, save_every, attitude):
-    """30 steps are 15 and 15, or 1, 0, 28 and 1: the states, where they end, and how."""
-    body, omega, eps = mixed_batch(rng, 70)
-    omega[3] = np.nan
-    options = {"method": method, "save_every": save_every, "attitude": attitude}
-    for steps, cuts in ((30, (15, 15)), (30, (1, 0, 28, 1)), (300, (20, 280)), (300, (256, 44))):
-        whole = run(body, omega, eps, steps, **options)
-        gone_on = run(body, omega, eps, cuts[0], **options)
+@pytest.mark.parametrize(
+    ("kind", "method", "attitude"),
+    [
+        *(("3D", method, turns) for method in ("auto", "canonical", "ds2") for turns in (0, 1)),
+        *((kind, "auto", turns) for kind in ("gyrostat", "nD", "solved") for turns in (0, 1)),
+        ("nD", "gauss", 0), ("full", None, 0),
+    ],
+)  # fmt: skip
+def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, save_every):
+    """However a run is cut into calls, it is the run that was never cut, bit for bit."""
+    body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
+    omega[3, 0], eps[4] = np.nan, 0.0
+    begin = sf.iterate_full if kind == "full" else sf.iterate
+    options = {} if kind == "full" else {"method": method, "attitude": bool(attitude)}
+    options |= {"save_every": save_every, "on_singular": "ignore"}
+    for steps, cuts in CUTS:
+        whole = begin(body, omega, eps, steps, **options)
+        gone_on = begin(body, omega, eps, cuts[0], **options)
         for more in cuts[1:]:
             gone_on = gone_on.extend(more, on_singular="ignore")
         for name in ("omega", "n", "final", "status", "failed_at", "attitude"):
             expected, got = getattr(whole, name), getattr(gone_on, name)
-            assert (expected is None and got is None) or same(expected, got), name
-
-
-@pytest.mark.parametrize("save_every", [1, 4, None])
-def test_the_orientation_is_that_of_every_step(body, rng, save_every):
-    """Whatever is saved, it is the one that `attitude` finds along all states."""
-    omega = rng.normal(size=(5, 2))
-    start = sf.attitude(body, run(body, omega, 0.1, 3).omega, 0.1)[-1]
-    states = run(body, omega, 0.3, 40, method="canonical").omega
-    for given_start in (True, start):
-        turns = run(
-            body, omega, 0.3, 40, method="canonical", save_every=save_every, attitude=given_start
-        )
-        R0 = None if given_start is True else start
-        expected = sf.attitude(body, states, 0.3, R0)
-        assert turns.attitude.shape == (len(turns.n), 5, 3, 3)
-        np.testing.assert_allclose(turns.attitude, expected[turns.n], rtol=0, atol=1e-15)
-
-
-@pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_save_every(rng, method):
-    body, omega, eps = mixed_batch(rng, 20)
-    every = run(body, omega, eps, 300, method=method)
-    assert same(every.omega[-1], every.final)
-    for k in (2, 7, 64, 300, 1000):
-        some = run(body, omega, eps, 300, method=method, save_every=k)
-        assert (some.n == np.arange(0, 301, k)).all()
-        assert same(some.omega, every.omega[::k])
-        assert same(some.final, every.final)
-    last = run(body, omega, eps, 300, method=method, save_every=None)
-    assert (last.n == [300]).all()
-    assert same(last.omega, every.omega[-1:])
-
-
-def test_auto_agrees_with_canonical(body, rng):
-    omega = rng.uniform(-5, 5, (300, 2))
-    for steps in (1, 2, 255, 256, 257, 1000):
-        auto = run(body, omega, 0.2, steps, save_every=None).final
-        canonical = run(body, omega, 0.2, steps, save_every=None, method="canonical").final
-        scale = np.hypot(*canonical.T)[:, None]
-        assert (abs(auto - canonical) / scale).max() < 5e-14
-
-
-@pytest.mark.parametrize("batch", [(), (3,), (2, 3), (2, 1, 3), (0,), (2, 0)])
-def test_shapes(rng, batch):
-    body = sf.Suslov3D(rng.uniform(1, 2, batch), 1.5, 0.3, -0.2)
-    omega = rng.normal(size=(*batch, 2))
-    expected = run(body, omega, 0.3, 33, save_every=2)
-    assert expected.omega.shape == (17, *batch, 2)
-    assert expected.omega.flags.c_contiguous
-    assert expected.final.shape == (*batch, 2)
-    assert expected.status.shape == expected.failed_at.shape == batch
-    out = np.full((17, *batch, 2), 7.0)
-    other = run(body, omega, 0.3, 33, save_every=2, out=out)
-    assert other.omega is out
-    assert same(expected.omega, out)
-    assert same(expected.final, other.final)
-
-
-def test_out_for_the_last_state(body, rng):
-    omega = rng.normal(size=(6, 2))
-    last = np.empty((1, 6, 2))
-    result = run(body, omega, 0.2, 10, out=last, save_every=None)
-    assert result.omega is last
-    assert same(last[0], result.final)
-
-
-def test_out_may_overlap_the_input(body, rng):
-    buffer = rng.normal(size=(4, 5, 2))
-    eps, omega = buffer[1, :, 0], buffer[0]
-    expected = run(body, omega.copy(), eps.copy(), 3)
-    result = run(body, omega, eps, 3, out=buffer)
-    assert same(result.omega, expected.omega)
-    assert same(result.eps, expected.eps)
-    flat = rng.normal(size=12)
-    expected = run(body, flat[:2].copy(), flat[2:4].copy(), 2)
-    assert same(run(body, flat[:2], flat[2:4], 2, out=flat.reshape(3, 2, 2)).omega, expected.omega)
-
-
-def test_a_run_keeps_what_it_began_with(body):
-    """Whoever writes to the input afterwards does not change what a run goes on from."""
-    omega = np.array([[1.0, 0.5], [0.3, 0.2]])
-    whole = run(body, omega, 0.2, 60, save_every=None)
-    half = run(body, omega, 0.2, 10, save_every=None)
-    omega[:] = 7.0
-    assert same(half.extend(50).final, whole.final)
-
-
-def test_any_layout_of_the_input(body, rng):
-    omega = rng.normal(size=(6, 2))
-    expected = run(body, omega, 0.2, 5)
-    read_only = omega.copy()
-    read_only.flags.writeable = False
-    inputs = [
-        omega.tolist(),
-        np.asfortranarray(omega),
-        np.repeat(omega, 2, axis=0)[::2],
-        read_only,
-        omega.astype(">f8"),
-        omega.astype(object),
-        np.ma.masked_array(omega),
-    ]
-    compiled = len(getattr(loops.canonical.serial, "signatures", ()))
-    for given_input in inputs:
-        assert same(run(body, given_input, 0.2, 5).omega, expected.omega)
-    assert len(getattr(loops.canonical.serial, "signatures", ())) == compiled
-    assert sf.step(body, [1, 2], 1).dtype == np.float64
-    single = run(body, omega.astype(np.float32), np.float32(0.25), 5)
-    assert single.omega.dtype == np.float64
-
-
-def test_broadcasting(rng):
-    body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1.5, 0.3, [-0.2, 0.1])
-    eps = np.array([0.1, 0.2, -0.1, 0.05]).reshape(4, 1, 1)
-    omega = rng.normal(size=(2, 2))
-    result = run(body, omega, eps, 10)
-    assert result.omega.shape == (11, 4, 3, 2, 2)
-    assert result.time.shape == (11, 4, 1, 1)
-    for i, j, k in np.ndindex(4, 3, 2):
-        one = sf.Suslov3D(body.I1[j, 0], 1.5, 0.3, body.I23[k])
-        alone = run(one, omega[k], eps[i, 0, 0], 10)
-        assert same(alone.omega, result.omega[:, i, j, k])
-
-
-@pytest.mark.parametrize("axes", [1, 29, 31, 32, 33, 64])
-def test_batches_of_many_axes(body, axes):
-    """What NumPy cannot hold is said to be too much before anything is computed."""
-    most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
-    try:
-        eps = np.full((1,) * axes, 0.2)
-    except ValueError:
-        pytest.skip("this NumPy has no such array")
-    options = {"attitude": True, "method": "canonical"}
-    if axes > most:
-        with pytest.raises(ValueError, match=r"axes|maximum supported dimension"):
-            run(body, [1.0, 0.5], eps, 3, **options)
-    else:
-        result = run(body, [1.0, 0.5], eps, 3, **options)
-        assert result.omega.shape == (4, *eps.shape, 2)
-        assert result.attitude.shape == (4, *eps.shape, 3, 3)
-        assert same(result.omega.reshape(4, 2), run(body, [1.0, 0.5], 0.2, 3, **options).omega)
-
-
-def test_no_steps(body):
-    result = run(body, [[1, 2], [3, 4]], 0.2, 0)
-    assert (result.omega == [[[1, 2], [3, 4]]]).all()
-    assert (result.final == [[1, 2], [3, 4]]).all()
-    assert (run(body, [1, 2], 0.2, 0, save_every=None).omega == [[1, 2]]).all()
-
-
-def test_times_and_description(body):
-    result = run(body, [1, 2], 0.25, 10, save_every=5)
-    assert (result.time == [0, 1.25, 2.5]).all()
-    assert result.eps == 0.25
-    assert result.body is body
-    assert repr(result) == (
-        "Trajectories(omega: (3, 2), n: 0, 5 ... 10, eps: 0.25, failed: 0 of 1)"
-    )
-    assert "n: 10, eps: -1 ... 1" in repr(run(body, [1, 2], [-1, 1], 10, save_every=None))
-    assert "eps: none" in repr(run(body, np.empty((0, 2)), np.empty(0), 10))
-
-
-@given(st.integers(1, 300), st.integers(0, 70), st.integers(1, 20))
-def test_any_batch_size_number_of_steps_and_saving(size, steps, save_every):
-    rng = np.random.default_rng(size)
-    body = sf.Suslov3D(4, 1, -0.5, -0.3)
-    omega = rng.normal(size=(size, 2))
-    result = run(body, omega, 0.2, steps, save_every=save_every)
-    assert result.omega.shape == (steps // save_every + 1, size, 2)
-    assert np.isfinite(result.omega).all()
-    i = size - 1
-    assert same(result.omega[:, i], run(body, omega[i], 0.2, steps, save_every=save_every).omega)
-
-
-@pytest.mark.parametrize("steps", [1, 255, 257])
-def test_a_whole_block_whose_states_are_all_saved(body, rng, steps):
-    omega = rng.uniform(-1, 1, (LANES, 2))
-    saved = run(body, omega, 0.2, steps, method="canonical").omega
-    assert same(saved[:, :3], run(body, omega[:3], 0.2, steps, method="canonical").omega)
-    last = run(body, omega, 0.2, steps, method="canonical", save_every=None).final
-    assert same(saved[-1], last)
-
-
-def test_blocks_without_any_orbit_that_needs_no_care(unit, rng):
-    """Vectors of orbits that all start next to the repelling half or beyond it."""
-    omega = np.column_stack([rng.uniform(-0.1, 0.1, 16), rng.uniform(-2.5, -1.2, 16)])
-    together = run(unit, omega, 1.0, 20, method="canonical")
-    for i in range(16):
-        alone = run(unit, omega[i], 1.0, 20, method="canonical")
-        assert same(together.omega[:, i], alone.omega)
-
-
-@pytest.mark.parametrize("method", ["canonical", "ds2"])
-@pytest.mark.parametrize("attitude", [False, True])
-def test_whole_blocks_by_every_method(body, rng, method, attitude):
-    """Next to orbits that need no care, what a trajectory is asked for is what it gets."""
-    omega, options = rng.uniform(-1, 1, (LANES, 2)), {"method": method, "attitude": attitude}
-    together = run(body, omega, 0.2, 5, **options)
-    for i in (0, LANES - 1):
-        alone = run(body, omega[i], 0.2, 5, **options)
-        assert same(together.omega[:, i], alone.omega)
-        assert same(together.final[i], alone.final)
-        if attitude:
-            assert same(together.attitude[:, i], alone.attitude)
-
-
-@pytest.mark.parametrize("shift", range(8))
-@pytest.mark.parametrize("batch", [0, 1, 7, LANES - 3, LANES, LANES + 8, 3 * LANES + 5])
-def test_memory_of_saved_states(body, rng, monkeypatch, batch, shift):
-    """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
-    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
-    omega = rng.uniform(-2, 2, (batch, 2))
-    steps = 10
-    options = {"save_every": None, "method": "canonical"}
-    last = [sf.iterate(body, omega, 0.2, n, **options).final for n in range(steps + 1)]
-    expected = np.stack(last)
-    memory = np.full(batch * (steps + 1) * 2 + 16, 7.0)
-    out = memory[shift : shift + memory.size - 16].reshape((steps + 1, batch, 2))
-    sf.iterate(body, omega, 0.2, steps, out=out, method="canonical")
-    assert (out == expected).all()
-    assert (memory[:shift] == 7).all()
-    assert (memory[shift + out.size :] == 7).all()
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("batch", [1023, 1024])
-def test_saved_states_beyond_the_caches(body, rng, batch):
-    omega = rng.uniform(-2, 2, (batch, 2))
-    steps = tiles._LARGE // 2 // batch + 9
-    states = sf.iterate(body, omega, 0.2, steps, method="canonical").omega
-    some = slice(5, 12)
-    few = sf.iterate(body, omega[some], 0.2, steps, method="canonical").omega
-    assert few.size < tiles._LARGE
-    assert same(states[:, some], few)
+            np.testing.assert_array_equal(expected, got, name)

@@ -133,14 +133,6 @@ def test_batches(rng):
     assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)
 
 
-@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
-def test_threads(rng, threads, monkeypatch):
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 5000)), *rng.normal(size=(2, 5000)))
-    expected = sf.scattering_angle(body)
-    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
-    assert (sf.scattering_angle(body, threads=threads) == expected).all()
-
-
 def test_nothing_moves():
     angles = sf.scattering_angle(sf.Suslov3D(4, 1, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]))
     assert np.isnan(angles).tolist() == [True, False, False]

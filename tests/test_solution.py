@@ -1,7 +1,5 @@
 """`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
 
-import warnings
-from fractions import Fraction
 from types import SimpleNamespace
 
 import naive
@@ -101,36 +99,12 @@ def test_states_that_do_not_move(body):
         np.testing.assert_allclose(limit, steady, rtol=1e-15)
 
 
-def test_shapes(body, rng):
-    omega = rng.normal(size=(3, 1, 2))
-    eps = np.array([0.1, -0.2])
-    assert sf.exact(body, omega, eps, 3).shape == (3, 2, 2)
-    many = sf.exact(body, omega, eps, np.arange(1200))
-    assert many.shape == (1200, 3, 2, 2)
-    assert many.flags.c_contiguous
-    np.testing.assert_allclose(many[700, 2, 1], sf.exact(body, omega[2, 0], -0.2, 700), rtol=1e-14)
-    assert sf.exact(body, omega, eps, []).shape == (0, 3, 2, 2)
-    assert sf.exact(body, np.empty((0, 2)), 0.1, [1, 2]).shape == (2, 0, 2)
-    assert [limit.shape for limit in sf.limits(body, omega, eps)] == [(3, 2, 2)] * 2
-    assert sf.flow(body, omega, [1.0, 2.0]).shape == (2, 3, 1, 2)
-    assert sf.flow(body, omega, 1).shape == (3, 1, 2)
-
-
 def test_no_state_between_steps_beyond_t_1(unit):
     with pytest.warns(RuntimeWarning, match="1 of 4 states: no state between") as caught:
         states = sf.exact(unit, [[0.3, 0.1], [0.5, -9.0]], 1, [2.5, 3])
     assert caught[0].filename == __file__
     assert caught[0].category is RuntimeWarning
     assert np.isnan(states).all(axis=-1).tolist() == [[False, True], [False, False]]
-
-
-@pytest.mark.parametrize("omega", [[1.0, -3.0], [0.5, -2.25], [0.0, -2.0], [3.0, -11.0]])
-def test_no_state_at_a_pole(unit, omega):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 3 states: no state there") as caught:
-        states = sf.exact(unit, omega, 1, [-1, 0, 1])
-    assert caught[0].filename == __file__
-    assert np.isnan(states[2]).all()
-    np.testing.assert_allclose(states[0], sf.step(unit, omega, -1), rtol=1e-15)
 
 
 @pytest.mark.parametrize("time", [0.3, -0.7, 5.0, -20.0])
@@ -331,41 +305,6 @@ def test_the_unit_of_time(k):
             assert (computed == np.ldexp(end, k)).all()
 
 
-@pytest.mark.parametrize("k", UNITS)
-def test_the_unit_of_mass(body, k):
-    omega = np.array([[1.0, 0.5], [0.3, -2.0]])
-    bodies = [
-        (body, sf.Suslov3D(*np.ldexp(body.parameters, k)), omega),
-        (
-            sf.SuslovND([1.5, 1.5, 1.5], [0.4, -0.7, 0.5]),
-            sf.SuslovND(np.ldexp([1.5, 1.5, 1.5], k), np.ldexp([0.4, -0.7, 0.5], k)),
-            np.array([[1.0, 0.5, 0.1], [0.3, -2.0, 0.4]]),
-        ),
-    ]
-    for one, heavy, states in bodies:
-        assert (sf.exact(heavy, states, 0.2, [3, -9]) == sf.exact(one, states, 0.2, [3, -9])).all()
-        assert (sf.flow(heavy, states, [3, -9]) == sf.flow(one, states, [3, -9])).all()
-        assert np.array_equal(sf.limits(heavy, states, 0.2), sf.limits(one, states, 0.2))
-        far = np.ldexp(states, k)
-        expected = np.ldexp(sf.exact(one, states, 0.25, 5), k)
-        assert (sf.exact(one, far, np.ldexp(0.25, -k), 5) == expected).all()
-
-
-def test_states_that_are_not_numbers(body):
-    omega = np.array([[1.0, 0.5], [np.nan, 1.0], [np.nan, np.nan]])
-    assert np.isnan(sf.exact(body, omega[1], 0.2, [0, 1])).all()
-    for states in (
-        sf.exact(body, omega, 0.2, 7),
-        sf.exact(body, omega, 0.2, np.arange(1, 50))[5],
-        sf.flow(body, omega, 7.0),
-        *sf.limits(body, omega, 0.2),
-    ):
-        assert np.isnan(states).all(axis=-1).tolist() == [False, True, True]
-    for bad in (np.inf, -np.inf):
-        with pytest.raises(ValueError, match="omega0: expected finite real numbers"):
-            sf.exact(body, [bad, 1.0], 0.2, 7)
-
-
 def test_limits_of_the_state_that_has_no_next(unit):
     """At (X, Y) = (0, 1) the map is 0 / 0; its inverse leaves that state where it is."""
     minus, plus = sf.limits(unit, [0.0, -2.0], 1)
@@ -381,14 +320,6 @@ def test_states_that_do_not_fit_in_memory(body):
         sf.exact(body, np.broadcast_to([1.0, 2.0], (10**6, 2)), 0.2, np.arange(10**7))
 
 
-@pytest.mark.compiled
-def test_threads(body, rng):
-    omega = rng.normal(size=(3000, 2))
-    n = np.arange(400)
-    assert (sf.exact(body, omega, 0.2, n, threads=1) == sf.exact(body, omega, 0.2, n)).all()
-    assert (sf.flow(body, omega, n, threads=1) == sf.flow(body, omega, n)).all()
-
-
 @pytest.mark.parametrize("scale", [1e-90, 1e-120, 1e-145])
 def test_a_slow_orbit_arrives_after_enough_steps(scale):
     """However little a step does, an orbit has its limits, and as many steps as it needs."""
@@ -399,59 +330,6 @@ def test_a_slow_orbit_arrives_after_enough_steps(scale):
     )
     ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
-
-
-NUMBERS = {
-    "forward": np.arange(200),
-    "both": np.arange(-130, 170),
-    "down": np.arange(150, -100, -3),
-    "before": np.arange(-500, -100, 7),
-    "far": np.arange(5000, 9000, 15),
-    "quarters": np.arange(0, 40, 0.25),
-}
-
-
-@pytest.mark.parametrize("numbers", NUMBERS)
-@pytest.mark.parametrize("scale", [0.1, 60.0])
-@pytest.mark.parametrize("batch", [1, 5, 70, 300])
-def test_rows_of_equal_steps(body, rng, monkeypatch, numbers, scale, batch):
-    """They agree with single states, and no bit depends on the batch or on where they begin."""
-    n = NUMBERS[numbers]
-    omega = rng.normal(size=(batch, 2)) * scale
-    omega[0] = 0.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        states = sf.exact(body, omega, 0.2, n)
-        some = [0, batch // 2, batch - 1]
-        alone = np.stack([sf.exact(body, omega[i], 0.2, n) for i in some], axis=1)
-        later = sf.exact(body, omega, 0.2, n[40:])
-        monkeypatch.setattr(closed_form, "SHORTEST", 10**9)
-        single = sf.exact(body, omega, 0.2, n)
-    assert np.array_equal(states[:, some], alone, equal_nan=True)
-    if n[0] * n[-1] >= 0 and len(later) > 40:
-        assert np.array_equal(states[40:], later, equal_nan=True)
-    assert (np.isnan(states) == np.isnan(single)).all()
-    size = np.hypot(*np.moveaxis(single, -1, 0))[..., None] + 1e-300
-    below = abs(sf.criticality(body, omega, 0.2)) < 1
-    np.testing.assert_array_less((abs(states - single) / size)[:, below], 5e-15)
-    np.testing.assert_allclose(states, single, rtol=1e-7, atol=1e-12 * scale)
-
-
-@pytest.mark.parametrize("which", range(5))
-@pytest.mark.parametrize("batch", [5, 261])
-def test_bodies_that_differ_in_one_parameter(rng, which, batch):
-    parameters = [4.0, 1.0, -0.5, -0.3, 0.2]
-    parameters[which] = parameters[which] * rng.uniform(0.5, 2, batch)
-    omega, n = rng.uniform(-2, 2, (batch, 2)), rng.integers(-300, 300, 40)
-    n[0] = 0
-    bodies, eps = sf.Suslov3D(*parameters[:4]), parameters[4]
-    states, rows = sf.exact(bodies, omega, eps, n), sf.iterate(bodies, omega, eps, 101)
-    for i in (0, batch // 2, batch - 1):
-        *one, eps = (np.broadcast_to(each, batch)[i] for each in parameters)
-        one = sf.Suslov3D(*one)
-        assert (sf.exact(one, omega[i], eps, n) == states[:, i]).all()
-        assert (sf.iterate(one, omega[i], eps, 101).omega == rows.omega[:, i]).all()
-        assert (sf.exact(one, omega[i], eps, n[3]) == states[3, i]).all()
 
 
 @pytest.mark.parametrize("shift", [0, 3])
@@ -471,21 +349,6 @@ def test_long_results(body, rng, monkeypatch, batch, shift):
         assert (sf.iterate(body, beside, 0.2, rows - 1).omega[:, 0] == out[:, i]).all()
     n = np.sqrt(np.arange(rows))
     assert (sf.exact(body, omega, 0.2, n)[-5:] == sf.exact(body, omega, 0.2, n[-5:])).all()
-
-
-@pytest.mark.parametrize("every", [1, 7])
-@pytest.mark.parametrize("cut", [1, 63, 64, 101])
-@pytest.mark.parametrize("batch", [1, 3, 200])
-def test_auto_goes_on_bit_for_bit(rng, body, every, cut, batch):
-    omega = rng.normal(size=(batch, 2)) * 10 ** rng.uniform(-1, 2.5, (batch, 1))
-    options = {"save_every": every, "on_singular": "ignore"}
-    whole = sf.iterate(body, omega, 0.2, 300, **options)
-    parts = sf.iterate(body, omega, 0.2, cut, **options).extend(300 - cut)
-    assert np.array_equal(parts.omega, whole.omega, equal_nan=True)
-    assert (parts.status == whole.status).all()
-    last = sf.iterate(body, omega, 0.2, 300, save_every=None, on_singular="ignore")
-    np.testing.assert_allclose(last.final, whole.final, rtol=1e-6, atol=1e-12)
-    assert (last.status == whole.status).all()
 
 
 @pytest.mark.parametrize(
@@ -545,46 +408,6 @@ def test_the_level_adds_digits_to_y(body):
             assert all(abs(c / e - 1) < 3e-15 for c, e in zip(computed, exact, strict=True))
 
 
-def rational_orbit(omega, steps):
-    """States of the unit body with eps = 1 as fractions, None where there is none."""
-    x, y = Fraction(omega[0]), -Fraction(omega[1])
-    states = [(x, -y)]
-    for _ in range(steps):
-        denominator = 1 - y / 2 + x * x / 2
-        if denominator == 0:
-            return states
-        following = x * (1 + y / 2) / denominator
-        x, y = following, y - x * following
-        states.append((x, -y))
-    return states
-
-
-def beyond(x):
-    """State 2 of the orbit whose state 0 is the pole (x, 2 + x**2), by (xy1) for eps to 0."""
-    near = [rational_orbit((x, -(2 + x * x) + h), 2)[2] for h in (Fraction(1, 10**40), 0)[:1]]
-    return [float(component) for component in near[0]]
-
-
-@pytest.mark.parametrize("x", [1.0, 0.5, 3.0, -1.0, 0.25, 100.0])
-def test_poles_in_rational_arithmetic(unit, x):
-    """A run ends at its pole; the closed form lacks one state, and goes on beyond it."""
-    omega = [x, -(2 + x * x)]
-    assert len(rational_orbit(omega, 9)) == 1
-    for method in ("auto", "canonical", "ds2"):
-        run = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
-        assert (run.status, run.failed_at) == (sf.Status.SINGULAR, 1)
-        assert np.isnan(run.omega[1:]).all()
-    for n in (np.arange(40), np.arange(9)):
-        with pytest.warns(sf.SingularStepWarning, match="1 of [0-9]+ states"):
-            states = sf.exact(unit, omega, 1, n)
-        assert np.flatnonzero(np.isnan(states[:, 0])).tolist() == [1]
-        np.testing.assert_allclose(states[2], beyond(Fraction(x)), rtol=1e-14)
-        for k, state in enumerate(rational_orbit(states[2], 5)):
-            np.testing.assert_allclose(states[2 + k], np.array(state, float), rtol=1e-13)
-    minus, plus = sf.limits(unit, omega, 1)
-    assert np.isfinite([minus, plus]).all()
-
-
 def test_runs_past_their_pole(unit, rng):
     """Orbits that start before a pole pass it in "auto" as in the canonical map."""
     omega = np.column_stack([rng.uniform(0.1, 3, 200), rng.uniform(-9, -2.1, 200)])
@@ -601,25 +424,6 @@ def test_runs_past_their_pole(unit, rng):
     expected = sf.exact(unit, np.delete(omega, 7, axis=0), 1, 10**9 + 1)
     assert (np.delete(far.final, 7, axis=0) == expected).all()
     assert far.failed_at[7] == 1
-
-
-@pytest.mark.parametrize("k", [-1000, -700, 700, 1000])
-def test_any_unit_of_time(body, k):
-    """Scaling omega by a power of two and eps by its inverse scales results, bit for bit."""
-    omega = np.array([[1.0, 0.5], [-3.0, 0.25], [90.0, 40.0]])
-    far, eps = np.ldexp(omega, k), np.ldexp(0.2, -k)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for n in (3, np.arange(-3, 60)):
-            expected = np.ldexp(sf.exact(body, omega, 0.2, n), k)
-            assert (sf.exact(body, far, eps, n) == expected).all()
-        for every in (1, 5, None):
-            one, other = (
-                sf.iterate(body, *start, 70, save_every=every)
-                for start in ((omega, 0.2), (far, eps))
-            )
-            assert (np.ldexp(one.omega, k) == other.omega).all()
-            assert (one.status == other.status).all()
 
 
 def test_states_beyond_float64(body):

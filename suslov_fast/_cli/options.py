@@ -22,23 +22,22 @@ DEFAULT_PICTURE = 2
 
 
 class CommandError(Exception):
-    """A message for the user, and the exit status."""
+    """A message for the user; the exit status is that of the class."""
 
-    def __init__(self, message: str, status: int = FAILURE) -> None:
-        super().__init__(message)
-        self.status = status
+    status = FAILURE
 
 
-def usage_error(message: str) -> CommandError:
-    """Return the error of a command line that makes no sense."""
-    return CommandError(message, USAGE)
+class UsageError(CommandError):
+    """A command line that makes no sense."""
+
+    status = USAGE
 
 
 # ------------------------------------------------------------------ values
 
 
 def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a reader of values, whose ValueErrors say what was expected."""
+    """Return a reader of values, whose errors say what was expected."""
 
     def read(text: str) -> Any:
         try:
@@ -49,54 +48,52 @@ def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any
     return read
 
 
-def _require(condition: bool) -> None:
-    if not condition:
-        raise ValueError
-
-
-def _number(text: str, low: float = -math.inf) -> float:
+def _finite(text: str, low: float = -math.inf) -> float:
     value = float(text)
-    _require(math.isfinite(value) and value > low)
+    if not (math.isfinite(value) and value > low):
+        raise ValueError
     return value
-
-
-def _numbers(text: str) -> list[float]:
-    return [_number(part) for part in text.split(",")]
-
-
-def _numbers_or_file(text: str) -> list[float] | Path:
-    return Path(text) if Path(text).suffix.lower() in (".npy", ".csv") else _numbers(text)
 
 
 def _integer(low: int, below: int = 2**62) -> Callable[[str], int]:
     def convert(text: str) -> int:
         value = int(text) if re.fullmatch(r"[+-]?\d{1,99}", text) else float(text)
-        _require(low <= value < below and value == int(value))
+        if not (low <= value < below and value == int(value)):
+            raise ValueError
         return int(value)
 
     limit = "2**62" if below == 2**62 else below
     return _reader(f"an integer of at least {low} and below {limit}", convert)
 
 
-def _result(text: str) -> Path:
-    _require(Path(text).suffix.lower() in (".npz", ".nc", ".zarr") and not text.endswith("/"))
-    return Path(text)
+def _file(*suffixes: str) -> Callable[[str], Path]:
+    def convert(text: str) -> Path:
+        if Path(text).suffix.lower() not in suffixes or text.endswith("/"):
+            raise ValueError
+        return Path(text)
+
+    return _reader(f"the name of a {' or '.join(suffixes)} file", convert)
 
 
 def _sweep(text: str) -> tuple[str, float, float, int]:
     match = re.fullmatch(r"(\w+)=([^:=]+):([^:=]+):([^:=]+)", text)
     if match is None:
         raise ValueError
-    return match[1], _number(match[2]), _number(match[3]), _integer(1)(match[4])
+    return match[1], _finite(match[2]), _finite(match[3]), _integer(1)(match[4])
 
 
-_number_of = _reader("a finite number", _number)
-_positive = _reader("a positive number", lambda text: _number(text, 0.0))
-_list = _reader("finite numbers separated by commas", _numbers)
-_list_or_file = _reader(
-    "finite numbers separated by commas or the name of a .npy or .csv file", _numbers_or_file
+_number = _reader("a finite number", _finite)
+_positive = _reader("a positive number", lambda text: _finite(text, 0.0))
+_list = _reader(
+    "finite numbers separated by commas", lambda text: [_finite(part) for part in text.split(",")]
 )
-_run_file = _reader("the name of a .npz, .nc or .zarr file", _result)
+_table, _result = _file(".npy", ".csv"), _file(".npz", ".nc", ".zarr")
+
+
+def _list_or_table(text: str) -> Any:
+    return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
+
+
 _picture = _reader("1, 2, 3 or 4", lambda text: ("1", "2", "3", "4").index(text) + 1)
 
 
@@ -104,8 +101,7 @@ _picture = _reader("1, 2, 3 or 4", lambda text: ("1", "2", "3", "4").index(text)
 
 
 def _option(help: str, type: Any = None, metavar: str | None = None, **more: Any) -> dict[str, Any]:
-    settings = {"help": help, "type": type, "metavar": metavar, **more}
-    return {name: value for name, value in settings.items() if value is not None}
+    return {"help": help, "type": type, "metavar": metavar, **more}
 
 
 def _flag(help: str) -> dict[str, Any]:
@@ -117,21 +113,25 @@ def _flag(help: str) -> dict[str, Any]:
 _O = ("-o", "--output")
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
-        "picture of the paper; parameters beside it replace its own (2)", _picture, "1..4"
+        f"picture of the paper; parameters beside it replace its own ({DEFAULT_PICTURE})",
+        _picture,
+        "1..4",
     ),
     "inertia": _option(
-        "inertia tensor, entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or a file", _list_or_file, "TENSOR"
+        "inertia tensor, entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or a file", _list_or_table, "TENSOR"
     ),
-    "mass_tensor": _option("in n dimensions, a file: the I of M = I Omega + Omega I", Path, "FILE"),
+    "mass_tensor": _option(
+        "in n dimensions, a file: the I of M = I Omega + Omega I", _table, "FILE"
+    ),
     "axis": _option("with a tensor: the forbidden axis, in its basis (the last)", _list, "A1,..."),
-    "eps": _option("step size (that of the picture)", _number_of),
+    "eps": _option("step size (that of the picture)", _number),
     "omega0": _option("a start; may be repeated", _list, "OMEGA1,...", action="append"),
-    "initial": _option("starts from a file, one per row", Path, "FILE"),
+    "initial": _option("starts from a file, one per row", _table, "FILE"),
     "trajectories": _option(f"number of random starts ({TRAJECTORIES})", _integer(1), "N"),
     "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", _positive),
     "seed": _option("seed of the random starts (0)", _integer(0)),
     "orientation": _option(
-        "at the start: rotation vector X,Y,Z in degrees, or matrix in a file", _list_or_file, "R0"
+        "at the start: rotation vector X,Y,Z in degrees, or matrix in a file", _list_or_table, "R0"
     ),
     "steps": _option("number of steps", _integer(0), "N"),
     "method": _option("method of iterate", default="auto"),
@@ -151,26 +151,20 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ),
     "compression": _option("compress what is written", choices=("lz4", "zstd")),
     "reductions": _option(
-        "keep no states but the last, and this: first_integral_drift, omega_max, ...",
+        "keep this of each trajectory: first_integral_drift, omega_max, ...; may be repeated",
         metavar="NAME",
         action="append",
         flags=("--reduce",),
     ),
     "verify": _flag("read what is stored, and compute again what is damaged"),
-    "file": _option("a .npz, .nc or .zarr", _run_file, "FILE", flags=("file",)),
+    "file": _option("a .npz, .nc or .zarr", _result, "FILE", flags=("file",)),
     "folder": _option("where to write them (this folder)", Path, "DIR", flags=_O, default=Path()),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch", _integer(1), "N"),
+    "dpi": _option("dots per inch", _integer(1, 10_001), "N"),
     "letters": _flag("write the letters of panels, (a), (b) ..."),
     "link": _option("a link copied from the page", None, "LINK", nargs="?", flags=("link",)),
     "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), "N", default=0),
     "no_browser": _flag("print the address only"),
-}
-_PARAMETERS = {
-    "I3": "moment of inertia, which the map does not depend on",
-    "J": "in n dimensions: I_ii + I_nn",
-    "I": "in n dimensions: the couplings I_in",
-    "k": "momentum of a rotor along the forbidden axis: a gyrostat",
 }
 
 
@@ -207,7 +201,7 @@ COMMANDS = {
         },
         {
             "steps": {"default": 1000},
-            "output": {"type": _run_file, "help": "write the run to a .npz, .nc or .zarr"},
+            "output": {"type": _result, "help": "write the run to a .npz, .nc or .zarr"},
         },
     ),
     "info": Command(
@@ -244,7 +238,7 @@ COMMANDS = {
             "eps": {"help": "step size (0.05 with a picture)"},
             "omega0": {"action": "store", "help": "the start (one beside a steady rotation)"},
             "steps": {"type": _integer(1), "default": 440},
-            "output": {"required": True},
+            "output": {"required": True, "type": _file(".gif", ".mp4")},
             "dpi": {"default": 100},
         },
     ),
@@ -278,94 +272,78 @@ def flag(name: str) -> str:
 
 
 class _Parser(argparse.ArgumentParser):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings, allow_abbrev=False)
+        # That of argparse takes -1e-3 and -1,0.5 for options.
+        self._negative_number_matcher = re.compile(r"-[\d.]")
+
     def error(self, message: str) -> NoReturn:
-        raise usage_error(message)
+        raise UsageError(message)
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
     """Read a command line; its attribute `command` is the name of the subcommand."""
-    if not words or words[0] not in COMMANDS:
-        _parse_general(words)
-    parser = _parser(words[0])
-    options, rest = parser.parse_known_args(_with_numbers_joined(words[1:]))
+    parser = _Parser(
+        prog="suslov-fast",
+        description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
+    )
+    parser.add_argument(
+        "-V", "--version", action="version", version=f"suslov-fast {__version__}"
+    )
+    parsers = parser.add_subparsers(
+        title="commands, each with a --help of its own", dest="command", metavar="COMMAND"
+    )
+    for name, command in COMMANDS.items():
+        _fill(parsers.add_parser(name, help=command.help, description=command.description), command)
+    expected = f"expected one of {', '.join(COMMANDS)}"
+    if not words:
+        raise UsageError(f"{expected}, got nothing")
+    if words[0] not in (*COMMANDS, "-h", "--help", "-V", "--version"):
+        raise UsageError(f"unknown command {words[0]!r}; {_hint(words[0], COMMANDS, expected)}")
+    options, rest = parser.parse_known_args(words)
     for word in rest:
         name = word.partition("=")[0]
         if not name.startswith("-"):
-            raise usage_error(f"expected no argument {word!r}")
-        hint = f"`suslov-fast {words[0]} --help` lists the options"
-        raise usage_error(
-            f"unknown option {name}; {_suggestion(name, [*parser._option_string_actions], hint)}"
-        )
-    options.command = words[0]
+            raise UsageError(f"expected no argument {word!r}")
+        known = parsers.choices[options.command]._option_string_actions
+        otherwise = f"`suslov-fast {options.command} --help` lists the options"
+        raise UsageError(f"unknown option {name}; {_hint(name, known, otherwise)}")
     return options
 
 
-def _parse_general(words: Sequence[str]) -> NoReturn:
-    """Answer a command line that names no subcommand."""
-    parser = _Parser(
-        prog="suslov-fast",
-        usage=f"suslov-fast [-h] [-V] {{{','.join(COMMANDS)}}} ...",
-        description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
-        epilog="subcommands, each with a --help of its own:\n"
-        + "\n".join(f"  {name:<10}{each.help}" for name, each in COMMANDS.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    version = f"suslov-fast {__version__}"
-    parser.add_argument("-V", "--version", action="version", version=version)
-    parser.parse_known_args(words[:1])
-    expected = f"expected one of {', '.join(COMMANDS)}"
-    if not words:
-        raise usage_error(f"{expected}, got nothing")
-    raise usage_error(
-        f"unknown command {words[0]!r}; {_suggestion(words[0], [*COMMANDS], expected)}"
-    )
-
-
-def _suggestion(word: str, known: list[str], otherwise: str) -> str:
+def _hint(word: str, known: Any, otherwise: str) -> str:
     close = difflib.get_close_matches(word, known, 1)
     return f"did you mean {close[0]}?" if close else otherwise
 
 
-def _parser(name: str) -> argparse.ArgumentParser:
-    command = COMMANDS[name]
-    parser = _Parser(
-        prog=f"suslov-fast {name}", description=command.description, allow_abbrev=False
-    )
-    for title, options in command.groups.items():
+def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
+    """Add the options of a subcommand."""
+    for title, names in command.groups.items():
         group: Any = parser.add_argument_group(title) if title else parser
-        for option in options.split():
-            if option == "PARAMETERS":
+        for name in names.split():
+            if name == "PARAMETERS":
                 _add_parameters(group)
                 continue
-            settings = {**OPTIONS[option], **command.changes.get(option, {})}
-            flags = settings.pop("flags", (flag(option),))
+            settings = {**OPTIONS[name], **command.changes.get(name, {})}
+            flags = settings.pop("flags", (flag(name),))
             if settings.get("default") and "(" not in settings["help"]:
                 settings["help"] += " (%(default)s)"
             if flags[0].startswith("-"):
-                settings["dest"] = option
+                settings["dest"] = name
             group.add_argument(*flags, **settings)
-    return parser
 
 
 def _add_parameters(group: Any) -> None:
     """Add an option for each parameter of each body."""
-    kinds = {name: kind for kind in reversed(body_classes()) for name in kind._names()}
-    for name, kind in sorted(kinds.items(), key=lambda each: (each[1]._own_axes, len(each[0]))):
-        what = "moment" if name in kind._positive else "product"
-        settings = _option(
-            _PARAMETERS.get(name, f"{what} of inertia"),
-            _list if kind._own_axes else _positive if name in kind._positive else _number_of,
-            f"{name}1,..." if kind._own_axes else None,
+    kinds: dict[str, list[Any]] = {}
+    for kind in body_classes():
+        for name in kind._names():
+            kinds.setdefault(name, []).append(kind)
+    for name, (kind, *others) in kinds.items():
+        bodies = ", ".join(each.__name__ for each in (kind, *others))
+        group.add_argument(
+            f"--{name}",
+            help=f"{kind._meanings[name]} ({bodies})",
+            type=_list if kind._own_axes else _positive if name in kind._positive else _number,
+            metavar=f"{name}1,..." if kind._own_axes else None,
         )
-        group.add_argument(f"--{name}", **settings)
-
-
-def _with_numbers_joined(words: Sequence[str]) -> list[str]:
-    """Write `--eps -1e-3` as `--eps=-1e-3`: argparse takes some negative numbers for options."""
-    joined: list[str] = []
-    for word in words:
-        if joined and re.fullmatch(r"--[\w-]+", joined[-1]) and re.match(r"-[\d.]", word):
-            joined[-1] += f"={word}"
-        else:
-            joined.append(word)
-    return joined

@@ -6,24 +6,19 @@ import argparse
 import sys
 import threading
 
-from .options import CommandError, usage_error
-from .work import Work, reading
+from .options import CommandError, UsageError
+from .work import about
 
 
 def info(options: argparse.Namespace) -> str:
     """Return what a saved run is and what came of it."""
     from .._runs.trajectories import Trajectories
-    from .summary import as_json, as_text, facts_of, facts_of_store, outcome_of
+    from .summary import as_json, as_text, facts_of, facts_of_store
 
     path = options.file
-    with Work() as work, reading(path):
-        report = work.phase(f"reading {path}")
-        if (path / "progress" / "zarr.json").exists():
-            facts = facts_of_store(path, report)
-        else:
-            orbits = Trajectories.load(path)
-            start = orbits.omega[0] if orbits.n[0] == 0 else None
-            facts = {**facts_of(orbits), **outcome_of(orbits, start, report)}
+    with about(path):
+        in_store = (path / "progress" / "zarr.json").exists()
+        facts = facts_of_store(path) if in_store else facts_of(Trajectories.load(path))
     return as_json(facts) if options.json else as_text(facts)
 
 
@@ -32,10 +27,8 @@ def explore(options: argparse.Namespace) -> None:
     from .._show.explore.parameters import query_of_link
     from .._show.explore.server import Server
 
-    try:
+    with about("argument LINK", UsageError):
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""
-    except ValueError as error:
-        raise usage_error(f"argument LINK: {error}") from error
     try:
         server = Server(options.port)
     except OSError as error:
@@ -45,7 +38,7 @@ def explore(options: argparse.Namespace) -> None:
     try:
         with server:
             print(server.url + query, flush=True)
-            if sys.stderr.isatty():
+            if sys.stderr is not None and sys.stderr.isatty():
                 print("suslov-fast: Ctrl-C ends it", file=sys.stderr, flush=True)
             if not options.no_browser:
                 threading.Thread(target=_show, args=(server.url + query,), daemon=True).start()

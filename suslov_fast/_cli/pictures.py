@@ -11,12 +11,13 @@ from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._runs.replacing import replacing
 from .._show import plots
-from .options import CommandError, usage_error
+from .._show.style import style
+from .options import CommandError, UsageError
 from .problem import orientation_of, problem_of, start_of
-from .work import Work, checking, require_new, writing
+from .work import about, progress_bar, require_new
 
-# Text stays text in vector formats, and the same picture is the same file.
-_STYLE = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
+# The same picture is the same file, and text in it stays text.
+_SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
 _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 # Step size of animated pictures: those of the paper are too long for the eye.
 _EPS = 0.05
@@ -40,70 +41,48 @@ DRAWINGS: dict[str, Callable[[bool], Any]] = {
 }
 
 
-def pictures(options: argparse.Namespace) -> None:
-    """Draw all pictures."""
-    _require_matplotlib("pictures")
-    from matplotlib import rc_context
+def pictures(options: argparse.Namespace) -> str:
+    """Draw all pictures, and return their names."""
+    with style(), about(options.folder):
+        from matplotlib import rcParams
 
-    try:
+        rcParams.update(_SETTINGS)
         options.folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CommandError(
-            f"{options.folder}: expected a folder or a name for one, got: {error.strerror}"
-        ) from error
-    paths = {name: options.folder / f"{name}.{options.format}" for name in DRAWINGS}
-    for path in paths.values():
-        require_new(path, options.force)
-    with Work() as work:
-        report = work.phase("drawing")
-        for k, (name, draw) in enumerate(DRAWINGS.items()):
-            report(k, len(DRAWINGS))
-            with rc_context(_STYLE), writing(paths[name]), replacing(paths[name]) as new:
-                draw(options.letters).figure.savefig(
-                    new, format=options.format, dpi=options.dpi, metadata=_DATES[options.format]
-                )
-    print(*paths.values(), sep="\n")
+        paths = {name: options.folder / f"{name}.{options.format}" for name in DRAWINGS}
+        for path in paths.values():
+            require_new(path, options.force)
+        with progress_bar("drawing") as report:
+            for k, (name, draw) in enumerate(DRAWINGS.items()):
+                report(k, len(DRAWINGS))
+                with replacing(paths[name]) as new:
+                    draw(options.letters).figure.savefig(
+                        new,
+                        format=options.format,
+                        dpi=options.dpi,
+                        metadata=_DATES[options.format],
+                    )
+    return "\n".join(map(str, paths.values()))
 
 
 def animate(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
     body, eps, _ = problem_of(options, _EPS)
     if not isinstance(body, Suslov3D):
-        raise usage_error(
-            f"animate: expected a three-dimensional body, got one for n = {body.dimension + 1}"
-        )
+        raise UsageError(f"animate: expected a body of Suslov3D, got a {type(body).__name__}")
     start = None if options.omega0 is None else start_of(options.omega0, body)
     orientation = orientation_of(options, 3)
     path = options.output
-    writers = {".gif": "PillowWriter", ".mp4": "FFMpegWriter"}
     suffix = path.suffix.lower()
-    if suffix not in writers:
-        raise usage_error(f"{path}: expected a name that ends in .gif or .mp4, got {suffix!r}")
-    _require_matplotlib("animate")
-    from matplotlib import animation
-
-    writer = getattr(animation, writers[suffix])
+    with style():  # which says what to do without Matplotlib
+        from matplotlib import animation
+    writer = animation.PillowWriter if suffix == ".gif" else animation.FFMpegWriter
     if not writer.isAvailable():
         raise CommandError(f"{path}: expected ffmpeg to write it with, got none; use .gif")
     require_new(path, options.force)
-    with Work(path) as work, writing(path), replacing(path) as new:
-        report = work.phase("drawing")
-        with checking("animate"):
+    with about(path), replacing(path) as new, progress_bar("drawing") as report:
+        with about("animate", UsageError):
             moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
-        moving.save(
-            str(new.with_suffix(suffix)),
-            writer=writer(fps=25),
-            dpi=options.dpi,
-            progress_callback=report,
-        )
-        new.with_suffix(suffix).rename(new)
+        part = new.with_suffix(suffix)  # the library goes by it
+        moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=report)
+        part.rename(new)
     return str(path)
-
-
-def _require_matplotlib(command: str) -> None:
-    try:
-        import matplotlib.figure  # noqa: F401
-    except ImportError as error:
-        raise CommandError(
-            f"{command}: expected matplotlib, got none; pip install 'suslov_fast[plots]'"
-        ) from error

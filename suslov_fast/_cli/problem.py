@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
-import stat
-import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,12 +13,8 @@ from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, rotations, vectors
 from .._maps.registry import map_of
-from .._runs.replacing import kind_of
-from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, body_classes, flag, usage_error
-from .work import checking, reading
-
-# The head of a column in a .csv file; "nan" and "inf" are numbers, which are refused as such.
-_HEAD = r"(?!(nan|inf|infinity)$)[A-Za-zΩ_][\wΩ ]*"
+from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
+from .work import about
 
 
 class Problem(NamedTuple):
@@ -37,57 +30,50 @@ def problem_of(options: argparse.Namespace, eps_of_pictures: float | None = None
 
     The step size is that of the picture, or `eps_of_pictures`, unless the body is the user's own.
     """
-    given = {
+    parameters = {
         name: getattr(options, name)
         for kind in body_classes()
         for name in kind._names()
         if getattr(options, name) is not None
     }
-    tensors = [name for name in ("inertia", "mass_tensor") if getattr(options, name) is not None]
-    sources = [*tensors, *(["picture"] if options.picture else [])]
+    sources = [name for name in ("inertia", "mass_tensor", "picture") if getattr(options, name)]
     if len(sources) > 1:
-        raise usage_error(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
-    if options.axis is not None and not tensors:
-        raise usage_error("expected --axis only with --inertia or --mass-tensor, got it alone")
-    base, rotation = None, None
-    if tensors:
-        base, rotation = _of_tensor(options, tensors[0])
-    elif sources or not given:
+        raise UsageError(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
+    if options.axis is not None and sources not in (["inertia"], ["mass_tensor"]):
+        raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
+    base, rotation, eps = None, None, options.eps
+    if sources == ["picture"] or not (sources or parameters):
         picture = PICTURES[options.picture or DEFAULT_PICTURE]
-        base = picture.body
-        if options.eps is None:
-            options.eps = eps_of_pictures or picture.eps
-    body = _of_parameters(base, given)
-    if options.eps is None:
-        raise usage_error(
+        base, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
+    elif sources:
+        base, rotation = _of_tensor(options, sources[0])
+    body = _with_parameters(base, parameters)
+    if eps is None:
+        raise UsageError(
             "expected a step size with a body of your own, got none; write --eps 0.1, for example"
         )
-    return Problem(body, options.eps, rotation)
+    return Problem(body, eps, rotation)
 
 
-def _of_parameters(base: Any, given: dict[str, Any]) -> Any:
-    """Return the first body that has the parameters that are given, others being those of a base.
-
-    It has all parameters of the base, but for those that may be left out.
-    """
-    if not given:
+def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
+    """Return the first body that has the user's own parameters, others being those of a base."""
+    if not own:
         return base
-    needed = given.keys() | (set() if base is None else _required(type(base)))
-    values = {**({} if base is None else base._values), **given}
+    # A picture with --k is a gyrostat: it has all parameters of the base that may not be left out.
+    needed = own.keys() | (set() if base is None else _required(type(base)))
+    values = {**({} if base is None else base._values), **own}
     kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
     if not kinds:
         received = " ".join(flag(name) for name in sorted(needed))
-        raise usage_error(f"expected the parameters of one body, got {received}")
+        raise UsageError(f"expected the parameters of one body, got {received}")
     for kind in kinds:
         if _required(kind) <= values.keys():
-            own = {name: values[name] for name in kind._names() if name in values}
-            with checking("parameters of the body"):
-                return kind(**own)
-    names = [name for name in kinds[0]._names() if name in _required(kinds[0])]
-    wanted = " ".join(map(flag, names))
-    missing = " ".join(flag(name) for name in names if name not in values)
+            with about("body", UsageError):
+                return kind(**{name: values[name] for name in kind._names() if name in values})
+    wanted = [flag(name) for name in kinds[0]._names() if name in _required(kinds[0])]
+    missing = [name for name in wanted if name.lstrip("-") not in values]
     hint = "; --picture N takes them from a picture" if kinds[0] is Suslov3D else ""
-    raise usage_error(f"expected all of {wanted}, got no {missing}{hint}")
+    raise UsageError(f"expected all of {' '.join(wanted)}, got no {' '.join(missing)}{hint}")
 
 
 def _required(kind: Any) -> set[str]:
@@ -96,36 +82,32 @@ def _required(kind: Any) -> set[str]:
 
 def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray | None]:
     source = getattr(options, name)
-    if isinstance(source, list):
-        if len(source) != 6:
-            raise usage_error(
-                "argument --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the name of a "
-                f".npy or .csv file, got {len(source)} numbers"
-            )
+    if isinstance(source, Path):
+        matrix, errors = _read_matrix(source), about(source)
+    elif len(source) == 6:
         xx, yy, zz, xy, xz, yz = source
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        errors = checking("argument --inertia")
+        errors = about("argument --inertia", UsageError)
     else:
-        matrix, errors = read_matrix(source), reading(source)
+        raise UsageError(
+            "argument --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the name of a "
+            f".npy or .csv file, got {len(source)} numbers"
+        )
+    body: Any
     with errors:
         if name == "mass_tensor":
             body, rotation = SuslovND.from_mass_tensor(matrix, options.axis)
         else:
-            axis = [0.0, 0.0, 1.0] if options.axis is None else options.axis
-            body, rotation = Suslov3D.from_inertia(matrix, axis)  # type: ignore[assignment]
-    identity = (rotation == np.eye(len(rotation))).all()
-    return body, None if identity else rotation
+            body, rotation = Suslov3D.from_inertia(matrix, options.axis or [0.0, 0.0, 1.0])
+    return body, None if (rotation == np.eye(len(rotation))).all() else rotation
 
 
 def starts_of(options: argparse.Namespace, body: Any) -> Any:
-    """Return the starts: an array, `RandomStarts`, or the name of a .npy file to read in parts."""
-    random = [
-        name for name in ("trajectories", "seed", "extent") if getattr(options, name) is not None
-    ]
-    sources = [name for name in ("omega0", "initial") if getattr(options, name) is not None]
-    if len(sources + random[:1]) > 1:
-        first, second = (sources + random)[:2]
-        raise usage_error(f"expected either {flag(first)} or {flag(second)}, got both")
+    """Return the starts: an array, `RandomStarts`, or the name of a file."""
+    used = ("omega0", "initial", "trajectories", "seed", "extent")
+    used = tuple(name for name in used if getattr(options, name) is not None)
+    if len(used) > 1 and used[0] in ("omega0", "initial"):
+        raise UsageError(f"expected either {flag(used[0])} or {flag(used[1])}, got both")
     if options.omega0 is not None:
         return np.array([start_of(row, body) for row in options.omega0])
     if options.initial is not None:
@@ -140,7 +122,7 @@ def start_of(row: list[float], body: Any) -> list[float]:
     """Return a start with as many components as the body has."""
     names = map_of(body).components(body)
     if len(row) != len(names):
-        raise usage_error(
+        raise UsageError(
             f"argument --omega0: expected {len(names)} numbers, {', '.join(names)}, got {len(row)}"
         )
     return row
@@ -149,13 +131,13 @@ def start_of(row: list[float], body: Any) -> list[float]:
 def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
     """Return the orientation at the start, if one is given."""
     source = options.orientation
-    if not isinstance(source, list):
-        if source is None:
-            return None
-        with reading(source):
-            return rotations("orientation", read_matrix(source), n)
+    if source is None:
+        return None
+    if isinstance(source, Path):
+        with about(source):
+            return rotations("orientation", _read_matrix(source), n)
     if len(source) != 3 or n != 3:
-        raise usage_error(
+        raise UsageError(
             "argument --orientation: expected a rotation vector of three numbers for a "
             f"three-dimensional body, or the name of a .npy or .csv file, got {len(source)} "
             f"numbers for n = {n}"
@@ -166,45 +148,38 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
     return matrix
 
 
-def read_states(path: Path, dimension: int) -> FloatArray:
+def read_starts(path: Path, dimension: int) -> FloatArray:
     """Read angular velocities from a .npy or .csv file, a column for each component."""
-    with reading(path):
-        table = _read_table(path)
+    with about(path):
+        table = vectors("states", np.atleast_2d(_read_table(path)), dimension)
         if not table.size:
             raise ValueError("expected at least one state, got none")
-        if table.ndim != 2:
-            raise ValueError(f"expected {dimension} columns, got an array of shape {table.shape}")
-        return vectors("states", table, dimension)
+        return table.reshape(-1, dimension)
 
 
-def read_matrix(path: Path) -> FloatArray:
-    """Read a square matrix from a .npy or .csv file."""
-    with reading(path):
+def _read_matrix(path: Path) -> FloatArray:
+    with about(path):
         table = _read_table(path)
         if table.ndim != 2 or table.shape[0] != table.shape[1]:
             raise ValueError(f"expected an n x n matrix, got an array of shape {table.shape}")
-    return table
+        return table
 
 
 def _read_table(path: Path) -> FloatArray:
-    suffix = path.suffix.lower()
-    if suffix not in (".npy", ".csv"):
-        raise ValueError(f"expected a .npy or .csv file, got {suffix or 'no suffix'!r}")
-    mode = path.stat().st_mode
-    if not stat.S_ISREG(mode):
-        raise ValueError(f"expected a readable file, got {kind_of(mode)}")
-    if suffix == ".npy":
-        try:
-            table: FloatArray = np.load(path, allow_pickle=False)
-            return table
-        except OSError:
-            raise
-        except Exception as error:  # depends on how the file is damaged
-            raise ValueError(f"expected a .npy file that numpy.save wrote, got: {error}") from error
-    with open(path, encoding="utf-8-sig") as file:  # spreadsheets begin files with a mark
-        header = [cell.strip() for cell in file.readline().split(",")]
-        if not all(re.fullmatch(_HEAD, cell) for cell in header) or len(header) < 2:
-            file.seek(0)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*input contained no data")
-            return np.loadtxt(file, delimiter=",", ndmin=2)
+    if path.suffix.lower() == ".npy":
+        with open(path, "rb") as file:
+            array: FloatArray = np.lib.format.read_array(file, allow_pickle=False)
+            return array
+    # Spreadsheets begin files with a mark.
+    rows = [row for row in path.read_text(encoding="utf-8-sig").splitlines() if row.strip()]
+    if rows and all(map(_is_name, rows[0].split(","))):
+        del rows[0]
+    if not rows:
+        raise ValueError("expected at least one row of numbers, got none")
+    return np.loadtxt(rows, delimiter=",", ndmin=2)
+
+
+def _is_name(cell: str) -> bool:
+    """Return True for the head of a column; "nan" and "inf" are numbers, which are refused."""
+    name = cell.strip().replace(" ", "_")
+    return name.isidentifier() and name.lower() not in ("nan", "inf", "infinity")

@@ -1,75 +1,57 @@
-"""Work of a command: progress on a terminal, errors with the name of a file."""
+"""What commands share: a bar on a terminal, errors in one line, new files."""
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
-from typing import Any, NoReturn
 
-from .options import FAILURE, USAGE, CommandError
+from .options import CommandError
 
-# Bytes of a file whose size is said before it is written; seconds from one bar to the next; its
-# characters.
-_LARGE, _INTERVAL, _WIDTH = 10**8, 0.1, 30
-
-_received: list[int] = []
+# Bytes of an output whose size is said before it is written; seconds from one bar to the next.
+_LARGE, _INTERVAL = 10**8, 0.1
 
 
-def interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    """Note a signal and raise KeyboardInterrupt, which callbacks of the compiler may drop."""
-    _received.append(number)
-    raise KeyboardInterrupt
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """Yield a function of (done, total) that draws a bar where stderr is a terminal."""
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+    begin = shown = time.monotonic()
 
+    def show(text: str) -> None:
+        if terminal:
+            sys.stderr.write(f"\r\x1b[K{text}")
+            sys.stderr.flush()
 
-class Work:
-    """Phases of a command: a bar on a terminal, and a message if one is interrupted."""
-
-    def __init__(self, output: Path | None = None) -> None:
-        self.output, self.written = output, False
-        self._phase, self._begin, self._shown = "starting", 0.0, 0.0
-        _received.clear()
-
-    def phase(self, name: str) -> Callable[[int, int], None]:
-        """Begin a phase, and return a function that takes how much of it is done and its total."""
-        self._stop_if_asked()
-        self._phase, self._begin = name, time.monotonic()
-        _show(name)
-        return self._report
-
-    def _stop_if_asked(self) -> None:
-        if _received:
-            raise KeyboardInterrupt
-
-    def _report(self, done: int, total: int) -> None:
-        self._stop_if_asked()
+    def report(done: int, total: int) -> None:
+        nonlocal shown
         now = time.monotonic()
-        if now > self._shown + _INTERVAL and 0 < done <= total:
-            self._shown = now
-            bar = ("#" * (done * _WIDTH // total)).ljust(_WIDTH)
-            left = (now - self._begin) * (total / done - 1)
-            _show(f"{self._phase} [{bar}] {done / total:4.0%}, {left:.0f} s left")
+        if now > shown + _INTERVAL and 0 < done <= total:
+            shown, part = now, done / total
+            left = (now - begin) * (1 / part - 1)
+            show(f"{title} [{'#' * int(30 * part):30}] {part:4.0%}, {left:.0f} s left")
 
-    def __enter__(self) -> Work:
-        return self
-
-    def __exit__(self, kind: Any, error: BaseException | None, traceback: Any) -> None:
-        _show("")
-        if isinstance(error, KeyboardInterrupt) and not error.args:
-            message = f"interrupted while {self._phase}"
-            if self.output is not None:
-                message += f"; {self.output} was {'' if self.written else 'not '}written"
-            raise KeyboardInterrupt(message) from error
+    show(f"{title} ...")
+    try:
+        yield report
+    finally:
+        show("")
 
 
-def _show(text: str) -> None:
-    """Replace the line on the terminal, if there is one."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{text and f'suslov-fast: {text}'}")
-        sys.stderr.flush()
+@contextmanager
+def about(what: object, kind: type[CommandError] = CommandError) -> Iterator[None]:
+    """Turn errors of the package and of the system into messages that begin with a name."""
+    try:
+        yield
+    except OSError as error:
+        name = what if error.filename is None else error.filename
+        raise CommandError(f"{name}: {error.strerror or error}") from error
+    except (ValueError, TypeError, EOFError) as error:
+        text = str(error)
+        raise kind(text if text.startswith(f"{what}:") else f"{what}: {text}") from error
 
 
 def require_new(path: Path, force: bool) -> None:
@@ -79,39 +61,12 @@ def require_new(path: Path, force: bool) -> None:
 
 
 def announce(path: Path, nbytes: int) -> None:
-    """Say the size of a large file before it is written."""
-    if nbytes > _LARGE:
-        print(f"suslov-fast: {path} will take {nbytes / 1e9:,.1f} GB", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def explained(what: object, expected: str = "", status: int = FAILURE) -> Iterator[None]:
-    """Turn errors into messages that begin with a name."""
-    try:
-        yield
-    except OSError as error:
-        if not expected:
-            raise
-        reason = error.strerror or str(error)
-        if not reason.startswith(("expected", "could not")):
-            reason = f"{expected}: {reason}"
-        raise CommandError(f"{what}: {reason}") from error
-    except (ValueError, TypeError, EOFError) as error:
-        text = str(error)
-        known = text.startswith((f"{what}:", "store:")) or not what
-        raise CommandError(text if known else f"{what}: {text}", status) from error
-
-
-def writing(path: Path) -> Any:
-    """Explain errors of writing a file."""
-    return explained(path, "could not be written")
-
-
-def reading(path: Path) -> Any:
-    """Explain errors of reading a file."""
-    return explained(path, "expected a readable file, got")
-
-
-def checking(what: str = "") -> Any:
-    """Explain errors of arguments."""
-    return explained(what, status=USAGE)
+    """Say the size of a large output before it is written; refuse one that the disk cannot hold."""
+    if nbytes <= _LARGE:
+        return
+    with about(path):
+        free = shutil.disk_usage(path.absolute().parent).free
+    size = f"{nbytes / 1e9:,.1f} GB"
+    if nbytes > free:
+        raise CommandError(f"{path}: expected {size} of free space, got {free / 1e9:,.1f} GB")
+    print(f"suslov-fast: {path} will take {size}", file=sys.stderr, flush=True)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, aligned, common_shape, instance, real_number, rotations, states
+from .._checks import aligned, common_shape, instance, real_number, rotations, states
 
 Body = Suslov3D | SuslovND
 
@@ -22,31 +22,25 @@ def check(
     later: bool = False,
     kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
 ) -> tuple[list[Any], tuple[int, ...]]:
-    """All arguments as arrays, in the order given, and the batch shape they broadcast to.
+    """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
 
-    Single numbers become floats. The body is one of `kinds`. States have the dimension of the
-    body, unless another is asked for. They may be NaN: no such state. With `later`,
-    infinite ones among many are left to who reads them.
+    The body is one of `kinds`. States, `given`, have its dimension unless another is asked for, and
+    may be NaN; with `later`, infinite ones among many are left to their reader. Single numbers
+    become floats.
     """
     instance("body", body, kinds)
     size = dimension or body.dimension
+    numbers, orientations = numbers or {}, orientations or {}
+    values = aligned({**given, **numbers, **orientations})
     arrays: list[Any] = []
     shapes = {"body": body.shape}
-    values = aligned({**given, **(numbers or {}), **(orientations or {})})
     for name in given:
-        arrays.append(array := states(name, values[name], size, later))
-        shapes[name] = array.shape[:-1]
-    if numbers:
-        for name in numbers:
-            arrays.append(number := real_number(name, values[name]))
-            shapes[name] = () if isinstance(number, float) else number.shape
-    if orientations:
-        for name in orientations:
-            arrays.append(array := rotations(name, values[name], body.dimension + 1))
-            shapes[name] = array.shape[:-2]
+        arrays.append(state := states(name, values[name], size, later))
+        shapes[name] = state.shape[:-1]
+    for name in numbers:
+        arrays.append(number := real_number(name, values[name]))
+        shapes[name] = () if isinstance(number, float) else number.shape
+    for name in orientations:
+        arrays.append(matrix := rotations(name, values[name], body.dimension + 1))
+        shapes[name] = matrix.shape[:-2]
     return arrays, common_shape(shapes)
-
-
-def components(state: FloatArray) -> tuple[FloatArray, ...]:
-    """The components of states, as formulas take them."""
-    return tuple(state[..., k] for k in range(state.shape[-1]))

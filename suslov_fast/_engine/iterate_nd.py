@@ -105,7 +105,7 @@ def _turning(problem: Problem, tasks: int, lanes: int) -> tuple[FloatArray | Non
     else:
         columns = problem.orientation.swapaxes(1, 2).copy()
     room = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
-    return columns, (problem.time_step, columns, problem.turns, *room)
+    return columns, (problem.eps, columns, problem.turns, *room)
 
 
 def _matrices(tasks: int, m: int, needed: bool) -> tuple[FloatArray, FloatArray]:

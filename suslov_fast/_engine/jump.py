@@ -1,22 +1,31 @@
-"""Runs of the 3D map by the closed form: method "auto"."""
+"""Runs of the 3D map: step by step, or, with the method "auto", by the closed form."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
+from .._kernels import maps_3d
 from .._kernels.closed_form import NOT_FOUND
 from . import closed_form as closed
-from .problem import Outcome, Problem, never, not_computed, worst
+from .iterate import iterate
+from .problem import Outcome, Problem, check_computed, never, not_computed, worst
 from .progress import reporter
 
 # From so many steps on the closed form is faster than they are, where only the last state counts.
 JUMP = 32
 # So many states of orbits that must be iterated at a time, in arrays of their own.
 _TOGETHER = 2**20
+
+
+def run(problem: Problem) -> Outcome:
+    """Find the last states, and how each trajectory ends; fill saved states."""
+    return _jump(problem) if jumps(problem) else _iterate(problem)
+
+
+def _iterate(problem: Problem) -> Outcome:
+    return iterate(problem, maps_3d.printed if problem.method == "ds2" else maps_3d.canonical)
 
 
 def jumps(problem: Problem) -> bool:
@@ -26,59 +35,49 @@ def jumps(problem: Problem) -> bool:
     return problem.stop >= (1 if problem.keeps else JUMP)
 
 
-def jump(problem: Problem, iterate: Callable[[Problem], Outcome]) -> Outcome:
-    """Find all states by the closed form; those that leave its range are iterated."""
+def _jump(problem: Problem) -> Outcome:
+    """Evaluate all states; orbits that leave the range of the closed form are iterated."""
     saved, size = problem.saved, problem.size
-    status, failed_at = not_computed(size), np.full(size, -1)
+    status, failed_at = not_computed(size), never(size).copy()
     ends, missing = (status, failed_at, float(problem.stop)), np.zeros(3)
     if len(saved):
         first = problem.first_row
-        run = closed.Run(1.0, 0.0, float(problem.every), first, first + len(saved), -first, 1)
+        rows = closed.Run(1.0, 0.0, float(problem.every), first, first + len(saved), -first, 1)
         closed.fill_rows(
-            run, False, problem.parameters, problem.omega, saved, ends, missing, problem.threads
+            rows, False, problem.parameters, problem.omega, saved, ends, missing, problem.threads
         )
-    if problem.saves_last:
-        final = saved[-1]
-    else:
-        final = last(problem, problem.omega, problem.stop, status, failed_at)
-    least = worst(status)
-    if least == NOT_FOUND:
-        left = np.flatnonzero(status == NOT_FOUND)
-        together = max(_TOGETHER // (problem.last_row + 1), 1)
-        for begin in range(0, left.size, together):
-            some = left[begin : begin + together]
-            rows = np.empty((problem.last_row + 1 if len(saved) else 0, some.size, 2))
-            found = iterate(problem.some(some, problem.stop, rows))
-            final[some], status[some], failed_at[some] = found[:3]
-            if len(saved):
-                saved[:, some] = rows[problem.first_row :]
+    final = saved[-1] if problem.saves_last else _last(problem, ends)
+    failed = check_computed(status)
+    if failed and worst(status) == NOT_FOUND:
+        _iterate_others(problem, final, status, failed_at)
     if problem.progress:
         with reporter(problem.progress, problem.stop - problem.start) as report:
             report(problem.stop - problem.start)
-    return Outcome(final, status, failed_at if least < 0 else never(size), {})
+    return Outcome(final, status, failed_at if failed else never(size), {})
 
 
-def last(
-    problem: Problem,
-    omega: FloatArray,
-    n: int,
-    status: NDArray[np.int8],
-    failed_at: NDArray[np.int64] | None = None,
-) -> FloatArray:
-    """Return state n, and write how trajectories end."""
-    final = np.empty((1, len(omega), 2))
-    failed_at = np.empty(len(omega), np.int64) if failed_at is None else failed_at
+def _iterate_others(
+    problem: Problem, final: FloatArray, status: NDArray[np.int8], failed_at: NDArray[np.int64]
+) -> None:
+    """Iterate the trajectories whose status is NOT_FOUND from step 0, some at a time."""
+    left, first = np.flatnonzero(status == NOT_FOUND), problem.first_row
+    count = first + len(problem.saved) if len(problem.saved) else 0
+    together = max(_TOGETHER // (count + 1), 1)
+    for begin in range(0, left.size, together):
+        some = left[begin : begin + together]
+        rows = np.empty((count, some.size, 2))
+        found = _iterate(problem.some(some, problem.stop, rows))
+        final[some], status[some], failed_at[some], _ = found
+        if count:
+            problem.saved[:, some] = rows[first:]
+
+
+def _last(problem: Problem, ends: closed.Ends) -> FloatArray:
+    """Return the last states, and write how trajectories end."""
+    final = np.empty((1, *problem.omega.shape))
+    n, row, parameters = np.array([float(problem.stop)]), np.zeros(1, np.intp), problem.parameters
     closed.fill_states(
-        1.0,
-        np.array([float(n)]),
-        np.zeros(1, np.intp),
-        False,
-        problem.parameters,
-        omega,
-        final,
-        (status, failed_at, float(n)),
-        np.zeros(3),
-        problem.threads,
+        1.0, n, row, False, parameters, problem.omega, final, ends, np.zeros(3), problem.threads
     )
-    state: FloatArray = final[0]
-    return state
+    states: FloatArray = final[0]
+    return states

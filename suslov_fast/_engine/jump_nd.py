@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray
 from .._kernels import codes, reduction
-from . import iterate_3d, iterate_nd, jump, threads
+from . import iterate_nd, jump, threads
 from .layout import for_kernel
 from .problem import Outcome, Problem
 from .progress import reporter
@@ -142,7 +142,7 @@ class _Reduced:
             problem,
             omega=state,
             parameters=parameters,
-            time_step=parameters[4],
+            eps=parameters[4],
             saved=_NO_STATES,
             turns=_NO_TURNS,
             resume={},
@@ -150,11 +150,11 @@ class _Reduced:
         )
 
     def run(self) -> Outcome:
-        """As `iterate_3d.run`; all trajectories must fit."""
+        """As `jump.run`; all trajectories must fit."""
         problem = self.problem
         size, m = problem.omega.shape
         if m == 2:
-            return _done(problem, *iterate_3d.run(_in_three(problem))[:3])
+            return _done(problem, *jump.run(_in_three(problem))[:3])
         final = np.empty((size, m))
         status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
         rows = len(problem.saved)
@@ -165,7 +165,7 @@ class _Reduced:
             height = max(_TOGETHER // (2 * some.size), 1)
             for row in range(0, max(rows, 1), height):
                 three = self._part(some, row, min(row + height, rows))
-                last, status[begin:end], failed_at[begin:end], _ = iterate_3d.run(three)
+                last, status[begin:end], failed_at[begin:end], _ = jump.run(three)
                 if rows:
                     self._expand(three.saved, problem.saved[row : row + len(three.saved)], begin)
             self._expand(last[np.newaxis], final[np.newaxis], begin)

@@ -1,8 +1,7 @@
 """Refuse, before any work, what does not fit in the memory that is available.
 
-Linux grants more memory than there is, and ends a process that uses it. What is available is
-the least of what the machine, each control group above this process, and its own limits leave.
-Where none of these is known, an allocation itself must tell.
+Linux grants more memory than there is, and ends a process that uses it. What is available is the
+least of what the machine and the control groups around this process leave.
 """
 
 from __future__ import annotations
@@ -11,20 +10,16 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-# Less is neither looked at, so that small calls cost nothing, nor left to be used up.
+# Needs up to this many bytes are not looked at, so that small calls cost nothing; as much is left.
 SMALL = 2**26
+_GROUPS = "/sys/fs/cgroup"
 
 # A file's text; OSError where there is none.
 Reader = Callable[[str], str]
-# The soft limit of a resource, such as "RLIMIT_AS", in bytes; None where there is none.
-Limit = Callable[[str], int | None]
 
 
 def require(nbytes: int, what_to_do: str, *shown: object) -> None:
-    """Raise a MemoryError, which says what to do, if so many bytes more are not available.
-
-    `what_to_do` is a format, of what is `shown`.
-    """
+    """Raise a MemoryError if so many bytes are not available; `what_to_do` is a format."""
     if nbytes <= SMALL:
         return
     room = available()
@@ -35,76 +30,28 @@ def require(nbytes: int, what_to_do: str, *shown: object) -> None:
         )
 
 
-def available(read: Reader | None = None, limit: Limit | None = None) -> int | None:
-    """Bytes that this process can still use; None where the system does not tell."""
-    read, limit = read or _read, limit or _limit
-    found = [*_machine(read), *_control_groups(read), *_own_limits(read, limit)]
+def available(read: Reader | None = None) -> int | None:
+    """Return the bytes that this process can still use; None where the system does not tell."""
+    found = list(_left(read or (lambda path: Path(path).read_text("ascii", "replace"))))
     return max(min(found), 0) if found else None
 
 
-def _machine(read: Reader) -> Iterator[int]:
+def _left(read: Reader) -> Iterator[int]:
+    """Yield what the machine leaves, and each control group (version 2) of this process."""
     with suppress(OSError, KeyError):
-        yield _kilobytes(read("/proc/meminfo"), "MemAvailable")
-
-
-def _own_limits(read: Reader, limit: Limit) -> Iterator[int]:
-    """Address space, which counts what is only reserved, and data."""
-    for name, used in (("RLIMIT_AS", "VmSize"), ("RLIMIT_DATA", "VmData")):
-        bound = limit(name)
-        if bound is not None:
-            with suppress(OSError, KeyError):
-                yield bound - _kilobytes(read("/proc/self/status"), used)
-
-
-def _control_groups(read: Reader) -> Iterator[int]:
-    """What the groups of this process, and those around them, leave, in both versions."""
-    try:
-        lines = read("/proc/self/cgroup").splitlines()
-    except OSError:
-        return
-    for line in lines:
-        _, controllers, group = line.split(":", 2)
-        if not controllers:
-            root, files = "/sys/fs/cgroup", ("memory.max", "memory.current", "inactive_file")
-        elif "memory" in controllers.split(","):
-            root = "/sys/fs/cgroup/memory"
-            files = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-        else:
-            continue
+        yield int(_table(read("/proc/meminfo"))["MemAvailable:"]) * 1024
+    with suppress(OSError, KeyError):
+        path = PurePosixPath(_GROUPS + _table(read("/proc/self/cgroup"), "::")["0"])
         # In a container the path may be that outside of it: then only the root is there.
-        path = PurePosixPath(root + group)
-        while path.is_relative_to(root):
+        while path.is_relative_to(_GROUPS):
             with suppress(OSError, KeyError, ValueError):  # no such folder, or no limit: "max"
-                yield _left(read, str(path), *files)
+                cached = int(_table(read(f"{path}/memory.stat"))["inactive_file"])
+                used = int(read(f"{path}/memory.current")) - cached
+                yield int(read(f"{path}/memory.max")) - used
             path = path.parent
 
 
-def _left(read: Reader, folder: str, limit: str, used: str, cached: str) -> int:
-    """What a group may still use; copies of files make room when others need it."""
-    bound = int(read(f"{folder}/{limit}"))
-    counts = dict(line.split() for line in read(f"{folder}/memory.stat").splitlines())
-    return bound - int(read(f"{folder}/{used}")) + int(counts[cached])
-
-
-def _kilobytes(text: str, key: str) -> int:
-    for line in text.splitlines():
-        name, _, value = line.partition(":")
-        if name == key:
-            return int(value.split()[0]) * 1024
-    raise KeyError(key)
-
-
-def _read(path: str) -> str:
-    return Path(path).read_text(encoding="ascii", errors="replace")
-
-
-def _limit(name: str) -> int | None:
-    try:
-        import resource
-    except ImportError:
-        return None
-    number = getattr(resource, name, None)
-    if number is None:
-        return None
-    soft, _ = resource.getrlimit(number)
-    return None if soft == resource.RLIM_INFINITY else soft
+def _table(text: str, separator: str | None = None) -> dict[str, str]:
+    """Return the second word of each line by the first."""
+    rows = (line.split(separator) for line in text.splitlines())
+    return {row[0]: row[1] for row in rows if len(row) > 1}

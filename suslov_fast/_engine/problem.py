@@ -1,4 +1,4 @@
-"""A run of the map, checked and flat, and the parts that it is computed in."""
+"""A run as kernels see it: flat arrays, computed part by part."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .._checks import FloatArray
 from .._kernels import codes
 from .progress import Progress, reporter
 
-# What a part costs at first, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
+# Work of the first part, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
 # looks for Ctrl-C between parts.
 _PART = 2**27
 # Parts that take less or more seconds than these are followed by longer or shorter ones.
 _SHORT, _LONG = 0.05, 0.2
-# What a saved state costs, in steps.
+# Work of saving a state, in steps.
 _SAVING = 8
-# A part has at least so many trajectories, if there are as many, and so many steps, each divided by
-# the work of a step: entering a trajectory costs some 30 steps of the 3D map.
+# Least numbers of trajectories and of steps of a part, if there are as many, each divided by the
+# work of a step: entering a trajectory costs some 30 steps of the 3D map.
 _ABREAST, _LENGTH = 2**13, 2**8
 # A copy of an array takes less time than a new one that is filled.
 _ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
@@ -39,32 +39,28 @@ class Problem:
     omega
         (B, D), the states at step 0.
     parameters
-        Those of the body, and the step size that goes with them, as loops take them: each for all
-        trajectories or for one after the other.
-    time_step
-        The step size in the unit of time of omega, (B,) or (1,), if there is an orientation.
-    every
-        States whose number is a multiple of this are saved.
-    keeps
-        Whether any are, be it before `start`: a run that keeps states has the same last one as all
-        others, wherever it is cut.
-    saved
-        (rows, B, D), filled by the run: the saved states from `start` on, state 0 included, state
-        `start` > 0 not; no rows if only the last state is wanted.
-    turns
-        (rows, B, n, n), the orientations that go with them.
+        Parameters of the body and its eps, units taken out: each for all trajectories, or one for
+        each.
+    eps
+        The step size in the unit of time of omega, (B,) or (1,); used with an orientation.
+    every, keeps
+        States whose number is a multiple of `every` are saved, if `keeps`; a run that keeps states
+        has the same last one wherever it is cut.
+    saved, turns
+        (rows, B, D) and (rows, B, n, n), filled by the run: states and orientations from `start`
+        on, state 0 included, state `start` > 0 not; no rows if only the last ones are wanted.
     orientation
         (B, n, n), the orientation at step 0, or None if it is not wanted.
     resume
-        What the run up to `start` left to go on from, as `Outcome.resume`.
+        `Outcome.resume` of the run up to `start`.
     single
-        Whether it is a single step that nobody goes on from: in three dimensions it leaves nothing.
+        True for a single step that nobody goes on from.
     """
 
     method: str
     omega: FloatArray
     parameters: list[FloatArray]
-    time_step: FloatArray
+    eps: FloatArray
     start: int
     stop: int
     every: int
@@ -82,8 +78,18 @@ class Problem:
         """The number of trajectories."""
         return len(self.omega)
 
+    @property
+    def first_row(self) -> int:
+        """The number of the first row of `saved`, in multiples of `every`."""
+        return self.start // self.every + 1 if self.start else 0
+
+    @property
+    def saves_last(self) -> bool:
+        """True if the last row of `saved` holds the last states."""
+        return len(self.saved) > 0 and self.stop % self.every == 0
+
     def some(self, chosen: NDArray[np.intp], stop: int, saved: FloatArray) -> Problem:
-        """A run of some of the trajectories, from the start to a state `stop`."""
+        """Return the run of some of the trajectories from step 0 to `stop`."""
 
         def of(parameter: FloatArray) -> FloatArray:
             return parameter if len(parameter) == 1 else parameter[chosen]
@@ -92,39 +98,19 @@ class Problem:
             self,
             omega=self.omega[chosen],
             parameters=[of(each) for each in self.parameters],
-            time_step=of(self.time_step),
+            eps=of(self.eps),
             start=0,
             stop=stop,
             saved=saved,
             progress=None,
         )
 
-    @property
-    def last_row(self) -> int:
-        """The number of the last saved state, in multiples of `every`."""
-        return self.stop // self.every
-
-    @property
-    def first_row(self) -> int:
-        """The number of the saved state that the first row holds, in multiples of `every`."""
-        return self.start // self.every + 1 if self.start else 0
-
-    @property
-    def saves_last(self) -> bool:
-        """Whether the last row that is saved holds the last states."""
-        return len(self.saved) > 0 and self.stop % self.every == 0
-
-    def room_for_last(self) -> FloatArray:
-        """Where the last states go. New memory takes longer to get than to fill."""
-        return self.saved[-1] if self.saves_last else np.empty(self.omega.shape)
-
     def parts(self, work: float, lanes: int) -> Iterable[Part]:
-        """What is computed at a time: some trajectories, and some of their steps.
+        """Return the parts to compute one after another: some trajectories and some of their steps.
 
-        `work` is that of a step of one trajectory, in steps of the 3D map; where steps turn out to
-        be cheaper or dearer, parts grow or shrink. A thread takes `lanes` trajectories at a time.
-        The batch is cut first, so that what a part works on stays in the caches; time is only where
-        few trajectories take long.
+        `work` is that of a step of one trajectory, in steps of the 3D map; a thread takes `lanes`
+        trajectories at a time. The batch is cut first, so that what a part works on stays in the
+        caches; time is only where few trajectories take long.
         """
         size, steps = len(self.omega), self.stop - self.start
         if len(self.saved):
@@ -132,15 +118,11 @@ class Problem:
         room = _PART / work
         if (not self.progress and size * steps <= room) or not size * steps:
             return (Part(0, size, self.start, self.stop),)
-        return self._parts_of(
-            room,
-            lanes,
-            max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work)),
-            max(1, int(_LENGTH / work)),
-        )
+        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
+        return self._parts_of(room, lanes, abreast, max(1, int(_LENGTH / work)))
 
     def _parts_of(self, room: float, lanes: int, abreast: int, length: int) -> Iterator[Part]:
-        """Parts of about `room` steps, if there are so many trajectories and steps as is said."""
+        """Yield parts of about `room` steps; where steps turn out cheap or dear, `room` adapts."""
         steps = self.stop - self.start
         with reporter(self.progress, steps) as report:
             end = 0
@@ -149,22 +131,21 @@ class Problem:
                 end += min(alike(left, max(abreast, int(room / steps)), lanes), left)
                 stop = self.start
                 while stop < self.stop:
-                    most = max(length, int(room / (end - begin)))
-                    start, stop = stop, min(stop + most, self.stop)
+                    start, stop = (
+                        stop,
+                        min(stop + max(length, int(room / (end - begin))), self.stop),
+                    )
                     clock = time.perf_counter()
                     yield Part(begin, end, start, stop)
                     seconds = time.perf_counter() - clock
-                    if seconds < _SHORT:
-                        room *= 2.0
-                    elif seconds > _LONG:
-                        room *= 0.5
+                    room *= 2.0 if seconds < _SHORT else 0.5 if seconds > _LONG else 1.0
                     report((begin * steps + (end - begin) * (stop - self.start)) // self.size)
 
 
 def alike(size: int, most: int, lanes: int) -> int:
-    """The length of parts of about the same length, `most` at the most, that whole lanes make up.
+    """Return the length of parts of about the same length, at most `most`, in whole lanes.
 
-    A short part at the end would leave threads idle, and blocks of lanes lie where cache lines do.
+    A short part at the end would leave threads idle.
     """
     parts = -(-size // most)
     return -(-size // (parts * lanes)) * lanes
@@ -179,18 +160,22 @@ class Part(NamedTuple):
     stop: int
 
     def work(self, lanes: int, step: float) -> int:
-        """Lane-steps that threads can share: none within one block of lanes."""
+        """Return the lane-steps that threads can share: none within one block of lanes."""
         count = self.end - self.begin
         return int(count * (self.stop - self.start) * step) if count > lanes else 0
 
 
 class Outcome(NamedTuple):
-    """What a run leaves, beside the saved states.
+    """Results of a run, beside the saved states.
 
-    final       (B, D), state `stop`; NaN if it does not exist.
-    status      (B,): see `codes`.
-    failed_at   (B,), the number of the first state that does not exist, or -1.
-    resume      Arrays from which the run can be gone on with, by name.
+    Attributes
+    ----------
+    final
+        (B, D), state `stop`; NaN if it does not exist.
+    status, failed_at
+        (B,), a code, and the number of the first state that does not exist, or -1.
+    resume
+        Arrays from which the run can be continued, by name.
     """
 
     final: FloatArray
@@ -200,23 +185,23 @@ class Outcome(NamedTuple):
 
 
 def not_computed(size: int) -> NDArray[np.int8]:
-    """Statuses that a loop is to fill."""
+    """Return statuses that a kernel is to fill."""
     return _ONE_NOT_COMPUTED.copy() if size == 1 else np.full(size, codes.NOT_COMPUTED, np.int8)
 
 
 @lru_cache
 def never(size: int) -> NDArray[np.int64]:
-    """`failed_at` where nothing failed: -1, read-only and in no memory."""
+    """Return `failed_at` where nothing failed: -1, read-only and in no memory."""
     return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
 
 
 def worst(status: NDArray[np.int8]) -> int:
-    """The least of statuses, negative if a trajectory failed; at most 0."""
+    """Return the least of statuses, negative if a trajectory failed; at most 0."""
     return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
 
 
 def check_computed(status: NDArray[np.int8]) -> bool:
-    """Make sure that loops have been where they should; whether a trajectory failed."""
+    """Make sure that kernels filled all statuses; return True if a trajectory failed."""
     least = worst(status)
     if least == codes.NOT_COMPUTED:
         raise RuntimeError("a loop ended before its last trajectory; please report this")

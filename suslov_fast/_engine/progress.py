@@ -22,14 +22,12 @@ def check_progress(progress: Progress) -> None:
 
 @contextmanager
 def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]]:
-    """A function that takes the number of steps done so far."""
+    """Yield a function that takes the number of steps done so far."""
     if progress is True:
         with _tqdm()(total=total, unit="step", unit_scale=True) as bar:
             yield lambda done: bar.update(done - bar.n)
-    elif callable(progress):
-        yield lambda done: progress(done, total)
     else:
-        yield lambda done: None
+        yield lambda done: progress(done, total) if callable(progress) else None
 
 
 def _tqdm() -> Any:

@@ -11,11 +11,8 @@ from .layout import flat_parameter, flat_rows, for_kernel
 
 
 def for_loops(body: Body, eps: float | FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-    """Return the parameters of the map and eps, each for all trajectories or for one after another.
-
-    Scalars have shape (B,) or (1,), vectors (B, m) or (1, m); the units are taken out.
-    """
-    own: list[FloatArray] | None = vars(body).get("_flat") if not body.shape else None
+    """Return the parameters of the map and eps, units taken out, as `Problem.parameters`."""
+    own: list[FloatArray] | None = None if body.shape else vars(body).get("_flat")
     if own is None:
         flat = flat_rows if body._own_axes else flat_parameter
         own = [flat(each, batch) for each in units_of(body).parameters]

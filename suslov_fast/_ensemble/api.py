@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._engine.arguments import Body
+from .._bodies.base import Body
 from .._engine.progress import Progress, check_progress, reporter
 from .._runs.iterate import Method
-from .control import only_writer, stopping
 from .starts import RandomStarts
 
 if TYPE_CHECKING:
@@ -162,7 +161,7 @@ def _finish(
     identity, dataset = job.identity(), store.dataset_of(job, coords)
     with (
         nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
-        only_writer(job.store, store.is_folder(job.store)),
+        store.only_writer(job.store),
     ):
         if (known := store.recognised(job, identity)) is None:
             store.create(job, identity, dataset)
@@ -171,21 +170,24 @@ def _finish(
             with store.advice(job.store):
                 store.lengthen(job, dataset, verify)
             store.refuse_code(job.store)
-        arrays = store.Arrays(job.store)
-        tiles = list(np.ndindex(job.plan.grid))
+        arrays = store.open_arrays(job.store)
+        tiles = list(np.ndindex(job.grid))
         for index in tiles if verify else ():
-            if not compute.is_whole(job.part(job.plan.where(index)), index, arrays):
+            if not compute.is_whole(job.part(index), index, arrays):
                 store.withdraw(job, arrays, index, whole=True)
         with store.advice(job.store):
-            done = np.asarray(arrays[store.STEPS_DONE][...])
+            done = np.asarray(arrays[store.MARKS][...])
         missing = [index for index in tiles if done[index] != job.steps]
         for index in missing:
             if done[index] >= 0:  # of a shorter run
                 store.withdraw(job, arrays, index)
         if not missing:
             return
-        made = sum(math.prod(job.plan.shape(each)) * max(int(done[each]), 0) for each in tiles)
-        with stopping() as stop, reporter(progress, math.prod(job.plan.batch) * job.steps) as show:
+        made = sum(math.prod(job.shape(each)) * max(int(done[each]), 0) for each in tiles)
+        with (
+            compute.stopping() as stop,
+            reporter(progress, math.prod(job.batch) * job.steps) as show,
+        ):
 
             def report(steps: int) -> None:
                 nonlocal made
@@ -197,7 +199,7 @@ def _finish(
                 compute.run(job, arrays, missing, report, stop)
             else:
                 workers.run(job, client, missing, report, stop)
-        left = int((arrays[store.STEPS_DONE][...] != job.steps).sum())
+        left = int((arrays[store.MARKS][...] != job.steps).sum())
         if left:
             raise KeyboardInterrupt(
                 f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "

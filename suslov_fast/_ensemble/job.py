@@ -1,27 +1,40 @@
-"""A run that is to be stored: its checked arguments, its parts, its identity."""
+"""A run that is to be stored: checked arguments, tiles of the batch, identity."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.base import Body
 from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
 from .._engine.run import numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
 from .._runs.labelled import batch_names
-from .plan import Plan, Slices, plan_of, step_work
-from .reductions import checked
-from .starts import Source, described, own_part, source_of
+from .reductions import REDUCTIONS, checked
+from .starts import Slices, Source, described, own_part, source_of
+
+Index = tuple[int, ...]
+
+# Bytes of the states in one chunk. Files of this size are read and written at full speed.
+_BYTES = 2**24
+# Workers share a run of so many tiles evenly; one of less work, in steps of the 3D map, takes less
+# time than its task costs.
+_MANY, _LEAST = 32, 2**28
+# Fewer trajectories leave threads and vector lanes idle; for these states along time are cut.
+_FEWEST, _ENOUGH = 64, 2**14
+
+# Of what maps need to go on, that which only runs with orientations have.
+_TURNED = ("turn", "columns")
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run and its store; arguments as in `ensemble`, checked. Workers receive it as it is.
+    """A run and its store; arguments as in `ensemble`, checked.
 
     Attributes
     ----------
@@ -29,18 +42,24 @@ class Job:
         Initial states of the batch; None where a worker receives those of its tile apart.
     orientation
         Orientations at step 0, which broadcast to the batch, or None.
+    tile
+        Number of trajectories of a tile along each axis of the batch.
+    rows
+        Number of saved states in a chunk.
     """
 
     body: Any
     eps: FloatArray
     source: Source | None
     orientation: FloatArray | None
+    batch: tuple[int, ...]
     steps: int
     save_every: int | None
     method: str
     reductions: tuple[str, ...]
     dims: tuple[str, ...]
-    plan: Plan
+    tile: tuple[int, ...]
+    rows: int
     store: Any
     compression: str | None
 
@@ -64,35 +83,77 @@ class Job:
         """Step numbers of the stored states."""
         return numbers_of_saved(self.steps, self.save_every)
 
-    def starts(self, where: Slices) -> FloatArray:
-        """Return the initial states of a part of the batch, which broadcast to it."""
-        assert self.source is not None
-        return self.source.part(own_part(self.source.shape, where))
+    @property
+    def grid(self) -> tuple[int, ...]:
+        """Number of tiles along each axis of the batch."""
+        return tuple(-(-length // part) for length, part in zip(self.batch, self.tile, strict=True))
 
-    def part(self, where: Slices) -> Job:
-        """Return the job of a part of the batch, with the source of the whole."""
-        own = self.body._own_axes
-        parameters = {
-            name: value[own_part(value.shape[: value.ndim - own], where)]
-            for name, value in parameters_of(self.body).items()
-        }
-        turned = self.orientation
-        if turned is not None:
-            turned = turned[own_part(turned.shape[:-2], where)]
-        eps = self.eps[own_part(self.eps.shape, where)]
-        return replace(self, body=type(self.body)(**parameters), eps=eps, orientation=turned)
+    @property
+    def record(self) -> np.dtype[Any]:
+        """What the store holds of a trajectory so that the next piece can start from it."""
+        D = self.body.dimension
+        lengths = {"component": D, "space": D + 1}
+        resume: list[Any] = [
+            (kept.name, kept.dtype, tuple(lengths.get(str(dim), dim) for dim in kept.dims[1:]))
+            for kept in self.map.resume
+            if self.orientation is not None or kept.name not in _TURNED
+        ]
+        reduced: list[Any] = [
+            (name, "float64", (D,) if REDUCTIONS[name].of_components else ())
+            for name in self.reductions
+        ]
+        fields = [("steps", "int64"), ("failed_at", "int64")]
+        return np.dtype([*fields, ("resume", resume), ("reduced", reduced)])
+
+    def where(self, index: Index) -> Slices:
+        """Return the part of the batch that a tile covers."""
+        return tuple(
+            slice(k * part, min((k + 1) * part, length))
+            for k, part, length in zip(index, self.tile, self.batch, strict=True)
+        )
+
+    def shape(self, index: Index) -> tuple[int, ...]:
+        """Return the shape of that part."""
+        return tuple(part.stop - part.start for part in self.where(index))
+
+    def starts(self, index: Index) -> FloatArray:
+        """Return the initial states of a tile, which broadcast to it."""
+        assert self.source is not None
+        where = own_part(self.source.shape, self.where(index))
+        return self.source.part(where, self.body.dimension)
+
+    def part(self, index: Index) -> Job:
+        """Return the job with the parameters of a tile alone."""
+        where = self.where(index)
+
+        def cut(array: FloatArray, own: int) -> FloatArray:
+            return array[own_part(array.shape[: array.ndim - own], where)]
+
+        own, turned = self.body._own_axes, self.orientation
+        parameters = {name: cut(value, own) for name, value in self.parameters.items()}
+        return replace(
+            self,
+            body=type(self.body)(**parameters),
+            eps=cut(self.eps, 0),
+            orientation=None if turned is None else cut(turned, 2),
+        )
+
+    @property
+    def parameters(self) -> dict[str, FloatArray]:
+        """The parameters of the body that are set, as arrays."""
+        return {name: np.asarray(value) for name, value in self.body._values.items()}
 
     def identity(self) -> dict[str, Any]:
         """Return plain values that are equal where the results are, whatever the steps."""
         from .. import __version__
 
         assert self.source is not None
-        parameters = {name: described(value) for name, value in parameters_of(self.body).items()}
+        parameters = {name: described(value) for name, value in self.parameters.items()}
         return {
             "body": {"map": self.map.name, **parameters},
             "eps": described(self.eps),
             "omega0": self.source.identity(),
-            "batch": list(self.plan.batch),
+            "batch": list(self.batch),
             "dims": list(self.dims),
             "method": self.method,
             "save_every": self.save_every,
@@ -100,11 +161,6 @@ class Job:
             "reductions": list(self.reductions),
             "version": __version__,
         }
-
-
-def parameters_of(body: Body) -> dict[str, FloatArray]:
-    """Return the parameters of a body that are set, as arrays."""
-    return {name: np.asarray(value) for name, value in body._values.items()}
 
 
 def job_of(
@@ -143,22 +199,63 @@ def job_of(
     dims = batch_names(dims, len(batch))
     state_bytes = 8 * (body.dimension + (0 if orientation is None else side * side))
     every = 1 if names and save_every is None else save_every
-    rows = 1 if every is None else steps // every + 1
-    plan = plan_of(batch, dims, chunk, state_bytes, rows, steps * step_work(body.dimension))
+    saved = 1 if every is None else steps // every + 1
+    work = steps * step_work(body.dimension)
     return Job(
         body,
         eps,
         source,
         orientation,
+        batch,
         steps,
         save_every,
         method,
         names,
         dims,
-        plan,
+        *_chunks(batch, dims, chunk, state_bytes, saved, work),
         store,
         compression,
     )
+
+
+def _chunks(
+    batch: tuple[int, ...],
+    dims: tuple[str, ...],
+    chunk: int | Mapping[str, int] | None,
+    state_bytes: int,
+    saved: int,
+    work: float,
+) -> tuple[tuple[int, ...], int]:
+    """Return the tile and the rows that `chunk` asks for, else those of chunks of 16 MiB at most.
+
+    A trajectory has `saved` states of `state_bytes` each, and is `work` steps of the 3D map.
+    """
+    expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *dims))
+    sizes: dict[str, int] = {}
+    if isinstance(chunk, Mapping):
+        sizes = {name: integer("chunk", size, 1, expected) for name, size in chunk.items()}
+        unknown = [str(name) for name in sizes if name not in ("n", *dims)]
+        if unknown:
+            raise ValueError(f"chunk: expected {expected}, got {', '.join(unknown)}")
+        count = math.prod(batch)
+    elif chunk is None:
+        fit = min(max(_BYTES // (state_bytes * saved), _ENOUGH), _BYTES // state_bytes)
+        shared = max(-(-math.prod(batch) // _MANY), int(_LEAST / max(work, 1.0)))
+        count = max(_FEWEST, min(fit, shared))
+    else:
+        count = integer("chunk", chunk, 1, expected)
+    tile: tuple[int, ...] = ()
+    for name, length in zip(reversed(dims), reversed(batch), strict=True):  # last axis first
+        tile = (max(1, min(sizes.get(name, count), length)), *tile)
+        count = count if sizes else count // tile[0]
+    fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
+    # Chunks of about the same length: one of few rows at the end takes the room of a whole one.
+    return tile, sizes.get("n") or -(-saved // -(-saved // fit))
+
+
+def step_work(dimension: int) -> float:
+    """Return the work of a step, in steps of the 3D map."""
+    return 1.0 if dimension == 2 else 8.0 * dimension
 
 
 def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
 from .._checks import FloatArray
-from .._engine.arguments import Body
 from .._states.conserved import energy, first_integral, modified_energy
 
 
@@ -25,48 +24,39 @@ class Reduction(NamedTuple):
     """
 
     meaning: str
-    reduce: Callable[[Body, FloatArray, FloatArray, FloatArray], FloatArray]
+    reduce: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
     combine: Callable[[FloatArray, FloatArray], FloatArray]
     of_components: bool = False
 
 
-def _drift(observable: Callable[[Body, FloatArray, FloatArray], FloatArray]) -> Any:
-    def reduce(body: Body, eps: FloatArray, states: FloatArray, first: FloatArray) -> FloatArray:
+def _drift(meaning: str, observable: Callable[[Any, FloatArray, FloatArray], Any]) -> Reduction:
+    def reduce(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
         begin = observable(body, first, eps)
         with np.errstate(all="ignore"):
             # There is no relative change of 0.
             change = abs(observable(body, states, eps) / np.where(begin > 0, begin, np.nan) - 1.0)
-        largest: FloatArray = np.fmax.reduce(change, axis=0)
-        return largest
+        return np.fmax.reduce(change, axis=0)
 
-    return reduce
+    return Reduction(f"largest relative change of {meaning} since the start", reduce, np.fmax)
 
 
-_CHANGE = "largest relative change of {} since the start"
+def _extreme(meaning: str, extreme: Any) -> Reduction:
+    def reduce(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
+        return extreme.reduce(states, axis=0)
+
+    return Reduction(f"{meaning} value of each component", reduce, extreme, of_components=True)
+
+
 REDUCTIONS = {
-    "first_integral_drift": Reduction(_CHANGE.format("F"), _drift(first_integral), np.fmax),
-    "modified_energy_drift": Reduction(
-        _CHANGE.format("the modified energy"), _drift(modified_energy), np.fmax
-    ),
-    "energy_drift": Reduction(
-        _CHANGE.format("the energy"), _drift(lambda body, omega, eps: energy(body, omega)), np.fmax
-    ),
-    "omega_min": Reduction(
-        "least value of each component",
-        lambda body, eps, states, first: np.fmin.reduce(states, axis=0),
-        np.fmin,
-        of_components=True,
-    ),
-    "omega_max": Reduction(
-        "largest value of each component",
-        lambda body, eps, states, first: np.fmax.reduce(states, axis=0),
-        np.fmax,
-        of_components=True,
-    ),
+    "first_integral_drift": _drift("F", first_integral),
+    "modified_energy_drift": _drift("the modified energy", modified_energy),
+    "energy_drift": _drift("the energy", lambda body, omega, eps: energy(body, omega)),
+    "omega_min": _extreme("least", np.fmin),
+    "omega_max": _extreme("largest", np.fmax),
 }
 
 
-def checked(body: Body, names: Any) -> tuple[str, ...]:
+def checked(body: Any, names: Any) -> tuple[str, ...]:
     """Return names of reductions in alphabetical order; refuse those that the body has not."""
     if names is None:
         return ()
@@ -75,9 +65,10 @@ def checked(body: Body, names: Any) -> tuple[str, ...]:
         raise TypeError(f"reductions: expected a list of {expected}, got {names!r}")
     if not names or any(name not in REDUCTIONS for name in names):
         raise ValueError(f"reductions: expected {expected}, got {names!r}")
-    if "first_integral_drift" in names:
+    for name in names:
+        state = np.zeros(body.dimension)
         try:
-            first_integral(body, np.zeros(body.dimension), 1.0)
-        except NotIntegrableError as error:
-            raise NotIntegrableError(f"reductions: {error}") from error
+            REDUCTIONS[name].reduce(body, np.asarray(1.0), state[np.newaxis], state)
+        except (NotIntegrableError, TypeError) as error:
+            raise type(error)(f"reductions: {name}: {error}") from error
     return tuple(sorted(set(names)))

@@ -7,30 +7,16 @@ import itertools
 import math
 import os
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, integer, real_array, vectors
-from .plan import Slices
+
+Slices = tuple[slice, ...]
 
 # Number of states that are looked at together where all are read once.
 _TOGETHER = 2**20
-
-
-class Source(Protocol):
-    """Initial states of a batch, a part at a time."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The batch shape."""
-
-    def part(self, where: Slices) -> FloatArray:
-        """Return the states (..., D) of a part of the batch."""
-
-    def identity(self) -> Any:
-        """Return plain values that differ where any bit of the states does."""
 
 
 @dataclass(frozen=True)
@@ -96,34 +82,24 @@ class RandomStarts:
         states: FloatArray = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
         return states.reshape(count, dimension)
 
-
-@dataclass(frozen=True)
-class _Random:
-    """Random states of some dimension."""
-
-    starts: RandomStarts
-    dimension: int
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return self.starts.shape
-
-    def part(self, where: Slices) -> FloatArray:
+    def part(self, where: Slices, dimension: int) -> FloatArray:
+        """Return the states (..., D) of a part of the batch."""
         if not where:
-            return self.starts.states(1, 0, self.dimension).reshape(-1)
+            return self.states(1, 0, dimension).reshape(dimension)
         *leading, last = where
-        count = last.stop - last.start
         axes = [range(each.start, each.stop) for each in leading]
-        states = np.empty((*map(len, axes), count, self.dimension))
-        rows = states.reshape(math.prod(map(len, axes)), count, self.dimension)
+        count = last.stop - last.start
+        states = np.empty((*map(len, axes), count, dimension))
+        rows = states.reshape(-1, count, dimension)
         for row, index in zip(rows, itertools.product(*axes), strict=True):
-            first = int(np.ravel_multi_index((*index, last.start), self.shape)) if count else 0
-            row[:] = self.starts.states(count, first, self.dimension)
+            row[:] = self.states(
+                count, int(np.ravel_multi_index((*index, last.start), self.shape)), dimension
+            )
         return states
 
     def identity(self) -> Any:
-        drawn = {"size": list(self.shape), "extent": self.starts.extent}
-        return {"random": drawn, "seed": self.starts.seed}
+        """Return plain values that differ where any bit of the states does."""
+        return {"random": {"size": list(self.shape), "extent": self.extent}, "seed": self.seed}
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,13 +110,15 @@ class Kept:
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """The batch shape."""
         return tuple(int(length) for length in self.array.shape[:-1])
 
-    def part(self, where: Slices) -> FloatArray:
+    def part(self, where: Slices, dimension: int) -> FloatArray:
+        """Return the states (..., D) of a part of the batch."""
         values = self.array[where]
         if hasattr(values, "compute"):
             values = values.compute()
-        return np.array(vectors("omega0", values, self.array.shape[-1], allow_nan=True))
+        return np.array(vectors("omega0", values, dimension, allow_nan=True))
 
     def identity(self) -> Any:
         """Return the digest of all states, which are read once."""
@@ -148,14 +126,17 @@ class Kept:
         step = max(1, _TOGETHER // max(math.prod(shape[1:]), 1))
         for k in range(0, shape[0], step) if shape else (None,):
             where = () if k is None else (slice(k, min(k + step, shape[0])),)
-            digest.update(np.ascontiguousarray(self.part(where)).data)
+            digest.update(np.ascontiguousarray(self.part(where, self.array.shape[-1])).data)
         return {"shape": list(shape), "sha256": digest.hexdigest()}
+
+
+Source = RandomStarts | Kept
 
 
 def source_of(omega0: Any, dimension: int) -> Source:
     """Return the source of the argument `omega0`."""
     if isinstance(omega0, RandomStarts):
-        return _Random(omega0, dimension)
+        return omega0
     if isinstance(omega0, (str, os.PathLike)):
         path = os.fspath(omega0)
         if not path.endswith(".npy"):
@@ -178,9 +159,9 @@ def own_part(shape: tuple[int, ...], where: Slices) -> Slices:
     )
 
 
-def described(array: ArrayLike) -> Any:
+def described(array: FloatArray) -> Any:
     """Return a small array as lists, and the digest of a large one."""
-    values = np.ascontiguousarray(array)
-    if values.size <= 16:
-        return np.asarray(array).tolist()
-    return {"shape": list(values.shape), "sha256": hashlib.sha256(values.data).hexdigest()}
+    if array.size <= 16:
+        return array.tolist()
+    digest = hashlib.sha256(np.ascontiguousarray(array).data).hexdigest()
+    return {"shape": list(array.shape), "sha256": digest}

@@ -4,7 +4,7 @@ Results lie in the root group, under the names and with the attributes of `Traje
 What is needed to go on lies in the group "progress":
 
     steps_done    the mark of a tile: number of its steps that are stored; -1 before state 0 is
-    record        for each trajectory what the next piece starts from, see `record`
+    record        for each trajectory what the next piece starts from, the bytes of `Job.record`
 
 A chunk that is absent reads as not computed: NaN, or the status PENDING. The root group holds a
 copy of the metadata of all arrays ("consolidated"), which is one object, so that readers see the
@@ -29,22 +29,19 @@ from .._kernels.codes import NOT_COMPUTED
 from .._runs import labelled
 from .._runs.codecs import refuse_codecs
 from .._runs.schema import header_of
-from .job import Job, parameters_of, require_same
-from .plan import Plan, Slices
-from .record import words
+from .job import Index, Job, require_same
 from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
-STEPS_DONE, RECORD = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
+MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Number of this arrangement; stores of version 0.2 have none.
-_LAYOUT = 2
+_LAYOUT = 3
 _CREATING = "creating"
 
-# Integers that stand for what is not computed; floats are NaN.
-_NOT_COMPUTED = {
-    **dict.fromkeys(("status", "failed_at"), NOT_COMPUTED),
-    **dict.fromkeys(("steps_done", "record"), -1),
-}
+# Integers that stand for what is not computed in the dataset; floats are NaN.
+_PENDING = {"status": NOT_COMPUTED, "failed_at": NOT_COMPUTED}
+
+Arrays = dict[str, Any]
 
 
 def resolved(store: Any) -> Any:
@@ -53,29 +50,44 @@ def resolved(store: Any) -> Any:
         from fsspec.core import url_to_fs
 
         store = url_to_fs(store)[1]
-    if not is_folder(store):
-        return store
-    try:
-        return os.path.abspath(os.fspath(store))
-    except OSError as error:  # the working directory was deleted
-        message = f"expected a name in a folder that can be written to, got: {error.strerror}"
-        raise OSError(error.errno, message, os.fspath(store)) from error
+    return os.path.abspath(os.fspath(store)) if _is_folder(store) else store
 
 
-def is_folder(store: Any) -> bool:
-    """Return True if a store is a folder of the file system."""
+def _is_folder(store: Any) -> bool:
     return isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store)
+
+
+@contextmanager
+def only_writer(store: Any) -> Iterator[None]:
+    """Keep other writers out of a folder, whatever the name it goes by.
+
+    Raises BlockingIOError if there is another writer, and OSError if the lock file is a symbolic
+    link. Nothing is locked for stores that are no folders.
+    """
+    if not _is_folder(store):
+        yield
+        return
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(f"{os.path.realpath(store)}.lock")
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        message = "expected a store without another writer, got one in use"
+        raise BlockingIOError(errno.EAGAIN, message, store) from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _root(store: Any, mode: Any = "r", consolidated: bool | None = False) -> Any:
     """Open the root group; None if there is none."""
     import zarr
 
-    if is_folder(store) and not os.path.isdir(store):
-        return None
     try:
         return zarr.open_group(store, mode=mode, zarr_format=3, use_consolidated=consolidated)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
 
 
@@ -97,6 +109,17 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
     return notes
 
 
+def _stranger(store: Any) -> str | None:
+    """Return a name for what lies where there is no Zarr group, if it is no begun store."""
+    if not _is_folder(store) or not os.path.lexists(store):
+        return None
+    if not os.path.isdir(store):
+        return "a file"
+    # A process that was killed may have left these.
+    names = [name for name in os.listdir(store) if not name.endswith(".partial")]
+    return "another folder" if names and "zarr.json" not in names else None
+
+
 def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
     """Return the job with the chunks of its store; None if the name is free.
 
@@ -105,11 +128,9 @@ def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
     """
     group, store = _group(job.store), job.store
     if group is None:
-        if is_folder(store) and os.path.lexists(store):
-            received = "another folder" if os.path.isdir(store) else "a file"
-            if received == "a file" or not _is_begun(store):
-                message = f"expected the name of a Zarr store to write, got {received}"
-                raise OSError(errno.EEXIST, message, store)
+        if stranger := _stranger(store):
+            message = f"expected the name of a Zarr store to write, got {stranger}"
+            raise OSError(errno.EEXIST, message, store)
         return None
     notes = _notes(group, store)
     require_same(identity, json.loads(notes["run"]), store)
@@ -118,13 +139,7 @@ def recognised(job: Job, identity: dict[str, Any]) -> Job | None:
         raise ValueError(
             f"steps: expected at least the {stored} of the run in {store}, got {job.steps}"
         )
-    return replace(job, plan=Plan(job.plan.batch, tuple(notes["tile"]), int(notes["rows"])))
-
-
-def _is_begun(folder: str) -> bool:
-    """Return True for a folder that is empty, or that a killed process began to fill."""
-    names = [name for name in os.listdir(folder) if not name.endswith(".partial")]
-    return not names or "zarr.json" in names
+    return replace(job, tile=tuple(notes["tile"]), rows=int(notes["rows"]))
 
 
 def create(job: Job, identity: dict[str, Any], dataset: Any) -> None:
@@ -136,14 +151,16 @@ def create(job: Job, identity: dict[str, Any], dataset: Any) -> None:
     _write(job, dataset.assign_attrs({_CREATING: True}))
     notes = {
         "variables": sorted(map(str, dataset.variables)),
-        "known": ["eps", "component", *parameters_of(job.body)],
+        "known": ["eps", "component", *job.parameters],
         "layout": _LAYOUT,
         "run": json.dumps(identity),
-        "tile": list(job.plan.tile),
-        "rows": job.plan.rows,
+        "tile": list(job.tile),
+        "rows": job.rows,
     }
-    _write(job, _progress(job).assign_attrs(notes), PROGRESS)
-    del _root(job.store, "r+").attrs[_CREATING]
+    root = _root(job.store, "r+")
+    root.create_group(PROGRESS, attributes=notes)
+    _make_room(job, root)
+    del root.attrs[_CREATING]
     _consolidate(job.store)
 
 
@@ -167,8 +184,8 @@ def lengthen(job: Job, dataset: Any, verify: bool) -> None:
         lazy = [name for name, each in dataset.variables.items() if each.chunks is not None]
         whole = [name for name in lazy if _fits(group, name, dataset[name].shape)]
         _write(job, dataset.drop_vars(whole))
-        _write(job, _progress(job).assign_attrs(group[PROGRESS].attrs), PROGRESS)
         group = _group(job.store, "r+")
+        _make_room(job, group)
     elif job.keeps_states:
         group["n"][:] = job.numbers
     # Coordinates of the user that are not given now stay.
@@ -188,7 +205,7 @@ def _fits(group: Any, name: str, shape: tuple[int, ...]) -> bool:
     return getattr(_array(group, name), "shape", None) == shape
 
 
-def _write(job: Job, dataset: Any, path: str | None = None) -> None:
+def _write(job: Job, dataset: Any) -> None:
     """Write the known variables of a dataset, and create arrays for the others, which are lazy.
 
     Each chunk has a checksum, which Zarr verifies when it reads.
@@ -196,7 +213,7 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
     from zarr.codecs import BloscCodec, Crc32cCodec
 
     group = _group(job.store, "r+")
-    group = group.get(path) if group is not None and path else group
+    lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
     encoding: dict[Any, Any] = {}
     for name, variable in dataset.variables.items():
         if group is not None:
@@ -204,20 +221,19 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
                 continue
             del group[name]
         codecs: list[Any] = [Crc32cCodec()]
-        if job.compression is not None and path is None and variable.dtype.kind in "iuf":
+        if job.compression is not None and variable.dtype.kind in "iuf":
             codecs.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
-        sizes = _tile(job) if variable.chunks is not None else {}
+        sizes = lengths if variable.chunks is not None else {}
         encoding[name] = {
             "compressors": tuple(codecs),
             "chunks": tuple(max(1, sizes.get(dim, n)) for dim, n in variable.sizes.items()),
         }
         if variable.dtype.kind == "f":
             encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
-        elif name in _NOT_COMPUTED:
-            encoding[name]["fill_value"] = _NOT_COMPUTED[name]
+        elif name in _PENDING:
+            encoding[name]["fill_value"] = _PENDING[name]
     dataset.to_zarr(
         job.store,
-        group=path,
         mode="a",
         compute=False,
         consolidated=False,
@@ -228,45 +244,40 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
     )
 
 
-def _tile(job: Job) -> dict[str, int]:
-    grid = {f"tile_{k}": 1 for k in range(len(job.dims))}
-    return {"n": job.plan.rows, **dict(zip(job.dims, job.plan.tile, strict=True)), **grid}
+def _lazy(shape: tuple[int, ...], dtype: str = "f8") -> Any:
+    from dask.array import zeros
+
+    return zeros(shape, dtype=dtype, chunks=shape)
 
 
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with lazy zeros for what is to be computed."""
-    from dask.array import zeros
-
-    batch, D = job.plan.batch, job.body.dimension
-
-    def lazy(shape: tuple[int, ...], dtype: str = "f8") -> Any:
-        return zeros(shape, dtype=dtype, chunks=shape)
-
+    batch, D = job.batch, job.body.dimension
     entries: dict[str, Any] = {
         **header_of(job.map, job.method, job.steps, job.save_every),
         "n": np.zeros(1, np.int64),
         "eps": job.eps,
-        **parameters_of(job.body),
-        "omega": lazy((1, *batch, D)),
-        "final": lazy((*batch, D)),
-        "status": lazy(batch, "i1"),
-        "failed_at": lazy(batch, "i8"),
+        **job.parameters,
+        "omega": _lazy((1, *batch, D)),
+        "final": _lazy((*batch, D)),
+        "status": _lazy(batch, "i1"),
+        "failed_at": _lazy(batch, "i8"),
     }
     if job.orientation is not None:
-        entries["attitude"] = lazy((1, *batch, D + 1, D + 1))
+        entries["attitude"] = _lazy((1, *batch, D + 1, D + 1))
     dataset = labelled.dataset_of(entries, job.dims, coords)
     # One row stands for all so far: times of all would be as many as states.
     rows = {name: dataset[name].variable for name in ("omega", "attitude") if name in dataset}
     number = dataset["n"].attrs
-    dataset = dataset.drop_vars([*rows, *({"n", "t", "time"} & set(dataset.variables))])
+    dataset = dataset.drop_vars([*rows, "n", "time"])
     if job.keeps_states:
         dataset = dataset.assign_coords(n=("n", job.numbers, number))
         for name, row in rows.items():
-            dataset[name] = (row.dims, lazy((len(job.numbers), *row.shape[1:])), row.attrs)
+            dataset[name] = (row.dims, _lazy((len(job.numbers), *row.shape[1:])), row.attrs)
     for name in job.reductions:
-        own, tail = (("component",), (D,)) if REDUCTIONS[name].of_components else ((), ())
-        attributes = {"long_name": REDUCTIONS[name].meaning}
-        dataset[name] = ((*job.dims, *own), lazy((*batch, *tail)), attributes)
+        meaning, *_, of_components = REDUCTIONS[name]
+        own, tail = (("component",), (D,)) if of_components else ((), ())
+        dataset[name] = ((*job.dims, *own), _lazy((*batch, *tail)), {"long_name": meaning})
     status = dataset["status"].attrs
     status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
     status["flag_meanings"] += " PENDING"
@@ -276,21 +287,25 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     return dataset
 
 
-def _progress(job: Job) -> Any:
-    """Return the dataset of what is needed to go on, lazy."""
-    import xarray
-    from dask.array import zeros
+def _make_room(job: Job, group: Any) -> None:
+    """Create the arrays of what is needed to go on, if they are not there."""
+    from zarr.codecs import Crc32cCodec
 
-    grid, record = job.plan.grid, (*job.plan.batch, words(job))
-    return xarray.Dataset(
-        {
-            "steps_done": (
-                [f"tile_{k}" for k in range(len(grid))],
-                zeros(grid, dtype="i8", chunks=grid),
-            ),
-            "record": ((*job.dims, "word"), zeros(record, dtype="i8", chunks=record)),
-        }
-    )
+    size, axes = job.record.itemsize, len(job.batch)
+    for name, shape, chunks, dtype, fill_value in (
+        (MARKS, job.grid, (1,) * axes, "int64", -1),
+        (RECORDS, (*job.batch, size), (*job.tile, size), "uint8", 255),
+    ):
+        if not _fits(group, name, shape):
+            group.create_array(
+                name,
+                shape=shape,
+                chunks=chunks,
+                dtype=dtype,
+                fill_value=fill_value,
+                compressors=[Crc32cCodec()],
+                overwrite=True,
+            )
 
 
 def _consolidate(store: Any) -> None:
@@ -302,41 +317,27 @@ def _consolidate(store: Any) -> None:
         zarr.consolidate_metadata(store, zarr_format=3)
 
 
-class Arrays(dict[str, Any]):
-    """The arrays of a store by name, to be written to."""
-
-    def __init__(self, store: Any) -> None:
-        self.group = _group(store, "r+")
-
-    def __missing__(self, name: str) -> Any:
-        # Chunks of NaN are written like others: looking for them takes longer.
-        self[name] = self.group[name].with_config({"write_empty_chunks": True})
-        return self[name]
-
-    def remove(self, name: str, where: Slices) -> None:
-        """Remove the chunks of a tile, so that they read as not computed."""
-        if name in self.group:
-            array = self[name].with_config({"write_empty_chunks": False})
-            array[where] = array.fill_value
+def open_arrays(store: Any) -> Arrays:
+    """Return the arrays of a store by name, to be written to."""
+    group = _group(store, "r+")
+    members = {**dict(group.arrays()), MARKS: group[MARKS], RECORDS: group[RECORDS]}
+    # Chunks of NaN are written like others: looking for them takes longer.
+    return {name: each.with_config({"write_empty_chunks": True}) for name, each in members.items()}
 
 
-def place_of(index: tuple[int, ...]) -> Slices:
-    """Return the place of a tile in the grid of tiles."""
-    return tuple(slice(k, k + 1) for k in index)
-
-
-def withdraw(job: Job, arrays: Arrays, index: tuple[int, ...], whole: bool = False) -> None:
+def withdraw(job: Job, arrays: Arrays, index: Index, whole: bool = False) -> None:
     """Remove the last states of a tile, or with `whole` all that it has, its mark first."""
-    where = job.plan.where(index)
-    names = ["final", "status", "failed_at", *job.reductions]
+    where = job.where(index)
+    parts = dict.fromkeys(("final", "status", "failed_at", *job.reductions), where)
     if whole:
-        arrays[STEPS_DONE][place_of(index)] = -1
-        names.append(RECORD)
-    for name in names:
-        arrays.remove(name, where)
+        arrays[MARKS][index] = -1
+        parts[RECORDS] = where
     if whole or job.save_every is None:
-        for name in ("omega", "attitude"):
-            arrays.remove(name, (slice(None), *where))
+        parts |= dict.fromkeys({"omega", "attitude"} & set(arrays), (slice(None), *where))
+    for name, part in parts.items():
+        # A chunk of nothing but the fill value is removed.
+        array = arrays[name].with_config({"write_empty_chunks": False})
+        array[part] = array.fill_value
 
 
 def open_dataset(store: Any) -> Any:
@@ -345,7 +346,7 @@ def open_dataset(store: Any) -> Any:
 
     group = _group(store)
     if group is None:
-        if is_folder(store) and os.path.lexists(store) and not _is_begun(store):
+        if _stranger(store):
             raise ValueError(f"store: expected one that ensemble made, got another: {store}")
         raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
     notes = _notes(group, store)
@@ -362,7 +363,7 @@ def open_dataset(store: Any) -> Any:
             if group.metadata.consolidated_metadata is None:
                 raise
             dataset = xarray.open_zarr(store, consolidated=True, **options)
-        done = np.asarray(group[STEPS_DONE][...])
+        done = np.asarray(group[MARKS][...])
         for name in notes["known"]:
             values = dataset[name].load().values
             if (values == "" if values.dtype.kind in "OT" else values != values).any():

@@ -6,15 +6,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from threading import Event
 from typing import Any
 
-from .._checks import FloatArray
+from .._checks import FloatArray, instance
 from .compute import Report, pieces, write
-from .control import Stop
-from .job import Job
-from .plan import Index
-from .starts import Kept
-from .store import Arrays
+from .job import Index, Job
+from .starts import RandomStarts
+from .store import open_arrays
 
 # Times that Dask computes a tile anew after an error.
 _RETRIES = 2
@@ -27,24 +26,23 @@ def client_of(scheduler: Any) -> Iterator[Any]:
     """Return a Dask client, from itself or from the address of its scheduler."""
     from distributed import Client
 
+    instance("scheduler", scheduler, (Client, str))
     if isinstance(scheduler, Client):
         yield scheduler
-    elif isinstance(scheduler, str):
+    else:
         with Client(scheduler, set_as_default=False) as client:
             yield client
-    else:
-        raise TypeError(
-            "scheduler: expected a distributed.Client or an address, "
-            f"got {type(scheduler).__name__}"
-        )
 
 
-def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Stop) -> None:
+def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Event) -> None:
     """Compute tiles on the workers; a request to stop lets those in hand finish."""
     from distributed import as_completed
 
     def submit(index: Index) -> Any:
-        return client.submit(_compute, *_sent(job, index), pure=False, retries=_RETRIES)
+        part, starts = job.part(index), None
+        if not isinstance(job.source, RandomStarts):  # states of this process go along
+            part, starts = replace(part, source=None), job.starts(index)
+        return client.submit(_compute, part, index, starts, pure=False, retries=_RETRIES)
 
     left = iter(tiles)
     abreast = _WAITING * max(1, sum(client.nthreads().values()))
@@ -52,7 +50,7 @@ def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Sto
     try:
         for future in futures:
             report(future.result())
-            if not stop.asked:
+            if not stop.is_set():
                 for index in islice(left, 1):
                     futures.add(submit(index))
     except BaseException:
@@ -60,21 +58,11 @@ def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Sto
         raise
 
 
-def _sent(job: Job, index: Index) -> tuple[Job, Index, FloatArray | None]:
-    """Return the arguments of a task: starts that are in this process go along."""
-    where = job.plan.where(index)
-    part = job.part(where)
-    if isinstance(job.source, Kept):
-        return replace(part, source=None), index, job.starts(where)
-    return part, index, None
-
-
 def _compute(part: Job, index: Index, starts: FloatArray | None) -> int:
     """Compute what a tile lacks, on one thread; return the number of trajectory-steps."""
-    arrays, steps = Arrays(part.store), 0
-    if starts is None:
-        starts = part.starts(part.plan.where(index))
+    arrays, steps = open_arrays(part.store), 0
+    starts = part.starts(index) if starts is None else starts
     for piece in pieces(part, index, starts, arrays, 1):
-        write(piece, arrays)
+        write(part, index, piece, arrays)
         steps += piece.steps
     return steps

@@ -24,6 +24,7 @@ from numba import prange
 
 from .._formulas.closed_form import (
     OUT_OF_RANGE,
+    REGULAR,
     SUPERCRITICAL,
     UNDEFINED,
     UNKNOWN,
@@ -43,6 +44,7 @@ from .._formulas.closed_form import (
 from .._formulas.elementary import larger, scaled, smaller
 from .._jit import carray, formula, inner, kernel, select, stack
 from . import codes
+from .iterate import body_at
 from .tiles import lead_of, missing_of_first_block, write_row
 
 LANES, EIGHT, GROUP = 128, 8, 64
@@ -109,13 +111,6 @@ def plan_of(lanes, out, count, length):
 
 
 @formula
-def gather(parameter, first, width, lanes, row):
-    """Fill a row with a parameter of the body."""
-    for l in range(lanes):
-        row[l] = parameter[min(first + min(l, width - 1), parameter.size - 1)]
-
-
-@formula
 def repeat(room, width, lanes, row, stop):
     """Repeat what the first lanes of some rows hold."""
     for k in range(row, stop):
@@ -124,8 +119,15 @@ def repeat(room, width, lanes, row, stop):
 
 
 @inner
-def end_of(orbit, stop):
+def state_of_lane(room, l, n):
+    """Return state n of the orbit in a lane, whichever it is."""
+    return state_at(n, orbit_of(room, l))
+
+
+@inner
+def end_of(room, l, stop):
     """Return how an orbit ends up to a step, and the number of the first state that it lacks."""
+    orbit = orbit_of(room, l)
     if orbit.fate <= OUT_OF_RANGE:
         return NOT_FOUND, np.inf
     if orbit.fate < 0.0:
@@ -139,7 +141,7 @@ def end_of(orbit, stop):
     if orbit.fate >= 1.0:
         nearest = np.floor(orbit.fate - 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
-            omega1, omega2 = state_at(n, orbit)
+            omega1, omega2 = state_of_lane(room, l, n)
             size = abs(omega1) + abs(omega2)
             if 1.0 <= n <= stop and not size < np.inf:
                 return codes.NONFINITE if size == np.inf else codes.SINGULAR, n
@@ -152,7 +154,9 @@ def write_ends(room, first, width, lanes, ends):
     status, failed_at, stop = ends
     any_fails = False
     for l in range(width):
-        code, fails = end_of(orbit_of(room, l), stop)
+        code, fails = codes.OK, np.inf
+        if room[FATE, l] != REGULAR or room[POWER, l] > 0.0:
+            code, fails = end_of(room, l, stop)
         room[FAILS, l], status[first + l] = fails, code
         if fails < np.inf:
             failed_at[first + l], any_fails = int(fails), True
@@ -165,7 +169,7 @@ def mend(room, l, n, tile, i, missing):
     """Mend state n of lane l at tile[i:]: where it is slow, out of range, the first, or missing."""
     omega1, omega2 = tile[i], tile[i + 1]
     if room[SLOW, l] != 0.0:
-        omega1, omega2 = state_at(n, orbit_of(room, l))
+        omega1, omega2 = state_of_lane(room, l, n)
     elif room[POWER, l] != 0.0:
         omega1, omega2 = scaled(omega1, room[POWER, l]), scaled(omega2, room[POWER, l])
     size = abs(omega1) + abs(omega2)
@@ -187,43 +191,20 @@ def end_rows(room, l, n, tile, i):
         tile[i], tile[i + 1] = np.nan, np.nan
 
 
-def loop(of_map, of_rows):
-    """Make the loop over the rows or the times of a task of the map or the flow."""
+def entering(of_map):
+    """Make what enters the orbits of a block, of the map or the flow."""
     coordinates, sequence = coordinates_of_flow, sequence_of_flow
     if of_map:
         coordinates, sequence = coordinates_of_map, sequence_of_map
 
     @inner
-    def fill(task, arguments, times):
-        """Fill the states of a task; return how many are missing.
-
-        times   first, every, begin, end, origin and direction of rows; or times and rows (N,)
-        """
-        sign, parameters, omega, lanes_asked, out, ends = arguments
-        if of_rows:
-            first_number, every, begin, end, origin, direction = times
-            low = begin // GROUP * GROUP
-            _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
-        else:
-            moments, to = times
-            _, parts, some, groups, shift = plan_of(lanes_asked, out, moments.size, 1)
-        block, part = task // parts, task % parts
-        first = lanes_asked[0] + max(block * LANES - shift, 0)
-        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
-        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
-        missing = carray(stack(3), (3,))
-        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
-        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
-
-        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
-        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+    def enter(sign, parameters, omega, first, width, lanes, room):
+        """Fill the fields of the orbits of a block; lanes beyond the last repeat it."""
+        for l in range(lanes):
             b = first + min(l, width - 1)
             room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
-        gather(parameters[0], first, width, lanes, room[I1_])
-        gather(parameters[1], first, width, lanes, room[I2_])
-        gather(parameters[2], first, width, lanes, room[I13_])
-        gather(parameters[3], first, width, lanes, room[I23_])
-        gather(parameters[4], first, width, lanes, room[EPS_])
+            o = body_at(parameters, b)
+            room[I1_, l], room[I2_, l], room[I13_, l], room[I23_, l], room[EPS_, l] = o
         for l in range(lanes):
             o = coordinates(sign, *body_and_state_of(room, l))
             room[X_, l], room[Y_, l], room[LOST, l] = o[0], o[1], o[2]
@@ -235,120 +216,193 @@ def loop(of_map, of_rows):
         for l in range(lanes):
             T = room[T_, l]
             of_x = 4.0 * (T / (1.0 + T) if of_map else T)
-            o = coefficients(
-                of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state_of(room, l)
-            )
+            body_and_state = body_and_state_of(room, l)
+            o = coefficients(of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state)
             room[A1, l], room[B1, l], room[A2, l], room[B2, l], room[POWER, l] = o
-            room[FATE, l] = select(
-                room[B1, l] == room[B1, l], room[FATE, l], smaller(room[FATE, l], UNDEFINED)
-            )
-        lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
-        if groups > 1:
-            repeat(room, width, lanes, 0, NUMBER)
-        fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
-        scales = 0
-        for l in range(lanes):
-            room[SLOW, l] = 0.0
-            scales += select(room[POWER, l] != 0.0, 1, 0)
+            fate, exists = room[FATE, l], room[B1, l] == room[B1, l]
+            room[FATE, l] = select(exists, fate, smaller(fate, UNDEFINED))
 
-        if of_rows:
-            for a in range(2 * EIGHT):
-                steps = (8.0 * a if a < EIGHT else a - 8.0) * every
-                for l in range(lanes):
-                    p, k, s = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
-                    power = s * scaled(1.0 + p, larger(k, -1000.0))
-                    room[EIGHTHS + a, l] = not_negligible(power)
-            for l in range(lanes):
-                room[NUMBER, l] = float(l // width * GROUP)
-            begin_of_task = low + part * some
-            for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
-                for l in range(lanes):
-                    n = first_number + every * (top + room[NUMBER, l])
-                    f, k = growth(n, orbit_of(room, l))
-                    w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
-                    room[SEED, l] = not_negligible(w)
-                    between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
-                    slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
-                    room[LARGE, l] = select(slow, 1.0, 0.0)
-                starts = top == 0 and first_number == 0.0
-                for a in range(EIGHT):
-                    row, slow = top + EIGHT * a, 0
-                    if groups == 1 and (row >= end or row + EIGHT <= begin):
-                        continue
+    return enter
+
+
+@inner
+def finish_block(room, first, width, groups, ends):
+    """Repeat the orbits for each group of lanes; return the lanes, and whether any state is scaled
+    afterwards or missing before the last step.
+    """
+    lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
+    if groups > 1:
+        repeat(room, width, lanes, 0, NUMBER)
+    fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
+    scales = 0
+    for l in range(lanes):
+        room[SLOW, l] = 0.0
+        scales += select(room[POWER, l] != 0.0, 1, 0)
+    return lanes, scales > 0, fails
+
+
+@inner
+def enter_ratios(room, lanes, every):
+    """Fill the powers of r from one row to another, and the numbers of rows of groups of lanes."""
+    for a in range(2 * EIGHT):
+        steps = (8.0 * a if a < EIGHT else a - 8.0) * every
+        for l in range(lanes):
+            p, k, s = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
+            room[EIGHTHS + a, l] = not_negligible(s * scaled(1.0 + p, larger(k, -1000.0)))
+
+
+@inner
+def enter_seeds(room, lanes, first_number, every, top):
+    """Fill the numbers w of the rows from which the geometric sequence begins anew."""
+    for l in range(lanes):
+        f, k = growth(first_number + every * (top + room[NUMBER, l]), orbit_of(room, l))
+        w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
+        room[SEED, l] = not_negligible(w)
+        between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
+        slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
+        room[LARGE, l] = select(slow, 1.0, 0.0)
+
+
+@inner
+def enter_eighth(room, lanes, a):
+    """Fill w / 2 and 4 k at the first of eight rows; return how many lanes are slow there."""
+    slow = 0
+    for l in range(lanes):
+        u = room[SEED, l] * room[EIGHTHS + a, l]
+        kappa = 2.0 * room[R, l]
+        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
+        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
+        room[HALF, l] = 0.5 * not_negligible(u)
+        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
+        slow += select(room[SLOW, l] != 0.0, 1, 0)
+    return slow
+
+
+def row_loop(of_map):
+    """Make the loop over the rows of a task, of the map or the flow."""
+    enter = entering(of_map)
+
+    @inner
+    def fill(task, arguments, steps, rows):
+        """Fill the rows of a task; return how many states are missing."""
+        sign, parameters, omega, lanes_asked, out, ends = arguments
+        first_number, every = steps
+        begin, end, origin, direction = rows
+        low = begin // GROUP * GROUP
+        _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
+        block, part = task // parts, task % parts
+        first = lanes_asked[0] + max(block * LANES - shift, 0)
+        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
+        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
+        missing = carray(stack(3), (3,))
+        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
+        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+
+        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
+        enter(sign, parameters, omega, first, width, lanes, room)
+        lanes, scales, fails = finish_block(room, first, width, groups, ends)
+        enter_ratios(room, lanes, every)
+        for l in range(lanes):
+            room[NUMBER, l] = float(l // width * GROUP)
+        begin_of_task = low + part * some
+        for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
+            enter_seeds(room, lanes, first_number, every, top)
+            starts = top == 0 and first_number == 0.0
+            for a in range(EIGHT):
+                row = top + EIGHT * a
+                if groups == 1 and (row >= end or row + EIGHT <= begin):
+                    continue
+                slow = enter_eighth(room, lanes, a)
+                mends_all = slow > 0 or scales
+                for b in range(EIGHT):
+                    line = tile[b if groups > 1 else 0]
                     for l in range(lanes):
-                        u = room[SEED, l] * room[EIGHTHS + a, l]
-                        kappa = 2.0 * room[R, l]
-                        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
-                        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
-                        room[HALF, l] = 0.5 * not_negligible(u)
-                        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
-                        slow += select(room[SLOW, l] != 0.0, 1, 0)
-                    mends = slow > 0 or scales > 0 or (starts and a == 0)
-                    for b in range(EIGHT):
-                        line = tile[b if groups > 1 else 0]
-                        for l in range(lanes):
-                            line[2 * l], line[2 * l + 1] = near_state(
-                                room[HALF, l] * room[ROWS + b, l],
-                                room[KAPPA, l],
-                                room[A1, l],
-                                room[B1, l],
-                                room[A2, l],
-                                room[B2, l],
-                            )
-                        if groups == 1 and not begin <= row + b < end:
-                            continue
-                        for l in range(width * groups if mends or fails else 0):
-                            place = row + b + room[NUMBER, l]
-                            n = first_number + every * place
-                            if mends and begin <= place < end:
-                                mend(room, l, n, line, 2 * l, missing)
-                            if fails:
-                                end_rows(room, l, n, line, 2 * l)
-                        if groups == 1:
-                            target = 2 * ((origin + direction * (row + b)) * batch + first)
-                            stride = 2 * direction * batch
-                            write_row(line, flat, target, 2 * width, stride, lead)
-                    if groups > 1:
-                        place = begin, end, origin, direction, batch, first
-                        scatter_rows(tile, flat, row, place, width, groups)
-        else:
-            far = 0
+                        line[2 * l], line[2 * l + 1] = near_state(
+                            room[HALF, l] * room[ROWS + b, l],
+                            room[KAPPA, l],
+                            room[A1, l],
+                            room[B1, l],
+                            room[A2, l],
+                            room[B2, l],
+                        )
+                    if groups == 1 and not begin <= row + b < end:
+                        continue
+                    mends = mends_all or (starts and a == 0 and b == 0)
+                    for l in range(width * groups if mends or fails else 0):
+                        place = row + b + room[NUMBER, l]
+                        n = first_number + every * place
+                        if mends and begin <= place < end:
+                            mend(room, l, n, line, 2 * l, missing)
+                        if fails:
+                            end_rows(room, l, n, line, 2 * l)
+                    if groups == 1:
+                        target = 2 * ((origin + direction * (row + b)) * batch + first)
+                        write_row(line, flat, target, 2 * width, 2 * direction * batch, lead)
+                if groups > 1:
+                    place = begin, end, origin, direction, batch, first
+                    scatter_rows(tile, flat, row, place, width, groups)
+        return missing[0], missing[1], missing[2]
+
+    return fill
+
+
+def time_loop(of_map):
+    """Make the loop over the times of a task, of the map or the flow."""
+    enter = entering(of_map)
+
+    @inner
+    def fill(task, arguments, times, to):
+        """Fill the states of a task; return how many are missing."""
+        sign, parameters, omega, lanes_asked, out, ends = arguments
+        _, parts, some, groups, shift = plan_of(lanes_asked, out, times.size, 1)
+        block, part = task // parts, task % parts
+        first = lanes_asked[0] + max(block * LANES - shift, 0)
+        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
+        room, line = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(WIDE), (WIDE,))
+        missing = carray(stack(3), (3,))
+        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
+        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+
+        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
+        enter(sign, parameters, omega, first, width, lanes, room)
+        lanes, scales, fails = finish_block(room, first, width, groups, ends)
+        far = 0
+        for l in range(lanes):
+            far += select(room[H, l] != 0.0, 1, 0)
+        for j in range(part * some, min((part + 1) * some, times.size), groups):
             for l in range(lanes):
-                far += select(room[H, l] != 0.0, 1, 0)
-            for j in range(part * some, min((part + 1) * some, moments.size), groups):
-                for l in range(lanes):
-                    room[NUMBER, l] = moments[min(j + l // width, moments.size - 1)]
-                line, odd = tile[0], 0
-                for l in range(lanes):
-                    room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
+                room[NUMBER, l] = times[min(j + l // width, times.size - 1)]
+            odd = 0
+            for l in range(lanes):
+                room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
+            for l in range(lanes):
+                o = orbit_of(room, l)
+                A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
+                omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
+                line[2 * l], line[2 * l + 1] = omega1, omega2
+                finite = abs(omega1) + abs(omega2) < np.inf
+                odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
+            if far > 0:
                 for l in range(lanes):
                     o = orbit_of(room, l)
-                    A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
-                    omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
+                    A, B = far_point(room[NUMBER, l], o)
+                    is_far = o.h != 0.0
+                    omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
+                    omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
                     line[2 * l], line[2 * l + 1] = omega1, omega2
-                    finite = abs(omega1) + abs(omega2) < np.inf
-                    odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
-                if far > 0:
-                    for l in range(lanes):
-                        o = orbit_of(room, l)
-                        A, B = far_point(room[NUMBER, l], o)
-                        is_far = o.h != 0.0
-                        omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
-                        omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
-                        line[2 * l], line[2 * l + 1] = omega1, omega2
-                        odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
-                used = min(groups, moments.size - j)
-                for l in range(width * used if odd > 0 or scales > 0 or fails else 0):
-                    mend(room, l, room[NUMBER, l], line, 2 * l, missing)
-                    if fails:
-                        end_rows(room, l, room[NUMBER, l], line, 2 * l)
-                for g in range(used):
-                    target = 2 * (to[j + g] * batch + first)
-                    if groups == 1:
-                        write_row(line, flat, target, 2 * width, 0, lead)
-                    else:
-                        for i in range(2 * width):
-                            flat[target + i] = line[2 * g * width + i]
+                    odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
+            used = min(groups, times.size - j)
+            for l in range(width * used if odd > 0 or scales or fails else 0):
+                mend(room, l, room[NUMBER, l], line, 2 * l, missing)
+                if fails:
+                    end_rows(room, l, room[NUMBER, l], line, 2 * l)
+            for g in range(used):
+                target = 2 * (to[j + g] * batch + first)
+                if groups == 1:
+                    write_row(line, flat, target, 2 * width, 0, lead)
+                else:
+                    for i in range(2 * width):
+                        flat[target + i] = line[2 * g * width + i]
         return missing[0], missing[1], missing[2]
 
     return fill
@@ -358,17 +412,26 @@ def loop(of_map, of_rows):
 def scatter_rows(tile, flat, row, rows, width, groups):
     """Write eight rows of each group of lanes."""
     begin, end, origin, direction, batch, first = rows
+    stride = 2 * direction * batch
     for g in range(groups):
-        for b in range(EIGHT):
-            place = row + g * GROUP + b
-            if begin <= place < end:
-                target = 2 * ((origin + direction * place) * batch + first)
+        place = row + g * GROUP
+        target = 2 * ((origin + direction * place) * batch + first)
+        if begin <= place and place + EIGHT <= end:
+            for l in range(width):
+                for b in range(EIGHT):
+                    i = target + stride * b + 2 * l
+                    flat[i], flat[i + 1] = (
+                        tile[b, 2 * (g * width + l)],
+                        tile[b, 2 * (g * width + l) + 1],
+                    )
+        else:
+            for b in range(max(begin - place, 0), min(end - place, EIGHT)):
                 for i in range(2 * width):
-                    flat[target + i] = tile[b, 2 * g * width + i]
+                    flat[target + stride * b + i] = tile[b, 2 * g * width + i]
 
 
-fill_rows_of_map, fill_rows_of_flow = loop(True, True), loop(False, True)
-fill_states_of_map, fill_states_of_flow = loop(True, False), loop(False, False)
+fill_rows_of_map, fill_rows_of_flow = row_loop(True), row_loop(False)
+fill_states_of_map, fill_states_of_flow = time_loop(True), time_loop(False)
 
 
 @kernel
@@ -380,7 +443,7 @@ def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing)
     """
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        some = fill_rows_of_map(task, (sign, parameters, omega, lanes, out, ends), steps + rows)
+        some = fill_rows_of_map(task, (sign, parameters, omega, lanes, out, ends), steps, rows)
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -392,9 +455,9 @@ def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing
     """Fill rows as `rows_of_map` does, of states at times."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        beyond += fill_rows_of_flow(
-            task, (sign, parameters, omega, lanes, out, ends), steps + rows
-        )[2]
+        beyond += fill_rows_of_flow(task, (sign, parameters, omega, lanes, out, ends), steps, rows)[
+            2
+        ]
     missing[2] = beyond
 
 
@@ -403,7 +466,7 @@ def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing)
     """Fill row to[j] with the states of number times[j]."""
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        some = fill_states_of_map(task, (sign, parameters, omega, lanes, out, ends), (times, to))
+        some = fill_states_of_map(task, (sign, parameters, omega, lanes, out, ends), times, to)
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -415,7 +478,7 @@ def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing
     """Fill row to[j] with the states at times[j]."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        beyond += fill_states_of_flow(
-            task, (sign, parameters, omega, lanes, out, ends), (times, to)
-        )[2]
+        beyond += fill_states_of_flow(task, (sign, parameters, omega, lanes, out, ends), times, to)[
+            2
+        ]
     missing[2] = beyond

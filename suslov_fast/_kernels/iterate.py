@@ -49,6 +49,19 @@ CHECK_EVERY = 256
 
 
 @formula
+def body_at(parameters, b):
+    """Return I1, I2, I13, I23 and eps of trajectory b."""
+    I1, I2, I13, I23, eps = parameters
+    return (
+        I1[min(b, I1.size - 1)],
+        I2[min(b, I2.size - 1)],
+        I13[min(b, I13.size - 1)],
+        I23[min(b, I23.size - 1)],
+        eps[min(b, eps.size - 1)],
+    )
+
+
+@formula
 def blocks_of(span, saved):
     """Return how many blocks a call has, and by how much the first one is shorter."""
     shift = missing_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])

@@ -9,7 +9,7 @@ from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, kernel, select
 from . import codes
-from .iterate import block_loop, blocks_of, nothing_to_settle
+from .iterate import block_loop, blocks_of, body_at, nothing_to_settle
 
 # omega is finite where |X| + |Z| is below this over the largest number of the matrix from (X, Z):
 # float64 ends at 1.8e308, and omega is a sum of three products.
@@ -34,19 +34,6 @@ class Canonical(NamedTuple):
 def canonical_at(c, l):
     return Canonical(
         c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l], c[6, l], c[7, l], c[8, l]
-    )
-
-
-@formula
-def body_at(parameters, b):
-    """Return I1, I2, I13, I23 and eps of trajectory b."""
-    I1, I2, I13, I23, eps = parameters
-    return (
-        I1[min(b, I1.size - 1)],
-        I2[min(b, I2.size - 1)],
-        I13[min(b, I13.size - 1)],
-        I23[min(b, I23.size - 1)],
-        eps[min(b, eps.size - 1)],
     )
 
 

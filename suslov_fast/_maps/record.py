@@ -4,26 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
     from .._engine.problem import Outcome, Problem
 
 
-@dataclass(frozen=True)
-class Kept:
+class Kept(NamedTuple):
     """An array that a run needs to go on, beside its states at step 0.
 
     Attributes
     ----------
     dims
         Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
+    attitude
+        True if only runs with an orientation have it.
     """
 
     name: str
     dims: tuple[str | int, ...]
     dtype: str = "float64"
+    attitude: bool = False
+
+
+# What kernels write of each trajectory, and go on from; files hold it as parts of the result.
+ENDS = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
 
 
 @dataclass(frozen=True)
@@ -39,13 +45,13 @@ class Map:
     components
         The labels of the components of a state.
     methods
-        What `method` may be; the first is the default.
+        Values of `method`; the first is the default.
     parameters
         (body, eps, batch) to the flat arrays that kernels take, units taken out.
     run
         Fill a checked, flat problem.
-    resume
-        What a run needs to go on.
+    kept
+        Arrays that a run needs to go on, beside `ENDS`.
     quantities
         The methods of `Trajectories` that apply to its runs.
     carries_attitude
@@ -58,6 +64,11 @@ class Map:
     methods: tuple[str, ...]
     parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], list[FloatArray]]
     run: Callable[[Problem], Outcome]
-    resume: tuple[Kept, ...]
+    kept: tuple[Kept, ...]
     quantities: frozenset[str]
     carries_attitude: bool = True
+
+    @property
+    def resume(self) -> tuple[Kept, ...]:
+        """All arrays that a run needs to go on."""
+        return *self.kept, *ENDS

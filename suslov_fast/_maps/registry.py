@@ -39,10 +39,9 @@ copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
 
 @cache
 def _map_of_class(body: str) -> Map:
-    for name, each in _BODIES.items():
-        if each == body:
-            return map_named(name)
-    raise TypeError(f"body: expected {' or '.join(dict.fromkeys(_BODIES.values()))}, got {body}")
+    if body not in _BODIES.values():
+        raise TypeError(f"body: expected {' or '.join(body_names())}, got {body}")
+    return map_named(next(name for name, each in _BODIES.items() if each == body))
 
 
 def map_of(body: Any, full: bool = False) -> Map:

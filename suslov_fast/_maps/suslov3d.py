@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .._bodies.three import Suslov3D
-from .._engine.iterate_3d import run
+from .._engine.jump import run
 from .._engine.units import for_loops
 from .record import Kept, Map
 
@@ -14,11 +14,9 @@ MAP = Map(
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
     run=run,
-    resume=(
+    kept=(
         Kept("state", ("flat", 2)),
-        Kept("turn", ("flat", 4)),
-        Kept("status", ("flat",), "int8"),
-        Kept("failed_at", ("flat",), "int64"),
+        Kept("turn", ("flat", 4), attitude=True),
     ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")

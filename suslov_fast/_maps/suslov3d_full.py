@@ -29,11 +29,7 @@ MAP = Map(
     methods=("auto",),
     parameters=_parameters,
     run=_run,
-    resume=(
-        Kept("state", ("flat", 3)),
-        Kept("status", ("flat",), "int8"),
-        Kept("failed_at", ("flat",), "int64"),
-    ),
+    kept=(Kept("state", ("flat", 3)),),
     quantities=frozenset(),
     carries_attitude=False,
 )

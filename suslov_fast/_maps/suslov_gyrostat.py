@@ -29,11 +29,9 @@ MAP = Map(
     methods=("auto",),
     parameters=_parameters,
     run=_run,
-    resume=(
+    kept=(
         Kept("state", ("flat", 4)),
-        Kept("turn", ("flat", 4)),
-        Kept("status", ("flat",), "int8"),
-        Kept("failed_at", ("flat",), "int64"),
+        Kept("turn", ("flat", 4), attitude=True),
     ),
     quantities=frozenset(("first_integral", "energy")),
 )

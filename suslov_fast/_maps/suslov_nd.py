@@ -14,12 +14,10 @@ MAP = Map(
     methods=("auto", "gauss", "rank2"),
     parameters=for_loops,
     run=run,
-    resume=(
+    kept=(
         Kept("state", ("flat", "component")),
         Kept("exponent", ("flat",)),
-        Kept("status", ("flat",), "int8"),
-        Kept("failed_at", ("flat",), "int64"),
-        Kept("columns", ("flat", "space", "space")),
+        Kept("columns", ("flat", "space", "space"), attitude=True),
     ),
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "reaction")

@@ -28,11 +28,8 @@ def refuse_codecs(store: Any) -> None:
 
 
 def _check(name: str, metadata: dict[str, Any]) -> None:
-    used = {
-        codec.removeprefix("numcodecs.")
-        for key in ("filters", "compressor", "codecs")
-        for codec in _names(metadata.get(key))
-    }
+    codecs = [metadata.get(key) for key in ("filters", "compressor", "codecs")]
+    used = {codec.removeprefix("numcodecs.") for codec in _names(codecs)}
     kind = metadata.get("dtype", metadata.get("data_type"))
     of_objects = "O" in str(kind) and "vlen-utf8" not in used
     if of_objects or not used <= _STANDARD:
@@ -41,18 +38,14 @@ def _check(name: str, metadata: dict[str, Any]) -> None:
 
 
 def _names(codec: Any) -> Iterator[str]:
-    """The names of codecs, those in the configuration of others included."""
+    """Yield the names of codecs, those in the configuration of others included."""
+    codec = codec.get_config() if hasattr(codec, "get_config") else codec
     if isinstance(codec, (list, tuple)):
         for each in codec:
             yield from _names(each)
-    elif hasattr(codec, "get_config"):
-        yield from _names(codec.get_config())
     elif isinstance(codec, dict):
-        name = codec.get("id", codec.get("name"))
-        if name is not None:
-            yield str(name)
-        configuration = codec.get("configuration") or {}
-        for key in ("codecs", "index_codecs"):
-            yield from _names(configuration.get(key))
+        yield str(codec.get("id", codec.get("name")))
+        inner = codec.get("configuration") or {}
+        yield from _names([inner.get("codecs"), inner.get("index_codecs")])
     elif codec is not None:
         yield str(codec)

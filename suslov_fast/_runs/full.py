@@ -7,13 +7,13 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, instance, integer, one_of
+from .._checks import FloatArray, instance
 from .._engine.arguments import check
-from .._engine.layout import checked_out, own_parameter, own_states
-from .._engine.progress import Progress, check_progress
+from .._engine.layout import own_parameter, own_states
+from .._engine.progress import Progress
 from .._engine.run import Run, execute
-from .._engine.threads import thread_count
 from .._maps.registry import map_of
+from .iterate import finish
 from .trajectories import OnSingular, Trajectories, report
 
 
@@ -55,7 +55,7 @@ def step_full(
     """
     run = _checked(body, "omega", omega, eps, I3)
     results = execute(run)
-    # A state that does not exist has no next one, and that is no news.
+    # Failures at step 0 are states that did not exist before, and no news.
     report(run, results, "warn", 1, stacklevel=2)
     return results.final
 
@@ -141,38 +141,20 @@ def iterate_full(
     >>> orbit.omega[:4, 2]
     array([ 0.1, -0.1,  0.1, -0.1])
     """
-    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run = _checked(body, "omega0", omega0, eps, I3)
-    steps = integer("steps", steps, 0)
-    if save_every is not None:
-        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    threads = thread_count(threads)
-    check_progress(progress)
-    run = replace(run, steps=steps, save_every=save_every, threads=threads, progress=progress)
-    if out is not None:
-        out = checked_out("out", out, run.shape)
-    results = execute(run, out)
-    report(run, results, on_singular, 0, stacklevel=2)
-    return Trajectories.of(run, results)
+    run.steps, run.save_every, run.threads, run.progress = steps, save_every, threads, progress
+    return finish(run, out, on_singular)
 
 
 def _checked(
     body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None
 ) -> Run:
-    """A run of one step."""
+    """Return a run of one step."""
     instance("body", body, Suslov3D)
     if I3 is not None:
         body = replace(body, I3=I3)  # type: ignore[arg-type]
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
-    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
-    return Run(
-        map=map_of(body, full=True),
-        body=body,
-        batch=batch,
-        omega0=own_states(state, batch),
-        eps=own_parameter(step_size),
-        steps=1,
-        save_every=None,
-        method="auto",
-    )
+    (state, eps), batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
+    map, states = map_of(body, full=True), own_states(state, batch)
+    return Run(map, body, batch, states, own_parameter(eps), steps=1, save_every=None)

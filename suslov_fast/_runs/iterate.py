@@ -59,12 +59,12 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
+    (state, eps), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
     threads = thread_count(threads)
     states = flat_vectors(state, batch)
-    run = Run(map, body, batch, states, step_size, 1, None, "auto", None, threads, single=True)
+    run = Run(map, body, batch, states, eps, 1, None, "auto", None, threads, single=True)
     results = execute(run)
-    # A state that does not exist has no next one, and that is no news.
+    # Failures at step 0 are states that did not exist before, and no news.
     report(run, results, "warn", 1, stacklevel=2)
     return results.final
 
@@ -161,37 +161,31 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     map = map_of(body)
-    turning = not isinstance(attitude, (bool, np.bool_))
-    given = {"attitude": attitude} if turning else {}
-    (state, step_size, *turned), batch = check(
+    given = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
+    (state, eps, *turned), batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=given, kinds=map.body
     )
-    steps = integer("steps", steps, 0)
-    if save_every is not None:
-        expected = "None or an integer of at least 1"
-        save_every = integer("save_every", save_every, 1, expected)
     one_of("method", method, map.methods)
-    threads = thread_count(threads)
-    check_progress(progress)
     if attitude is True or attitude is np.True_:
         turned = [np.eye(body.dimension + 1)]
-    run = Run(
-        map,
-        body,
-        batch,
-        own_states(state, batch),
-        own_parameter(step_size),
-        steps,
-        save_every,
-        method,
-        flat_matrices(turned[0], batch) if turned else None,
-        threads,
-        progress,
-    )
+    orientation = flat_matrices(turned[0], batch) if turned else None
+    run = Run(map, body, batch, own_states(state, batch), own_parameter(eps), steps, save_every)
+    run.method, run.orientation, run.threads, run.progress = method, orientation, threads, progress
+    return finish(run, out, on_singular)
+
+
+def finish(run: Run, out: FloatArray | None, on_singular: OnSingular) -> Trajectories:
+    """Check the other arguments of `iterate`, make the steps, and report to the caller's caller."""
+    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+    run.steps = integer("steps", run.steps, 0)
+    if run.save_every is not None:
+        expected = "None or an integer of at least 1"
+        run.save_every = integer("save_every", run.save_every, 1, expected)
+    run.threads = thread_count(run.threads)
+    check_progress(run.progress)
     if out is not None:
-        out = checked_out("out", out, run.shape)
+        out = checked_out(out, run.shape)
     results = execute(run, out)
-    report(run, results, on_singular, 0, stacklevel=2)
+    report(run, results, on_singular, 0, stacklevel=3)
     return Trajectories.of(run, results)

@@ -37,22 +37,22 @@ def dataset_of(
     xarray = import_xarray()
     header = read_header(entries)
     map = map_named(header["map"])
-    schema = schema_of(map)
+    schema = {name: entry for name, entry in schema_of(map).items() if name in entries}
     batch = _names_of(dims, entries, schema)
     variables = {
         name: _variable(name, entries[name], entry, batch)
         for name, entry in schema.items()
-        if name in entries and not name.startswith(RESUME)
+        if not name.startswith(RESUME)
     }
     # Strings of any length: those of fixed length are no part of Zarr's third format.
     labels = np.array(map.components(body_of(entries)), dtype=object)
-    steps = variables["eps"]
+    eps_dims, eps, _ = variables["eps"]
     with np.errstate(over="ignore"):
-        time = np.multiply.outer(entries["n"], steps[1])
+        time = np.multiply.outer(entries["n"], eps)
     dataset = xarray.Dataset(
         variables,
         coords={
-            "time": (("n", *steps[0]), time, {"long_name": "time"}),
+            "time": (("n", *eps_dims), time, {"long_name": "time"}),
             "component": ("component", labels, {"long_name": "component of angular velocity"}),
         },
         attrs={"title": "Trajectories of the discrete Suslov problem", **header},
@@ -65,7 +65,7 @@ def dataset_of(
 
 
 def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ...]) -> Any:
-    """An array with its axes and attributes."""
+    """Return an array with its axes and attributes."""
     attributes: dict[str, Any] = {"long_name": entry.meaning}
     if name in ("n", "failed_at", "attitude"):
         attributes["units"] = "1"
@@ -73,15 +73,12 @@ def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ..
         attributes["flag_values"] = np.array([int(status) for status in Status], np.int8)
         attributes["flag_meanings"] = " ".join(status.name for status in Status)
     if not entry.varying:
-        at = entry.dims.index("batch") if "batch" in entry.dims else 0
-        names = [str(dim) for dim in entry.dims if dim != "batch"]
-        with_batch = (*names[:at], *batch, *names[at:]) if "batch" in entry.dims else tuple(names)
-        return with_batch, array, attributes
+        return entry.axes(batch, {}), array, attributes
     # Along the axes on which it has more than one entry, or which have its name. The number of its
     # axes is an attribute, so that its shape can be found again.
-    own = tuple(str(dim) for dim in entry.dims[1:])
+    own = entry.dims[1:]
     axes = array.ndim - len(own)
-    names = list(batch[len(batch) - axes :])
+    names = batch[len(batch) - axes :]
     kept = [k for k in range(axes) if array.shape[k] != 1 or names[k] == name]
     shape = (*(array.shape[k] for k in kept), *array.shape[axes:])
     attributes["batch_axes"] = axes
@@ -110,19 +107,18 @@ def batch_names(
 def _names_of(
     dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry]
 ) -> tuple[str, ...]:
-    """Names for the axes of a batch; that of a parameter where it varies along this axis alone."""
-    shape = entries["status"].shape
-    parameters = [name for name, entry in schema.items() if entry.varying and name in entries]
-    names = batch_names(dims, len(shape), set(entries) - set(parameters))
+    """Return names for the axes of a batch; a parameter names one along which it varies alone."""
+    batch = entries["status"].shape
+    parameters = {name for name, entry in schema.items() if entry.varying}
+    names = batch_names(dims, len(batch), set(entries) - parameters)
     for axis, name in enumerate(names):
         if name in parameters:
-            alone = [length if k == axis else 1 for k, length in enumerate(shape)]
-            array = entries[name]
-            padded = (*(1,) * (len(shape) - array.ndim), *array.shape)
-            if list(padded) != alone:
+            shape = entries[name].shape
+            alone = tuple(length if k == axis else 1 for k, length in enumerate(batch))
+            if (1,) * (len(batch) - len(shape)) + shape != alone:
                 raise ValueError(
                     f"dims: expected {name} for an axis along which it varies, and along no "
-                    f"other, got {name} of shape {array.shape} in a batch of shape {shape}"
+                    f"other, got {name} of shape {shape} in a batch of shape {batch}"
                 )
     return names
 
@@ -134,18 +130,17 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
         raise TypeError(
             f"coords: expected a mapping of names to values, got {type(coords).__name__}"
         )
-    taken = [name for name in coords if name in dataset.variables or name in _TAKEN]
+    taken = [str(name) for name in coords if name in dataset.variables or name in _TAKEN]
     if taken:
-        raise ValueError(f"coords: expected names of their own, got {', '.join(map(str, taken))}")
-    before = dict(dataset.sizes)
+        raise ValueError(f"coords: expected names of their own, got {', '.join(taken)}")
     try:
         labelled = dataset.assign_coords(coords)
     except ValueError as error:
         raise ValueError(f"coords: {error}") from error
-    added = [str(name) for name in labelled.sizes if name not in before]
+    added = [str(name) for name in labelled.sizes if name not in dataset.sizes]
     if added:
         raise ValueError(
-            f"coords: expected values along {', '.join(map(str, before))}, "
+            f"coords: expected values along {', '.join(map(str, dataset.sizes))}, "
             f"got new dimensions {', '.join(added)}"
         )
     return labelled
@@ -153,8 +148,7 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
 
 def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
     """Return the entries of a run that a dataset holds."""
-    xarray = import_xarray()
-    if not isinstance(dataset, xarray.Dataset):
+    if not isinstance(dataset, import_xarray().Dataset):
         raise TypeError(f"dataset: expected an xarray.Dataset, got {type(dataset).__name__}")
     header = read_header(dataset.attrs)
     schema = schema_of(map_named(header["map"]))
@@ -171,21 +165,15 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
             continue
         if entry.varying:
             entries[name] = unvarying(dataset, name, batch)
-        else:
-            order = [d for dim in entry.dims for d in (batch if dim == "batch" else (str(dim),))]
-            entries[name] = _in_order(dataset, name, order)
+            continue
+        variable, order = dataset[name], entry.axes(batch, {})
+        if set(variable.dims) != set(order):
+            raise ValueError(
+                f"dataset: expected {name} along {', '.join(order) or 'nothing'}, "
+                f"got it along {', '.join(map(str, variable.dims)) or 'nothing'}"
+            )
+        entries[name] = variable.transpose(*order).values
     return entries
-
-
-def _in_order(dataset: xarray.Dataset, name: str, order: list[str]) -> NDArray[Any]:
-    variable = dataset[name]
-    if set(variable.dims) != set(order):
-        raise ValueError(
-            f"dataset: expected {name} along {', '.join(order) or 'nothing'}, "
-            f"got it along {', '.join(map(str, variable.dims)) or 'nothing'}"
-        )
-    values: NDArray[Any] = variable.transpose(*order).values
-    return values
 
 
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
@@ -200,7 +188,7 @@ def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDA
     fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
     axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
     names = batch[len(batch) - axes :]
-    order = [dim for dim in names if dim in along]
-    shape = [dataset.sizes[dim] if dim in along else 1 for dim in names]
-    values: NDArray[Any] = variable.transpose(*order, *own).values
-    return values.reshape((*shape, *(dataset.sizes[dim] for dim in own)))
+    order = [*(dim for dim in names if dim in along), *own]
+    shape = [*(dataset.sizes[dim] if dim in along else 1 for dim in names)]
+    shape += [dataset.sizes[dim] for dim in own]
+    return np.asarray(variable.transpose(*order).values.reshape(shape))

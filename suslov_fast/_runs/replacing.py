@@ -32,10 +32,11 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
     Raises OSError, with what was expected and received as its `strerror`.
     """
     try:
-        # A deleted working directory has no path.
-        target = Path(os.path.realpath(path))
-        mode = _mode_of(target)
-        _check_target(target, mode, folder)
+        target = Path(os.path.realpath(path))  # a deleted working directory has no path
+        mode = None
+        with suppress(FileNotFoundError):
+            mode = os.stat(target).st_mode
+            _check_target(target, mode, folder)
         stem = os.fsencode(f".{target.name}")[:100].decode(errors="ignore")
         new = target.with_name(f"{stem}.{secrets.token_hex(4)}.part")
         if folder:
@@ -55,7 +56,7 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
         yield new
         if mode is not None:
             os.chmod(new, stat.S_IMODE(mode))
-        if folder and target.exists():  # a folder that is not empty cannot be replaced in one move
+        if folder and mode is not None:  # a folder that is not empty cannot be replaced in one move
             os.rename(target, old)
         try:
             os.replace(new, target)
@@ -71,29 +72,18 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
 
 
 def kind_of(mode: int) -> str:
-    """Return what an entry of a folder is, in words."""
+    """Return the kind of an entry of a folder, in words."""
     return _KINDS.get(stat.S_IFMT(mode), "something else")
 
 
-def _mode_of(target: Path) -> int | None:
-    try:
-        return os.stat(target).st_mode
-    except FileNotFoundError:
-        return None
-
-
-def _check_target(target: Path, mode: int | None, folder: bool) -> None:
+def _check_target(target: Path, mode: int, folder: bool) -> None:
     """Refuse to replace anything but a file, or an empty folder or a Zarr store."""
-    if mode is None:
-        return
-    expected, received = "the name of a file", kind_of(mode)
-    fits = stat.S_ISREG(mode)
+    expected, received, fits = "a file", kind_of(mode), stat.S_ISREG(mode)
     if folder:
-        expected = "the name of a Zarr store"
-        fits = stat.S_ISDIR(mode)
+        expected, fits = "a Zarr store", stat.S_ISDIR(mode)
         if fits:
             names = set(os.listdir(target))
             fits, received = not names or bool(names & {".zgroup", "zarr.json"}), "another folder"
     if not fits:
-        message = f"expected {expected} to write, got {received}"
+        message = f"expected the name of {expected} to write, got {received}"
         raise OSError(errno.EEXIST, message, os.fspath(target))

@@ -13,8 +13,8 @@ component components of a state
 ========= ==========================================
 
 `entries_of` and `run_of` convert a run to entries and back; `check` refuses shapes and dtypes that
-do not fit before anything is decoded. The arrays that a run needs to go on have names that begin
-with `RESUME`; datasets leave them out.
+do not fit before anything is decoded. The names of arrays that a run needs to go on begin with
+`RESUME`; datasets leave them out.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.base import Body
 from .._engine.run import numbers_of_saved
-from .._maps.record import Map
+from .._maps.record import ENDS, Map
 from .._maps.registry import map_named
 
 Entries = dict[str, NDArray[Any]]
@@ -37,8 +36,7 @@ Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 # The number of this arrangement: 1 is that of version 0.2.
 FORMAT = 3
 RESUME = "resume/"
-# Entries that are one number or one string; the last one is missing where only the last state is
-# kept.
+# Entries of one number or one string; the last is missing where only the last state is kept.
 HEADER: dict[str, Callable[[Any], Any]] = {
     "format": int,
     "version": str,
@@ -68,6 +66,14 @@ class Entry(NamedTuple):
     varying: bool = False
     optional: bool = False
 
+    def axes(self, batch: tuple[Any, ...], own: Mapping[Any, Any]) -> tuple[Any, ...]:
+        """Return the axes, with those of the batch in place and others replaced by `own`."""
+        return tuple(
+            each
+            for dim in self.dims
+            for each in (batch if dim == "batch" else (own.get(dim, dim),))
+        )
+
 
 _STATES = {
     "omega": Entry(("n", "batch", "component"), meaning="angular velocity"),
@@ -75,7 +81,7 @@ _STATES = {
     "eps": Entry(("batch",), meaning="step size", varying=True),
     "status": Entry(("batch",), "int8", "how the trajectory ended"),
     "failed_at": Entry(("batch",), "int64", "first state that does not exist, or -1"),
-    "final": Entry(("batch", "component"), "float64", "state after the last step", optional=True),
+    "final": Entry(("batch", "component"), meaning="state after the last step", optional=True),
 }
 _ATTITUDE = Entry(
     ("n", "batch", "space", "body"),
@@ -87,15 +93,15 @@ _ATTITUDE = Entry(
 def schema_of(map: Map) -> dict[str, Entry]:
     """Return the arrays that runs of a map may have, by name."""
     body, entries = map.body, dict(_STATES)
-    own = ("component",) * body._own_axes
+    dims = ("batch", *("component",) * body._own_axes)
     for name in body._names():
         optional = name in body._optional()
-        entries[name] = Entry(("batch", *own), "float64", body._meanings[name], True, optional)
+        entries[name] = Entry(dims, "float64", body._meanings[name], True, optional)
     entries[RESUME + "omega0"] = Entry(("flat", "component"), optional=True)
     if map.carries_attitude:
         entries["attitude"] = _ATTITUDE
         entries[RESUME + "R0"] = Entry(("flat", "space", "body"), optional=True)
-    for kept in map.resume:
+    for kept in map.kept:
         entries[RESUME + kept.name] = Entry(kept.dims, kept.dtype, optional=True)
     return entries
 
@@ -111,26 +117,24 @@ def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entr
 
 def entries_of(run: Mapping[str, Any]) -> Entries:
     """Return the entries of a run, given as the attributes of `Trajectories`."""
+    ends = [kept.name for kept in ENDS]
     arrays = {
-        **{name: run[name] for name in ("omega", "eps", "status", "failed_at", "attitude")},
+        **{name: run[name] for name in ("omega", "eps", *ends, "attitude")},
         "n": numbers_of_saved(run["steps"], run["save_every"]),
         "final": None if _is_saved(run) else run["final"],
         **run["body"]._values,
-        **{RESUME + name: array for name, array in run["_resume"].items()},
+        **{RESUME + name: a for name, a in run["_resume"].items() if name not in ends},
     }
     header = header_of(run["_map"], run["method"], run["steps"], run["save_every"])
     return header | {name: np.asarray(a) for name, a in arrays.items() if a is not None}
 
 
 def _is_saved(run: Mapping[str, Any]) -> bool:
-    """True if the last state is the last of the saved ones, bit for bit."""
+    """Return True if the last state is the last of the saved ones, bit for bit."""
     omega, final = run["omega"], run["final"]
     if len(omega) == 0 or (run["save_every"] and run["steps"] % run["save_every"]):
         return False
-    last = omega[-1]
-    if last.ctypes.data == final.ctypes.data and last.strides == final.strides:
-        return True
-    return bool(last.tobytes() == final.tobytes())
+    return np.shares_memory(omega[-1], final) or omega[-1].tobytes() == final.tobytes()
 
 
 def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
@@ -149,29 +153,31 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         raise ValueError(
             f"omega: expected {len(map.components(body))} components, got {omega.shape[-1]}"
         )
+    resume = {
+        name.removeprefix(RESUME): array
+        for name, array in entries.items()
+        if name.startswith(RESUME)
+    }
+    if "state" in resume:
+        resume |= {kept.name: entries[kept.name].reshape(-1) for kept in ENDS}
     return {
+        **{name: entries[name] for name in ("status", "failed_at")},
         "omega": omega,
         "eps": float(eps) if eps.ndim == 0 else eps,
         "body": body,
-        "status": entries["status"],
-        "failed_at": entries["failed_at"],
         "final": entries["final"] if "final" in entries else omega[-1:].reshape(omega.shape[1:]),
         "method": header["method"],
         "steps": steps,
         "save_every": every,
         "attitude": entries.get("attitude"),
         "_map": map,
-        "_resume": {
-            name.removeprefix(RESUME): array
-            for name, array in entries.items()
-            if name.startswith(RESUME)
-        },
+        "_resume": resume,
     }
 
 
 def body_of(entries: Mapping[str, NDArray[Any]]) -> Any:
     """Return the body of a run."""
-    kind: type[Body] = map_named(read_header(entries)["map"]).body
+    kind = map_named(read_header(entries)["map"]).body
     return kind(**{name: entries[name] for name in kind._names() if name in entries})
 
 
@@ -225,27 +231,26 @@ def check(values: Mapping[str, Any], shapes: Shapes) -> None:
         raise ValueError(f"attitude, {RESUME}R0: expected both or none, got one of them")
     every = header.get("save_every")
     omega, batch = arrays["omega"][0], arrays["status"][0]
-    sizes: dict[Any, int] = {
+    components = omega[-1] if omega else 0
+    sizes = {
         "n": 1 if every is None else header["steps"] // every + 1,
-        "component": omega[-1] if omega else 0,
+        "component": components,
+        "space": components + 1,
+        "body": components + 1,
         "flat": math.prod(batch),
     }
-    sizes["space"] = sizes["body"] = sizes["component"] + 1
     for name, (shape, dtype) in arrays.items():
         entry = schema[name]
-        own = tuple(sizes.get(dim, dim) for dim in entry.dims if dim != "batch")
+        whole, expected = entry.axes(batch, sizes), "shape"
+        fits = shape == whole
         if entry.varying:
-            fits = shape[len(shape) - len(own) :] == own
-            fits &= _broadcasts(shape[: len(shape) - len(own)], batch)
-            expected = f"one that broadcasts to {(*batch, *own)}"
-        else:
-            at = entry.dims.index("batch") if "batch" in entry.dims else 0
-            whole = (*own[:at], *batch, *own[at:]) if "batch" in entry.dims else own
-            fits, expected = shape == whole, f"{whole}"
+            own, expected = len(entry.dims) - 1, "a shape that broadcasts to"
+            fits = len(shape) >= own and shape[len(shape) - own :] == whole[len(batch) :]
+            fits = fits and _broadcasts(shape[: len(shape) - own], batch)
         if not fits or dtype != np.dtype(entry.dtype):
             raise ValueError(
-                f"{name}: expected shape {expected} and dtype {entry.dtype}, "
-                f"got {shape} and {dtype}"
+                f"{name}: expected {expected} {whole} and dtype {entry.dtype}, got {shape} and "
+                f"{dtype}"
             )
 
 

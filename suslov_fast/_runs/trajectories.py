@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, integer, one_of
+from .._checks import FloatArray, first_index, integer, one_of, spell
 from .._engine.arguments import Body
-from .._engine.layout import first_index, spell
 from .._engine.problem import worst
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved
@@ -95,13 +94,13 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | None = None
-    # The map, and what it needs to go on with, beside the states that are saved.
+    # The map, and the arrays from which `extend` goes on.
     _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, run: Run, results: Results) -> Trajectories:
-        """The results of a run."""
+        """Return the results of a run."""
         self = object.__new__(cls)
         # As `__init__` does it, attribute by attribute, it takes a tenth of a short run.
         vars(self).update(
@@ -185,15 +184,12 @@ class Trajectories:
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
-        """The step numbers of the saved states, shape (n_saved,)."""
+        """Step numbers of the saved states, shape (n_saved,)."""
         return numbers_of_saved(self.steps, self.save_every)
 
     @property
     def time(self) -> FloatArray:
-        """The times n eps of the saved states.
-
-        Shape (n_saved,); where eps varies, (n_saved, ...), which broadcasts against the states.
-        """
+        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) where eps varies."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
         with np.errstate(over="ignore"):
             times: FloatArray = n * np.asarray(self.eps)
@@ -205,82 +201,40 @@ class Trajectories:
         return worst(self.status) >= 0
 
     def first_integral(self) -> FloatArray:
-        """F of the saved states, shape (n_saved, ...); see :func:`suslov_fast.first_integral`.
-
-        Raises
-        ------
-        NotIntegrableError
-            If no first integral is known for the body.
-        """
-        self._require("first_integral")
-        from .._states.conserved import first_integral
-
-        return first_integral(self.body, self.omega, self.eps)
+        """Return :func:`suslov_fast.first_integral` of the saved states, shape (n_saved, ...)."""
+        return self._of_states("first_integral", self.eps)
 
     def energy(self) -> FloatArray:
-        """The energy of the saved states, shape (n_saved, ...); see :func:`suslov_fast.energy`."""
-        self._require("energy")
-        from .._states.conserved import energy
-
-        return energy(self.body, self.omega)
+        """Return :func:`suslov_fast.energy` of the saved states, shape (n_saved, ...)."""
+        return self._of_states("energy")
 
     def modified_energy(self) -> FloatArray:
-        """The modified energy of the saved states, shape (n_saved, ...).
-
-        See :func:`suslov_fast.modified_energy`.
-        """
-        self._require("modified_energy")
-        from .._states.conserved import modified_energy
-
-        return modified_energy(self.body, self.omega, self.eps)
+        """Return :func:`suslov_fast.modified_energy` of the saved states, shape (n_saved, ...)."""
+        return self._of_states("modified_energy", self.eps)
 
     def criticality(self) -> FloatArray:
-        """The number t of the saved states, shape (n_saved, ...).
-
-        See :func:`suslov_fast.criticality`.
-
-        Raises
-        ------
-        NotIntegrableError
-            If no first integral is known for the body.
-        """
-        self._require("criticality")
-        from .._states.conserved import criticality
-
-        return criticality(self.body, self.omega, self.eps)
+        """Return :func:`suslov_fast.criticality` of the saved states, shape (n_saved, ...)."""
+        return self._of_states("criticality", self.eps)
 
     def to_xy(self) -> FloatArray:
-        """The paper's coordinates (x, y) of the saved states, shape (n_saved, ..., 2).
-
-        See :func:`suslov_fast.to_xy`.
-
-        Raises
-        ------
-        TypeError
-            If the body is not three-dimensional.
-        """
-        self._require("to_xy")
-        from .._states.coordinates import to_xy
-
-        return to_xy(self.body, self.omega)  # type: ignore[arg-type]
+        """Return :func:`suslov_fast.to_xy` of the saved states, shape (n_saved, ..., 2)."""
+        return self._of_states("to_xy")
 
     def reaction(self) -> FloatArray:
-        """The discrete multiplier of the constraint, from each saved state to the next of the map.
+        """Return the discrete :func:`suslov_fast.reaction` from each saved state to its next.
 
-        Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions; see
-        :func:`suslov_fast.reaction`.
+        Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
         """
-        self._require("reaction")
-        from .._states.continuous import reaction
+        return self._of_states("reaction", self.eps)
 
-        return reaction(self.body, self.omega, self.eps)
+    def _of_states(self, name: str, *eps: float | FloatArray) -> FloatArray:
+        """Return a quantity of the saved states; TypeError if the map of the run has it not."""
+        if name not in self._map.quantities:
+            raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
+        import suslov_fast
 
-    def _require(self, quantity: str) -> None:
-        """TypeError for a quantity that the map of the run does not have."""
-        if quantity not in self._map.quantities:
-            raise TypeError(
-                f"{quantity}: expected a map that has it, got a run of {self._map.name}"
-            )
+        values: FloatArray = getattr(suslov_fast, name)(self.body, self.omega, *eps)
+        return values
 
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories, one component over another.
@@ -334,16 +288,16 @@ class Trajectories:
         dims: str | Sequence[str] | None = None,
         coords: Mapping[Any, Any] | None = None,
     ) -> xarray.Dataset:
-        """The run as an `xarray.Dataset`, with all that a user looks at.
+        """Return the run as an `xarray.Dataset`, with all that a user looks at.
 
-        What does not vary along an axis of the batch is not repeated along it, and the last state
-        is a variable of its own, `final`, only where it is not saved. The arrays are not copied.
+        Parameters are not repeated along axes on which they do not vary, `final` is a variable only
+        where it is not saved, and no array is copied.
 
         Parameters
         ----------
         dims : str or sequence of str, optional
             Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
-            The name of a parameter that varies along this axis alone, "eps" for one, makes it the
+            The name of a parameter that varies along this axis alone, such as "eps", makes it the
             coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
@@ -351,8 +305,8 @@ class Trajectories:
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component". It goes through NetCDF
-            and Zarr without loss; what the run needs to go on is only in files of :meth:`save`.
+            Its dimensions are "n", those of the batch, and "component". NetCDF and Zarr hold it
+            without loss; only files of :meth:`save` hold what the run needs to go on.
 
         Raises
         ------
@@ -377,10 +331,9 @@ class Trajectories:
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
-        """The run that a dataset of :meth:`to_xarray` holds.
+        """Return the run that a dataset of :meth:`to_xarray` holds, or a part of its batch.
 
-        It may have been written to a file and opened again, and may be a part of a batch. What it
-        does not hold is what a run needs to go on: :meth:`extend` raises ValueError.
+        It does not hold what a run needs to go on: :meth:`extend` raises ValueError.
 
         Raises
         ------
@@ -397,9 +350,8 @@ class Trajectories:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file that :meth:`load` reads, bit for bit.
 
-        The file appears under its name once it is complete, and not at all otherwise. If there is
-        one of that name, its mode is kept; if that is a link, what it points to is replaced. Other
-        hard links keep what they had.
+        The file appears under its name once it is complete, and not at all otherwise. Of one that
+        it replaces the mode is kept; of a link, what it points to is replaced.
 
         Parameters
         ----------
@@ -478,7 +430,7 @@ def _range(eps: float | FloatArray) -> str:
 
 
 def report(run: Run, results: Results, on_singular: str, since: int, stacklevel: int) -> None:
-    """Say once for the whole batch which trajectories came to an end, at which step since one."""
+    """Warn, once for the whole batch, of trajectories that ended at step `since` or later."""
     if on_singular == "ignore" or worst(results.status) >= 0:
         return
     failed = results.failed_at >= since

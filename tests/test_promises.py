@@ -169,8 +169,12 @@ ROWS = {
 # LAPACK may round otherwise where matrices lie elsewhere in memory.
 ROUNDED = {("jacobian", "nD"): 1e-13}
 
-CASES = [(name, kind) for name, row in ROWS.items() for kind in row.kinds]
-every_case = pytest.mark.parametrize(("name", "kind"), CASES, ids="-".join)
+CASES = [
+    pytest.param(name, kind, id=f"{name}, {kind}")
+    for name, row in ROWS.items()
+    for kind in row.kinds
+]
+every_case = pytest.mark.parametrize(("name", "kind"), CASES)
 every_row = pytest.mark.parametrize("name", ROWS)
 
 
@@ -214,14 +218,18 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
 
 
 # Shapes of the body, of omega but for its last axis, and of eps.
-SHAPES = [((), (), ()), ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
+SHAPES = [((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 
 
 @every_case
-@pytest.mark.parametrize("shapes", SHAPES, ids=str)
-def test_broadcasting(rng, name, kind, shapes):
+def test_broadcasting(rng, name, kind):
     """Every element of the batch is found as if it were alone."""
-    row, (body, omega, eps) = ROWS[name], sample(rng, kind, *shapes)
+    for shapes in SHAPES:
+        check_broadcasting(ROWS[name], name, kind, sample(rng, kind, *shapes))
+
+
+def check_broadcasting(row, name, kind, problem_of):
+    body, omega, eps = problem_of
     batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
     state, step = (
         np.broadcast_to(omega, (*batch, omega.shape[-1])),
@@ -276,26 +284,24 @@ def in_units(body, moments, products, rotor):
 
 
 @every_case
-@pytest.mark.parametrize("units", UNITS, ids=str)
-def test_units(rng, name, kind, units):
+def test_units(rng, name, kind):
     """Powers of two of the units change no bit of a result that float64 can hold."""
-    row, (moments, products, omegas) = ROWS[name], units
-    body, omega, eps = sample(rng, kind, (20,), (20,), (20,))
-    other = in_units(body, moments, products, products + omegas)
-    moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
-    for before, after, unit in zip(
-        row.values(body, omega, eps), row.values(other, *moved), row.units, strict=False
-    ):
-        if None in np.ravel(unit) and moments != products:
-            continue
-        power = [
-            sum(p * u for p, u in zip(each, units, strict=True) if p is not None)
-            for each in np.atleast_2d(np.array(unit, object))
-        ]
-        if max(map(abs, power)) < 1000:
-            expected = np.ldexp(before, power if len(power) > 1 else power[0]) if power else before
-            rounding = 1e-13 if kind == "solved" or (name, kind) in ROUNDED else 0.0
-            np.testing.assert_allclose(after, expected, rtol=rounding, atol=0)
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (20,), (20,), (20,))
+    before = list(row.values(body, omega, eps))
+    rounding = 1e-13 if kind == "solved" or (name, kind) in ROUNDED else 0.0
+    for units in UNITS:
+        moments, products, omegas = units
+        other = in_units(body, moments, products, products + omegas)
+        moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
+        after = row.values(other, *moved)
+        for one, two, unit in zip(before, after, row.units, strict=False):
+            powers = np.array(unit, object).reshape(-1, 3)
+            if None in powers and moments != products:
+                continue
+            power = (np.where(powers == None, 0, powers) @ np.array(units)).tolist()  # noqa: E711
+            if max(map(abs, power)) < 1000:
+                scaled = np.ldexp(one, power if len(power) > 1 else power[0]) if any(power) else one
+                np.testing.assert_allclose(two, scaled, rtol=rounding, atol=0, err_msg=str(units))
 
 
 @every_case
@@ -329,7 +335,7 @@ def test_any_memory(rng, name, kind):
     compiled = len(getattr(maps_3d.canonical.serial, "signatures", ()))
     for given in (
         frozen, unaligned, strided, np.asfortranarray(omega), omega.tolist(), omega.astype(">f8"),
-        omega.astype(object), omega.astype(np.float32), np.ma.masked_array(omega), omega[::-1][::-1],
+        omega.astype(object), omega.astype(np.float32), np.ma.masked_array(omega),
     ):  # fmt: skip
         same(name, kind, row.values(body, given, eps), expected)
     assert (omega == kept).all()
@@ -357,9 +363,8 @@ def test_bad_input(rng, name, kind):
     argument = "omega0" if name == "attitude" else row.name
     with pytest.raises(ValueError, match=rf"{argument}: expected shape \(..., {len(omega)}\)"):
         list(row.values(body, np.append(omega, 1.0), eps))
-    with pytest.raises(TypeError, match="body: expected Suslov3D.*, got int"):
-        list(row.values(1 if name != "attitude" else part(body, ()), omega, eps)
-             if name != "attitude" else row.call(1, omega, eps))  # fmt: skip
+    with pytest.raises(TypeError, match=r"body: expected Suslov3D.*, got int"):
+        row.call(1, omega, eps)
     if row.threads:
         with pytest.raises(ValueError, match="threads: expected"):
             list(row.values(body, omega, eps, threads=0))

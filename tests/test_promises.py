@@ -20,7 +20,8 @@ from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 
 SIZE, STEPS = LANES + 13, 12
-EQUAL = (1, None, None)  # a sum of terms of two units, unless moments and products share one
+# None: only where moments and products share a unit, and with it that of eps is that of time.
+TURNS = (0, None, 0)
 
 
 def body_3d(rng, shape, **more):
@@ -100,9 +101,9 @@ def runs(kinds, function=sf.iterate, **options):
         more = (run.attitude,) if run.attitude is not None else ()
         return run.omega, run.final, run.status, run.failed_at, *more
 
-    units = ((0, 0, 1), (0, 0, 1), (0, 0, 0), (0, 0, 0), (0, 0, 0))
-    units = [EQUAL[:2] + each[2:] for each in units] if function is sf.iterate_full else units
-    units = tuple((0, *each[1:]) for each in units)
+    products = None if function is sf.iterate_full else 0
+    of_states, of_codes = (0, products, 1), (0, products, 0)
+    units = (of_states, of_states, of_codes, of_codes, TURNS)
     return Row(call, tuple(kinds.split()), units, (0, 4), "omega0")
 
 
@@ -157,7 +158,7 @@ ROWS = {
         ("3D", "solved"), (), (1,), "omega0", steps=False,
     ),
     "limits": of_steps(sf.limits, "3D solved", (0, 0, 1), (0, 0, 1), name="omega0"),
-    "attitude": Row(orientations, ("3D", "gyrostat", "nD"), ((0, 0, 0),), (0,)),
+    "attitude": Row(orientations, ("3D", "gyrostat", "nD"), (TURNS,), (0,)),
     "lyapunov_exponents": Row(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
         ("3D", "nD"), ((0, 0, 0),), name="omega0",
@@ -241,16 +242,27 @@ def check_broadcasting(row, name, kind, problem_of):
         same(name, kind, alone, [each[index] for each in values])
 
 
+# Kernels of one kind differ in the formula alone; `tests/slow` takes them all.
+THREADED = [
+    ("vector_field", "3D"), ("energy", "nD"), ("iterate", "3D"), ("iterate: canonical", "3D"),
+    ("iterate: ds2", "3D"), ("iterate", "gyrostat"), ("iterate", "nD"), ("exact", "3D"),
+    ("attitude", "3D"), ("lyapunov_exponents", "3D"),
+]  # fmt: skip
+
+
 @pytest.mark.compiled
-@every_case
+@pytest.mark.parametrize(("name", "kind"), THREADED)
 def test_threads(rng, monkeypatch, name, kind):
+    check_threads(rng, monkeypatch, name, kind)
+
+
+def check_threads(rng, monkeypatch, name, kind):
     row, problem_of = ROWS[name], sample(rng, kind)
-    if not row.threads:
-        return
-    alone = list(row.values(*problem_of, threads=1))
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    same(name, kind, alone, list(row.values(*problem_of, threads=2)))
-    same(name, kind, alone, list(row.values(*problem_of)))
+    if row.threads:
+        alone = list(row.values(*problem_of, threads=1))
+        monkeypatch.setattr(threads, "CROSSOVER", 0)
+        same(name, kind, alone, list(row.values(*problem_of, threads=2)))
+        same(name, kind, alone, list(row.values(*problem_of)))
 
 
 @every_case

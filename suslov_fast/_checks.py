@@ -34,6 +34,8 @@ LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
 # Two calls of NumPy take as long as the sum of so many numbers in Python.
 _FEW = 64
+# Integers below are floats too.
+_EXACT = 2**53
 # Types without labels and units.
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of our datasets behind those of the batch.
@@ -58,6 +60,8 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, which is faster by far, or an array of them."""
+    if type(value) is int and abs(value) < _EXACT:
+        return float(value)
     if type(value) is not float:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array
@@ -98,17 +102,14 @@ def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
 
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, infinite ones and NaN included."""
-    if type(value) is np.ndarray and value.dtype is _FLOAT64:
-        return value
-    _refuse_units(name, value)
-    if hasattr(value, "columns"):
-        how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
-        raise wrong(name, "labels", how, TypeError)
+    plain = type(value) in _PLAIN
+    if not plain or not isinstance(value, np.ndarray):
+        _refuse_units(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise wrong(name, "rectangular", _short(value)) from error
-    if array.dtype is _FLOAT64 and type(value) in _PLAIN:
+    if array.dtype is _FLOAT64 and plain:
         return array
     # `numpy.ma` is imported where something may be of it.
     if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
@@ -117,8 +118,10 @@ def _floats(name: str, value: Any) -> FloatArray:
         array = _from_objects(name, value, array)
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real", f"{_short(value)} of dtype {array.dtype}", TypeError)
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+    if array.dtype.itemsize <= 8:
         return array.astype(np.float64, copy=False)
+    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+        return array.astype(np.float64)
 
 
 def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
@@ -148,7 +151,7 @@ def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
 
 
 def _refuse_units(name: str, value: Any) -> None:
-    """Raise TypeError for quantities with units, alone or in lists."""
+    """Raise TypeError for tables, and for quantities with units, alone or in lists."""
     if isinstance(value, (list, tuple)):
         for each in value:
             if type(each) is not float and type(each) is not int:
@@ -156,10 +159,13 @@ def _refuse_units(name: str, value: Any) -> None:
         return
     if type(value) in _PLAIN:
         return
+    if hasattr(value, "columns"):
+        how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
+        raise wrong(name, "labels", how, TypeError)
     if _is_xarray(value):
         value = getattr(value, "data", None)  # the attributes are notes, as those of our datasets
     for attribute in ("unit", "units"):
-        if hasattr(value, attribute) and not hasattr(value, "columns"):
+        if hasattr(value, attribute):
             number = "magnitude" if hasattr(value, "magnitude") else "value"
             received = (
                 f"{type(value).__name__} in {getattr(value, attribute)}: pass its number in the "
@@ -169,12 +175,16 @@ def _refuse_units(name: str, value: Any) -> None:
 
 
 def _is_xarray(value: Any) -> bool:
-    return type(value) not in _PLAIN and type(value).__module__.partition(".")[0] == "xarray"
+    return type(value).__module__.partition(".")[0] == "xarray"
 
 
 def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
     """Return arguments of which labelled ones broadcast along axes of the same names."""
-    labelled = {name: value for name, value in arguments.items() if _is_xarray(value)}
+    labelled = {
+        name: value
+        for name, value in arguments.items()
+        if type(value) not in _PLAIN and _is_xarray(value)
+    }
     if len(labelled) < 2:
         return arguments
     batches = {

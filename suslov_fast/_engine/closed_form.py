@@ -88,23 +88,28 @@ def states_at(
     """Return states at times () or (N,), and how many are missing: at steps of the map, between
     two, and out of the range of float64.
     """
-    out, moments = _new((*times.shape, *batch, 2)), times.reshape(-1)
     parameters, states = for_loops(body, eps, batch), flat_vectors(state, batch)
-    flat, missing = out.reshape((moments.size, len(states), 2)), np.zeros(3)
+    moments, missing = times.reshape(-1), np.zeros(3)
+    flat = _new((moments.size, len(states), 2))
     if runs := runs_of(moments, flow):
         for run in runs:
             fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
-        return out, missing
-    negative = moments < 0.0
-    forward, back = not negative.all(), negative.any()
-    for sign, asked, among in ((1.0, forward, ~negative), (-1.0, back, negative)):
-        if asked:
-            places = np.flatnonzero(among) if forward and back else np.arange(moments.size)
-            some = sign * (moments[places] if forward and back else moments)
+    else:
+        for sign, places in _by_sign(moments):
+            some = abs(moments[places])
             fill_states(
                 sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads
             )
-    return out, missing
+    return flat.reshape((*times.shape, *batch, 2)), missing
+
+
+def _by_sign(moments: FloatArray) -> Sequence[tuple[float, NDArray[np.intp]]]:
+    """Return the places of times that are not negative, and of those that are."""
+    if moments.size == 1:  # faster by the time of a call of the kernel
+        return ((-1.0 if moments.item() < 0.0 else 1.0, np.zeros(1, np.intp)),)
+    negative = moments < 0.0
+    places = ((1.0, np.flatnonzero(~negative)), (-1.0, np.flatnonzero(negative)))
+    return [each for each in places if each[1].size]
 
 
 def fill_states(
@@ -177,7 +182,9 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
     on which others are asked for.
     """
     size = times.size
-    every = (float(times[-1]) - float(times[0])) / (size - 1) if size >= SHORTEST else 0.0
+    if size < SHORTEST:
+        return []
+    every = (float(times[-1]) - float(times[0])) / (size - 1)
     if every == 0.0 or not math.isfinite(every):
         return []
     if every < 0.0:

@@ -38,7 +38,7 @@ def jumps(problem: Problem) -> bool:
 def _jump(problem: Problem) -> Outcome:
     """Evaluate all states; orbits that leave the range of the closed form are iterated."""
     saved, size = problem.saved, problem.size
-    status, failed_at = not_computed(size), np.full(size, -1)
+    status, failed_at = not_computed(size), never(size).copy()
     ends, missing = (status, failed_at, float(problem.stop)), np.zeros(3)
     if len(saved):
         first = problem.first_row
@@ -48,7 +48,7 @@ def _jump(problem: Problem) -> Outcome:
         )
     final = saved[-1] if problem.saves_last else _last(problem, ends)
     failed = check_computed(status)
-    if worst(status) == NOT_FOUND:
+    if failed and worst(status) == NOT_FOUND:
         _iterate_others(problem, final, status, failed_at)
     if problem.progress:
         with reporter(problem.progress, problem.stop - problem.start) as report:

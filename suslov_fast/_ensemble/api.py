@@ -55,14 +55,13 @@ def ensemble(
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-    eps : array_like(float, shape=(...))
-    method : str
-    attitude : bool or array_like(float, shape=(..., n, n))
-        As in :func:`iterate`.
+        The body, or a batch of them.
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
         once to recognise them.
+    eps : array_like(float, shape=(...))
+        Step size in units of time, as in :func:`iterate`.
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
@@ -74,6 +73,10 @@ def ensemble(
         with ``save_every=None`` over all states, of which none but the last is stored:
         "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
         since the start, dimensionless), "omega_min", "omega_max" (the extrema of each component).
+    method : str
+        As in :func:`iterate`.
+    attitude : bool or array_like(float, shape=(..., n, n))
+        As in :func:`iterate`.
     dims : str or sequence of str, optional
         Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
         name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the

@@ -38,8 +38,8 @@ MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 _LAYOUT = 3
 _CREATING = "creating"
 
-# Integers that stand for what is not computed; floats are NaN.
-_PENDING = {"status": NOT_COMPUTED, "failed_at": NOT_COMPUTED, "steps_done": -1, "record": 255}
+# Integers that stand for what is not computed in the dataset; floats are NaN.
+_PENDING = {"status": NOT_COMPUTED, "failed_at": NOT_COMPUTED}
 
 Arrays = dict[str, Any]
 
@@ -157,8 +157,10 @@ def create(job: Job, identity: dict[str, Any], dataset: Any) -> None:
         "tile": list(job.tile),
         "rows": job.rows,
     }
-    _write(job, _progress(job).assign_attrs(notes), PROGRESS)
-    del _root(job.store, "r+").attrs[_CREATING]
+    root = _root(job.store, "r+")
+    root.create_group(PROGRESS, attributes=notes)
+    _make_room(job, root)
+    del root.attrs[_CREATING]
     _consolidate(job.store)
 
 
@@ -182,8 +184,8 @@ def lengthen(job: Job, dataset: Any, verify: bool) -> None:
         lazy = [name for name, each in dataset.variables.items() if each.chunks is not None]
         whole = [name for name in lazy if _fits(group, name, dataset[name].shape)]
         _write(job, dataset.drop_vars(whole))
-        _write(job, _progress(job).assign_attrs(group[PROGRESS].attrs), PROGRESS)
         group = _group(job.store, "r+")
+        _make_room(job, group)
     elif job.keeps_states:
         group["n"][:] = job.numbers
     # Coordinates of the user that are not given now stay.
@@ -203,7 +205,7 @@ def _fits(group: Any, name: str, shape: tuple[int, ...]) -> bool:
     return getattr(_array(group, name), "shape", None) == shape
 
 
-def _write(job: Job, dataset: Any, path: str | None = None) -> None:
+def _write(job: Job, dataset: Any) -> None:
     """Write the known variables of a dataset, and create arrays for the others, which are lazy.
 
     Each chunk has a checksum, which Zarr verifies when it reads.
@@ -211,9 +213,7 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
     from zarr.codecs import BloscCodec, Crc32cCodec
 
     group = _group(job.store, "r+")
-    group = group.get(path) if group is not None and path else group
-    tiles = {f"tile_{k}": 1 for k in range(len(job.dims))}
-    lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True)), **tiles}
+    lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
     encoding: dict[Any, Any] = {}
     for name, variable in dataset.variables.items():
         if group is not None:
@@ -221,7 +221,7 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
                 continue
             del group[name]
         codecs: list[Any] = [Crc32cCodec()]
-        if job.compression is not None and path is None and variable.dtype.kind in "iuf":
+        if job.compression is not None and variable.dtype.kind in "iuf":
             codecs.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
         sizes = lengths if variable.chunks is not None else {}
         encoding[name] = {
@@ -234,7 +234,6 @@ def _write(job: Job, dataset: Any, path: str | None = None) -> None:
             encoding[name]["fill_value"] = _PENDING[name]
     dataset.to_zarr(
         job.store,
-        group=path,
         mode="a",
         compute=False,
         consolidated=False,
@@ -288,18 +287,25 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     return dataset
 
 
-def _progress(job: Job) -> Any:
-    """Return the dataset of what is needed to go on, lazy."""
-    import xarray
+def _make_room(job: Job, group: Any) -> None:
+    """Create the arrays of what is needed to go on, if they are not there."""
+    from zarr.codecs import Crc32cCodec
 
-    marks = _lazy(job.grid, "i8")
-    records = _lazy((*job.batch, job.record.itemsize), "u1")
-    return xarray.Dataset(
-        {
-            "steps_done": ([f"tile_{k}" for k in range(marks.ndim)], marks),
-            "record": ((*job.dims, "byte"), records),
-        }
-    )
+    size, axes = job.record.itemsize, len(job.batch)
+    for name, shape, chunks, dtype, fill_value in (
+        (MARKS, job.grid, (1,) * axes, "int64", -1),
+        (RECORDS, (*job.batch, size), (*job.tile, size), "uint8", 255),
+    ):
+        if not _fits(group, name, shape):
+            group.create_array(
+                name,
+                shape=shape,
+                chunks=chunks,
+                dtype=dtype,
+                fill_value=fill_value,
+                compressors=[Crc32cCodec()],
+                overwrite=True,
+            )
 
 
 def _consolidate(store: Any) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.reduction import reduce
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, real_array
+from .._checks import FloatArray, real_number
 from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
@@ -74,7 +74,7 @@ def exact(
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     numbers, count = _times("n", n), thread_count(threads)
     states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
-    if missing.any():
+    if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
         _warn(at_steps, states, "no state there, a pole of the map", SingularStepWarning)
@@ -185,7 +185,7 @@ def limits(
 
 
 def _times(name: str, value: ArrayLike) -> FloatArray:
-    times = real_array(name, value)
+    times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")
     return times

@@ -14,17 +14,11 @@ from suslov_fast import ensemble
 __all__ = ["finished"]
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", KINDS)
-def test_processes(tmp_path, kind, seed):
-    assert run("alone", tmp_path / "run.zarr", kind, seed, 25) == [300, 25]
-    assert_undisturbed(tmp_path / "run.zarr", kind, 300)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_workers(tmp_path, kind):
-    steps, killed = run("workers", tmp_path / "run.zarr", kind, 1, 15)
-    assert killed == 15
+@pytest.mark.parametrize(("what", "kills"), [("alone", 15), ("workers", 5)])
+def test_kills(tmp_path, what, kind, kills):
+    steps, killed = run(what, tmp_path / "run.zarr", kind, 2, kills)
+    assert killed == kills
     assert_undisturbed(tmp_path / "run.zarr", kind, steps)
 
 

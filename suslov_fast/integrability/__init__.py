@@ -1,0 +1,43 @@
+"""Exact experiments on the integrability of Kahan maps.
+
+A quadratic vector field and a step size define a birational map. Four computations tell whether it
+may be integrable: the degrees of its iterates and their growth, Hirota-Kimura bases, which give
+first integrals, and Darboux polynomials, which give invariant measures and first integrals::
+
+    from suslov_fast import Suslov3D
+    from suslov_fast.integrability import *
+
+    map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    growth(degrees(map, 20))
+    hk_bases(map, 2).integrals
+    darboux_polynomials(map, 3)
+
+All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
+agree on each result. A seed determines primes, points and lines. The module needs python-flint:
+``pip install 'suslov_fast[algebra]'``.
+"""
+
+try:
+    import flint  # noqa: F401
+except ImportError as error:
+    raise ImportError(
+        "suslov_fast.integrability needs python-flint: pip install 'suslov_fast[algebra]'"
+    ) from error
+
+from ._growth import Growth, degrees, growth
+from ._maps import KahanMap, QuadraticField, kahan
+from ._polynomials import Polynomials
+from ._relations import HKBasis, darboux_polynomials, hk_bases
+
+__all__ = [
+    "Growth",
+    "HKBasis",
+    "KahanMap",
+    "Polynomials",
+    "QuadraticField",
+    "darboux_polynomials",
+    "degrees",
+    "growth",
+    "hk_bases",
+    "kahan",
+]

@@ -1,0 +1,194 @@
+"""Degrees of iterates and their growth."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from typing import Any, NamedTuple
+
+import flint
+import numpy as np
+
+from .._checks import instance, integer, wrong
+from .._engine.progress import Progress, check_progress, reporter
+from ._exact import confirmed
+from ._maps import Arithmetic, KahanMap, evaluate
+
+
+def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) -> list[int]:
+    """Degrees of the first n iterates of a map, as maps of projective space.
+
+    The degree is the largest of the numerators and the common denominator, after cancelling common
+    factors. The images of a random line are computed modulo a prime, and those of another line
+    modulo another prime. If their degrees differ, further lines are drawn until two agree.
+
+    Parameters
+    ----------
+    map : KahanMap
+        Made by `kahan`.
+    n : int
+        Number of iterates.
+    seed : int, optional
+        Seed of the random primes and lines.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``.
+
+    Returns
+    -------
+    list of int
+        Degrees of the iterates 1, ..., n.
+
+    Raises
+    ------
+    TypeError, ValueError, ArithmeticError
+        If an argument is not as above; if every line runs into points without an image.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> from suslov_fast.integrability import QuadraticField, degrees, kahan
+    >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
+    [2, 4, 6, 8, 10, 12, 14, 16]
+    """
+    instance("map", map, KahanMap)
+    n = integer("n", n, 0)
+    check_progress(progress)
+    rng = random.Random(seed)
+    done = 0
+    with reporter(progress, 2 * n) as report:
+
+        def along_a_line(p: int) -> list[int]:
+            nonlocal done
+            found = []
+            for degree in islice(_degrees_on_a_line(map, p, rng), n):
+                found.append(degree)
+                report(min(done + len(found), 2 * n))
+            done = n
+            return found
+
+        return list(confirmed(rng, along_a_line))
+
+
+def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
+    forms = Arithmetic(map, p).forward
+    line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
+    x = [flint.nmod_poly(each, p) for each in ([1], *line)]
+    while True:
+        x = _cramer(evaluate(forms, x))
+        common = x[0]
+        for each in x[1:]:
+            common = common.gcd(each)
+        x = [each // common for each in x]
+        yield max(each.degree() for each in x)
+
+
+def _cramer(system: list[list[Any]]) -> list[Any]:
+    """Solve (A | b) over polynomials: det A, followed by the numerators of the solution over it.
+
+    The elimination of Gauss, Jordan and Bareiss, whose divisions leave no remainder.
+    """
+    n = len(system)
+    previous = 1
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
+        if pivot is None:
+            raise ZeroDivisionError
+        system[k], system[pivot] = system[pivot], system[k]
+        top = system[k]
+        for row in system[:k] + system[k + 1 :]:
+            for j in range(k + 1, n + 1):
+                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
+        previous = top[k]
+    return [previous, *(row[n] for row in system)]
+
+
+class Growth(NamedTuple):
+    """Growth of a sequence of degrees, which `growth` returns."""
+
+    kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
+    entropy: float  # the log of the limit of d_(k+1) / d_k
+    based_on: str  # the recurrence or the fit that kind and entropy follow from
+
+
+def growth(degrees: Sequence[int]) -> Growth:
+    """Classify the growth of a sequence of degrees.
+
+    If all degrees obey a linear recurrence with integer coefficients, and are at least two more
+    than those that determine it, then the result is that of its characteristic polynomial: exact,
+    if the recurrence goes on. Otherwise it is a fit to the last half of the sequence.
+
+    Parameters
+    ----------
+    degrees : sequence of int
+        Degrees of consecutive iterates, as `degrees` returns them.
+
+    Returns
+    -------
+    Growth
+        A named tuple `kind, entropy, based_on`. Apart from the four kinds of `Growth`, kind may be
+        "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN, if the
+        sequence is too short to tell.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `degrees` is not a sequence of non-negative integers.
+
+    Examples
+    --------
+    >>> from suslov_fast.integrability import growth
+    >>> growth([2, 4, 6, 8, 10, 12])
+    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees')
+    >>> kind, entropy, _ = growth([2, 3, 5, 8, 13, 21])
+    >>> kind, round(entropy, 6)  # the log of the golden ratio
+    ('exponential', 0.481212)
+    """
+    instance("degrees", degrees, Iterable)
+    d = list(degrees)
+    for each in d:
+        instance("degrees", each, (int, np.integer))
+        if each < 0:
+            raise wrong("degrees", "integers of at least 0", each)
+    d = [int(each) for each in d]
+    half = len(d) // 2
+    power, rate = 0, 0.0
+    if recurrence := _recurrence(d):
+        *c, _ = recurrence.coeffs()
+        terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
+        what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {len(d)} degrees"
+        what = what.replace("+ -", "- ").replace("k+0", "k")
+        for factor, multiplicity in recurrence.factor()[1]:
+            if factor.is_cyclotomic():
+                power = max(power, multiplicity - 1)
+            else:
+                sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
+                rate = max(rate, math.log(max(1.0, *sizes)))
+    elif len(d) < 6 or min(d) == 0:
+        return Growth("unclear", math.nan, f"{len(d)} degrees without a short recurrence")
+    else:
+        what = f"a fit to the last {len(d) - half} of {len(d)} degrees, without a short recurrence"
+        if max(d[half:]) > max(d[:half]):
+            k, logs = np.arange(half + 1, len(d) + 1), np.log(d[half:])
+            (exponent, _), [of_power], *_ = np.polyfit(np.log(k), logs, 1, full=True)
+            (slope, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
+            power, rate = max(round(exponent), 1), float(slope) if of_rate < of_power else 0.0
+    if rate > 0:
+        return Growth("exponential", rate, what)
+    kinds = dict(enumerate(("bounded", "linear", "quadratic", "cubic")))
+    return Growth(kinds.get(power, f"polynomial of degree {power}"), 0.0, what)
+
+
+def _recurrence(d: list[int]) -> Any:
+    """Characteristic polynomial of the shortest recurrence; None if none is certain."""
+    for order in range(len(d) // 2):
+        hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
+        reduced, rank = flint.fmpq_mat(hankel).rref()
+        coefficients = [-reduced[i, order] for i in range(order)]
+        # Every infinite sequence of integers with a recurrence has one of integers.
+        if rank <= order and all(a.q == 1 for a in coefficients):
+            c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
+            if not any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()):
+                return c
+    return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -51,7 +51,7 @@ def _run_anew(problem: Problem, some: NDArray[np.intp], outcome: Outcome) -> Non
         problem.some(some, problem.stop, np.empty((rows, some.size, m))),
         start=problem.start,
         turns=np.empty((len(problem.turns), some.size, m + 1, m + 1)),
-        orientation=problem.orientation[some] if turns else None,
+        orientation=None if problem.orientation is None else problem.orientation[some],
         resume={name: array[some] for name, array in problem.resume.items()},
     )
     of_part = _run(part, map_nd.iterate_with_elimination)
@@ -59,8 +59,8 @@ def _run_anew(problem: Problem, some: NDArray[np.intp], outcome: Outcome) -> Non
         problem.saved[:, some] = part.saved
     if turns:
         problem.turns[:, some] = part.turns
-    for whole, new in zip(outcome[:3], of_part[:3], strict=True):
-        whole[some] = new
+    outcome.final[some], outcome.status[some] = of_part.final, of_part.status
+    outcome.failed_at[some] = of_part.failed_at
     for name, array in outcome.resume.items():
         array[some] = of_part.resume[name]
 
@@ -71,7 +71,8 @@ def _run(problem: Problem, kernel: Kernel) -> Outcome:
     # Every step in O(n) may need elimination: then the first part takes some 0.3 s.
     work = max(8.0 * m, m**3 / 48.0) if kernel is map_nd.iterate_with_elimination else 8.0 * m
     work = m**3 / 3.0 if kernel is map_nd.iterate_by_elimination else work
-    final, status, failed_at, state, exponent = kept = _kept(problem)
+    kept: tuple[Any, ...] = _kept(problem)
+    final, status, failed_at, state, exponent = kept
     tasks, lanes = _tasks_and_lanes(size, problem.threads)
     columns, turning = _turning(problem, tasks, lanes)
     pairs = m + m % 2

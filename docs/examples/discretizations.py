@@ -171,7 +171,7 @@ for (name, orbit), marker in zip(methods.items(), "os^v", strict=True):
     errors = [np.hypot(*(orbit(omega0, duration / n, n)[-1] - end)) for n in counts.tolist()]
     axes.loglog(1e6 * counts * seconds[name], errors, marker + "-", fillstyle="none", label=name)
 many = np.tile(omega0, (20_000, 1))
-per_state = 1e9 * best_time(lambda: flow(body, many, duration, threads=1)) / 20_000
-print(f"{'exact flow':20s} {per_state:5.0f} ns a state")
+state = best_time(lambda: flow(body, many, duration, threads=1)) / len(many)
+print(f"{'exact flow':20s} {1e9 * state:5.0f} ns a state")
 axes.set(xlabel="processor time (microseconds)", ylabel="error at time 12")
 axes.legend(frameon=False)

@@ -287,9 +287,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         prog="suslov-fast",
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
     )
-    parser.add_argument(
-        "-V", "--version", action="version", version=f"suslov-fast {__version__}"
-    )
+    parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     parsers = parser.add_subparsers(
         title="commands, each with a --help of its own", dest="command", metavar="COMMAND"
     )
@@ -344,6 +342,6 @@ def _add_parameters(group: Any) -> None:
         group.add_argument(
             f"--{name}",
             help=f"{kind._meanings[name]} ({bodies})",
-            type=_list if kind._own_axes else _positive if name in kind._positive else _number,
+            type=_list if kind._own_axes else _number if name in kind._couplings else _positive,
             metavar=f"{name}1,..." if kind._own_axes else None,
         )

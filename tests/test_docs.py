@@ -10,13 +10,23 @@ import pytest
 import suslov_fast
 
 DOCS = Path(__file__).parent.parent / "docs"
+BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+HOWTO = re.findall(
+    r"^(\w+)$", BLOCK.findall((DOCS / "howto" / "index.md").read_text("utf-8"))[0][1], re.MULTILINE
+)
+
+
+def order(path):
+    """How-tos in the order of their index, in which they run in one folder."""
+    return path.parent, HOWTO.index(path.stem) if path.stem in HOWTO else 0, path
+
+
 PAGES = [
     path
-    for path in sorted(DOCS.rglob("*.md"))
+    for path in sorted(DOCS.rglob("*.md"), key=order)
     if not {"_build", "gallery", "reference"} & set(path.relative_to(DOCS).parts)
 ]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
-BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 # What a page says that it prints: after the call, or on lines of their own that follow it.
 PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
 DIRECTIVES = {"{toctree}", "{include}", "{eval-rst}"}
@@ -37,12 +47,17 @@ def test_every_block_is_of_a_known_kind(path):
     assert kinds <= {"python", "sh", "text", "bibtex", "yaml"} | DIRECTIVES
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("howto")
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("path", [path for path in PAGES if blocks(path, "python")], ids=name)
-def test_page(path, tmp_path, monkeypatch):
-    """Its blocks of Python, one after the other, as a reader would."""
+def test_page(path, folder, tmp_path, monkeypatch):
+    """Its blocks of Python, one after the other; how-tos share a folder, as on one machine."""
     pytest.importorskip("matplotlib").use("Agg")
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):
         printed = io.StringIO()
@@ -51,6 +66,45 @@ def test_page(path, tmp_path, monkeypatch):
         expected = [after or below for after, below in PRINTED.findall(code)]
         if expected:
             assert printed.getvalue().splitlines() == expected
+
+
+def test_the_index_of_how_tos_has_every_page():
+    pages = sorted(path.stem for path in PAGES if path.parent.name == "howto")
+    assert pages == sorted([*HOWTO, "index"])
+
+
+def test_equations_are_named_by_their_numbers():
+    """Labels of the LaTeX source are invisible in the paper; one table has them."""
+    labels = r"\((s1?|ds[12n]?|i[12]|xy1?|phi|k1|nsus1?)\)"
+    for path in PAGES:
+        text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        assert not re.search(rf"(?<![\w)]){labels}", text), path
+
+
+def test_tests_that_pages_name_exist():
+    text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
+    for file, test in re.findall(r"`(test_\w+\.py)::(\w+)`", text):
+        assert f"def {test}(" in (Path(__file__).parent / file).read_text(encoding="utf-8"), test
+    for file in re.findall(r"`(_\w+/\w+\.py)`", text):
+        assert (Path(suslov_fast.__file__).parent / file).exists(), file
+
+
+@pytest.mark.compiled
+def test_the_table_of_discretizations():
+    """What does not depend on the machine is what the script prints."""
+    script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
+    printed = io.StringIO()
+    pytest.importorskip("matplotlib").use("Agg")
+    with contextlib.redirect_stdout(printed):
+        exec(
+            compile(script.partition("# %%\n# Processor time")[0], "discretizations.py", "exec"), {}
+        )
+    shown = "".join(blocks(DOCS / "howto" / "discretization.md", "text")[:2])
+
+    def without_rounding(text):
+        return re.sub(r"\de-1[4-6]", "rounding", text)
+
+    assert without_rounding(printed.getvalue()) == without_rounding(shown)
 
 
 def test_the_reference_has_every_public_name():

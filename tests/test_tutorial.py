@@ -20,8 +20,8 @@ PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
 # What a reader may look at beside the pages.
 SHOWN = {
     "orbits": "orbits",
-    "body": "Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)",
-    "bodies": "Suslov3D(I1=np.linspace(1, 4, 200), I2=1, I13=-0.5, I23=-0.3)",
+    "body": "Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)",
+    "bodies": "Suslov3D(I1=np.linspace(1, 4, 200), I2=2, I13=-0.5, I23=-0.3)",
     "of ten": "body",
     "many of ten": "SuslovND(J=np.full((200, 9), 2.0), I=body.I)",
 }
@@ -135,14 +135,14 @@ def test_what_is_looked_at_is_short(executed):
     one = shown["body"]["outputs"][0]["data"]["text/html"]
     assert re.findall(r"<th>(\w+)</th><td>([^<]*)</td>", one) == [
         ("I1", "4.0"),
-        ("I2", "1.0"),
+        ("I2", "2.0"),
         ("I13", "-0.5"),
         ("I23", "-0.3"),
     ]
     many = shown["bodies"]["outputs"][0]["data"]
     assert "<caption>Suslov3D, shape (200,)</caption>" in many["text/html"]
     assert "<tr><th>I1</th><td>1 ... 4, shape (200,)</td></tr>" in many["text/html"]
-    assert many["text/plain"] == "<Suslov3D of shape (200,): I1=(200,), I2=1.0, I13=-0.5, I23=-0.3>"
+    assert many["text/plain"] == "<Suslov3D of shape (200,): I1=(200,), I2=2.0, I13=-0.5, I23=-0.3>"
     of_page = next(cell for cell in executed if cell["source"] == "orbits")
     assert "<caption>Trajectories</caption>" in of_page["outputs"][0]["data"]["text/html"]
 

@@ -158,7 +158,9 @@ for name, orbit in methods.items():
 # %%
 # Processor time of a step, and the error at time 12 for the price of 1000 steps of the map.
 
-seconds = {name: best_time(orbit, omega0, 0.001, 20_000) / 20_000 for name, orbit in methods.items()}
+seconds = {
+    name: best_time(orbit, omega0, 0.001, 20_000) / 20_000 for name, orbit in methods.items()
+}
 budget = 1000 * seconds["this map (Kahan)"]
 figure, axes = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
 for (name, orbit), marker in zip(methods.items(), "os^v", strict=True):
@@ -169,6 +171,8 @@ for (name, orbit), marker in zip(methods.items(), "os^v", strict=True):
     errors = [np.hypot(*(orbit(omega0, duration / n, n)[-1] - end)) for n in counts.tolist()]
     axes.loglog(1e6 * counts * seconds[name], errors, marker + "-", fillstyle="none", label=name)
 many = np.tile(omega0, (20_000, 1))
-print(f"{'exact flow':20s} {1e9 * best_time(lambda: flow(body, many, duration, threads=1)) / 20_000:5.0f} ns a state")
+print(
+    f"{'exact flow':20s} {1e9 * best_time(lambda: flow(body, many, duration, threads=1)) / 20_000:5.0f} ns a state"
+)
 axes.set(xlabel="processor time (microseconds)", ylabel="error at time 12")
 axes.legend(frameon=False)

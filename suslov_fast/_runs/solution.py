@@ -77,7 +77,7 @@ def exact(
     """
     arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
     numbers, count = _times("n", n), thread_count(threads)
-    states, missing = _solve("exact", body, *arrays, batch, numbers, count)
+    states, missing = _solve("exact", body, arrays[0], arrays[1], batch, numbers, count)
     if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
@@ -188,7 +188,7 @@ def limits(
     """
     arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
     ends, count = np.array([-np.inf, np.inf]), thread_count(threads)
-    states, missing = _solve("limits", body, *arrays, batch, ends, count)
+    states, missing = _solve("limits", body, arrays[0], arrays[1], batch, ends, count)
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states[0], states[1]
 

@@ -158,7 +158,8 @@ def limits(
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
         Opposite points of the line I13 Omega1 + I23 Omega2 = 0. A state that does not move is its
-        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its inverse, leads nowhere.
+        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its
+        inverse, leads nowhere.
 
     Raises
     ------

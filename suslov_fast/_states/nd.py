@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from .._bodies.nd import SuslovND
-from .._bodies.reduction import first_integral as first_integral_of
-from .._bodies.reduction import reduce
+from .._bodies.reduction import check_solved
+from .._bodies.three import Suslov3D
+from .._bodies.units import units_of
 from .._checks import FloatArray
+from .._engine import reduction
 from .._engine.states import by_slabs
 from .._engine.states_nd import of_state_nd
 from .._kernels import states_nd as kernels
@@ -42,33 +44,42 @@ def _by_numpy(
         body: SuslovND, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
         if solved:
-            reduce(body, solved)
+            check_solved(body, solved)
         result = (body.dimension,) * axes
         return by_slabs(function, body, omega, eps, batch, result, warn=axes > 0)
 
     return find
 
 
-def _three(name: str, body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    """Return a quantity of the body in three dimensions that moves as this one does."""
+def _of_n_3(name: str, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     from .table import find
 
-    reduction = reduce(body, name)
-    return find(name, reduction.three, reduction.state(omega), eps, threads=1)
+    return find(name, Suslov3D(*reduction.of_n_3(body.J, body.I)), omega, eps, threads=1)
 
 
 def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    """Return F = 2 E / (4 a b + eps**2 x**2)."""
     if body.dimension == 2:
-        return _three("first_integral", body, omega, eps)
+        return _of_n_3("first_integral", body, omega, eps)
     body, omega, eps, unit = _normal(body, omega, eps)
-    energy = QUANTITIES["energy"](body, omega, None, omega.shape[:-1], 1, "omega")
-    return _ldexp(first_integral_of(reduce(body, "first_integral"), omega, eps, energy), unit)
+    batch = omega.shape[:-1]
+    energy = QUANTITIES["energy"](body, omega, None, batch, 1, "omega")
+    reduced = reduction.of_batch(body, omega, eps, batch, 1)
+    b, a, _, I23, step = reduced.three.T
+    with np.errstate(all="ignore"):
+        below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
+        value = 2.0 * energy / below.reshape(batch)
+    return _ldexp(value, unit - 2 * units_of(body).moments)
 
 
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    if body.dimension > 2:
-        body, omega, eps, _ = _normal(body, omega, eps)
-    return _three("criticality", body, omega, eps)
+    if body.dimension == 2:
+        return _of_n_3("criticality", body, omega, eps)
+    from .table import find
+
+    reduced = reduction.of_batch(body, omega, eps, omega.shape[:-1], 1)
+    t = find("criticality", reduced.body, reduced.state, reduced.three[:, 4], threads=1)
+    return t.reshape(omega.shape[:-1])
 
 
 def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:

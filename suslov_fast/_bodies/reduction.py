@@ -17,7 +17,7 @@ class NotIntegrableError(ValueError):
 
 
 def check_solved(body: SuslovND, function: str) -> None:
-    """Raise an error that names the function unless J I = b I, and J = a on vectors orthogonal to I.
+    """Raise an error that names the function unless J I = b I, and J = a orthogonal to I.
 
     All J may be equal, I may have one component that is not 0, or none; for n = 3 all is solved.
     """

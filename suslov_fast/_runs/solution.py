@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, finite_floats, integers_or_floats
-from .._engine.arguments import Body, check
 from .._engine import reduction
+from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count

@@ -68,7 +68,7 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
         below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
-        value = 2.0 * energy / below.reshape(batch)
+        value: FloatArray = 2.0 * energy / below.reshape(batch)
     return _ldexp(value, unit - 2 * units_of(body).moments)
 
 

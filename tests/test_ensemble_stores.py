@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,6 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from damage import damaged
 from ensemble_runs import BODY, CUT, assert_same, contents
 
 from suslov_fast import RandomStarts, ensemble, iterate, open_ensemble
@@ -51,6 +51,20 @@ def finished(tmp_path_factory):
     return store
 
 
+def damaged(content, length):
+    """Return the content with one flipped bit, or with a block of zeros of some length."""
+    chance = random.Random(length)
+    result = bytearray(content)
+    while result == content:
+        at = chance.randrange(len(result))
+        if length:
+            end = min(at + length, len(result))
+            result[at:end] = bytes(end - at)
+        else:
+            result[at] ^= 1 << chance.randrange(8)
+    return bytes(result)
+
+
 HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
 
 
@@ -75,7 +89,7 @@ def mends(tmp_path, finished, name, harm):
     elif harm == "cut":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     else:
-        path.write_bytes(damaged(path.read_bytes(), seed=0 if harm == "bit" else 1))
+        path.write_bytes(damaged(path.read_bytes(), 0 if harm == "bit" else 512))
     dataset = ensemble(**ASKED, steps=20, store=store, verify=True)
     assert_same(dataset, expected(20))
     assert contents(store) == contents(finished)

@@ -1,7 +1,6 @@
 """Poles, overflow, and what is said of them."""
 
 import pickle
-import warnings
 
 import naive
 import numpy as np
@@ -81,10 +80,17 @@ def test_poles_of_rounded_states(rng, along):
     body = sf.Suslov3D(I, 1, 1, 0) if along == 1 else sf.Suslov3D(1, I, 0, 1)
     omega = np.column_stack([x, -(2 * I + x * x)])
     omega = omega if along == 1 else -omega[:, ::-1]
-    for method in METHODS:
+    for method in ("canonical", "ds2"):
         result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
         assert (result.status == sf.Status.SINGULAR).all()
         assert (result.failed_at == 1).all()
+    # The closed form has some of these states, as well as rounding of the first lets it.
+    result = sf.iterate(body, omega, 1, 3, on_singular="ignore")
+    for k in np.flatnonzero(result.status != sf.Status.SINGULAR):
+        parameters = [np.broadcast_to(each, 100)[k] for each in body.parameters]
+        exact = naive.step(*parameters, 1, omega[k])
+        assert naive.relative_error(result.omega[1, k], exact) < 0.5
+    assert (result.failed_at[result.status < 0] == 1).all()
     full = np.column_stack([omega, np.zeros(100)])
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.step_full(body, full, 1, 3)).all()
@@ -177,17 +183,18 @@ def test_overflow(body, method, omega):
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
 @pytest.mark.parametrize("omega", [[1e200, 0], [1e155, 1e100]])
 def test_overflow_of_the_denominator(unit, method, omega):
-    """What is divided by it would be 0, which is finite and wrong."""
+    """A quotient by it would be 0, which is finite and wrong; in a unit of its own nothing does."""
     result = sf.iterate(unit, omega, 1, 5, method=method, on_singular="ignore")
     assert result.status == sf.Status.NONFINITE
     assert result.failed_at == 1
-    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
-        assert np.isnan(sf.step_full(unit, [*omega, 0.0], 1, 3)).all()
+    with naive.mp.workdps(900):
+        exact = naive.step_full(1, 1, 1, 0, 1, 3, [*omega, 0.0])
+    assert naive.relative_error(sf.step_full(unit, [*omega, 0.0], 1, 3), exact) < 1e-14
 
 
 def test_the_closed_form_declines_what_leaves_float64(unit):
     """Where a square does, or a state may: `exact` has no state there, and says so."""
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 states"):
+    with pytest.warns(RuntimeWarning, match="1 of 2 states: out of the range of float64"):
         states = sf.exact(unit, [[1e200, 0.0], HEALTHY], 1, 1)
     assert np.isnan(states[0]).all()
     body = sf.Suslov3D(1, 1e-20, 0, 1)
@@ -305,33 +312,11 @@ def test_the_error_survives_pickling(unit):
     assert again.trajectories.status == sf.Status.SINGULAR
 
 
-@pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0])
-def test_poles_of_step_full_and_jacobian(x):
-    body = sf.Suslov3D(3, 1, 1, 0)
-    omega = [x, -(6 + x * x)]
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.jacobian(body, omega, 1)).all()
-
-
-def test_one_trajectory(unit):
-    with pytest.warns(sf.SingularStepWarning) as caught:
-        sf.step(unit, ON_THE_POLE, 1)
-    assert str(caught[0].message) == "1 of 1 trajectories: singular step, first: 0 at step 1"
-
-
 def test_raise(unit):
     with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     assert caught.value.trajectories.status.tolist() == [0, -1]
     assert np.isfinite(caught.value.trajectories.omega[:, 0]).all()
-
-
-def test_ignore(unit):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert not sf.iterate(unit, ON_THE_POLE, 1, 4, on_singular="ignore").ok
 
 
 def test_step(unit):
@@ -349,12 +334,6 @@ def test_step_full(unit):
         result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
     assert np.isnan(result[0]).all()
     assert np.isfinite(result[1]).all()
-
-
-def test_out_is_never_stale(unit):
-    out = np.full((5, 2, 2), 7.0)
-    sf.iterate(unit, [ON_THE_POLE, HEALTHY], 1, 4, out=out, on_singular="ignore")
-    assert np.isnan(out[1:, 0]).all()
 
 
 def test_status_messages():

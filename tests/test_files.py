@@ -1,13 +1,11 @@
 """Runs in files: nothing is lost, nothing is half written, and nothing that is read runs code."""
 
-import errno
 import json
 import os
 import stat
 import subprocess
 import sys
 import zipfile
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +15,6 @@ from test_trajectories import RUNS, assert_same_run, same
 import suslov_fast as sf
 from suslov_fast._runs import codecs
 from suslov_fast._runs import replacing as _replacing
-from suslov_fast._runs.replacing import replacing
 
 SUFFIXES = (".npz", ".nc", ".zarr")
 RUN, OTHER = RUNS["turning"], RUNS["batch"]
@@ -54,25 +51,6 @@ def test_nothing_is_lost_and_the_run_goes_on(name, suffix, tmp_path):
     assert_same_run(further, sf.Trajectories.load(path))
 
 
-def test_every_bit_of_nan(suffix, tmp_path):
-    omega = RUN.omega.copy()
-    omega.view(np.uint64)[-1, 0] = 0xFFF8_0000_DEAD_BEEF
-    run = replace(RUN, omega=omega)
-    run.save(tmp_path / f"run{suffix}")
-    assert same(sf.Trajectories.load(tmp_path / f"run{suffix}").omega, omega)
-
-
-def test_in_another_process(suffix, tmp_path):
-    path = tmp_path / f"run{suffix}"
-    RUN.save(path)
-    code = "import sys, suslov_fast as sf; print(sf.Trajectories.load(sys.argv[1]).omega.tolist())"
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code, path], capture_output=True, text=True
-    )
-    assert done.stderr == ""
-    assert done.stdout == f"{RUN.omega.tolist()}\n"
-
-
 def test_npz_needs_numpy_alone(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     RUN.save(tmp_path / "run.npz")
@@ -98,8 +76,7 @@ def test_what_xarray_opens(suffix, tmp_path):
 
 @pytest.mark.parametrize("library", ["xarray", "netCDF4", "zarr"])
 def test_what_is_missing(library, tmp_path, monkeypatch):
-    for name in (library, "h5netcdf") if library == "netCDF4" else (library,):
-        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setitem(sys.modules, library, None)
     path = tmp_path / ("run.zarr" if library == "zarr" else "run.nc")
     for attempt in (RUN.save, sf.Trajectories.load):
         with pytest.raises(ImportError, match=r"got none: pip install 'suslov_fast\[xarray\]'"):
@@ -107,28 +84,12 @@ def test_what_is_missing(library, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_either_library_for_netcdf(tmp_path, monkeypatch):
-    pytest.importorskip("netCDF4")
-    pytest.importorskip("h5netcdf")
-    RUN.save(tmp_path / "a.nc")
-    monkeypatch.setitem(sys.modules, "netCDF4", None)
-    RUN.save(tmp_path / "b.nc")
-    for name in ("a.nc", "b.nc"):
-        assert_same_run(RUN, sf.Trajectories.load(tmp_path / name))
-
-
-@pytest.mark.parametrize("name", ["run", "run.txt", "run.npz/", "npz", ".npz", ""])
-def test_other_names(name, tmp_path):
+@pytest.mark.parametrize("name", ["run", "run.txt", "run.npz/", ".npz", "", 3, None, b"run.npz"])
+def test_other_names(name):
+    error = ValueError if isinstance(name, str) else TypeError
     for attempt in (RUN.save, sf.Trajectories.load):
-        with pytest.raises(ValueError, match=r"expected a name that ends in \.npz, \.nc, \.zarr"):
+        with pytest.raises(error, match=r"ends in \.npz, \.nc, \.zarr|path"):
             attempt(name)
-
-
-def test_names_that_are_none():
-    for path in (3, None, b"run.npz"):
-        for attempt in (RUN.save, sf.Trajectories.load):
-            with pytest.raises(TypeError):
-                attempt(path)
 
 
 def test_no_such_file(suffix, tmp_path):
@@ -137,24 +98,36 @@ def test_no_such_file(suffix, tmp_path):
 
 
 def test_files_of_something_else(suffix, tmp_path):
+    expected = pytest.raises(
+        ValueError, match=rf"other\{suffix}: expected a .*that Trajectories.save"
+    )
     path = tmp_path / f"other{suffix}"
     path.write_bytes(b"something else" * 100)
-    with pytest.raises(ValueError, match=rf"other\{suffix}: expected a .*that Trajectories.save"):
+    with expected:
         sf.Trajectories.load(path)
-
-
-def test_arrays_of_something_else(suffix, tmp_path):
-    path = tmp_path / f"other{suffix}"
+    path.unlink()
     if suffix == ".npz":
         np.savez(path, omega=np.ones(3))
     else:
-        xarray = pytest.importorskip("xarray")
-        data = xarray.Dataset({"omega": ("x", np.ones(3))})
-        if suffix == ".nc":
-            data.to_netcdf(path)
-        else:
-            data.to_zarr(path, zarr_format=2)
-    with pytest.raises(ValueError, match=rf"other\{suffix}: expected a "):
+        data = pytest.importorskip("xarray").Dataset({"omega": ("x", np.ones(3))})
+        data.to_netcdf(path) if suffix == ".nc" else data.to_zarr(path, zarr_format=2)
+    with expected:
+        sf.Trajectories.load(path)
+
+
+def test_files_of_version_0_2(suffix, tmp_path):
+    """They had the format 1, as an entry or as an attribute of the dataset."""
+    path = tmp_path / f"run{suffix}"
+    OTHER.save(path)
+    if suffix == ".npz":
+        altered(path, format=np.array(1), version=np.array("0.2.0"), map=None)
+    else:
+        data = pytest.importorskip("xarray").open_dataset(path).load()
+        data.close()
+        data.attrs |= {"format": 1, "version": "0.2.0"}
+        options = {".nc": {}, ".zarr": {"mode": "w", "zarr_format": 2}}[suffix]
+        getattr(data, "to_netcdf" if suffix == ".nc" else "to_zarr")(path, **options)
+    with pytest.raises(ValueError, match=rf"run\{suffix}: .*runs of version 0\.2 cannot be read"):
         sf.Trajectories.load(path)
 
 
@@ -166,8 +139,8 @@ ENTRIES = [
     ("status", RUN.status.astype(int), "and dtype int8, got"),
     ("n", RUN.n + 1, "n: expected the saved steps of a run of 7 steps"),
     ("n", np.arange(3), "n: expected shape"),
-    ("eps", np.ones(3), r"eps: expected shape one that broadcasts to \(5,\)"),
-    ("I1", np.ones(3), r"I1: expected shape one that broadcasts to \(5,\)"),
+    ("eps", np.ones(3), r"eps: expected a shape that broadcasts to \(5,\)"),
+    ("I1", np.ones(3), r"I1: expected a shape that broadcasts to \(5,\)"),
     ("I1", np.array(-1.0), "I1: expected a positive"),
     ("attitude", RUN.attitude[1:], "attitude: expected shape"),
     ("resume/state", np.ones((2, 4)), "resume/state: expected shape"),
@@ -213,18 +186,25 @@ def test_an_archive_that_would_fill_the_memory(tmp_path, monkeypatch):
     assert sum(array.nbytes for array in decoded) < 1000
 
 
-def test_a_compressed_archive(tmp_path):
-    RUN.save(tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz") as archive:
-        np.savez_compressed(tmp_path / "small.npz", **archive)
-    assert_same_run(RUN, sf.Trajectories.load(tmp_path / "small.npz"))
-
-
 class Bomb:
     """What runs code when it is read as a pickle."""
 
     def __reduce__(self):
         return os.mkdir, ("exploded",)
+
+
+@pytest.mark.parametrize("codec", ["pickle", "json2", "msgpack2", "astype"])
+def test_codecs_of_both_formats(codec):
+    second = {"dtype": "<f8", "filters": [{"id": codec}], "compressor": {"id": "zlib"}}
+    third = {"data_type": "float64", "codecs": [{"name": "bytes"}, {"name": f"numcodecs.{codec}"}]}
+    shards = {"name": "sharding_indexed", "configuration": {"codecs": third["codecs"]}}
+    for metadata in (second, third, {"data_type": "float64", "codecs": [shards]}):
+        with pytest.raises(ValueError, match=f"omega: .* got codecs {codec}"):
+            codecs._check("omega", metadata)
+    text = {"dtype": "|O", "filters": [{"id": "vlen-utf8"}], "compressor": None}
+    codecs._check("omega", text)
+    with pytest.raises(ValueError, match=r"omega: .* got objects"):
+        codecs._check("omega", text | {"filters": None})
 
 
 TEXT, EVIL = {"id": "vlen-utf8"}, {"id": "pickle", "protocol": 5}
@@ -254,23 +234,7 @@ def test_code_in_a_store_is_not_run(where, dtype, filters, compressor, tmp_path,
     assert not (tmp_path / "exploded").exists()
 
 
-@pytest.mark.parametrize("codec", ["pickle", "json2", "msgpack2", "astype"])
-@pytest.mark.parametrize("inside", [False, True])
-def test_codecs_of_both_formats(codec, inside):
-    second = {"dtype": "<f8", "filters": [{"id": codec}], "compressor": {"id": "zlib"}}
-    third = {"data_type": "float64", "codecs": [{"name": "bytes"}, {"name": f"numcodecs.{codec}"}]}
-    if inside:
-        shards = {"name": "sharding_indexed", "configuration": {"codecs": third["codecs"]}}
-        third["codecs"] = [shards]
-    for metadata in (second, third):
-        with pytest.raises(ValueError, match=f"omega: .* got codecs {codec}"):
-            codecs._check("omega", metadata)
-    codecs._check("omega", {"dtype": "|O", "filters": [{"id": "vlen-utf8"}], "compressor": None})
-    with pytest.raises(ValueError, match=r"omega: .* got objects"):
-        codecs._check("omega", {"dtype": "|O", "filters": None, "compressor": None})
-
-
-@pytest.mark.parametrize("codec", ["zlib", "zstd", "bz2", "lzma", "lz4", "gzip"])
+@pytest.mark.parametrize("codec", ["zlib", "zstd", "lz4"])
 def test_stores_that_are_compressed_anew(codec, tmp_path):
     xarray, numcodecs = pytest.importorskip("xarray"), pytest.importorskip("numcodecs")
     RUN.save(tmp_path / "run.zarr")
@@ -318,7 +282,7 @@ def test_a_cut_file(suffix, tmp_path):
     OTHER.save(path)
     file = path / "omega" / "0.0.0" if suffix == ".zarr" else path
     data = file.read_bytes()
-    for length in (0, 10, len(data) // 2, len(data) - 1):
+    for length in (0, len(data) // 2, len(data) - 1):
         file.write_bytes(data[:length])
         with pytest.raises(ValueError, match=f"run{suffix}: .*expected"):
             sf.Trajectories.load(path)
@@ -340,35 +304,6 @@ def test_a_failure_leaves_what_was_there(suffix, tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     RUN.save(path)
     assert_same_run(RUN, sf.Trajectories.load(path))
-
-
-def test_a_store_comes_back_if_its_successor_cannot_be_moved(tmp_path, monkeypatch):
-    pytest.importorskip("zarr")
-    path = tmp_path / "run.zarr"
-    OTHER.save(path)
-
-    def fail(*names):
-        raise OSError(errno.EIO, "broken")
-
-    monkeypatch.setattr(_replacing, "os", SimpleNamespace(**vars(os) | {"replace": fail}))
-    with pytest.raises(OSError, match="broken"):
-        RUN.save(path)
-    monkeypatch.undo()
-    assert_same_run(OTHER, sf.Trajectories.load(path))
-
-
-@posix
-def test_two_writers_at_once(tmp_path):
-    """The second does not take the first for dead; the last to end is what stays."""
-    path = tmp_path / "run.npz"
-    with replacing(path) as first:
-        first.write_text("first")
-        with replacing(path) as second:
-            second.write_text("second")
-        assert path.read_text() == "second"
-        assert first.read_text() == "first"
-    assert path.read_text() == "first"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
 
 
 @posix
@@ -406,15 +341,6 @@ def test_links(suffix, tmp_path):
         assert link.is_symlink()
         assert_same_run(run, sf.Trajectories.load(target))
     assert [entry.name for entry in (tmp_path / "there").iterdir()] == [target.name]
-
-
-@posix
-def test_a_hard_link_keeps_what_it_had(tmp_path):
-    OTHER.save(tmp_path / "a.npz")
-    os.link(tmp_path / "a.npz", tmp_path / "b.npz")
-    RUN.save(tmp_path / "a.npz")
-    assert_same_run(RUN, sf.Trajectories.load(tmp_path / "a.npz"))
-    assert_same_run(OTHER, sf.Trajectories.load(tmp_path / "b.npz"))
 
 
 @posix

@@ -266,7 +266,7 @@ def test_no_subnormal_numbers_along_an_orbit():
 
 @pytest.mark.parametrize("k", [-1000, -530, -515, -512, -511])
 def test_squares_are_left_out_where_they_are_subnormal(k):
-    """Of X alone, Y' = -X**2 and all states are those of exact arithmetic but for numbers below it."""
+    """From Y = 0 on, where Y' = -X**2 exactly."""
     body, omega, eps = sf.Suslov3D(*EXACT), [2.0, 0.0], 2.0**k
     for steps in (1, 5):
         run = sf.iterate(body, omega, eps, steps, method="canonical")

@@ -1,5 +1,6 @@
 """`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
 
+from fractions import Fraction
 from types import SimpleNamespace
 
 import naive
@@ -406,6 +407,68 @@ def test_the_level_adds_digits_to_y(body):
             exact = orbit_state(parameters, eps, omega, n)
             computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
             assert all(abs(c / e - 1) < 3e-15 for c, e in zip(computed, exact, strict=True))
+
+
+def state_on_the_pole(I1, I2, I13, I23, x):
+    """The state with that x and y = 2 I1 I2 + x**2: 1 - Y + X**2 = 0 for eps = 1."""
+    y, D = 2 * I1 * I2 + x * x, I13 * I13 * I2 + I23 * I23 * I1
+    return [Fraction(I13 * I2 * x + I23 * y, D), Fraction(I23 * I1 * x - I13 * y, D)]
+
+
+# Bodies whose states on the pole are float64: D is a power of two.
+POLES = [
+    (*body, x)
+    for body in (
+        (1, 1, 1, 0),
+        (2, 1, 1, 0),
+        (1, 3, 1, 1),
+        (3, 5, 1, -1),
+        (2, 2, 2, -2),
+        (7, 1, 1, 1),
+    )
+    for x in (1, -3, 40)
+]
+
+
+@pytest.mark.parametrize("problem", POLES, ids=str)
+def test_poles_in_fractions(problem):
+    """A run ends at its pole; the closed form lacks one state, and goes on beyond it."""
+    *parameters, _ = problem
+    pole, body = state_on_the_pole(*problem), sf.Suslov3D(*parameters)
+    omega = list(map(float, pole))
+    assert [Fraction(each) for each in omega] == pole
+    assert naive.rational_step(*parameters, 1, pole) is None
+    for method in ("auto", "canonical", "ds2"):
+        run = sf.iterate(body, omega, 1, 9, method=method, on_singular="ignore")
+        assert (run.status, run.failed_at) == (sf.Status.SINGULAR, 1)
+        assert np.isnan(run.omega[1:]).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.step(body, omega, 1)).all()
+    # State 2 is the limit from both sides; what follows and what was before is iterated.
+    sides = []
+    for h in (Fraction(1, 10**40), -Fraction(1, 10**40)):
+        state = [pole[0] + h, pole[1]]
+        for _ in range(2):
+            state = naive.rational_step(*parameters, 1, state)
+        sides.append(np.array(state, float))
+    np.testing.assert_allclose(*sides, rtol=1e-15)
+    expected = {0: omega, 2: sides[0]}
+    for n, sign, other in ((2, 1, state), (0, -1, pole)):
+        for _ in range(3):
+            n, other = n + sign, naive.rational_step(*parameters, sign, other)
+            expected[n] = np.array(other, float)
+    for n in (np.arange(-3, 6), np.arange(-3, 60)):
+        with pytest.warns(sf.SingularStepWarning, match=f"1 of {len(n)} states: no state there"):
+            states = sf.exact(body, omega, 1, n)
+        assert np.flatnonzero(np.isnan(states[:, 0])).tolist() == [4]
+        for k, state_k in expected.items():
+            np.testing.assert_allclose(states[k + 3], state_k, rtol=1e-12, atol=1e-13)
+    I1, I2, I13, I23 = parameters
+    D = I13**2 * I2 + I23**2 * I1
+    size = 2 * np.sqrt(I1 * I2 / D * float(naive.first_integral(*parameters, 1, omega)))
+    minus, plus = sf.limits(body, omega, 1)
+    np.testing.assert_allclose(minus, size * np.array([I23, -I13]), rtol=1e-14)
+    np.testing.assert_allclose(plus, -minus, rtol=1e-15)
 
 
 def test_runs_past_their_pole(unit, rng):

@@ -94,6 +94,13 @@ def _list_or_table(text: str) -> Any:
     return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
 
 
+def _address_of(text: str) -> str:
+    if not re.fullmatch(r"(\w+://)?.+:\d+", text):  # Dask would not return
+        raise ValueError
+    return text
+
+
+_address = _reader("an address such as tcp://127.0.0.1:8786", _address_of)
 _picture = _reader("1, 2, 3 or 4", lambda text: ("1", "2", "3", "4").index(text) + 1)
 
 
@@ -142,7 +149,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "force": _flag("replace files that exist"),
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
-    "scheduler": _option("Dask scheduler whose workers compute", metavar="ADDRESS"),
+    "scheduler": _option("Dask scheduler whose workers compute", _address, "ADDRESS"),
     "sweep": _option(
         "axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
         _reader("NAME=LOW:HIGH:COUNT", _sweep),
@@ -287,9 +294,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         prog="suslov-fast",
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
     )
-    parser.add_argument(
-        "-V", "--version", action="version", version=f"suslov-fast {__version__}"
-    )
+    parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     parsers = parser.add_subparsers(
         title="commands, each with a --help of its own", dest="command", metavar="COMMAND"
     )

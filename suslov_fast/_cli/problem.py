@@ -104,8 +104,8 @@ def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray 
 
 def starts_of(options: argparse.Namespace, body: Any) -> Any:
     """Return the starts: an array, `RandomStarts`, or the name of a file."""
-    used = ("omega0", "initial", "trajectories", "seed", "extent")
-    used = tuple(name for name in used if getattr(options, name) is not None)
+    sources = ("omega0", "initial", "trajectories", "seed", "extent")
+    used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
         raise UsageError(f"expected either {flag(used[0])} or {flag(used[1])}, got both")
     if options.omega0 is not None:

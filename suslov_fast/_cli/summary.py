@@ -143,7 +143,7 @@ class _Outcome:
 def _quantities(run: Any) -> dict[str, Callable[[FloatArray], FloatArray]]:
     """Return the quantities to compare, as functions of states."""
     body, eps = run.body, run.eps
-    functions = {
+    functions: dict[str, Callable[[FloatArray], FloatArray]] = {
         "F": lambda omega: sf.first_integral(body, omega, eps),
         "E": lambda omega: sf.energy(body, omega),
         "E_mod": lambda omega: sf.modified_energy(body, omega, eps),

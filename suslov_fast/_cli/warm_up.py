@@ -18,49 +18,40 @@ import suslov_fast as sf
 
 from .._maps.registry import map_of
 from .options import body_classes
-from .work import Work
+from .work import progress_bar
 
 # Few trajectories are served by one thread, many by all.
-_COUNTS = {"one thread": 3, "all threads": 2**15}
+_COUNTS = (3, 2**15)
 _STEPS = 40
 # Functions that call others.
 _WITHOUT = ("plot", "animate", "ensemble", "open")
-# Parameters of the sample bodies.
-_SAMPLES: dict[str, Any] = {
-    "I1": 1.0,
-    "I2": 1.0,
-    "I3": 2.0,
-    "I13": 1.0,
-    "I23": 0.0,
-    "J": [1.0, 1.5, 2.0],
-    "I": [0.4, -0.7, 0.5],
-}
+# Parameters of the sample bodies; others are 0.5.
+_SAMPLES: dict[str, Any] = {"I1": 1.0, "I2": 1.0, "I3": 2.0, "I13": 1.0, "I23": 0.0}
+_SAMPLES |= {"J": [1.0, 1.5, 2.0], "I": [0.4, -0.7, 0.5]}
 
 
 def warm_up(options: argparse.Namespace) -> str:
     """Call everything, and return how long it took."""
     begin = time.perf_counter()
     jobs = list(_jobs())
-    with Work() as work, warnings.catch_warnings():
+    with progress_bar("compiling") as report, warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.SingularStepWarning)
-        report = work.phase("compiling")
         for k, (_, job) in enumerate(jobs):
             job()
             report(k + 1, len(jobs))
     return f"compiled in {time.perf_counter() - begin:.1f} s"
 
 
-def _jobs() -> Iterator[tuple[str, Callable[[], object]]]:
+def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
     """Yield calls of every public function, each with its name."""
     bodies = [
         kind(**{name: _SAMPLES.get(name, 0.5) for name in kind._names()}) for kind in body_classes()
     ]
     bodies.append(sf.SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]))  # with a closed form
-    for count, body in itertools.product(_COUNTS.values(), bodies):
-        for name in dir(sf):
-            function = getattr(sf, name)
-            if inspect.isfunction(function) and not name.startswith(_WITHOUT):
-                yield name, partial(_call, function, body, count)
+    for count, body, name in itertools.product(_COUNTS, bodies, dir(sf)):
+        function = getattr(sf, name)
+        if inspect.isfunction(function) and not name.startswith(_WITHOUT):
+            yield name, partial(_call, function, body, count)
 
 
 def _call(function: Callable[..., Any], body: Any, count: int) -> int:
@@ -81,13 +72,13 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
         "n": (_STEPS, [0, 1, _STEPS]),
         "time": (0.5, [0.0, 0.5]),
     }
-    if "eps" in required:
-        del choices["eps"]
-    # Of some functions `attitude` is an array.
+    # A step size that must be there is not varied; of some functions `attitude` is an array.
     varied = {
         name: each
         for name, each in choices.items()
-        if name in parameters and (name != "attitude" or parameters[name].default is False)
+        if name in parameters
+        and not (name == "eps" and name in required)
+        and not (name == "attitude" and parameters[name].default is not False)
     }
     calls = 0
     for values in itertools.product(*varied.values()):

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from dataclasses import replace
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
+from .._jit import Kernel
 from .._kernels import map_nd
 from .._kernels.codes import NEEDS_ELIMINATION, NOT_COMPUTED
 from .._kernels.elimination import WIDTH
@@ -16,6 +18,8 @@ from . import threads
 from .problem import Outcome, Problem, check_computed, never, not_computed, worst
 
 _Turning: TypeAlias = tuple[FloatArray, ...] | None
+# Numbers of states of trajectories that are computed anew together.
+_TOGETHER = 2**20
 # Lanes of a block are a multiple of this: whole vectors.
 _VECTOR = 8
 
@@ -28,11 +32,47 @@ def run(problem: Problem) -> Outcome:
     MemoryError
         If there is no room for elimination where that is needed.
     """
+    if problem.method == "gauss":
+        return _run(problem, map_nd.iterate_by_elimination)
+    outcome = _run(problem, map_nd.iterate)
+    if worst(outcome.status) == NEEDS_ELIMINATION:
+        left = np.flatnonzero(outcome.status == NEEDS_ELIMINATION)
+        together = max(_TOGETHER // (problem.omega.shape[1] * (len(problem.saved) + 1)), 1)
+        for begin in range(0, left.size, together):
+            _run_anew(problem, left[begin : begin + together], outcome)
+    check_computed(outcome.status)
+    return outcome
+
+
+def _run_anew(problem: Problem, some: NDArray[np.intp], outcome: Outcome) -> None:
+    """Iterate some trajectories with elimination where it is needed."""
+    (rows, _, m), turns = problem.saved.shape, problem.orientation is not None
+    part = replace(
+        problem.some(some, problem.stop, np.empty((rows, some.size, m))),
+        start=problem.start,
+        turns=np.empty((len(problem.turns), some.size, m + 1, m + 1)),
+        orientation=None if problem.orientation is None else problem.orientation[some],
+        resume={name: array[some] for name, array in problem.resume.items()},
+    )
+    of_part = _run(part, map_nd.iterate_with_elimination)
+    if rows:
+        problem.saved[:, some] = part.saved
+    if turns:
+        problem.turns[:, some] = part.turns
+    outcome.final[some], outcome.status[some] = of_part.final, of_part.status
+    outcome.failed_at[some] = of_part.failed_at
+    for name, array in outcome.resume.items():
+        array[some] = of_part.resume[name]
+
+
+def _run(problem: Problem, kernel: Kernel) -> Outcome:
     size, m = problem.omega.shape
-    gauss = problem.method == "gauss"
+    plain = kernel is map_nd.iterate
     # Every step in O(n) may need elimination: then the first part takes some 0.3 s.
-    work = m**3 / 3.0 if gauss else max(8.0 * m, m**3 / 48.0)
-    final, status, failed_at, state, exponent = kept = _kept(problem)
+    work = max(8.0 * m, m**3 / 48.0) if kernel is map_nd.iterate_with_elimination else 8.0 * m
+    work = m**3 / 3.0 if kernel is map_nd.iterate_by_elimination else work
+    kept: tuple[Any, ...] = _kept(problem)
+    final, status, failed_at, state, exponent = kept
     tasks, lanes = _tasks_and_lanes(size, problem.threads)
     columns, turning = _turning(problem, tasks, lanes)
     pairs = m + m % 2
@@ -40,17 +80,16 @@ def run(problem: Problem) -> Outcome:
     room = (
         np.empty((tasks, 2, pairs, *body)),
         np.empty((tasks, 2, pairs, lanes)),
-        *_matrices(tasks, m, gauss),
+        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m, lanes),
     )
     for part in problem.parts(work, map_nd.LANES):
-        own = status[part.begin : part.end]
         if part.start:  # else all of them are new
+            own = status[part.begin : part.end]
             own[failed_at[part.begin : part.end] < 0] = NOT_COMPUTED
         threads.run(
-            map_nd.iterate,
+            kernel,
             part.work(map_nd.LANES, work),
             problem.threads,
-            gauss,
             (*problem.parameters, problem.omega),
             (*part, problem.every, problem.first_row),
             problem.saved,
@@ -58,9 +97,6 @@ def run(problem: Problem) -> Outcome:
             kept,
             room,
         )
-        if worst(own) == NEEDS_ELIMINATION:
-            raise MemoryError(_no_room(m, tasks))
-        check_computed(own)
     resume: dict[str, NDArray[np.generic]] = {
         "state": state,
         "exponent": exponent,
@@ -108,23 +144,14 @@ def _turning(problem: Problem, tasks: int, lanes: int) -> tuple[FloatArray | Non
     return columns, (problem.eps, columns, problem.turns, *room)
 
 
-def _matrices(tasks: int, m: int, needed: bool) -> tuple[FloatArray, FloatArray]:
-    """Room for elimination; empty where there is none and O(n) steps can do without.
-
-    The system gives memory when it is first written to: what is not used costs nothing.
-    """
-    width = WIDTH // (1 + (m > 16) + 2 * (m > 64))  # so that most of a matrix stays in the caches
+def _matrices(tasks: int, m: int, lanes: int) -> FloatArray:
+    """Return room for elimination: for fewer systems side by side where most leave the caches."""
+    width = min(WIDTH if m <= 16 else WIDTH // 2, lanes)
     try:
-        return np.empty((tasks, m, m + 1, width)), np.empty((tasks, 2, m + 1, width))
+        return np.empty((tasks, m + 3, m + 1, width))
     except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
-        if needed:
-            raise MemoryError(_no_room(m, tasks)) from error
-        return np.empty((tasks, 0, 1, width)), np.empty((tasks, 2, 1, width))
-
-
-def _no_room(m: int, tasks: int) -> str:
-    size = 8.0 * tasks * m * (m + 1) * _VECTOR
-    return (
-        f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
-        "use method='rank2', fewer threads, or shorter steps"
-    )
+        size = 8.0 * tasks * m * (m + 1) * width
+        raise MemoryError(
+            f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
+            "use method='rank2', fewer threads, or shorter steps"
+        ) from error

@@ -109,7 +109,7 @@ def execute(
     begin = run.rows_before
     if before is not None:
         for kept, array in zip(before, (saved, turns), strict=True):
-            if array is not None:
+            if array is not None and kept is not None:
                 array[:begin] = kept[:begin]
     return _results(run, saved, turns, begin)
 

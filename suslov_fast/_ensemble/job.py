@@ -246,11 +246,16 @@ def _chunks(
         count = integer("chunk", chunk, 1, expected)
     tile: tuple[int, ...] = ()
     for name, length in zip(reversed(dims), reversed(batch), strict=True):  # last axis first
-        tile = (max(1, min(sizes.get(name, count), length)), *tile)
-        count = count if sizes else count // tile[0]
+        part = max(1, min(sizes.get(name, count), length))
+        tile = (_alike(length, part) if chunk is None else part, *tile)
+        count = count if sizes else count // part
     fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
-    # Chunks of about the same length: one of few rows at the end takes the room of a whole one.
-    return tile, sizes.get("n") or -(-saved // -(-saved // fit))
+    return tile, sizes.get("n") or _alike(saved, fit)
+
+
+def _alike(length: int, most: int) -> int:
+    """Return the size of parts of about the same size: a small one takes the room of others."""
+    return -(-length // -(-length // most)) if length else 1
 
 
 def step_work(dimension: int) -> float:

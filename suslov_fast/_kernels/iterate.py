@@ -33,7 +33,7 @@ kept         final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 import numpy as np
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import carray, formula, inner, stack
+from .._jit import carray, formula, inner, select, stack
 from . import codes
 from .tiles import lead_of, missing_of_first_block, write_row
 
@@ -211,8 +211,9 @@ def enter_turns(turning, omega, first, width, lanes, r):
     time_step, _, quaternions, _ = turning
     for l in range(lanes):
         b = first + min(l, width - 1)
+        missing = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
         for k in range(4):
-            r[k, l] = quaternions[b, k]
+            r[k, l] = select(missing, np.nan, quaternions[b, k])
         r[_TIME_STEP, l] = time_step[min(b, time_step.size - 1)]
         r[_BEFORE, l], r[_BEFORE + 1, l] = omega[b, 0], omega[b, 1]
 

@@ -2,7 +2,8 @@
 
 A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
 A step in O(n) solves for the increment by `solve2`; lanes where that is not accurate take
-`solve_bordered` or elimination. The arithmetic of a lane never depends on the other lanes.
+`solve_bordered` or, in `iterate_with_elimination`, elimination. The arithmetic of a lane never
+depends on the other lanes.
 
 Lanes hold omega in a unit, a power of two, in which it is of the order of 1; they get a new unit
 when omega has left that range. Lanes that have ended rest at 0 in a unit that is NaN.
@@ -22,9 +23,6 @@ from .turning_nd import CLEAN_EVERY, clean_up, turn
 # Trajectories of a block: enough for sums over components not to wait for the memory they were
 # just written to.
 LANES = 64
-FIELDS = 19  # numbers of a lane
-ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
-
 
 # A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
 # (M, lanes), where work holds 1/d; and of numbers of each lane, in rows:
@@ -51,7 +49,7 @@ ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
     CHOSEN,  # the numbers of lanes that are eliminated
 ) = range(20)
 FIELDS = 20
-ROOM, ROOM_OF_ROW = FIELDS * LANES, 3 * LANES
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 5 * LANES
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows
 # that are written overlap others: the pairs must lie in two halves, not side by side.)
@@ -94,46 +92,53 @@ def units_serve(lane, lanes):
 
 
 @inner
-def solve_lanes(J, I, omega, lane, chosen, matrix, rows):
+def solve_lanes(J, I, omega, lane, chosen, room):
     """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
 
-    matrix is room for A, and rows (2, m + 1, width) for omega and I of the chosen lanes.
+    room (m + 3, m + 1, width) holds A, with omega as its last column, and J, I, omega as rows.
     """
-    m, w, I_w = matrix.shape[0], rows[0], rows[1]
-    of = carray(stack(ROOM_OF_ROW), (3, LANES))
-    for first in range(0, chosen, matrix.shape[2]):
-        width = min(matrix.shape[2], chosen - first)
+    m = room.shape[1] - 1
+    matrix, all_J, all_I, w = room[:m], room[m], room[m + 1], room[m + 2]
+    of = carray(stack(ROOM_OF_ROW), (5, LANES))
+    for first in range(0, chosen, room.shape[2]):
+        width = min(room.shape[2], chosen - first)
+        for k in range(width):
+            l = int(lane[CHOSEN, first + k])
+            of[3, k], of[4, k] = lane[EPS, l], lane[HALF, l]
+            for i in range(m):
+                all_J[i, k], all_I[i, k], w[i, k] = at(J, i, l), at(I, i, l), omega[i, l]
         for i in range(m):
             for k in range(width):
-                l = int(lane[CHOSEN, first + k])
-                w[i, k], I_w[i, k] = omega[i, l], at(I, i, l)
-        for i in range(m):
-            for k in range(width):
-                l = int(lane[CHOSEN, first + k])
-                J_i = at(J, i, l)
-                of[0, k], of[1, k] = matrix_row(J_i, I_w[i, k], w[i, k], lane[EPS, l])
-                of[2, k] = 1.0 - lane[HALF, l] / J_i
+                of[0, k], of[1, k] = matrix_row(all_J[i, k], all_I[i, k], w[i, k], of[3, k])
+                of[2, k] = 1.0 - of[4, k] / all_J[i, k]
                 matrix[i, m, k] = w[i, k]
             for j in range(m):
                 for k in range(width):
-                    matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * I_w[j, k]
+                    matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * all_I[j, k]
             for k in range(width):
                 matrix[i, i, k] = of[2, k] + matrix[i, i, k]
         eliminate(matrix, w, width)
-        for i in range(m):
-            for k in range(width):
+        for k in range(width):
+            for i in range(m):
                 omega[i, int(lane[CHOSEN, first + k])] = w[i, k]
 
 
+@inner
+def leave_out(J, I, omega, lane, chosen, room):
+    """End trajectories that take an elimination, for another kernel to begin them anew."""
+    for k in range(chosen):
+        l = int(lane[CHOSEN, k])
+        lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
+
+
 @formula
-def step_gauss(J, I, omega, lane, matrix, rows):
-    """Take a step by elimination."""
-    lanes = omega.shape[1]
-    for l in range(lanes):
+def step_gauss(J, I, omega, work, lane, count, room):
+    """Take a step by elimination in lanes up to `count`."""
+    for l in range(count):
         lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
         lane[CHOSEN, l] = l
-    solve_lanes(J, I, omega, lane, lanes, matrix, rows)
-    for l in range(lanes):
+    solve_lanes(J, I, omega, lane, count, room)
+    for l in range(count):
         lane[P, l], lane[SQUARE, l] = norms(I, omega, l)
 
 
@@ -174,29 +179,9 @@ def step_bordered(J, I, omega, work, lane, l):
     return True
 
 
-@inner
-def step_with_care(J, I, omega, work, lane, matrix, rows):
-    """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
-    left = 0
-    for l in range(omega.shape[1]):
-        if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
-            lane[CHOSEN, left] = l
-            left += 1
-            if matrix.shape[0] == 0:
-                lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
-    solve_lanes(J, I, omega, lane, left, matrix, rows)
-    for l in range(omega.shape[1]):
-        if lane[ACCURATE, l] < 1.0:
-            lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
-            for i in range(omega.shape[0]):
-                work[i, l] = 0.0
-                if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
-                    lane[HALF, l] = np.inf
-
-
 @formula
-def step_rank2(J, I, omega, work, lane, matrix, rows):
-    """Take a step in O(n)."""
+def find_increment(J, I, omega, work, lane):
+    """Find the increment of a step in O(n); return 0 if it is accurate in all lanes."""
     half, lanes = omega.shape[0] // 2, omega.shape[1]
     for l in range(lanes):
         lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
@@ -221,8 +206,13 @@ def step_rank2(J, I, omega, work, lane, matrix, rows):
         accuracy = select(accurate, far, 0.0)
         left += select(accuracy == 1.0, 0.0, 1.0)
         lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accuracy
-    if left > 0.0:
-        step_with_care(J, I, omega, work, lane, matrix, rows)
+    return left
+
+
+@formula
+def add_increment(I, omega, work, lane):
+    """Add the increment of a step in O(n)."""
+    half, lanes = omega.shape[0] // 2, omega.shape[1]
     for l in range(lanes):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
     for i in range(half):
@@ -235,6 +225,35 @@ def step_rank2(J, I, omega, work, lane, matrix, rows):
             omega[i, l], omega[j, l] = w_i, w_j
             lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
             lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
+
+
+def rank2_step(solve):
+    """Make the step in O(n); `solve` is what takes the lanes that are left for elimination."""
+
+    @inner
+    def step_with_care(J, I, omega, work, lane, room):
+        """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
+        left = 0
+        for l in range(omega.shape[1]):
+            if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
+                lane[CHOSEN, left] = l
+                left += 1
+        solve(J, I, omega, lane, left, room)
+        for l in range(omega.shape[1]):
+            if lane[ACCURATE, l] < 1.0:
+                lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
+                for i in range(omega.shape[0]):
+                    work[i, l] = 0.0
+                    if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
+                        lane[HALF, l] = np.inf
+
+    @formula
+    def step(J, I, omega, work, lane, count, room):
+        if find_increment(J, I, omega, work, lane) > 0.0:
+            step_with_care(J, I, omega, work, lane, room)
+        add_increment(I, omega, work, lane)
+
+    return step
 
 
 @formula
@@ -320,8 +339,12 @@ def write(initial, omega, lane, begin, end, n, target):
     for l in range(end - begin):
         b = begin + l
         as_given = (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK
-        for i in range(initial.shape[1]):
-            target[b, i] = initial[b, i] if as_given else omega[i, l] * lane[UNIT, l]
+        if as_given:
+            for i in range(initial.shape[1]):
+                target[b, i] = initial[b, i]
+        else:
+            for i in range(initial.shape[1]):
+                target[b, i] = omega[i, l] * lane[UNIT, l]
 
 
 @inner
@@ -368,50 +391,55 @@ def save_turns(turning, begin, end, row):
                 turns[row, b, r, c] = columns[b, c, r]
 
 
-@inner
-def iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task):
-    """Take all steps of the blocks of a task."""
-    first, last, start, stop, every, first_row = span
-    bodies, states, matrices, rows_of_tasks = room
-    J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
-    lane = carray(stack(ROOM), (FIELDS, LANES))
-    matrix, rows = matrices[task], rows_of_tasks[task]
-    initial, failed_at = parameters[3], kept[2]
-    tasks, lanes = states.shape[0], states.shape[3]
-    blocks = (last - first + lanes - 1) // lanes
-    for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
-        begin = first + k * lanes
-        end = min(begin + lanes, last)
-        enter(parameters, start, kept, begin, end, (J, I, omega, lane))
-        n, row, next_saved = start, 0, stop + 1
-        if saved.shape[0] > 0:
-            row = start // every + 1 - first_row if start > 0 else 0
-            next_saved = (start // every + 1) * every if start > 0 else 0
-        while True:
-            if turning is not None:
-                orient(omega, lane, turning, task, begin, end, n, start)
-            if n == next_saved:
-                write(initial, omega, lane, begin, end, n, saved[row])
+def block_loop(step):
+    """Make the loop over the steps of blocks."""
+
+    @inner
+    def iterate_blocks(parameters, span, saved, turning, kept, room, task):
+        first, last, start, stop, every, first_row = span
+        bodies, states, matrices = room
+        J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
+        lane = carray(stack(ROOM), (FIELDS, LANES))
+        initial, failed_at = parameters[3], kept[2]
+        tasks, lanes = states.shape[0], states.shape[3]
+        blocks = (last - first + lanes - 1) // lanes
+        for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+            begin = first + k * lanes
+            end = min(begin + lanes, last)
+            enter(parameters, start, kept, begin, end, (J, I, omega, lane))
+            n, row, next_saved = start, 0, stop + 1
+            if saved.shape[0] > 0:
+                row = start // every + 1 - first_row if start > 0 else 0
+                next_saved = (start // every + 1) * every if start > 0 else 0
+            while True:
                 if turning is not None:
-                    save_turns(turning, begin, end, row)
-                row, next_saved = row + 1, next_saved + every
-            if n == stop:
-                break
-            until = min(next_saved, stop) if turning is None else n + 1
-            while n < until:
-                if gauss:
-                    step_gauss(J, I, omega, lane, matrix, rows)
-                else:
-                    step_rank2(J, I, omega, work, lane, matrix, rows)
-                n += 1
-                if not units_serve(lane, lanes):
-                    renew_units(J, I, omega, lane, begin, end, n, failed_at)
-        leave(initial, omega, lane, begin, end, stop, kept)
+                    orient(omega, lane, turning, task, begin, end, n, start)
+                if n == next_saved:
+                    write(initial, omega, lane, begin, end, n, saved[row])
+                    if turning is not None:
+                        save_turns(turning, begin, end, row)
+                    row, next_saved = row + 1, next_saved + every
+                if n == stop:
+                    break
+                until = min(next_saved, stop) if turning is None else n + 1
+                while n < until:
+                    step(J, I, omega, work, lane, end - begin, matrices[task])
+                    n += 1
+                    if not units_serve(lane, lanes):
+                        renew_units(J, I, omega, lane, begin, end, n, failed_at)
+            leave(initial, omega, lane, begin, end, stop, kept)
+
+    return iterate_blocks
+
+
+_rank2 = block_loop(rank2_step(leave_out))
+_rank2_with_elimination = block_loop(rank2_step(solve_lanes))
+_gauss = block_loop(step_gauss)
 
 
 @kernel
-def iterate(gauss, parameters, span, saved, turning, kept, room):
-    """Iterate states, by elimination alone or in O(n) steps.
+def iterate(parameters, span, saved, turning, kept, room):
+    """Iterate states in O(n) steps; trajectories that need elimination end with NEEDS_ELIMINATION.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
     span : begin and end of the trajectories; start, stop; every, first_row of the saved states
@@ -422,8 +450,21 @@ def iterate(gauss, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). Those but `final` are read where start is not 0.
     room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
-        (tasks, 2, M, lanes); for elimination, if there is memory for it, else with m = 0,
-        (tasks, m, m + 1, width) and (tasks, 2, m + 1, width)
+        (tasks, 2, M, lanes); for elimination (tasks, m + 3, m + 1, width)
     """
     for task in prange(room[1].shape[0]):
-        iterate_blocks(gauss, parameters, span, saved, turning, kept, room, task)
+        _rank2(parameters, span, saved, turning, kept, room, task)
+
+
+@kernel
+def iterate_with_elimination(parameters, span, saved, turning, kept, room):
+    """Iterate states in O(n) steps, by elimination where those are not accurate."""
+    for task in prange(room[1].shape[0]):
+        _rank2_with_elimination(parameters, span, saved, turning, kept, room, task)
+
+
+@kernel
+def iterate_by_elimination(parameters, span, saved, turning, kept, room):
+    """Iterate states by elimination alone."""
+    for task in prange(room[1].shape[0]):
+        _gauss(parameters, span, saved, turning, kept, room, task)

@@ -63,8 +63,8 @@ def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
 
 
 def _suffix_of(path: PathLike) -> str:
-    """Return the ending of a name of a file, for which all libraries are there."""
-    name = os.fspath(path)
+    """Return the ending of the name of a file, after a check that its library is there."""
+    name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str):
         raise TypeError(f"path: expected a string or a path, got {type(path).__name__}")
     suffix = Path(name).suffix.lower()

@@ -155,6 +155,6 @@ def _checked(
         body = replace(body, I3=I3)  # type: ignore[arg-type]
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
-    (state, eps), batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
-    map, states = map_of(body, full=True), own_states(state, batch)
-    return Run(map, body, batch, states, own_parameter(eps), steps=1, save_every=None)
+    arrays, batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
+    states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
+    return Run(map_of(body, full=True), body, batch, states, own_eps, steps=1, save_every=None)

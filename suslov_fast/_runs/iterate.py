@@ -59,10 +59,10 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    (state, eps), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
-    threads = thread_count(threads)
-    states = flat_vectors(state, batch)
-    run = Run(map, body, batch, states, eps, 1, None, "auto", None, threads, single=True)
+    arrays, batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
+    states = flat_vectors(arrays[0], batch)
+    run = Run(map, body, batch, states, arrays[1], 1, None, single=True)
+    run.threads = thread_count(threads)
     results = execute(run)
     # Failures at step 0 are states that did not exist before, and no news.
     report(run, results, "warn", 1, stacklevel=2)
@@ -163,15 +163,16 @@ def iterate(
     """
     map = map_of(body)
     given = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
-    (state, eps, *turned), batch = check(
+    arrays, batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=given, kinds=map.body
     )
     one_of("method", method, map.methods)
     if attitude is True or attitude is np.True_:
-        turned = [np.eye(body.dimension + 1)]
-    orientation = flat_matrices(turned[0], batch) if turned else None
-    run = Run(map, body, batch, own_states(state, batch), own_parameter(eps), steps, save_every)
-    run.method, run.orientation, run.threads, run.progress = method, orientation, threads, progress
+        arrays.append(np.eye(body.dimension + 1))
+    states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
+    run = Run(map, body, batch, states, own_eps, steps, save_every, method)
+    run.orientation = flat_matrices(arrays[2], batch) if len(arrays) > 2 else None
+    run.threads, run.progress = threads, progress
     return finish(run, out, on_singular)
 
 

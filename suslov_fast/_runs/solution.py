@@ -1,4 +1,4 @@
-"""The solved problem: any state of the map, any state of the flow, and where orbits tend."""
+"""The solved problem: any state of the map and of the flow, and the limits of orbits."""
 
 from __future__ import annotations
 
@@ -40,15 +40,14 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. The closed form goes on beyond a pole of the map, where :func:`iterate` ends;
-        only the one state that would follow the pole is NaN, with a :class:`SingularStepWarning`.
-        States are NaN with a `RuntimeWarning` for n that is not an integer where t >= 1, and where
-        they, or eps omega0, leave the range of float64; where omega0 is NaN, without a warning.
+        The states; NaN with a :class:`SingularStepWarning` where one would follow a pole, with a
+        `RuntimeWarning` for n that is not an integer where t >= 1 and where they, or eps omega0,
+        leave the range of float64; where omega0 is NaN, without a warning.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     MemoryError
         If the states do not fit in memory.
     NotIntegrableError
@@ -57,6 +56,11 @@ def exact(
     Notes
     -----
     The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
+
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------
@@ -71,9 +75,9 @@ def exact(
            [ 1.007482,  0.435551],
            [ 0.791446, -1.319077]])
     """
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
+    arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
     numbers, count = _times("n", n), thread_count(threads)
-    states, missing = _solve("exact", body, state, step_size, batch, numbers, count)
+    states, missing = _solve("exact", body, arrays[0], arrays[1], batch, numbers, count)
     if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
@@ -85,7 +89,7 @@ def exact(
 def flow(
     body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """The continuous motion at some times, by its closed form.
+    """Return the continuous motion at some times, by its closed form.
 
     Parameters
     ----------
@@ -107,7 +111,7 @@ def flow(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -137,7 +141,7 @@ def flow(
 def limits(
     body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Where an orbit of the map comes from and where it goes.
+    """Return the limits of an orbit of the map for n to minus and to plus infinity.
 
     Parameters
     ----------
@@ -153,14 +157,13 @@ def limits(
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
-        The limits for n to minus and to plus infinity: opposite points of the line
-        I13 Omega1 + I23 Omega2 = 0. A state that does not move is its own limit. NaN where omega0
-        is, and for the one state of a body from which the map, or its inverse, leads nowhere.
+        Opposite points of the line I13 Omega1 + I23 Omega2 = 0. A state that does not move is its
+        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its inverse, leads nowhere.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is not what is said above.
+        For invalid arguments.
     NotIntegrableError
         If no closed form is known for the body; all in three dimensions have one.
 
@@ -168,6 +171,11 @@ def limits(
     -----
     The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
+
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+    pole is NaN.
 
     Examples
     --------
@@ -177,9 +185,9 @@ def limits(
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
+    arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
     ends, count = np.array([-np.inf, np.inf]), thread_count(threads)
-    states, missing = _solve("limits", body, state, step_size, batch, ends, count)
+    states, missing = _solve("limits", body, arrays[0], arrays[1], batch, ends, count)
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states[0], states[1]
 

@@ -12,8 +12,10 @@ from .._bodies.reduction import first_integral as first_integral_of
 from .._bodies.reduction import reduce
 from .._checks import FloatArray
 from .._engine.run import Run, execute
-from .._engine.states import by_slabs
+from .._engine.states import by_slabs, of_state
 from .._engine.states_nd import of_state_nd
+from .._jit import Kernel
+from .._kernels import states as kernels_3d
 from .._kernels import states_nd as kernels
 from .._maps.registry import map_of
 
@@ -51,17 +53,17 @@ def _by_numpy(
     return find
 
 
-def _three(name: str, body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
+def _three(kernel: Kernel, name: str, body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     """Return a quantity of the body in three dimensions that moves as this one does."""
-    from .table import find
-
     reduction = reduce(body, name)
-    return find(name, reduction.three, reduction.state(omega), eps, threads=1)
+    three, state = reduction.three, reduction.state(omega)
+    batch = np.broadcast_shapes(three.shape, state.shape[:-1], np.shape(eps))
+    return of_state(kernel, (), three, state, eps, batch, threads=1)
 
 
 def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     if body.dimension == 2:
-        return _three("first_integral", body, omega, eps)
+        return _three(kernels_3d.first_integral, "first_integral", body, omega, eps)
     body, omega, eps, unit = _normal(body, omega, eps)
     energy = QUANTITIES["energy"](body, omega, None, omega.shape[:-1], 1, "omega")
     return _ldexp(first_integral_of(reduce(body, "first_integral"), omega, eps, energy), unit)
@@ -70,7 +72,7 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     if body.dimension > 2:
         body, omega, eps, _ = _normal(body, omega, eps)
-    return _three("criticality", body, omega, eps)
+    return _three(kernels_3d.criticality, "criticality", body, omega, eps)
 
 
 def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -80,8 +82,9 @@ def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
     left = matrix(body, omega, eps, batch, None, "omega")
     right = matrix(body, following, -eps, batch, None, "omega")
-    left, right = np.where(exists, left, np.eye(body.dimension)), np.where(exists, right, np.nan)
-    derivative: FloatArray = np.linalg.solve(left, right)
+    derivative: FloatArray = np.linalg.solve(
+        np.where(exists, left, np.eye(body.dimension)), np.where(exists, right, np.nan)
+    )
     return derivative
 
 

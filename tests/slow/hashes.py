@@ -57,22 +57,21 @@ def bodies_nd():
 def results_3d(body, eps):
     for scale in (1.0, 40.0, 2.0**-400):
         omega, step = scale * numbers(5, -2, 2, 41, 2), np.asarray(eps) / min(scale, 1.0)
-        tag = f"{scale:g}"
         for method in ("canonical", "ds2"):
-            yield f"{method} {tag}", *run(body, omega, step, 300, method=method)
-        yield f"last {tag}", *run(body, omega, step, 1000, save_every=None)
+            yield method, *run(body, omega, step, 300, method=method)
+        yield "last states", *run(body, omega, step, 1000, save_every=None)
         times = np.array([-1e9, -50, -1, 0, 1, 2, 3.5, 700, 1e9])
-        yield f"exact {tag}", sf.exact(body, omega, step, times)
-        yield f"flow {tag}", sf.flow(body, omega, times / min(scale, 1.0))
-        yield f"limits {tag}", *sf.limits(body, omega, step)
-        yield f"criticality {tag}", sf.criticality(body, omega, step)
-        yield f"first_integral {tag}", sf.first_integral(body, omega, step)
-        yield f"jacobian {tag}", sf.jacobian(body, omega, step)
-        yield f"to_xy {tag}", sf.to_xy(body, omega)
+        yield "exact", sf.exact(body, omega, step, times)
+        yield "flow", sf.flow(body, omega, times / min(scale, 1.0))
+        yield "limits", *sf.limits(body, omega, step)
+        yield "criticality", sf.criticality(body, omega, step)
+        yield "first_integral", sf.first_integral(body, omega, step)
+        yield "jacobian", sf.jacobian(body, omega, step)
+        yield "to_xy", sf.to_xy(body, omega)
         if np.any(body.I13) or np.any(body.I23):  # else (x, y) is 0
-            yield f"from_xy {tag}", sf.from_xy(body, omega)
-        yield from of_states(body, omega, step, tag)
-        yield f"step_full {tag}", sf.step_full(body, np.insert(omega, 2, 0.5, -1), step, 5.0)
+            yield "from_xy", sf.from_xy(body, omega)
+        yield from of_states(body, omega, step)
+        yield "step_full", sf.step_full(body, np.insert(omega, 2, 0.5, -1), step, 5.0)
 
 
 def results_nd(body, eps):
@@ -80,16 +79,33 @@ def results_nd(body, eps):
     for scale in (1.0, 40.0):
         omega = scale * numbers(6, -2, 2, 41, m)
         for method in ("auto", "gauss", "rank2"):
-            yield f"{method} {scale:g}", *run(body, omega, eps, 100, method=method)
-        yield from of_states(body, omega, eps, f"{scale:g}")
+            yield method, *run(body, omega, eps, 100, method=method)
+        yield from of_states(body, omega, eps)
 
 
-def of_states(body, omega, eps, tag):
-    yield f"energy {tag}", sf.energy(body, omega)
-    yield f"modified_energy {tag}", sf.modified_energy(body, omega, eps)
-    yield f"vector_field {tag}", sf.vector_field(body, omega)
-    yield f"reaction {tag}", sf.reaction(body, omega)
-    yield f"attitude {tag}", attitude(body, omega, eps)
+def of_states(body, omega, eps):
+    yield "energy", sf.energy(body, omega)
+    yield "modified_energy", sf.modified_energy(body, omega, eps)
+    yield "vector_field", sf.vector_field(body, omega)
+    yield "reaction", sf.reaction(body, omega)
+    yield "attitude", attitude(body, omega, eps)
+
+
+def bodies_gyrostat():
+    yield "gyrostat", sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9), 0.35
+    scale = numbers(7, 0.5, 2, 41)
+    yield "gyrostat, several", sf.SuslovGyrostat(scale, 1 / scale, scale - 1, 0.25, -scale), 0.2
+
+
+def results_gyrostat(body, eps):
+    for scale in (1.0, 40.0, 2.0**-400):
+        omega = scale * numbers(8, -2, 2, 41, 2)
+        yield "auto", *run(body, omega, eps, 300)
+        for quantity in (sf.first_integral, sf.invariant_density, sf.jacobian):
+            yield quantity.__name__, quantity(body, omega, eps)
+        yield "energy", sf.energy(body, omega)
+        yield "vector_field", sf.vector_field(body, omega)
+        yield "attitude", attitude(body, omega, eps)
 
 
 def attitude(body, omega, eps):
@@ -104,13 +120,14 @@ def run(body, omega, eps, steps, **options):
 
 def all_hashes():
     found = {}
-    for bodies, results in ((bodies_3d, results_3d), (bodies_nd, results_nd)):
+    for bodies, results in (
+        (bodies_3d, results_3d), (bodies_nd, results_nd), (bodies_gyrostat, results_gyrostat)
+    ):  # fmt: skip
         for name, body, eps in bodies():
             for what, *values in results(body, eps):
-                found[f"{name}: {what}"] = hashlib.sha256(
-                    "".join(map(digest, values)).encode()
-                ).hexdigest()[:16]
-    return found
+                digests = found.setdefault(f"{name}: {what}", hashlib.sha256())
+                digests.update("".join(map(digest, values)).encode())
+    return {name: each.hexdigest()[:16] for name, each in found.items()}
 
 
 if __name__ == "__main__":

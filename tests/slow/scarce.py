@@ -5,11 +5,11 @@ python scarce.py NAME THREADS
 
 import resource
 import sys
+from pathlib import Path
 
 import numpy as np
 
 import suslov_fast as sf
-from suslov_fast._engine import memory
 
 chance = np.random.default_rng(1)
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
@@ -46,7 +46,7 @@ def main(name, threads):
 
     def ends_well(room):
         """Whether it ends with the right states; without states, in a MemoryError."""
-        used = memory._kilobytes(memory._read("/proc/self/status"), "VmSize")
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         limit(used + room)
         try:
             result = run(int(threads))

@@ -52,17 +52,24 @@ def ds(I1, I2, I13, I23, eps, I3, omega, following):
     ]
 
 
-def solve_affine(residual, dimension):
-    """The zero of an affine function of `dimension` unknowns."""
-    zero = [mpf(0)] * dimension
+def solve_affine(residual, dimension, number=mpf):
+    """The zero of an affine function of `dimension` unknowns, or None, by elimination."""
+    zero = [number(0)] * dimension
     constant = residual(zero)
-    matrix = mpmath.matrix(dimension)
+    columns = []
     for j in range(dimension):
-        unit = list(zero)
-        unit[j] = mpf(1)
-        for i, value in enumerate(residual(unit)):
-            matrix[i, j] = value - constant[i]
-    return list(mpmath.lu_solve(matrix, [-value for value in constant]))
+        unit = [number(int(i == j)) for i in range(dimension)]
+        columns.append([v - c for v, c in zip(residual(unit), constant, strict=True)])
+    rows = [[*row, -c] for *row, c in zip(*columns, constant, strict=True)]
+    for k in range(dimension):
+        largest = max(range(k, dimension), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[largest] = rows[largest], rows[k]
+        if rows[k][k] == 0:
+            return None
+        for i in range(dimension):
+            factor = rows[i][k] / rows[k][k] if i != k else 0
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    return [row[-1] / row[k] for k, row in enumerate(rows)]
 
 
 def step(I1, I2, I13, I23, eps, omega):
@@ -72,15 +79,9 @@ def step(I1, I2, I13, I23, eps, omega):
 
 
 def rational_step(I1, I2, I13, I23, eps, omega):
-    """The next state in fractions, by Cramer's rule for (ds1); None at a pole."""
-    parameters = [Fraction(each) for each in (I1, I2, I13, I23, eps)]
-    state = [Fraction(component) for component in omega]
-    zero = [Fraction(0), Fraction(0)]
-    c1, c2 = ds1(*parameters, state, zero)
-    (a, b), (c, d) = (ds1(*parameters, state, unit) for unit in ((1, 0), (0, 1)))
-    a, b, c, d = a - c1, b - c2, c - c1, d - c2
-    det = a * d - b * c
-    return None if det == 0 else [(c * c2 - d * c1) / det, (b * c1 - a * c2) / det]
+    """The next state in fractions; None at a pole."""
+    parameters, state = ([Fraction(each) for each in v] for v in ((I1, I2, I13, I23, eps), omega))
+    return solve_affine(lambda v: ds1(*parameters, state, v), 2, Fraction)
 
 
 def orbit(I1, I2, I13, I23, eps, omega, steps):

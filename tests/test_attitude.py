@@ -1,14 +1,12 @@
 """The orientation of the body, in three dimensions and in n."""
 
 import naive
-import numba
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
-from suslov_fast._formulas import rotation
 
 ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 BODIES = {"3D": (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
@@ -194,16 +192,10 @@ def test_half_a_turn_of_very_long_steps(speed):
         np.testing.assert_allclose(run.attitude[1], expected, rtol=0, atol=1e-15)
 
 
-def test_the_exact_flow_does_not_follow_the_map(body):
-    times = 0.2 * np.arange(30)
-    with pytest.raises(ValueError, match="states 0 and 1 that do not"):
-        sf.attitude(body, sf.flow(body, [1.0, 0.5], times), 0.2)
-
-
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
 def test_whatever_iterate_returns_follows(rng, method):
     """Every regime, units far apart, states next to poles and after them."""
-    size = 1000
+    size = 300
     body = sf.Suslov3D(
         *10 ** rng.uniform(-4, 4, (2, size)),
         *(rng.normal(size=(2, size)) * rng.choice([0, 1], size)),
@@ -216,7 +208,7 @@ def test_whatever_iterate_returns_follows(rng, method):
 
 
 @pytest.mark.parametrize("method", ["rank2", "gauss"])
-@pytest.mark.parametrize(("n", "size"), [(2, 300), (4, 300), (9, 60)])
+@pytest.mark.parametrize(("n", "size"), [(2, 60), (4, 60), (9, 20)])
 def test_whatever_iterate_returns_follows_in_n_dimensions(rng, method, n, size):
     body = sf.SuslovND(10 ** rng.uniform(-2, 2, (size, n - 1)), rng.normal(size=(size, n - 1)))
     omega0 = rng.normal(size=(size, n - 1)) * 10 ** rng.uniform(-3, 3, (size, 1))
@@ -224,24 +216,6 @@ def test_whatever_iterate_returns_follows_in_n_dimensions(rng, method, n, size):
     run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
     R = sf.attitude(body, run.omega, eps)
     assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
-
-
-@numba.njit
-def turned_row(row, carried, eps, omega, following):
-    """A row of R0 after one more turn, and the quaternion."""
-    turn = rotation.turn_between(eps, omega[0], omega[1], following[0], following[1])
-    carried = rotation.turned(*carried, *turn)
-    return rotation.row_times_matrix(row[0], row[1], row[2], *carried), carried
-
-
-def test_the_formulas_carry_it_along_bit_for_bit(body):
-    omega, R0 = states(body, [1.0, 0.5], 0.2, 50), Rotation.from_rotvec([1, 2, 3]).as_matrix()
-    orientations = sf.attitude(body, omega, 0.2, R0)
-    for i in range(3):
-        carried = (1.0, 0.0, 0.0, 0.0)
-        for k in range(1, 51):
-            row, carried = turned_row(R0[i], carried, 0.2, omega[k - 1], omega[k])
-            assert (row == orientations[k, i]).all()
 
 
 @pytest.mark.parametrize(

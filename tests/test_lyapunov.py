@@ -59,14 +59,6 @@ def test_any_dimension(rng, n):
     np.testing.assert_allclose(exponents.sum(), of_det, atol=1e-12)
 
 
-def test_three_dimensions_in_both_forms(rng):
-    nd = sf.SuslovND([1, 4], [0.5, 0.3])
-    omega = rng.normal(size=2)
-    pairs = np.array([omega[1], -omega[0]])
-    total = sf.lyapunov_exponents(THREE, omega, 0.2, 50).sum()
-    np.testing.assert_allclose(sf.lyapunov_exponents(nd, pairs, 0.2, 50).sum(), total, rtol=1e-11)
-
-
 @pytest.mark.compiled
 def test_they_tend_to_the_multipliers_of_the_steady_state(case):
     """Like 1 / steps, so that twice the second half less the whole is there to rounding."""

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast._engine import problem
-from suslov_fast._kernels import tiles
+from suslov_fast._formulas import canonical_map
+from suslov_fast._kernels import maps_3d, tiles
 from suslov_fast._kernels.iterate import LANES
 
 METHODS = ("auto", "canonical", "ds2")
@@ -154,11 +155,10 @@ def test_one_step_satisfies_ds1(I1, I2, I13, I23, eps, omega1, omega2):
 EXACT = (2, 1, 1, 0)
 
 
-@pytest.mark.parametrize("method", ["canonical", "auto"])
-def test_one_step_of_larger_states_in_fractions(rng, method):
+def test_one_step_of_larger_states_in_fractions(rng):
     """2 < |X| < 40 and Y of that size, where Y - X X' would lose the digits of Y'."""
     omega = rng.uniform(2, 40, (400, 2)) * rng.choice([-1, 1], (400, 2)) * [2, 4]
-    states = sf.iterate(sf.Suslov3D(*EXACT), omega, 1, 1, method=method).omega[1]
+    states = sf.iterate(sf.Suslov3D(*EXACT), omega, 1, 1, method="canonical").omega[1]
     seen = 0
     for start, state in zip(omega, states, strict=True):
         X, Y = start[0] / 2, -start[1] / 4
@@ -167,7 +167,7 @@ def test_one_step_of_larger_states_in_fractions(rng, method):
         seen += 1
         exact = naive.rational_step(*EXACT, 1, start)
         error = sum((Fraction(float(c)) - e) ** 2 for c, e in zip(state, exact, strict=True))
-        assert error <= Fraction(4, 2**53) ** 2 * sum(e * e for e in exact)
+        assert error <= Fraction(4, 2**52) ** 2 * sum(e * e for e in exact)
     assert seen > 200
 
 
@@ -249,7 +249,6 @@ def carried_state(run):
     return run._resume["state"]
 
 
-@pytest.mark.compiled
 def test_no_subnormal_numbers_along_an_orbit():
     """They are several times slower; a factor of 0.9 a step keeps clear of them by far."""
     omega = [shrinking_start(decay, 1e-3) for decay in (0.13, 0.15, 0.17)]
@@ -264,24 +263,34 @@ def test_no_subnormal_numbers_along_an_orbit():
     assert zeros[-1]
 
 
-@pytest.mark.parametrize("k", [-1000, -530, -515, -512, -511])
-def test_squares_are_left_out_where_they_are_subnormal(k):
-    """From Y = 0 on, where Y' = -X**2 exactly."""
-    body, omega, eps = sf.Suslov3D(*EXACT), [2.0, 0.0], 2.0**k
-    for steps in (1, 5):
-        run = sf.iterate(body, omega, eps, steps, method="canonical")
-        X, Z = carried_state(run)[0]
-        assert eps == X
-        assert Z == 0.0
-        assert (run.omega == omega).all()
+# Formulas have nothing by which Python calls them.
+guarded_step = numba.njit(
+    lambda X, Z: canonical_map.guarded_step(X, Z, 0.0, np.inf), error_model="numpy"
+)
+settle = numba.njit(lambda c, s, rounds: maps_3d.settle_canonical(c, s, 0, rounds))
 
 
-@pytest.mark.parametrize("k", [-510, -509, -400, -60])
-def test_squares_count_where_they_are_normal(k):
-    run = sf.iterate(sf.Suslov3D(*EXACT), [2.0, 0.0], 2.0**k, 1, method="canonical")
-    X, Z = carried_state(run)[0]
-    assert 2.0**k == X
-    assert 2.0 ** (2 * k) == Z
+@pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_steps_without_subnormal_squares(k, sign):
+    """Where X**2 would be subnormal it is left out, which changes no bit beside Y."""
+    X = sign * 1.25 * 2.0**k
+    normal = X * X >= 2.0**-1022
+    assert guarded_step(X, 0.0) == (X, X * X if normal else 0.0)
+    for Z in (-0.5, 0.25, 2.0**-400):
+        exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
+        assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
+    c, s = np.zeros((9, 1)), np.array([[X], [0.25]])
+    assert settle(c, s, False) == (not normal)
+    assert s[0] == X
+    settle(c, s, True)
+    assert s[0] == X
+    s[0] = sign * 2.0**-961
+    settle(c, s, True)
+    assert s[0] == 0.0
+    s[:, 0] = sign * 2.0**-961, -0.25  # on its way from the repelling half
+    settle(c, s, True)
+    assert s[0] == sign * 2.0**-961
 
 
 @pytest.mark.compiled

@@ -31,7 +31,7 @@ def closed_form(I1, I2, I13, I23):
     return 2 * mpmath.asin(mpmath.sqrt(square)), float(alpha + beta + abs(gamma))
 
 
-@pytest.mark.parametrize("parameters", BODIES)
+@pytest.mark.parametrize("parameters", BODIES[:3])
 def test_against_long_integration(parameters):
     """Of the Poisson equations with the exact flow; what is left out is of the order of 1e-17."""
     expected = naive.scattering_angle(*parameters)

@@ -1,7 +1,6 @@
 """`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
 
 from fractions import Fraction
-from types import SimpleNamespace
 
 import naive
 import numba
@@ -10,7 +9,6 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast._engine import closed_form
-from suslov_fast._engine.jump import jumps
 
 
 def random_problem(rng):
@@ -38,7 +36,7 @@ def test_states_of_the_map(rng, sign):
 
 
 @pytest.mark.parametrize("eps", [1, -1])
-@pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 3e-16, 1e-12, -1e-8, 1e-4])
+@pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 1e-12, -1e-8, 1e-4])
 @pytest.mark.parametrize("x", [1e-9, 1e-3, 0.3, 5.0, 1e5])
 def test_on_and_next_to_the_critical_line(gap, x, eps):
     """|y| = 2 I1 I2 / |eps|, which the unit body holds exactly."""
@@ -190,13 +188,6 @@ def test_the_status_of_last_states(rng):
     assert len(np.unique(jumped.status)) == 2
 
 
-def test_steps_that_float64_does_not_hold():
-    run = SimpleNamespace(method="auto", orientation=None, keeps=False, stop=2**53)
-    assert jumps(run)
-    run.stop += 1
-    assert not jumps(run)
-
-
 def energy_error(parameters, computed, exact):
     """In the norm that the flow conserves, which no unit of the components matters to."""
     weights = [naive.mpf(float(each)) for each in parameters[:2]]
@@ -282,7 +273,7 @@ def test_any_parameters(rng, spread):
             assert energy_error(parameters, computed, exact) < 1e-14
 
 
-UNITS = [-600, -200, -37, 1, 200, 600]
+UNITS = [-600, -37, 600]
 
 
 @pytest.mark.parametrize("k", UNITS)
@@ -314,11 +305,6 @@ def test_limits_of_the_state_that_has_no_next(unit):
     minus, plus = sf.limits(unit, [0.0, 2.0], 1)
     assert np.isnan(minus).all()
     assert plus.tolist() == [0.0, 2.0]
-
-
-def test_states_that_do_not_fit_in_memory(body):
-    with pytest.raises(MemoryError, match=r"fit in memory, got shape \(10000000, 1000000, 2\)"):
-        sf.exact(body, np.broadcast_to([1.0, 2.0], (10**6, 2)), 0.2, np.arange(10**7))
 
 
 @pytest.mark.parametrize("scale", [1e-90, 1e-120, 1e-145])
@@ -396,17 +382,6 @@ def test_bodies_in_which_y_cancels(power):
     assert naive.relative_error(sf.exact(body, [-4.18, 0.62], 1e20, 1), exact) < 1e-15
     t = naive.criticality(0.2, 1.1, -3.8, 3.1, 1e20, naive.exactly(-4.18, 0.62))
     assert abs(sf.criticality(body, [-4.18, 0.62], 1e20) / t - 1) < 1e-15
-
-
-def test_the_level_adds_digits_to_y(body):
-    """Where T - |Y| is a fraction of |Y|, T in one number loses digits of small components."""
-    parameters, eps, n = (2, 1, 0.0, 0.5), 0.9, 300
-    for X in (0.05, 0.1, 0.2, 0.3):
-        omega = [4 * 0.5 / 0.9, X * 2 / 0.45]
-        with naive.mp.workdps(700):
-            exact = orbit_state(parameters, eps, omega, n)
-            computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
-            assert all(abs(c / e - 1) < 3e-15 for c, e in zip(computed, exact, strict=True))
 
 
 def state_on_the_pole(I1, I2, I13, I23, x):

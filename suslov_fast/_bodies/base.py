@@ -14,7 +14,6 @@ from .._checks import FloatArray, common_shape, real_array
 # Characters of a line that a body is shown in.
 _LINE = 100
 
-
 Kind = TypeVar("Kind", bound="Body")
 
 
@@ -24,12 +23,11 @@ class Body:
 
     # The number of axes of a parameter that are not axes of the batch.
     _own_axes: ClassVar[int] = 0
-    # Names of parameters with the unit of a moment of inertia, and of those that couple them.
+    # Names of the parameters of the map: moments of inertia, and what couples the components.
     _moments: ClassVar[tuple[str, ...]] = ()
     _couplings: ClassVar[tuple[str, ...]] = ()
-    # All parameters in words, and those that are positive.
+    # All parameters in words; those that are not couplings are positive.
     _meanings: ClassVar[dict[str, str]] = {}
-    _positive: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def _names(cls) -> list[str]:
@@ -58,10 +56,10 @@ class Body:
         arrays = {
             name: real_array(name, value) for name, value in values.items() if name not in left_out
         }
-        for name in self._positive:
-            if name in arrays and not (arrays[name] > 0).all():
+        for name, array in arrays.items():
+            if name not in self._couplings and not (array > 0).all():
                 raise ValueError(
-                    f"{name}: expected a positive {self._meanings[name]}, got {arrays[name].min()}"
+                    f"{name}: expected a positive {self._meanings[name]}, got {array.min()}"
                 )
         shapes = {name: array.shape for name, array in arrays.items()}
         common_shape({name: shape[: len(shape) - self._own_axes] for name, shape in shapes.items()})
@@ -111,14 +109,6 @@ class Body:
         shape = f", shape {self.shape}" if self.shape else ""
         return f"<table><caption>{type(self).__name__}{shape}</caption>{rows}</table>"
 
-    def _repr_latex_(self) -> str:
-        shown = (
-            rf"{name[0]}_{{{name[1:]}}} = {_brief(value)}".replace("_{}", "")
-            for name, value in self._values.items()
-        )
-        line = r",\; ".join(shown).replace("...", r"\ldots")
-        return f"${line}$"
-
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters as numbers and nested lists, which JSON can hold, without loss.
 
@@ -167,7 +157,7 @@ class Body:
 
 
 def _brief(value: float | FloatArray) -> str:
-    """A number or a few, or of many the range."""
+    """Return a number or a few as they are, and of many the range."""
     if np.size(value) <= _LINE // 10:
         return repr(np.asarray(value).tolist())
     return f"{np.min(value):g} ... {np.max(value):g}, shape {np.shape(value)}"

@@ -61,7 +61,6 @@ class SuslovGyrostat(Body):
         **dict.fromkeys(("I13", "I23"), "product of inertia"),
         "k": "momentum of the rotor",
     }
-    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2")
 
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k)

@@ -16,10 +16,7 @@ _ROUNDING = 1e-14
 
 
 def check_triangles(name: str, tensor: FloatArray) -> None:
-    """Positive definite tensors (..., 3, 3) whose principal moments obey the triangle inequalities.
-
-    They are the sums of the two second moments of matter along the other principal axes.
-    """
+    """Check the triangle inequalities of the principal moments of tensors (..., 3, 3)."""
     moments = np.linalg.eigvalsh(tensor)
     largest = moments[..., 2]
     fits = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
@@ -34,11 +31,9 @@ def check_triangles(name: str, tensor: FloatArray) -> None:
 def ellipsoid_of_inertia(
     parameters: tuple[float, float, float, float], I3: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Semi-axes of the points r with r.I r constant, the largest 1, and their directions, columns.
+    """Return semi-axes of the points r with r.I r constant, the largest 1, and their directions.
 
-    The parameters are I1, I2, I13 and I23.
-
-    Raises ValueError where that is no ellipsoid.
+    The parameters are I1, I2, I13 and I23; ValueError where there is no ellipsoid.
     """
     I1, I2, I13, I23 = parameters
     moments, directions = np.linalg.eigh(
@@ -55,7 +50,7 @@ def ellipsoid_of_inertia(
 def admissible_I3(
     I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The open interval of I3 for which tr(T)/2 - T is positive definite; NaN where none is.
+    """Return the open interval of I3 for which tr(T)/2 - T is positive definite; NaN where none is.
 
     With d = |I1 - I2|, m = min(I1, I2) and s = I3 - d the condition is s > 0 and
 
@@ -96,7 +91,7 @@ def admissible_I3(
 
 
 def _over(v: FloatArray, w: FloatArray) -> FloatArray:
-    """v / w, or 0 where v is."""
+    """Return v / w, or 0 where v is."""
     return np.where(v == 0, 0.0, v / w)
 
 
@@ -105,7 +100,7 @@ def _newton(
     derivative: Callable[[FloatArray], FloatArray],
     s: FloatArray,
 ) -> FloatArray:
-    """A root that is approached from one side, or the start where the function has its sign."""
+    """Return a root that is approached from one side, or the start if it is one."""
     for _ in range(_ITERATIONS):
         value = function(s)
         following = s - np.where(value == 0, 0.0, value / derivative(s))

@@ -52,7 +52,6 @@ class SuslovND(Body):
     _moments: ClassVar[tuple[str, ...]] = ("J",)
     _couplings: ClassVar[tuple[str, ...]] = ("I",)
     _meanings: ClassVar[dict[str, str]] = {"J": "sum I_ii + I_nn", "I": "coupling I_in"}
-    _positive: ClassVar[tuple[str, ...]] = ("J",)
 
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
         J, I = real_array("J", J), real_array("I", I)
@@ -72,7 +71,7 @@ class SuslovND(Body):
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None
     ) -> tuple[SuslovND, FloatArray]:
-        """The body with given second moments of mass and a given constraint axis.
+        """Return the body with given second moments of mass and a given constraint axis.
 
         Parameters
         ----------
@@ -130,7 +129,7 @@ class SuslovND(Body):
 
 
 def _shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """The rotation by the smallest angle that takes a unit axis to e_n; the others stay."""
+    """Return the rotation by the smallest angle that takes a unit axis to e_n."""
     n = len(axis)
     e = np.eye(n)[-1]
     half_turn = np.eye(n)
@@ -145,7 +144,7 @@ def _shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
 
 
 def _principal_axes(block: FloatArray) -> FloatArray:
-    """The rotation that makes a symmetric matrix diagonal, near the identity if one is."""
+    """Return the rotation that makes a symmetric matrix diagonal, near the identity if one is."""
     from scipy.optimize import linear_sum_assignment  # where it is needed: imports take time
 
     _, vectors = np.linalg.eigh(block)

@@ -8,10 +8,7 @@ from .three import Suslov3D
 
 
 class Picture(NamedTuple):
-    """What defines a picture, and how far from 0 its axes reach here.
-
-    The paper does not say where its axes end; these let the single steps be seen.
-    """
+    """A body, a step size, and the reach of the axes from 0, which the paper does not state."""
 
     body: Suslov3D
     eps: float

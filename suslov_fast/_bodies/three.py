@@ -1,4 +1,4 @@
-"""The bodies whose motion the package computes."""
+"""The body in three dimensions."""
 
 from __future__ import annotations
 
@@ -73,7 +73,6 @@ class Suslov3D(Body):
         **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
         **dict.fromkeys(("I13", "I23"), "product of inertia"),
     }
-    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
 
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)
@@ -85,7 +84,7 @@ class Suslov3D(Body):
         return 2
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
-        """The moments I3 that a body with these parameters can have.
+        """Return the moments I3 that a body with these parameters can have.
 
         The inertia tensor is that of matter whose second moments are positive definite: then it is
         positive definite itself, and its principal moments obey the triangle inequalities.
@@ -94,12 +93,6 @@ class Suslov3D(Body):
         -------
         low, high : ndarray(float, shape=(...))
             The ends of the open interval of I3; NaN where no body has such parameters.
-
-        Notes
-        -----
-        With I3 = I1 + I2 - 2 m, m = the second moment of matter along e3, the conditions are
-        ``m > 0``, and that ``I1 + I2 - 2 m > |I1 - I2|`` by more than the products I13 and I23
-        take away.
 
         Examples
         --------
@@ -118,7 +111,7 @@ class Suslov3D(Body):
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
-        """The body with a given inertia tensor and constraint axis.
+        """Return the body with a given inertia tensor and constraint axis.
 
         Parameters
         ----------
@@ -170,7 +163,7 @@ class Suslov3D(Body):
 
 
 def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:
-    """The rotation by the smallest angle that takes each unit axis to e3."""
+    """Return the rotation by the smallest angle that takes each unit axis to e3."""
     # Half a turn about axis + e3, which exchanges the two, then half a turn about e3. An axis that
     # points down is first turned by pi about e1.
     down = axis[..., 2] < 0
@@ -184,7 +177,7 @@ def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:
 
 
 def _about_e3(angle: FloatArray) -> FloatArray:
-    """The matrix that takes components to a basis turned by an angle about e3."""
+    """Return the matrix that takes components to a basis turned by an angle about e3."""
     rotation = np.zeros((*np.shape(angle), 3, 3))
     rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
     rotation[..., 0, 1] = np.sin(angle)

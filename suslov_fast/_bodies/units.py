@@ -20,16 +20,9 @@ Exponents = NDArray[np.intc]
 
 
 class Units(NamedTuple):
-    """The powers of two that are taken out of the moments and of the couplings of a body.
+    """Exponents of the powers of two taken out of a body, and the `parameters` that are left.
 
-    Attributes
-    ----------
-    moments, couplings
-        The exponents, of shapes that broadcast to the batch.
-    parameters
-        What is left of `body.parameters`.
-    single
-        couplings - moments of a single body.
+    `single` is couplings - moments of a single body.
     """
 
     moments: Exponents
@@ -60,7 +53,7 @@ def _units_of(body: Body) -> Units:
 
 
 def _extreme(function: np.ufunc, body: Body, names: tuple[str, ...]) -> FloatArray:
-    """The largest or the smallest size of some parameters of each body."""
+    """Return the largest or the smallest size of some parameters of each body."""
     arrays = [abs(np.asarray(getattr(body, name))) for name in names]
     extreme: FloatArray = functools.reduce(function, arrays)  # type: ignore[arg-type]
     return function.reduce(extreme, axis=-1) if body._own_axes else extreme

@@ -349,6 +349,6 @@ def _add_parameters(group: Any) -> None:
         group.add_argument(
             f"--{name}",
             help=f"{kind._meanings[name]} ({bodies})",
-            type=_list if kind._own_axes else _positive if name in kind._positive else _number,
+            type=_list if kind._own_axes else _number if name in kind._couplings else _positive,
             metavar=f"{name}1,..." if kind._own_axes else None,
         )

@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._kernels import codes, reduction
-from . import iterate_nd, jump, threads
+from .._kernels import codes
+from . import iterate_nd, jump
 from .layout import for_kernel
 from .problem import Outcome, Problem
 from .progress import reporter
+from .reduction import of_n_3, reduce
 
 _NO_STATES, _NO_TURNS = np.empty((0, 0, 2)), np.empty((0, 0, 3, 3))
 # Numbers of 3D states that are held at a time, and their rows, if there are as many.
 _TOGETHER, _ROWS = 2**20, 2**12
-# What reducing a trajectory costs, in steps of the 3D map.
-_REDUCING = 30
 
 
 def run(problem: Problem) -> Outcome:
@@ -33,7 +32,7 @@ def run(problem: Problem) -> Outcome:
     if not solved.any():
         return iterate_nd.run(problem)
     reduced = _Reduced(problem)
-    jumping = reduced.fits & solved
+    jumping = reduced.reduced.fits & solved
     if jumping.all():
         with reporter(problem.progress, problem.stop - problem.start) as report:
             outcome = reduced.run()
@@ -57,9 +56,9 @@ def _solved(problem: Problem) -> NDArray[np.bool_]:
 
 
 def _in_three(problem: Problem) -> Problem:
-    """Of n = 3, with J = (I1, I2) and I = (I23, -I13): e1 and e2 are turned to fit."""
+    """Return the 3D problem of n = 3."""
     J, I, eps = problem.parameters
-    given = [for_kernel(each) for each in (J[:, 0], J[:, 1], -I[:, 1], I[:, 0], eps)]
+    given = [for_kernel(each) for each in (*of_n_3(J, I), eps)]
     return replace(problem, parameters=given, resume={}, progress=None)
 
 
@@ -120,27 +119,12 @@ class _Reduced:
     """A run, and the run in three dimensions that it comes to."""
 
     def __init__(self, problem: Problem) -> None:
-        size, m = problem.omega.shape
         self.problem = problem
-        numbers, state = np.empty((size, 5)), np.empty((size, 2))
-        self.along, self.across = np.empty((size, m)), np.empty((size, m))
-        self.fits = np.empty(size, np.bool_)
-        threads.run(
-            reduction.reduce,
-            size * (_REDUCING + 8 * m),
-            problem.threads,
-            tuple(problem.parameters),
-            problem.omega,
-            numbers,
-            state,
-            self.along,
-            self.across,
-            self.fits,
-        )
-        parameters = [for_kernel(each) for each in numbers.T]
+        self.reduced = reduced = reduce(problem.parameters, problem.omega, problem.threads)
+        parameters = [for_kernel(each) for each in reduced.three.T]
         self.three = replace(
             problem,
-            omega=state,
+            omega=reduced.state,
             parameters=parameters,
             eps=parameters[4],
             saved=_NO_STATES,
@@ -167,8 +151,9 @@ class _Reduced:
                 three = self._part(some, row, min(row + height, rows))
                 last, status[begin:end], failed_at[begin:end], _ = jump.run(three)
                 if rows:
-                    self._expand(three.saved, problem.saved[row : row + len(three.saved)], begin)
-            self._expand(last[np.newaxis], final[np.newaxis], begin)
+                    rows_of_part = problem.saved[row : row + len(three.saved)]
+                    self.reduced.expand(three.saved, rows_of_part, begin, problem.threads)
+            self.reduced.expand(last[np.newaxis], final[np.newaxis], begin, problem.threads)
         if rows and problem.start == 0:
             first = problem.saved[0]
             np.copyto(first, problem.omega, where=failed_at[:, np.newaxis] != 0)
@@ -182,9 +167,3 @@ class _Reduced:
         saved = np.empty((end - row, some.size, 2))
         start = before * problem.every if row else problem.start
         return replace(self.three.some(some, stop, saved), start=start)
-
-    def _expand(self, states: FloatArray, out: FloatArray, begin: int) -> None:
-        """Make states of some trajectories, of those of three dimensions."""
-        work = states.size * (1 + out.shape[-1] // 2)
-        arguments = for_kernel(states), self.along, self.across, for_kernel(out), begin
-        threads.run(reduction.expand, work, self.problem.threads, *arguments)

@@ -75,7 +75,7 @@ class Run:
 
     @property
     def rows_before(self) -> int:
-        """The number of those that were kept before."""
+        """The number of states that were kept before `start`."""
         return self.start // self.save_every + 1 if self.save_every and self.start else 0
 
 

@@ -69,6 +69,8 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
             three[3], state[0], state[1] = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
             for i in range(m):
                 along[i], across[i] = omega[i], 0.0
+    if undefined != 0.0:
+        three[3], state[0], state[1] = 0.0, np.nan, np.nan
     apart = abs(exponent(of_k) - exponent(of_others))
     in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
     return in_range and exponent(step) <= LONGEST

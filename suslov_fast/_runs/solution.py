@@ -7,9 +7,10 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.reduction import reduce
+from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, real_number
+from .._engine import reduction
 from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
@@ -158,7 +159,8 @@ def limits(
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
         Opposite points of the line I13 Omega1 + I23 Omega2 = 0. A state that does not move is its
-        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its inverse, leads nowhere.
+        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its
+        inverse, leads nowhere.
 
     Raises
     ------
@@ -212,10 +214,16 @@ def _solve(
     flow = name == "flow"
     if isinstance(body, Suslov3D):
         return states_at(body, state, eps, batch, times, flow, threads)
-    reduction = reduce(body, name)
-    reduced = reduction.state(state)
-    of_three, missing = states_at(reduction.three, reduced, eps, batch, times, flow, threads)
-    states = reduction.back(of_three, state)
+    check_solved(body, name)
+    if body.dimension == 2:
+        three = Suslov3D(*reduction.of_n_3(body.J, body.I))
+        return states_at(three, state, eps, batch, times, flow, threads)
+    reduced = reduction.of_batch(body, state, eps, batch, threads)
+    step, size = reduced.three[:, 4], (len(reduced.state),)
+    of_three, missing = states_at(reduced.body, reduced.state, step, size, times, flow, threads)
+    states = np.empty((*times.shape, *batch, body.dimension))
+    flat = states.reshape((times.size, *size, body.dimension))
+    reduced.expand(of_three.reshape((times.size, *size, 2)), flat, 0, threads)
     # At time 0 the given state itself.
     states[times == 0.0] = state
     return states, missing

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from .._bodies.nd import SuslovND
-from .._bodies.reduction import first_integral as first_integral_of
-from .._bodies.reduction import reduce
+from .._bodies.reduction import check_solved
+from .._bodies.three import Suslov3D
+from .._bodies.units import units_of
 from .._checks import FloatArray
+from .._engine import reduction
 from .._engine.run import Run, execute
 from .._engine.states import by_slabs, of_state
 from .._engine.states_nd import of_state_nd
@@ -46,33 +48,44 @@ def _by_numpy(
         body: SuslovND, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
         if solved:
-            reduce(body, solved)
+            check_solved(body, solved)
         result = (body.dimension,) * axes
         return by_slabs(function, body, omega, eps, batch, result, warn=axes > 0)
 
     return find
 
 
-def _three(kernel: Kernel, name: str, body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
+def _of_three(kernel: Kernel, body: Any, state: FloatArray, eps: FloatArray) -> FloatArray:
     """Return a quantity of the body in three dimensions that moves as this one does."""
-    reduction = reduce(body, name)
-    three, state = reduction.three, reduction.state(omega)
-    batch = np.broadcast_shapes(three.shape, state.shape[:-1], np.shape(eps))
-    return of_state(kernel, (), three, state, eps, batch, threads=1)
+    batch = np.broadcast_shapes(body.shape, state.shape[:-1], np.shape(eps))
+    return of_state(kernel, (), body, state, eps, batch, threads=1)
+
+
+def _of_n_3(kernel: Kernel, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    return _of_three(kernel, Suslov3D(*reduction.of_n_3(body.J, body.I)), omega, eps)
 
 
 def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    """Return F = 2 E / (4 a b + eps**2 x**2)."""
     if body.dimension == 2:
-        return _three(kernels_3d.first_integral, "first_integral", body, omega, eps)
+        return _of_n_3(kernels_3d.first_integral, body, omega, eps)
     body, omega, eps, unit = _normal(body, omega, eps)
-    energy = QUANTITIES["energy"](body, omega, None, omega.shape[:-1], 1, "omega")
-    return _ldexp(first_integral_of(reduce(body, "first_integral"), omega, eps, energy), unit)
+    batch = omega.shape[:-1]
+    energy = QUANTITIES["energy"](body, omega, None, batch, 1, "omega")
+    reduced = reduction.of_batch(body, omega, eps, batch, 1)
+    b, a, _, I23, step = reduced.three.T
+    with np.errstate(all="ignore"):
+        below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
+        value: FloatArray = 2.0 * energy / below.reshape(batch)
+    return _ldexp(value, unit - 2 * units_of(body).moments)
 
 
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    if body.dimension > 2:
-        body, omega, eps, _ = _normal(body, omega, eps)
-    return _three(kernels_3d.criticality, "criticality", body, omega, eps)
+    if body.dimension == 2:
+        return _of_n_3(kernels_3d.criticality, body, omega, eps)
+    reduced = reduction.of_batch(body, omega, eps, omega.shape[:-1], 1)
+    t = _of_three(kernels_3d.criticality, reduced.body, reduced.state, reduced.three[:, 4])
+    return t.reshape(omega.shape[:-1])
 
 
 def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:

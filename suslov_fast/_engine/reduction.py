@@ -1,0 +1,66 @@
+"""Bodies in n dimensions whose problem is solved, as bodies in three: see `_kernels.reduction`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray
+from .._kernels import reduction
+from . import threads as _threads
+from .layout import flat_vectors, for_kernel
+from .units import for_loops
+
+# What reducing a trajectory costs, in steps of the 3D map.
+_REDUCING = 30
+
+
+class Reduced(NamedTuple):
+    """Trajectories of bodies of n > 3 as those of 3D bodies; the arrays are those of the kernel."""
+
+    three: FloatArray
+    state: FloatArray
+    along: FloatArray
+    across: FloatArray
+    fits: NDArray[np.bool_]
+
+    @property
+    def body(self) -> Suslov3D:
+        """The 3D bodies."""
+        return Suslov3D(*self.three.T[:4])
+
+    def expand(self, states: FloatArray, out: FloatArray, begin: int, threads: int | None) -> None:
+        """Write states out (rows, B, m) from trajectory `begin` on, of 3D states (rows, b, 2)."""
+        work = states.size * (1 + out.shape[-1] // 2)
+        arguments = for_kernel(states), self.along, self.across, for_kernel(out), begin
+        _threads.run(reduction.expand, work, threads, *arguments)
+
+
+def reduce(parameters: list[FloatArray], omega: FloatArray, threads: int | None) -> Reduced:
+    """Reduce flat trajectories."""
+    size, m = omega.shape
+    three, state = np.empty((size, 5)), np.empty((size, 2))
+    reduced = Reduced(three, state, np.empty((size, m)), np.empty((size, m)), np.empty(size, bool))
+    work = size * (_REDUCING + 8 * m)
+    _threads.run(reduction.reduce, work, threads, tuple(parameters), omega, *reduced)
+    return reduced
+
+
+def of_batch(
+    body: SuslovND,
+    omega: FloatArray,
+    eps: float | FloatArray,
+    batch: tuple[int, ...],
+    threads: int | None,
+) -> Reduced:
+    """Reduce a batch."""
+    return reduce(for_loops(body, eps, batch), flat_vectors(omega, batch), threads)
+
+
+def of_n_3(J: FloatArray, I: FloatArray) -> tuple[FloatArray, ...]:
+    """Return I1, I2, I13, I23 of the 3D body whose states are those of a body of n = 3."""
+    return J[..., 0], J[..., 1], -I[..., 1], I[..., 0]

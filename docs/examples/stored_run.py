@@ -3,11 +3,7 @@ A run from a Zarr store
 =======================
 
 A run is written to a Zarr store, opened as an xarray dataset, and drawn from there. The store also
-<<<<<<< HEAD
-holds what :meth:`~suslov_fast.Trajectories.extend` needs to continue the run. Colours show the
-=======
 holds what :meth:`~suslov_fast.Trajectories.extend` needs to continue the run. Colours are the
->>>>>>> heads/docs
 energy at the start.
 """
 

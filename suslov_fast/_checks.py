@@ -281,7 +281,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return ()
     try:
         return np.broadcast_shapes(*shapes.values())
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:  # the second where there are too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         raise ValueError(
             f"expected batch shapes that broadcast against each other, got {received}"

@@ -342,7 +342,7 @@ MISTAKES = """
 1 | info missing.npz | missing.npz: No such file or directory
 1 | info missing.zarr | missing.zarr: No such file or directory
 1 | info folder.npz | folder.npz: expected a .npz file that Trajectories.save wrote
-1 | info other.npz | other.npz: expected a whole .npz file of a run
+1 | info other.npz | other.npz: expected a .npz file that Trajectories.save wrote
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | animate | the following arguments are required: -o/--output

@@ -146,7 +146,7 @@ def test_imports_point_down():
 
 
 def test_the_reference_imports_nothing_from_the_package():
-    assert set(imports(Path(__file__).parent / "naive.py")) == {"itertools", "mpmath"}
+    assert set(imports(Path(__file__).parent / "naive.py")) <= {"fractions", "itertools", "mpmath"}
 
 
 @pytest.mark.parametrize("name", MODULES)

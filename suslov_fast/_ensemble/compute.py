@@ -165,10 +165,9 @@ def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
         for first in range(0, len(numbers), job.rows):
             n = np.reshape(numbers[first : first + job.rows], (-1, *(1,) * failed.ndim))
             rows = slice(first, first + len(n))
-            same &= _is_nan_where(arrays["omega"][(rows, *where)], failed & (n >= failed_at))
-            if job.orientation is not None:  # the first one is given
-                gone = failed & (n >= np.maximum(failed_at, 1))
-                same &= _is_nan_where(arrays["attitude"][(rows, *where)], gone)
+            gone = failed & (n >= failed_at)
+            for name in ("omega", "attitude")[: 1 + (job.orientation is not None)]:
+                same &= _is_nan_where(arrays[name][(rows, *where)], gone)
     except (ValueError, RuntimeError, OSError):  # of checksums and codecs
         return False
     return same

@@ -1,4 +1,4 @@
-"""What commands share: a bar on a terminal, errors in one line, new files."""
+"""Parts that commands share: a bar on a terminal, errors in one line, new files."""
 
 from __future__ import annotations
 

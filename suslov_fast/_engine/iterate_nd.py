@@ -111,7 +111,7 @@ def _run(problem: Problem, kernel: Kernel) -> Outcome:
 
 
 def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
-    """How many tasks share the trajectories, and how many lanes their blocks have."""
+    """Return the number of tasks that share the trajectories, and of lanes their blocks have."""
     blocks = max(-(-size // map_nd.LANES), 1)
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
     # Of several tasks each has as many blocks, and these about the same size.
@@ -121,7 +121,7 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
 
 
 def _kept(problem: Problem) -> tuple[NDArray[np.generic], ...]:
-    """What a run writes: final, status, failed_at, state, exponent; it begins with copies."""
+    """Return final, status, failed_at, state and exponent of a run, copies where it goes on."""
     size, m = problem.omega.shape
     final = problem.saved[-1] if problem.saves_last else np.empty((size, m))
     if problem.start:

@@ -42,7 +42,7 @@ def run(problem: Problem) -> Outcome:
 
 
 def _solved(problem: Problem) -> NDArray[np.bool_]:
-    """Where J I = b I and J = a on the vectors orthogonal to I, to the last bit, or n < 4."""
+    """Return where J I = b I and J = a orthogonally to I, to the last bit, or n < 4."""
     J, I, _ = problem.parameters
     if J.shape[1] == 2:
         return np.ones(1, np.bool_)
@@ -106,7 +106,7 @@ def _blocks(problem: Problem, jumping: NDArray[np.bool_]) -> Iterator[NDArray[np
 
 
 def _resume(size: int, m: int) -> dict[str, NDArray[np.generic]]:
-    """What a run is gone on with from, which for those that jump is nothing."""
+    """Return the arrays from which a run goes on, which those that jump do not need."""
     return {
         "state": np.zeros((size, m)),
         "exponent": np.zeros(size),

@@ -90,7 +90,7 @@ class Job:
 
     @property
     def record(self) -> np.dtype[Any]:
-        """What the store holds of a trajectory so that the next piece can start from it."""
+        """Record of a trajectory in the store, so that the next piece can start from it."""
         D = self.body.dimension
         lengths = {"component": D, "space": D + 1}
         resume: list[Any] = [

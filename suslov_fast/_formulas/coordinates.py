@@ -54,8 +54,8 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 @formula
 def canonical_body(I1, I2, I13, I23):
-    """What `canonical_state` needs of a body: 2 I1 I2, I23 I1 and -I13 I2, each with what rounding
-    lost of it, and the inverse of the first with its square root.
+    """Constants of a body for `canonical_state`: 2 I1 I2, I23 I1 and -I13 I2, each with its rounding
+    error, and the inverse of the first with its square root.
     """
     a2, a2_lost = two_product(2.0 * I1, I2)
     c1, c1_lost = two_product(I23, I1)
@@ -122,7 +122,7 @@ def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
 
 @formula
 def at_rest(I13, I23, eps, X, Y):
-    """Whether the map is the identity, or does not move this state by any digit."""
+    """Test that the map is the identity, or does not move this state by any digit."""
     return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
 
 

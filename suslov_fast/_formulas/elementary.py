@@ -29,7 +29,7 @@ def smaller(a, b):
 
 @formula
 def is_integer(v):
-    """Whether a number v >= 0 is one; `floor` would be a call."""
+    """Test that a number v >= 0 is an integer; `floor` would be a call."""
     return (v >= 2.0**52) | ((v + 2.0**52) - 2.0**52 == v)
 
 

@@ -1,4 +1,4 @@
-"""What the 3D flow and the 3D map conserve, and the terms of that in n dimensions.
+"""Quantities that the 3D flow and the 3D map conserve, and the terms of that in n dimensions.
 
 Arguments that are called M, P, E and W are the logarithms of units: see `units`.
 """

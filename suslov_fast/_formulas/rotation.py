@@ -21,7 +21,7 @@ def mean(omega, following):
 
 @formula
 def is_large(total):
-    """Whether a turn is half a turn to rounding; total = the sum of all |b_i|. NaN is large too."""
+    """Test that a turn is half a turn to rounding, from the sum of all |b_i|; NaN is large too."""
     return not total < LARGE
 
 

@@ -1,4 +1,4 @@
-"""What the derivative of the map does to small displacements, and the growth of products."""
+"""Action of the derivative of the map on small displacements, and the growth of products."""
 
 from .._jit import formula, select
 from .elementary import LN2_HIGH, LN2_LOW, larger, logarithm

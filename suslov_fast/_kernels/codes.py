@@ -1,4 +1,4 @@
-"""How a trajectory ends, as kernels write it."""
+"""Statuses of trajectories, as kernels write them."""
 
 OK, SUPERCRITICAL, SINGULAR, NONFINITE = 0, 1, -1, -2
 

@@ -54,8 +54,8 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 @formula
 def canonical_body(I1, I2, I13, I23):
-    """Constants of a body for `canonical_state`: 2 I1 I2, I23 I1 and -I13 I2, each with its rounding
-    error, and the inverse of the first with its square root.
+    """Constants of a body for `canonical_state`: 2 I1 I2, I23 I1 and -I13 I2, each with its
+    rounding error, and the inverse of the first with its square root.
     """
     a2, a2_lost = two_product(2.0 * I1, I2)
     c1, c1_lost = two_product(I23, I1)

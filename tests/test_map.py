@@ -267,6 +267,7 @@ def test_no_subnormal_numbers_along_an_orbit():
 guarded_step = numba.njit(
     lambda X, Z: canonical_map.guarded_step(X, Z, 0.0, np.inf), error_model="numpy"
 )
+careful_step = numba.njit(lambda X, Z: canonical_map.careful_step(X, Z), error_model="numpy")
 settle = numba.njit(lambda c, s, rounds: maps_3d.settle_canonical(c, s, 0, rounds))
 
 
@@ -280,6 +281,7 @@ def test_steps_without_subnormal_squares(k, sign):
     for Z in (-0.5, 0.25, 2.0**-400):
         exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
         assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
+        assert careful_step(X, Z) == guarded_step(X, Z)
     c, s = np.zeros((9, 1)), np.array([[X], [0.25]])
     assert settle(c, s, False) == (not normal)
     assert s[0] == X

@@ -67,7 +67,7 @@ def cause(c, s, l):
     return codes.SINGULAR if np.isnan(det) and in_range else codes.NONFINITE
 
 
-run_block = block_loop(3, 3, enter, advance, advance, show, cause, nothing_to_settle)
+run_block = block_loop(3, 3, enter, advance, advance, advance, show, cause, nothing_to_settle)
 
 
 @kernel

@@ -59,7 +59,7 @@ def cause(c, s, l):
     return codes.SINGULAR if np.isnan(d) and np.isfinite(s[0, l] * s[0, l]) else codes.NONFINITE
 
 
-run_block = block_loop(2, 4, enter, advance, advance, show, cause, nothing_to_settle)
+run_block = block_loop(2, 4, enter, advance, advance, advance, show, cause, nothing_to_settle)
 
 
 @kernel

@@ -2,18 +2,18 @@
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
 inside, so that LLVM puts lanes side by side in vector registers. The constants of each trajectory
-stand in the rows of `c`, its state in those of `s`. A map is given by six formulas of one lane l:
+stand in the rows of `c`, its state in those of `s`. A map is given by seven formulas of one lane l:
 
 enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
                                        its steps must be guarded, else 0.
 advance(c, s, l)                       Make one step of a trajectory that cannot meet a pole.
+careful(c, s, l)                       Make the same step without slow subnormal numbers.
 guarded(c, s, l)                       Make one step of any trajectory: NaN where no next state
                                        exists, else equal to `advance` bit for bit.
 show(c, s, l, out, i)                  Write the angular velocity to out[i:].
 cause(c, s, l)                         Return the status of a trajectory that has no next state.
-settle(c, s, l, rounds)                Return 1 if steps must be guarded against subnormal numbers,
-                                       which are slow, else 0. With `rounds`, replace numbers that
-                                       do not count any more by 0.
+settle(c, s, l, rounds)                Return 1 if steps must be careful, else 0. With `rounds`,
+                                       replace numbers that do not count any more by 0.
 
 The arithmetic of a trajectory depends neither on its block nor on how its steps are cut into calls.
 Arguments of a kernel, over a batch of B trajectories:
@@ -80,7 +80,7 @@ def nothing_to_settle(c, s, l, rounds):
     return 0
 
 
-def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):
+def block_loop(D, numbers, enter, advance, careful, guarded, show, cause, settle):
     """Make the loop over the steps of a block from the formulas of a map.
 
     A state has D components, and is held as so many numbers.
@@ -145,17 +145,21 @@ def block_loop(D, numbers, enter, advance, guarded, show, cause, settle):
         place = (next_saved // every - first_row) * stride + D * first
         while n < stop:
             since, until = n, min(stop, (n // CHECK_EVERY + 1) * CHECK_EVERY)
-            guards = to_guard
+            small = 0
             for l in range(lanes):
-                guards += settle(c, s, l, n % CHECK_EVERY == 0)
+                small += settle(c, s, l, n % CHECK_EVERY == 0)
                 for k in range(numbers):
                     before[k, l] = s[k, l]
             while n < until:
                 pause = min(until, next_saved) if turning is None else n + 1
-                if guards > 0:
+                if to_guard > 0:
                     for _ in range(n, pause):
                         for l in range(lanes):
                             guarded(c, s, l)
+                elif small > 0:
+                    for _ in range(n, pause):
+                        for l in range(lanes):
+                            careful(c, s, l)
                 else:
                     for _ in range(n, pause):
                         for l in range(lanes):

@@ -77,6 +77,11 @@ def advance_canonical(c, s, l):
 
 
 @formula
+def careful_canonical(c, s, l):
+    s[0, l], s[1, l] = canonical_map.careful_step(s[0, l], s[1, l])
+
+
+@formula
 def guarded_canonical(c, s, l):
     o = canonical_at(c, l)
     s[0, l], s[1, l] = canonical_map.guarded_step(s[0, l], s[1, l], o.c, o.bound)
@@ -109,6 +114,7 @@ run_canonical = block_loop(
     2,
     enter_canonical,
     advance_canonical,
+    careful_canonical,
     guarded_canonical,
     show_canonical,
     cause_canonical,
@@ -180,6 +186,7 @@ run_printed = block_loop(
     2,
     2,
     enter_printed,
+    advance_printed,
     advance_printed,
     advance_printed,
     show_printed,

@@ -84,3 +84,15 @@ def body():
 def unit():
     """A body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
     return Suslov3D(1, 1, 1, 0)
+
+
+@pytest.fixture(autouse=True)
+def _figures():
+    """Leave no figures open and no settings of Matplotlib changed, whatever a test runs."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        import matplotlib
+        import matplotlib.pyplot as plt
+
+        plt.close("all")
+        matplotlib.rcdefaults()

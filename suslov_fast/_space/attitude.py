@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
+from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.layout import first_index, for_kernel, spell
 from .._engine.states import TASKS
@@ -24,6 +25,7 @@ _TURNING, _CHECKING = 10, 10
 _CLASSES = ("Suslov3D", "SuslovND", "SuslovGyrostat")
 
 
+@filled
 def attitude(
     body: Any,
     omega: ArrayLike,
@@ -33,44 +35,39 @@ def attitude(
 ) -> FloatArray:
     """Orientation of the body along stored trajectories.
 
-    The shapes of the body, of `eps`, of `omega` without its first and last axis and of `R0` without
-    its last two broadcast to the batch shape ``...``.
-
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega : array_like(float, shape=(N + 1, ..., D))
-        Trajectories with all their states, as `iterate` stores them; NaN after a failure.
-    eps : array_like(float, shape=(...))
-        The step size that the states were iterated with.
+        All states of trajectories, as :func:`iterate` returns them, NaN after a failure included.
+    %(eps)s
+        It must be the one that the states were computed with.
     R0 : array_like(float, shape=(..., n, n)), optional
-        Orientation at the first state, a rotation matrix; by default the identity.
-    threads : int, optional
-        Number of threads; by default Numba's.
+        Rotation matrix, the orientation at the first state; by default the identity.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
-        Matrices R that take components in the body to components in space, orthogonal to
-        rounding however long the trajectory; NaN from the first state on that is NaN. In three
-        dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` turns them
-        into SciPy's rotations.
+        Matrices R that take components in the body frame to components in space. They are
+        orthogonal to rounding, however long the trajectory, and NaN from the first NaN state on. In
+        three dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))``
+        converts them to SciPy's rotations.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite, or states do not follow each other
-        by the map with this eps, as every k-th state of a run does not.
+    %(invalid)s
+    ValueError
+        If a state is not the image of the one before, as in a run that saved every k-th state only.
 
     Notes
     -----
-    R_next = R cay(eps (Omega + Omega_next) / 2), the Cayley map: the discrete counterpart of
-    R' = R Omega, of order 2. In three dimensions it is computed with unit quaternions.
+    R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
+    R' = R Omega. In three dimensions it is computed with unit quaternions.
 
-    A state follows another if the implicit equations (dsn) hold to one part in 1e6 of the step
-    between the two. Near a steady state, where steps are less than one part in 1e10 of the state,
-    that cannot be told.
+    Two states are accepted as consecutive if they satisfy the implicit equations (4), in n
+    dimensions (15), to one part in 1e6 of the step between them. Close to a steady state, where the
+    step is less than one part in 1e10 of the state, the equations cannot tell: all are accepted.
 
     Examples
     --------
@@ -162,9 +159,9 @@ def _check_that_states_follow(
 
 
 def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-    """Return the roots of J, eps / J and I of (dsn), and k: (B, m) and (B,), or (1, m) and (1,).
+    """Return sqrt(J), eps / J and I, of shape (B, m) or (1, m), and k, of shape (B,) or (1,).
 
-    J and I are of the order of 1, and k has the unit of I.
+    These are the parameters of the implicit equations in units in which J and I are of order 1.
     """
     k = np.zeros(())
     if isinstance(body, SuslovND):

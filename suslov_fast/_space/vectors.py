@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, vectors
+from .._docs import filled
 from .._engine.arguments import Body, check
 
 # A matrix is antisymmetric, and a state obeys the constraint, to this part of its size.
 _ROUNDING = 1e-12
 
 
+@filled
 def to_matrix(
     body: Body,
     omega: ArrayLike,
@@ -25,26 +27,19 @@ def to_matrix(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned with the body: the result is then in the
-        basis in which the inertia was given, not in the adapted one.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations, as :func:`suslov_fast.attitude` returns them: the result is then in space.
+    %(body)s
+    %(omega)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., n, n))
-        In three dimensions the matrix that takes v to the vector product of (Omega1, Omega2, 0)
-        and v. NaN where omega is.
+        In three dimensions, the matrix whose product with a vector v is the vector product of
+        (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Examples
     --------
@@ -64,30 +59,28 @@ def to_matrix(
     return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
 
 
+@filled
 def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = None) -> FloatArray:
-    """State of an antisymmetric matrix: the inverse of :func:`to_matrix`.
+    """Angular velocities from antisymmetric matrices, the inverse of :func:`to_matrix`.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     matrix : array_like(float, shape=(..., n, n))
-        Antisymmetric matrices that obey the constraint: in the adapted basis Omega_ij = 0 for
-        i, j < n.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned with the body, if the matrices are in
-        the basis in which the inertia was given.
+        Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
+        basis. Where one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Angular velocities as all functions take them; NaN where the matrix is.
+        Components in the adapted basis, as all functions take them.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape; constraint and antisymmetry must hold to
-        1e-12 of the largest component.
+        If an argument has a wrong type or shape, or if the constraint or the antisymmetry is
+        violated by more than 1e-12 of the largest component.
 
     Examples
     --------
@@ -127,6 +120,7 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     return np.broadcast_to(column + 0.0, (*shape, n - 1)).copy()
 
 
+@filled
 def to_vector(
     body: Suslov3D,
     omega: ArrayLike,
@@ -134,28 +128,22 @@ def to_vector(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Vector of an angular velocity, in three dimensions.
+    """Angular velocity as a vector, in three dimensions.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
-    attitude : array_like(float, shape=(..., 3, 3)), optional
-        As for :func:`to_matrix`: takes the result to space.
+    %(body_3d)s
+    %(omega_3d)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        (Omega1, Omega2, 0), in the basis asked for; NaN where omega is.
+        (Omega1, Omega2, 0), or its components in the other basis.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Examples
     --------
@@ -170,31 +158,30 @@ def to_vector(
     return _turned(vector, _turn(3, rotation, attitude))
 
 
+@filled
 def from_vector(
     body: Suslov3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
-    """State of an angular velocity given as a vector: the inverse of :func:`to_vector`.
+    """Angular velocities from vectors, the inverse of :func:`to_vector`.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
+    %(body_3d)s
     vector : array_like(float, shape=(..., 3))
-        Angular velocities that obey the constraint: normal to the axis of the body.
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        What `from_inertia` returned with the body, if the vectors are in the basis in which the
-        inertia was given.
+        Angular velocities that obey the constraint: normal to the constrained axis of the body.
+        Where one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        (Omega1, Omega2) in the adapted basis, as all functions take them; NaN where a vector is.
+        (Omega1, Omega2) in the adapted basis, as all functions take them.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape; the constraint must hold to 1e-12 of the largest
-        component.
+        If an argument has a wrong type or shape, or if the constraint is violated by more than
+        1e-12 of the largest component.
 
     Examples
     --------
@@ -225,6 +212,7 @@ def from_vector(
     return np.broadcast_to(adapted[..., :2], (*shape, 2)).copy()
 
 
+@filled
 def momentum(
     body: Body,
     omega: ArrayLike,
@@ -236,31 +224,26 @@ def momentum(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        As for :func:`to_matrix`: takes the result to space.
+    %(body)s
+    %(omega)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
-        A vector in three dimensions, else an antisymmetric matrix; in the unit of inertia times
-        that of omega. NaN where omega is.
+        A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
+        that of omega.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Notes
     -----
-    I3 does not enter, nor do I_ii and I_nn but for their sums: Omega3 = 0 and Omega_ij = 0. In any
-    basis half the scalar product of M and Omega, which is -trace(M Omega) / 4 for matrices, is the
-    :func:`energy`. In space M is not conserved: M' is the :func:`reaction` times the axis.
+    I3 does not enter because Omega3 = 0; in n dimensions only the sums I_ii + I_nn enter because
+    Omega_ij = 0 for i, j < n. The :func:`energy` is half the scalar product of M and Omega,
+    or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions its
+    derivative is the :func:`reaction` times the constrained axis.
 
     Examples
     --------

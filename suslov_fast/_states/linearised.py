@@ -10,40 +10,37 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
+from .._docs import filled
 from .._engine.arguments import Body, check
 from .table import find
 
 
+@filled
 def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
-    """Derivative of the map.
+    """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(any_body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
-        with one :class:`SingularStepWarning`, where a state has no next one.
+        with one :class:`SingularStepWarning`, where a state has no next state.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    In three dimensions that of equation (xy1), solved for the next state: next to poles it is as
-    accurate as :func:`step`. In n dimensions A(omega; eps)**-1 A(omega_next; -eps), with the A of
-    :func:`matrix`, by LAPACK.
+    In three dimensions equation (8) of the paper is solved for the next state and differentiated;
+    the result is as accurate as that of :func:`step`, next to poles too. In n dimensions LAPACK
+    computes A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Examples
     --------
@@ -56,19 +53,16 @@ def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = 
     return find("jacobian", body, omega, eps, threads)
 
 
+@filled
 def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
@@ -77,13 +71,13 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    The matrices above (ds2) and below (dsn): the identity less eps / 2 times the derivative of the
-    vector field. The package itself solves these equations by other ways.
+    The matrix that the paper inverts before equation (5), and in equation (16): the identity minus
+    eps / 2 times the derivative of the vector field. :func:`iterate` uses it only with the method
+    "gauss".
 
     Examples
     --------
@@ -100,33 +94,33 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
     return find("matrix", body, omega, eps, threads)
 
 
+@filled
 def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     c : array_like(float, shape=(...))
-        Where on the line of steady states; the unit is that of omega over that of inertia.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+        Position on the line of steady states, in the unit of omega over that of inertia.
+    %(eps)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Dimensionless: 1, for the direction of the line, and the multipliers of the distance from
-        it: above 1 in size where the line repels, below where it attracts, infinite at a pole.
+        Dimensionless. The first is 1, for the direction along the line; the others multiply the
+        distance from it. Their magnitude is above 1 where the line repels, below 1 where it
+        attracts, and infinite at a pole.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D. In n
-    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of ``J**-1 (|I|**2 Id - I I^T)``.
+    By equation (8) of the paper at x = 0, y = c D, the multiplier is (1 + Y) / (1 - Y) with
+    Y = eps c D / (2 I1 I2), D = I13**2 I2 + I23**2 I1. In n dimensions Y = eps c s / 2 for the
+    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------

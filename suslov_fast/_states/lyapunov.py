@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, integer
+from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import Body, check
 from .._engine.layout import first_index, spell
@@ -24,6 +25,7 @@ _SLICE = 2**28
 _STEP = 20
 
 
+@filled
 def lyapunov_exponents(
     body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, threads: int | None = None
 ) -> FloatArray:
@@ -31,36 +33,33 @@ def lyapunov_exponents(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities; NaN where there is none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0; a negative one gives the inverse map.
+        Initial angular velocities. Where one is NaN, so is the result.
+    %(eps)s
+        A negative one gives the inverse map.
     steps : int
         Number of steps, 1 or more.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Per step, the largest first; divide by eps for a rate in time. -inf where a step is not
-        invertible. NaN where omega0 is, and, with one :class:`SingularStepWarning`, where an orbit
-        comes to an end before its last step.
+        Exponents per step, the largest first; divide by eps for rates per unit of time. -inf where
+        a step is not invertible; NaN, with one :class:`SingularStepWarning`, where an orbit ends
+        before its last step.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    Mean logarithms of the diagonal of R, where Q R is the product of the derivatives DPhi along the
-    orbit, taken apart anew at each step from Q = Id on. Their sum is the mean of
-    ``log |det DPhi|``.
-    As `steps` grows they tend, like 1 / steps, to the logarithms of the :func:`multipliers` of the
-    steady state that the orbit reaches: one is 0, the others are negative.
+    The derivatives of the map along the orbit are multiplied, and the product is decomposed as Q R
+    after each step, beginning with Q = Id. The exponents are the mean logarithms of the diagonal of
+    R; their sum is the mean of ``log |det DPhi|``. As `steps` grows, they tend to the logarithms of
+    the :func:`multipliers` of the steady state that the orbit approaches, with an error of order
+    1 / steps: one is 0, the others are negative.
 
     Examples
     --------
@@ -132,7 +131,7 @@ def _growth_nd(
     """Return the growth of the vectors of a frame, as products and exponents (B, m)."""
     size, m = omega.shape
     J, I = (np.broadcast_to(each, (*batch, m)).reshape(size, m) for each in body.parameters)
-    # In units in which all three are of the order of 1: (dsn) knows eps I omega / J alone.
+    # In units in which all three are of the order of 1: the map depends on eps I omega / J alone.
     _, of_J = np.frexp(J.max(axis=-1))
     _, of_I = np.frexp(abs(I).max(axis=-1))
     _, of_omega = np.frexp(np.nan_to_num(abs(omega).max(axis=-1)))

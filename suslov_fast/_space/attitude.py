@@ -15,6 +15,7 @@ from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.layout import first_index, for_kernel, spell
 from .._engine.states import TASKS
+from .._engine.units import for_loops
 from .._kernels import attitude as kernels
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
@@ -90,14 +91,8 @@ def attitude(
     step_size = real_array("eps", eps)
     start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
     threads = _threads.thread_count(threads)
-    batch = common_shape(
-        {
-            "body": body.shape,
-            "omega": states.shape[1:-1],
-            "eps": step_size.shape,
-            "R0": start.shape[:-2],
-        }
-    )
+    shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
+    batch = common_shape({"body": body.shape, **shapes})
     flat = _flat_states(states, batch)
     _check_that_states_follow(body, flat, step_size, batch, threads)
     rows, size, n = len(flat), math.prod(batch), m + 1
@@ -163,20 +158,13 @@ def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> 
 
     These are the parameters of the implicit equations in units in which J and I are of order 1.
     """
-    k = np.zeros(())
+    *own, step = for_loops(body, eps, batch)
     if isinstance(body, SuslovND):
-        J, I = np.broadcast_arrays(body.J, body.I)
+        J, I, k = *own, np.zeros(1)
     else:
-        I1, I2, I13, I23, *rotor = np.broadcast_arrays(*body.parameters)
-        J, I = np.stack([I1, I2], axis=-1), np.stack([I23, -I13], axis=-1)
-        k = rotor[0] if rotor else k
-    _, of_J = np.frexp(J.max(axis=-1, keepdims=True))
-    _, of_I = np.frexp(abs(I).max(axis=-1, keepdims=True))
-    J, I, k = np.ldexp(J, -of_J), np.ldexp(I, -of_I), np.ldexp(k, -of_I[..., 0])
+        I1, I2, I13, I23, k = (*own, np.zeros(1))[:5]
+        J, I = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in ((I1, I2), (I23, -I13)))
     with np.errstate(all="ignore"):
-        h = np.ldexp(eps[..., np.newaxis], of_I - of_J) / J
-    if h.ndim > 1:
-        J, I, h = (np.broadcast_to(each, (*batch, body.dimension)) for each in (J, I, h))
-        k = np.broadcast_to(k, batch)
-    flat = [each.reshape(-1, body.dimension) for each in (np.sqrt(J), h, I)]
-    return [for_kernel(each) for each in (*flat, k.reshape(-1))]
+        h = step[:, np.newaxis] / J
+    root, h, I, k = np.broadcast_arrays(np.sqrt(J), h, I, k[:, np.newaxis])
+    return [for_kernel(each) for each in (root, h, I, k[:, 0])]

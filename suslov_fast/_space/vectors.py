@@ -54,9 +54,11 @@ def to_matrix(
            [-5.,  2.,  0.]])
     """
     (state,), batch = check(body, {"omega": omega})
-    matrix = _antisymmetric(body, np.broadcast_to(state, (*batch, body.dimension)))
     turn = _turn(body.dimension + 1, rotation, attitude)
-    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+    column = np.broadcast_to(state, (*batch, body.dimension))
+    if isinstance(body, Suslov3D):
+        column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
+    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis, np.newaxis]), turn)
 
 
 @filled
@@ -93,20 +95,13 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     n = body.dimension + 1
     given = _square("matrix", matrix, n, allow_nan=True)
     turn = _turn(n, rotation, None)
-    common_shape(
-        {
-            "body": body.shape,
-            "matrix": given.shape[:-2],
-            "rotation": () if turn is None else turn.shape[:-2],
-        }
-    )
     size = abs(given).max(axis=(-2, -1), initial=0.0, keepdims=True)
     excess = abs(0.5 * given + 0.5 * given.swapaxes(-2, -1))
     if (excess > _ROUNDING * size).any():
         raise ValueError(
             f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
         )
-    adapted = given if turn is None else _product(_product(turn.swapaxes(-2, -1), given), turn)
+    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
     forbidden = abs(adapted[..., :-1, :-1])
     if (forbidden > _ROUNDING * n * size).any():
         raise ValueError(
@@ -116,8 +111,8 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     column = adapted[..., :-1, -1]
     if isinstance(body, Suslov3D):
         column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
-    shape = np.broadcast_shapes(body.shape, column.shape[:-1])
-    return np.broadcast_to(column + 0.0, (*shape, n - 1)).copy()
+    batch = common_shape({"body": body.shape, "matrix": column.shape[:-1]})
+    return np.broadcast_to(column + 0.0, (*batch, n - 1)).copy()
 
 
 @filled
@@ -154,8 +149,8 @@ def to_vector(
     instance("body", body, Suslov3D)
     (state,), batch = check(body, {"omega": omega})
     vector = np.empty((*batch, 3))
-    vector[..., :2], vector[..., 2] = state, 0.0 * state.sum(axis=-1)
-    return _turned(vector, _turn(3, rotation, attitude))
+    vector[..., :2], vector[..., 2] = state, _zero(state)
+    return _turned_vector(vector, _turn(3, rotation, attitude))
 
 
 @filled
@@ -194,22 +189,15 @@ def from_vector(
     instance("body", body, Suslov3D)
     given = vectors("vector", vector, 3, allow_nan=True)
     turn = _turn(3, rotation, None)
-    common_shape(
-        {
-            "body": body.shape,
-            "vector": given.shape[:-1],
-            "rotation": () if turn is None else turn.shape[:-2],
-        }
-    )
-    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
+    adapted = _turned_vector(given, None if turn is None else turn.swapaxes(-2, -1))
     size = abs(given).max(axis=-1, initial=0.0)
     if (abs(adapted[..., 2]) > _ROUNDING * size).any():
         raise ValueError(
             "vector: expected angular velocities normal to the axis of the body, got the component "
             f"{np.nanmax(abs(adapted[..., 2])):.2g} along it"
         )
-    shape = np.broadcast_shapes(body.shape, adapted.shape[:-1])
-    return np.broadcast_to(adapted[..., :2], (*shape, 2)).copy()
+    batch = common_shape({"body": body.shape, "vector": adapted.shape[:-1]})
+    return np.broadcast_to(adapted[..., :2], (*batch, 2)).copy()
 
 
 @filled
@@ -251,33 +239,31 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), _ = check(body, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, Suslov3D):
-            vector = np.empty((*batch, 3))
-            vector[..., 0], vector[..., 1] = body.I1 * state[..., 0], body.I2 * state[..., 1]
-            vector[..., 2] = body.I13 * state[..., 0] + body.I23 * state[..., 1]
-            vector += 0.0 * vector.sum(axis=-1, keepdims=True)
-            return _turned(vector, turn)
-        matrix = np.empty((*batch, body.dimension + 1, body.dimension + 1))
+            w1, w2 = state[..., 0], state[..., 1]
+            components = body.I1 * w1, body.I2 * w2, body.I13 * w1 + body.I23 * w2
+            return _turned_vector(np.stack(np.broadcast_arrays(*components), axis=-1), turn)
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
-        matrix[..., :-1, :-1] = product - product.swapaxes(-2, -1)
-        matrix[..., :-1, -1], matrix[..., -1, :-1] = body.J * state, -(body.J * state)
-        matrix[..., -1, -1] = 0.0
-        matrix += 0.0 * matrix[..., -1].sum(axis=-1)[..., np.newaxis, np.newaxis]
-    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+        matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
+    return _turned(matrix, turn)
 
 
-def _antisymmetric(body: Body, state: FloatArray) -> FloatArray:
-    n = state.shape[-1] + 1
-    matrix = np.zeros((*state.shape[:-1], n, n))
-    column = state
-    if isinstance(body, Suslov3D):
-        column = np.stack([state[..., 1], -state[..., 0]], axis=-1)
+def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
+    """Return antisymmetric matrices of their last column and the block of all others."""
+    batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
+    n = column.shape[-1] + 1
+    matrix = np.empty((*batch, n, n))
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])
     matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
-    matrix += 0.0 * state.sum(axis=-1)[..., np.newaxis, np.newaxis]
     return matrix
+
+
+def _zero(state: FloatArray) -> FloatArray:
+    """Return zeros (...) for states (..., D), and NaN where these are NaN."""
+    return 0.0 * state[..., 0] + 0.0  # not -0.0
 
 
 def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
@@ -305,5 +291,9 @@ def _product(left: FloatArray, right: FloatArray) -> FloatArray:
     return total
 
 
-def _turned(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
+def _turned(matrix: FloatArray, turn: FloatArray | None) -> FloatArray:
+    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+
+
+def _turned_vector(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
     return vector if turn is None else _product(turn, vector[..., np.newaxis])[..., 0]

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import threads
 
 METHODS = ("rank2", "gauss")
 every_method = pytest.mark.parametrize("method", METHODS)
@@ -205,16 +204,15 @@ def test_cuts_and_batches(rng, method, m, save_every):
         assert same(results(alone)[1:4], [each[i] for each in results(whole)[1:4]])
 
 
-@pytest.mark.parametrize(("method", "attitude"), [("rank2", False), ("gauss", True)])
-def test_parts_and_threads(rng, monkeypatch, request, method, attitude):
+@every_method
+def test_parts(rng, request, method):
     """However the engine cuts a run, and though statuses are looked at in between."""
     problem = every_way_through_a_step(rng, 200, 4)
-    options = {"method": method, "save_every": 7, "attitude": attitude}
+    options = {"method": method, "save_every": 7}
     whole = iterate(*problem, 60, **options)
     request.getfixturevalue("small_parts")
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
     seen = []
-    parts = iterate(*problem, 60, progress=lambda *n: seen.append(n), **options)
+    parts = iterate(*problem, 60, progress=lambda *n: seen.append(n), threads=1, **options)
     assert same(results(whole), results(parts))
     assert len(seen) > 10
     assert seen == sorted(seen)

@@ -443,22 +443,14 @@ def test_no_steps(body):
     assert (start.final == [[1, 2], [3, 4]]).all()
 
 
-@pytest.mark.parametrize("axes", [29, 32, 33, 64])
-def test_batches_of_many_axes(body, axes):
+def test_batches_of_many_axes(body):
     """What NumPy cannot hold is said to be too much before anything is computed."""
     most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
-    try:
-        eps = np.full((1,) * axes, 0.2)
-    except ValueError:
-        pytest.skip("this NumPy has no such array")
-    options = {"attitude": True, "method": "canonical"}
-    if axes > most:
-        with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
-            sf.iterate(body, [1.0, 0.5], eps, 3, **options)
-    else:
-        result = sf.iterate(body, [1.0, 0.5], eps, 3, **options)
-        assert result.omega.shape == (4, *eps.shape, 2)
-        assert result.attitude.shape == (4, *eps.shape, 3, 3)
+    eps = np.full((1,) * most, 0.2)
+    result = sf.iterate(body, [1.0, 0.5], eps[..., 0], 3, attitude=True)
+    assert result.attitude.shape == (4, *eps.shape[1:], 3, 3)
+    with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
+        sf.iterate(body, [1.0, 0.5], eps[np.newaxis], 3, attitude=True)
 
 
 @given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))

@@ -181,12 +181,16 @@ def some(body, chosen):
 @pytest.mark.parametrize("save_every", [1, 3, None])
 @pytest.mark.parametrize("m", [1, 2, 3, 8])
 def test_cuts_and_batches(rng, m, save_every):
-    """No bit depends on how a run is cut into calls, on the batch or on its order."""
+    """No bit depends on cuts into calls, the batch or its order, and no end on the method."""
     body, omega, eps = mixed_batch(rng, 100, m)
     whole = run(body, omega, eps, 300, save_every=save_every)
     assert whole.status[6] == sf.Status.NONFINITE
     assert m == 1 or (whole.status[1], whole.failed_at[1]) == (sf.Status.SINGULAR, 1)
     assert not np.isinf(whole.omega).any()
+    iterated = run(body, omega, eps, 300, save_every=save_every, method="rank2")
+    assert same(whole.status, iterated.status)
+    assert same(whole.failed_at, iterated.failed_at)
+    assert same(np.isnan(whole.omega), np.isnan(iterated.omega))
     order = rng.permutation(100)
     shuffled = run(some(body, order), omega[order], eps[order], 300, save_every=save_every)
     assert_same_run(shuffled, whole, order)
@@ -197,15 +201,6 @@ def test_cuts_and_batches(rng, m, save_every):
         for more in cuts[1:]:
             cut = cut.extend(more, on_singular="ignore")
         assert_same_run(cut, whole)
-
-
-@pytest.mark.parametrize("m", [2, 3, 8])
-def test_how_they_end_is_how_iteration_ends_them(rng, m):
-    problem = mixed_batch(rng, 150, m)
-    auto, rank2 = run(*problem), run(*problem, method="rank2")
-    assert (auto.status == rank2.status).all()
-    assert (auto.failed_at == rank2.failed_at).all()
-    assert same(np.isnan(auto.omega), np.isnan(rank2.omega))
 
 
 @every_kind

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import problem
 from suslov_fast._formulas import full_map
 from suslov_fast._formulas.elementary import exponent
 
@@ -119,18 +118,17 @@ def test_failures():
     assert caught.value.trajectories.failed_at == 1
 
 
-@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize("cuts", [[9], [5, 4], [4, 1, 4]])
 @pytest.mark.parametrize(
     ("pole", "unit", "status"),
     [(ON_A_POLE, 1.0, sf.Status.SINGULAR), (NEXT_TO_THE_POLE, HUGE, sf.Status.NONFINITE)],
 )
-def test_failure_after_several_steps(monkeypatch, request, cut, pole, unit, status):
-    """In the middle of a part or at its end."""
-    if cut:
-        request.getfixturevalue("small_parts")
-        monkeypatch.setattr(problem, "_PART", 1)
+def test_failure_after_several_steps(cuts, pole, unit, status):
+    """In the middle of a call, at its end, or at its beginning."""
     before = run(UNIT, pole, -1.0, 4, 3.0).final
-    orbit = run(UNIT, before * unit, 1.0 / unit, 9, 3.0)
+    orbit = run(UNIT, before * unit, 1.0 / unit, 0, 3.0)
+    for more in cuts:
+        orbit = orbit.extend(more, on_singular="ignore")
     assert orbit.status == status
     assert orbit.failed_at == 5
     assert np.isnan(orbit.omega[5:]).all()

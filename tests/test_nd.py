@@ -434,5 +434,5 @@ def test_next_to_a_pole_there_is_a_state(method):
 def test_no_room_for_elimination():
     """Matrices beyond any address space are refused before anything is computed."""
     ones = np.ones(2**21)
-    with pytest.raises(MemoryError, match="bytes to work in|elimination works in"):
+    with pytest.raises(MemoryError, match=r"bytes to work in|elimination works in"):
         sf.iterate(sf.SuslovND(ones, ones), ones, 1.0, 1, method="gauss")

@@ -1,6 +1,6 @@
-"""The implicit equations (dsn) between two states, as a test of whether one follows the other.
+"""The implicit equations between two states, as a test that one follows the other.
 
-(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor
+Equation (4) of the paper is (15) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor
 adds a term.
 """
 

@@ -19,7 +19,7 @@ def printed_coefficients(I1, I2, I13, I23, eps):
 
 @formula
 def printed_denominator(k1, k2, k3, k4, omega1, omega2):
-    """The denominator Delta of equation (5), and whether it differs from 0 beyond rounding and is finite."""
+    """Return Delta of equation (5), and True if it is finite and differs from 0 beyond rounding."""
     product = (k1 * omega1 + k3 * omega2) * (k4 * omega1 + k2 * omega2)
     delta = (1.0 + k1 * omega2) * (1.0 - k2 * omega1) + product
     # Where delta is 0, the product is as large as the other term.

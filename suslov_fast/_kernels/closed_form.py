@@ -227,8 +227,8 @@ def entering(of_map):
 
 @inner
 def finish_block(room, first, width, groups, ends):
-    """Repeat the orbits for each group of lanes; return the lanes, and whether any state is scaled
-    afterwards or missing before the last step.
+    """Repeat the orbits for each group of lanes; return the lanes, and True if any state is scaled
+    afterwards, True if any is missing before the last step.
     """
     lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
     if groups > 1:

@@ -83,7 +83,7 @@ def norms(I, omega, l):
 
 @formula
 def units_serve(lane, lanes):
-    """Return whether the units of all lanes serve."""
+    """Return True if the units of all lanes serve."""
     left = 0.0
     for l in range(lanes):
         square = lane[SQUARE, l]

@@ -99,7 +99,7 @@ def importing(path):
 
 # The rooms from the bottom up: a module imports from its own room and from those below.
 ROOMS = """
-    _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
+    _docs _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
     integrability _cli __main__
 """.split()
 # The method `Trajectories.plot`.
@@ -132,6 +132,7 @@ def test_examples(name):
 def test_public_docstrings(thing):
     text = inspect.getdoc(thing)
     assert text
+    assert "%(" not in text
     if inspect.isfunction(thing):
         for section in ("Parameters", "Returns", "Raises", "Examples"):
             assert f"\n{section}\n---" in text

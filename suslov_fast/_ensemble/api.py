@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -132,7 +131,8 @@ def ensemble(
     _require_large()
     check_progress(progress)
     from .job import job_of
-    from .store import open_dataset, resolved
+    from .store import dataset_of, only_writer, open_dataset, prepare, resolved
+    from .workers import client_of
 
     job = job_of(
         body,
@@ -148,63 +148,51 @@ def ensemble(
         chunk=chunk,
         compression=compression,
     )
-    _finish(job, coords, scheduler, verify, progress)
+    identity, dataset = job.identity(), dataset_of(job, coords)
+    with client_of(scheduler) as client, only_writer(job.store):
+        job = prepare(job, identity, dataset, verify)
+        _finish(job, client, verify, progress)
     return open_dataset(job.store)
 
 
-def _finish(
-    job: Job, coords: Mapping[Any, Any] | None, scheduler: Any, verify: bool, progress: Progress
-) -> None:
-    """Create or recognise the store, and compute what it lacks."""
+def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
+    """Compute what a store lacks."""
     from . import compute, store, workers
 
-    identity, dataset = job.identity(), store.dataset_of(job, coords)
+    arrays, tiles = store.open_arrays(job), list(np.ndindex(job.grid))
+    for index in tiles if verify else ():
+        if not compute.is_whole(job.part(index), index, arrays):
+            arrays[store.MARKS][index] = -1
+            store.withdraw(job, arrays, index)
+    with store.advice(job.store):
+        done = np.asarray(arrays[store.MARKS][...])
+    missing = [index for index in tiles if done[index] != job.steps]
+    for index in missing:
+        if done[index] >= 0:  # of a shorter run
+            store.withdraw(job, arrays, index)
+    if not missing:
+        return
+    made = sum(math.prod(job.shape(each)) * max(int(done[each]), 0) for each in tiles)
     with (
-        nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
-        store.only_writer(job.store),
+        compute.stopping() as stop,
+        reporter(progress, math.prod(job.batch) * job.steps) as show,
     ):
-        if (known := store.recognised(job, identity)) is None:
-            store.create(job, identity, dataset)
+
+        def report(steps: int) -> None:
+            nonlocal made
+            made += steps
+            show(made)
+
+        report(0)
+        if client is None:
+            compute.run(job, arrays, missing, report, stop)
         else:
-            job = known
-            with store.advice(job.store):
-                store.lengthen(job, dataset, verify)
-            store.refuse_code(job.store)
-        arrays = store.open_arrays(job.store)
-        tiles = list(np.ndindex(job.grid))
-        for index in tiles if verify else ():
-            if not compute.is_whole(job.part(index), index, arrays):
-                store.withdraw(job, arrays, index, whole=True)
-        with store.advice(job.store):
-            done = np.asarray(arrays[store.MARKS][...])
-        missing = [index for index in tiles if done[index] != job.steps]
-        for index in missing:
-            if done[index] >= 0:  # of a shorter run
-                store.withdraw(job, arrays, index)
-        if not missing:
-            return
-        made = sum(math.prod(job.shape(each)) * max(int(done[each]), 0) for each in tiles)
-        with (
-            compute.stopping() as stop,
-            reporter(progress, math.prod(job.batch) * job.steps) as show,
-        ):
-
-            def report(steps: int) -> None:
-                nonlocal made
-                made += steps
-                show(made)
-
-            report(0)
-            if client is None:
-                compute.run(job, arrays, missing, report, stop)
-            else:
-                workers.run(job, client, missing, report, stop)
-        left = int((arrays[store.MARKS][...] != job.steps).sum())
-        if left:
-            raise KeyboardInterrupt(
-                f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
-                "the same call goes on from there"
-            )
+            workers.run(job, client, missing, report, stop)
+    if left := int((arrays[store.MARKS][...] != job.steps).sum()):
+        raise KeyboardInterrupt(
+            f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
+            "the same call goes on from there"
+        )
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:

@@ -23,7 +23,10 @@ _WAITING = 2
 
 @contextmanager
 def client_of(scheduler: Any) -> Iterator[Any]:
-    """Return a Dask client, from itself or from the address of its scheduler."""
+    """Yield a Dask client, from itself or from the address of its scheduler; None for None."""
+    if scheduler is None:
+        yield None
+        return
     from distributed import Client
 
     instance("scheduler", scheduler, (Client, str))
@@ -60,9 +63,6 @@ def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Eve
 
 def _compute(part: Job, index: Index, starts: FloatArray | None) -> int:
     """Compute what a tile lacks, on one thread; return the number of trajectory-steps."""
-    arrays, steps = open_arrays(part.store), 0
+    arrays = open_arrays(part)
     starts = part.starts(index) if starts is None else starts
-    for piece in pieces(part, index, starts, arrays, 1):
-        write(part, index, piece, arrays)
-        steps += piece.steps
-    return steps
+    return sum(write(part, index, each, arrays) for each in pieces(part, index, starts, arrays, 1))

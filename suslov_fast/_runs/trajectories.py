@@ -324,10 +324,10 @@ class Trajectories:
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .labelled import dataset_of
+        from .labelled import dataset_of, with_time
         from .schema import entries_of
 
-        return dataset_of(entries_of(vars(self)), dims, coords)
+        return with_time(dataset_of(entries_of(vars(self)), dims, coords))
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:

@@ -159,36 +159,45 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
     """Compute what a store lacks."""
     from . import compute, store, workers
 
-    arrays, tiles = store.open_arrays(job), list(np.ndindex(job.grid))
-    for index in tiles if verify else ():
-        if not compute.is_whole(job.part(index), index, arrays):
-            arrays[store.MARKS][index] = -1
-            store.withdraw(job, arrays, index)
+    arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))
+    marks = arrays[store.MARKS]
+    if verify:
+        marks[...] = -1
+        for tile in tiles:
+            steps = compute.steps_stored(job.part(tile), tile, arrays)
+            if steps == job.steps:
+                marks[tile] = steps
+            else:
+                store.withdraw(job, arrays, tile, steps < 0)
     with store.advice(job.store):
-        done = np.asarray(arrays[store.MARKS][...])
-    missing = [index for index in tiles if done[index] != job.steps]
-    for index in missing:
-        if done[index] >= 0:  # of a shorter run
-            store.withdraw(job, arrays, index)
+        done = np.asarray(marks[...])
+    missing = [tile for tile in tiles if done[tile] != job.steps]
+    for tile in missing:
+        if done[tile] >= 0:  # of a shorter run
+            store.withdraw(job, arrays, tile)
     if not missing:
         return
-    made = sum(math.prod(job.shape(each)) * max(int(done[each]), 0) for each in tiles)
+    done = np.maximum(done, 0)
+    made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
     with (
         compute.stopping() as stop,
         reporter(progress, math.prod(job.batch) * job.steps) as show,
     ):
 
-        def report(steps: int) -> None:
+        def report(tile: int, steps: int) -> None:
             nonlocal made
-            made += steps
+            made += math.prod(job.shape(tile)) * (steps - int(done[tile]))
+            done[tile] = steps
+            if steps == job.steps:
+                marks[tile] = steps
             show(made)
 
-        report(0)
+        show(made)
         if client is None:
             compute.run(job, arrays, missing, report, stop)
         else:
             workers.run(job, client, missing, report, stop)
-    if left := int((arrays[store.MARKS][...] != job.steps).sum()):
+    if left := int((done != job.steps).sum()):
         raise KeyboardInterrupt(
             f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
             "the same call goes on from there"

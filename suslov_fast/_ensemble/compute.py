@@ -1,8 +1,8 @@
 """Computing and writing a tile, piece by piece; the engine of this process.
 
 A piece is a stretch of time of a tile. It is written in this order: states; results, with the last
-piece; the record, from which the next piece starts; the mark. Each chunk is one object, which a
-store replaces as a whole, so that all that a mark stands for is in the store, wherever a process is
+piece; the record, from which the next piece starts. Each chunk is one object, which a store
+replaces as a whole, so that all that a record stands for is in the store, wherever a process is
 killed.
 """
 
@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from .._checks import FloatArray
 from .._engine.layout import flat_matrices, own_states
 from .._engine.run import Results, Run, go_on
-from .job import Index, Job, step_work
+from .job import Job, step_work
 from .reductions import REDUCTIONS
-from .store import MARKS, RECORDS, Arrays
+from .store import RECORDS, Arrays, advice
 
-# Called with the number of trajectory-steps made since the last call.
-Report = Callable[[int], object]
+# Called with a tile and the number of its steps that are stored.
+Report = Callable[[int, int], object]
 Values = dict[str, NDArray[Any]]
 Piece = tuple[Run, Results, Values]
 
@@ -41,14 +41,14 @@ _DURATION, _FIRST = 20.0, 2**30
 
 
 def pieces(
-    job: Job, index: Index, starts: FloatArray, arrays: Arrays, threads: int | None
+    job: Job, tile: int, starts: FloatArray, arrays: Arrays, threads: int | None
 ) -> Iterator[Piece]:
     """Compute what the store lacks of a tile; yield runs, their results and what is reduced.
 
     `job` is the part of the run that the tile covers, and `starts` are its initial states.
     """
-    shape, D, every = job.shape(index), job.body.dimension, job.every
-    start, resume, reduced = _left(job, index, arrays)
+    shape, D, every = job.shape(tile), job.body.dimension, job.every
+    start, resume, reduced = _left(job, tile, arrays)
     omega0 = own_states(starts, shape)
     omega0[np.isnan(omega0).any(axis=-1)] = np.nan
     run = Run(job.map, job.body, shape, omega0, job.eps, job.steps, every, job.method)
@@ -78,10 +78,10 @@ def pieces(
         start = stop
 
 
-def write(job: Job, index: Index, piece: Piece, arrays: Arrays) -> int:
-    """Write a piece of a tile; return the number of its trajectory-steps."""
+def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
+    """Write a piece of a tile."""
     run, results, reduced = piece
-    where, last = job.where(index), run.steps == job.steps
+    where, last = job.where(tile), run.steps == job.steps
     rows = slice(run.rows_before, run.rows_before + len(results.omega))
     if len(results.omega) and (job.save_every is not None or last):
         for name in job.states:
@@ -95,60 +95,51 @@ def write(job: Job, index: Index, piece: Piece, arrays: Arrays) -> int:
         if name in job.record.names:
             records[name] = values.reshape(records[name].shape)
     arrays[RECORDS][where] = records[..., np.newaxis].view(np.uint8)
-    arrays[MARKS][index] = run.steps
-    return (run.steps - run.start) * records.size
 
 
-def _records(job: Job, index: Index, arrays: Arrays) -> Any:
-    return np.ascontiguousarray(arrays[RECORDS][job.where(index)]).view(job.record)[..., 0]
+def _records(job: Job, tile: int, arrays: Arrays) -> Any:
+    return np.ascontiguousarray(arrays[RECORDS][job.where(tile)]).view(job.record)[..., 0]
 
 
-def _left(job: Job, index: Index, arrays: Arrays) -> tuple[int, Values, Values]:
+def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
     """Return the step from which to go on with a tile, and what the steps before left."""
-    mark = int(arrays[MARKS][index])
-    if mark < 0:
-        return 0, {}, {}
-    records = _records(job, index, arrays)
-    steps = int(records["steps"].flat[0])  # the mark may be older, as it is written last
-    if steps < mark:
-        return 0, {}, {}
+    with advice(job.store):
+        records = _records(job, tile, arrays)
     flat = records.reshape(-1)
+    if (steps := int(flat["steps"][0])) < 0:
+        return 0, {}, {}
     names = [name for name in flat.dtype.names if name not in ("steps", *job.reductions)]
     reduced = {name: records[name].copy() for name in job.reductions}
     return steps, {name: flat[name].copy() for name in names}, reduced
 
 
-def is_whole(job: Job, index: Index, arrays: Arrays) -> bool:
-    """Return True if a tile holds all that its mark stands for; `job` is the part it covers.
+def steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
+    """Return the number of steps of a tile that are stored undamaged, all of a piece or -1.
 
-    States are NaN from `failed_at` on, and only there, so that other NaN are those of a chunk that
-    is absent.
+    `job` is the part of the run that the tile covers. States are NaN from `failed_at` on, and only
+    there, so that other NaN are those of a chunk that is absent.
     """
-    where = job.where(index)
+    where = job.where(tile)
     try:
-        mark = int(arrays[MARKS][index])
-        if mark < 0:
-            return True
-        records = _records(job, index, arrays)
-        failed_at = records["failed_at"]
+        records = _records(job, tile, arrays)
+        steps, failed_at = int(records["steps"].flat[0]), records["failed_at"]
         failed = failed_at >= 0
-        whole = bool((records["steps"] == mark).all())
-        if mark == job.steps:
+        whole = bool((records["steps"] == steps).all())
+        if steps == job.steps:
             whole &= np.array_equal(np.isnan(arrays["final"][where]).any(axis=-1), failed)
             for name in job.ends[1:]:
                 whole &= np.asarray(arrays[name][where]).tobytes() == records[name].tobytes()
-        numbers = job.numbers[job.numbers <= mark] if job.states else ()
+        numbers = job.numbers[job.numbers <= steps] if job.states else ()
         for first in range(0, len(numbers), job.rows):
             n = np.reshape(numbers[first : first + job.rows], (-1, *(1,) * failed.ndim))
             rows = slice(first, first + len(n))
             for name in job.states:
-                states = np.isnan(arrays[name][(rows, *where)]).reshape(
-                    *(len(n), *failed.shape), -1
-                )
-                whole &= np.array_equal(states.any(axis=-1), failed & (n >= failed_at))
+                absent = np.isnan(arrays[name][(rows, *where)])
+                absent = absent.reshape(len(n), *failed.shape, -1).any(axis=-1)
+                whole &= np.array_equal(absent, failed & (n >= failed_at))
     except (ValueError, RuntimeError, OSError):  # of checksums and codecs
-        return False
-    return whole
+        return -1
+    return steps if whole else -1
 
 
 @contextmanager
@@ -171,23 +162,24 @@ def stopping() -> Iterator[Event]:
             signal.signal(number, handler)
 
 
-def run(job: Job, arrays: Arrays, tiles: Sequence[Index], report: Report, stop: Event) -> None:
+def run(job: Job, arrays: Arrays, tiles: Sequence[int], report: Report, stop: Event) -> None:
     """Compute tiles with all threads, each piece while the one before is written."""
 
-    def keep(index: Index, piece: Piece) -> None:
-        report(write(job, index, piece, arrays))
+    def keep(tile: int, piece: Piece) -> None:
+        write(job, tile, piece, arrays)
+        report(tile, piece[0].steps)
 
     work = (
-        (index, piece)
-        for index in tiles
-        for piece in pieces(job.part(index), index, job.starts(index), arrays, None)
+        (tile, piece)
+        for tile in tiles
+        for piece in pieces(job.part(tile), tile, job.starts(tile), arrays, None)
     )
     with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
         writing: Future[None] | None = None
-        for index, piece in work:
+        for tile, piece in work:
             if writing is not None:
                 writing.result()
-            writing = writer.submit(keep, index, piece)
+            writing = writer.submit(keep, tile, piece)
             del piece
             if stop.is_set():
                 break

@@ -18,8 +18,6 @@ from .._runs.labelled import batch_names
 from .reductions import REDUCTIONS, checked
 from .starts import Slices, Source, described, own_part, source_of
 
-Index = tuple[int, ...]
-
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
 # Workers share a run of so many tiles evenly; one of less work, in steps of the 3D map, takes less
@@ -110,26 +108,28 @@ class Job:
         ]
         return np.dtype([("steps", "int64"), *resume, *reduced])
 
-    def where(self, index: Index) -> Slices:
+    def where(self, tile: int) -> Slices:
         """Return the part of the batch that a tile covers."""
         return tuple(
-            slice(k * part, min((k + 1) * part, length))
-            for k, part, length in zip(index, self.tile, self.batch, strict=True)
+            slice(int(k) * part, min((int(k) + 1) * part, length))
+            for k, part, length in zip(
+                np.unravel_index(tile, self.grid), self.tile, self.batch, strict=True
+            )
         )
 
-    def shape(self, index: Index) -> tuple[int, ...]:
+    def shape(self, tile: int) -> tuple[int, ...]:
         """Return the shape of that part."""
-        return tuple(part.stop - part.start for part in self.where(index))
+        return tuple(part.stop - part.start for part in self.where(tile))
 
-    def starts(self, index: Index) -> FloatArray:
+    def starts(self, tile: int) -> FloatArray:
         """Return the initial states of a tile, which broadcast to it."""
         assert self.source is not None
-        where = own_part(self.source.shape, self.where(index))
+        where = own_part(self.source.shape, self.where(tile))
         return self.source.part(where, self.body.dimension)
 
-    def part(self, index: Index) -> Job:
+    def part(self, tile: int) -> Job:
         """Return the job with the parameters of a tile alone."""
-        where = self.where(index)
+        where = self.where(tile)
 
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
             return array[own_part(array.shape[: array.ndim - own], where)]

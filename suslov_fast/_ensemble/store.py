@@ -3,7 +3,7 @@
 Results lie in the root group, under the names and with the attributes of `Trajectories.to_xarray`.
 What is needed to go on lies in the group "progress", whose attributes tell the run:
 
-    steps_done    the mark of a tile: number of its steps that are stored; -1 before state 0 is
+    steps_done    for each tile the number of steps of the run that it was finished for, or -1
     record        for each trajectory what the next piece starts from, the bytes of `Job.record`
 
 A chunk that is absent reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping
@@ -30,13 +31,16 @@ from .._maps.registry import map_named
 from .._runs import labelled
 from .._runs.codecs import refuse_codecs
 from .._runs.schema import header_of
-from .job import Index, Job, require_same
+from .job import Job, require_same
 from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
 MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Number of this arrangement; stores of version 0.2 have none.
 _LAYOUT = 3
+
+# Marks of so many tiles are one chunk, which is written again for each of them.
+_TOGETHER = 4096
 
 Arrays = dict[str, Any]
 
@@ -159,8 +163,8 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
         elif array.shape != shape:
             array.resize(shape)
 
-    size, ones = job.record.itemsize, (1,) * len(job.grid)
-    fit(MARKS, job.grid, ones, dtype="int64", fill_value=-1)
+    size, tiles = job.record.itemsize, math.prod(job.grid)
+    fit(MARKS, (tiles,), (_TOGETHER,), dtype="int64", fill_value=-1)
     fit(RECORDS, (*job.batch, size), (*job.tile, size), dtype="uint8", fill_value=255)
     lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
     computed: list[Any] = [*job.states, *job.ends]
@@ -250,13 +254,16 @@ def open_arrays(job: Job) -> Arrays:
     }
 
 
-def withdraw(job: Job, arrays: Arrays, index: Index) -> None:
-    """Remove what a shorter run wrote of a tile with its last step."""
-    where = job.where(index)
-    for name in (*job.ends, *(job.states if job.save_every is None else ())):
+def withdraw(job: Job, arrays: Arrays, tile: int, record: bool = False) -> None:
+    """Remove what was written of a tile with its last step, and with `record` all that it has."""
+    where = job.where(tile)
+    parts = dict.fromkeys((*job.ends, *((RECORDS,) * record)), where)
+    if record or job.save_every is None:
+        parts |= {name: (slice(None), *where) for name in job.states}
+    for name, part in parts.items():
         # A chunk of nothing but the fill value is removed.
         array = arrays[name].with_config({"write_empty_chunks": False})
-        array[(slice(None), *where) if name in job.states else where] = array.fill_value
+        array[part] = array.fill_value
 
 
 def open_dataset(store: Any, chunks: Any = "auto") -> Any:

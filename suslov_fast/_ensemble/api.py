@@ -128,7 +128,6 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    _require_large()
     check_progress(progress)
     from .job import job_of
     from .store import dataset_of, only_writer, open_dataset, prepare, resolved
@@ -239,19 +238,6 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["tiles_done"]
     '3 of 3'
     """
-    _require_large()
     from .store import open_dataset, resolved
 
     return open_dataset(resolved(store))
-
-
-def _require_large() -> None:
-    try:
-        import dask.array  # noqa: F401
-        import filelock  # noqa: F401
-        import xarray  # noqa: F401
-        import zarr  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "ensemble needs dask, filelock, xarray and zarr: pip install 'suslov_fast[large]'"
-        ) from error

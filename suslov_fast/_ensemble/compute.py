@@ -92,7 +92,7 @@ def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     records = np.zeros(results.status.shape, job.record)
     records["steps"] = run.steps
     for name, values in {**results.resume, **reduced}.items():
-        if name in job.record.names:
+        if name in records.dtype.names:
             records[name] = values.reshape(records[name].shape)
     arrays[RECORDS][where] = records[..., np.newaxis].view(np.uint8)
 

@@ -46,7 +46,19 @@ Arrays = dict[str, Any]
 
 
 def resolved(store: Any) -> Any:
-    """Return a store that other processes find: a folder, or its URL, as an absolute path."""
+    """Return a store that other processes find: a folder, or its URL, as an absolute path.
+
+    Raises ImportError if a library that stores need is not installed.
+    """
+    try:
+        import dask.array  # noqa: F401
+        import filelock  # noqa: F401
+        import xarray  # noqa: F401
+        import zarr  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            "ensemble needs dask, filelock, xarray and zarr: pip install 'suslov_fast[large]'"
+        ) from error
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs
 
@@ -129,8 +141,14 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
             message = f"expected the name of a Zarr store to write, got {stranger}"
             raise OSError(errno.EEXIST, message, store)
         group = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False)
-        run = {"run": json.dumps(identity), "tile": list(job.tile), "rows": job.rows}
-        group.create_group(PROGRESS, attributes={**run, "layout": _LAYOUT})
+        notes: dict[str, Any] = {
+            "layout": _LAYOUT,
+            "run": json.dumps(identity),
+            "tile": list(job.tile),
+            "rows": job.rows,
+            "variables": sorted(map(str, dataset.variables)),
+        }
+        group.create_group(PROGRESS, attributes=notes)
     notes = _notes(group, store)
     require_same(identity, json.loads(notes["run"]), store)
     stored = int(group.attrs.get("steps", -1))
@@ -143,7 +161,7 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
         whole = zarr.open_group(store, mode="r").metadata.consolidated_metadata is not None
         if stored != job.steps or verify or not whole:
             _write(job, dataset, verify or stored < 0)
-        refuse_code(store)
+        refuse_codecs(store)
     return job
 
 
@@ -154,6 +172,9 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
 
     group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
     attributes, codecs = dict(group.attrs), [Crc32cCodec()]
+    packed: list[Any] = list(codecs)
+    if job.compression:
+        packed.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
 
     def fit(name: str, shape: Any, chunks: Any, **options: Any) -> None:
         array = _array(group, name)
@@ -176,26 +197,24 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
             tuple(lengths.get(dim, length) for dim, length in variable.sizes.items()),
             dtype=variable.dtype,
             fill_value=np.nan if variable.dtype.kind == "f" else NOT_COMPUTED,
-            compressors=(
-                [BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"), *codecs]
-                if job.compression
-                else codecs
-            ),
+            compressors=packed,
             dimension_names=variable.dims,
             attributes={key: np.asarray(each).tolist() for key, each in variable.attrs.items()},
         )
-    known = dataset.drop_vars(computed).drop_attrs(deep=False)
-    if not all_values:
-        known = known[["n"] if job.keeps_states else []]
-    encoding: dict[Any, Any] = {}
-    for name, variable in known.variables.items():
-        del group[name]
-        encoding[name] = {"compressors": codecs}
-        if variable.dtype.kind == "f":  # a chunk that is absent is found by its NaN
-            encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
-    known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
+    if job.keeps_states:
+        about = {"dimension_names": ("n",), "attributes": dict(dataset["n"].attrs)}
+        group.create_array("n", data=job.numbers, compressors=codecs, overwrite=True, **about)
+    if all_values:
+        known = dataset.drop_vars([*computed, "n"], errors="ignore").drop_attrs(deep=False)
+        encoding: dict[Any, Any] = {}
+        for name, variable in known.variables.items():
+            del group[name]
+            encoding[name] = {"compressors": codecs}
+            if variable.dtype.kind == "f":  # a chunk that is absent is found by its NaN
+                encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
+        known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
+        group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
     # Coordinates of the user that are not given now stay.
-    group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
     group.attrs.put({**dataset.attrs, **group.attrs, **attributes, "steps": job.steps})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
@@ -273,14 +292,19 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
     group = _group(store)
     if group is None and _stranger(store):
         raise ValueError(f"store: expected one that ensemble made, got another: {store}")
-    if group is not None:
-        _notes(group, store)
+    notes = {} if group is None else _notes(group, store)
     if group is None or "steps" not in group.attrs:
         raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
     with advice(store), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of metadata that are not consolidated
-        refuse_code(store)
-        dataset = xarray.open_zarr(store, zarr_format=3, chunks=chunks, drop_variables=["n"])
+        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
+        refuse_codecs(store)
+        if lost := [name for name in notes["variables"] if name not in group]:
+            raise ValueError(f"{', '.join(lost)} missing")
+        options: dict[str, Any] = {"zarr_format": 3, "chunks": chunks, "drop_variables": ["n"]}
+        try:
+            dataset = xarray.open_zarr(store, consolidated=False, **options)
+        except ValueError:  # some arrays are longer already, in a run that is being lengthened
+            dataset = xarray.open_zarr(store, consolidated=True, **options)
         for name in ("eps", "component", *map_named(dataset.attrs["map"]).body._names()):
             values = dataset[name].load().values if name in dataset else np.empty(0)
             if (values == "" if values.dtype.kind in "OT" else values != values).any():
@@ -293,13 +317,6 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
             dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
             dataset = labelled.with_time(dataset)
     return dataset
-
-
-def refuse_code(store: Any) -> None:
-    """Raise a ValueError if decoding an array of a store could run code."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of Zarr 3
-        refuse_codecs(store)
 
 
 @contextmanager

@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.base import Body
+from .._checks import common_shape, integer, one_of, real_array, rotations
+from .._engine.arguments import Body
 from .._engine.progress import Progress, check_progress, reporter
+from .._maps.registry import map_of
 from .._runs.iterate import Method
-from .starts import RandomStarts
+from .._runs.labelled import batch_names
+from .job import Job, cut
+from .reductions import checked
+from .starts import RandomStarts, source_of
 
 if TYPE_CHECKING:
     import dask.array
     import distributed
     import xarray
-
-    from .job import Job
 
 Compression = Literal["lz4", "zstd"]
 
@@ -128,25 +131,30 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    check_progress(progress)
-    from .job import job_of
     from .store import dataset_of, only_writer, open_dataset, prepare, resolved
     from .workers import client_of
 
-    job = job_of(
-        body,
-        omega0,
-        eps,
-        steps,
-        store=resolved(store),
-        save_every=save_every,
-        method=method,
-        attitude=attitude,
-        reductions=reductions,
-        dims=dims,
-        chunk=chunk,
-        compression=compression,
-    )
+    store = resolved(store)
+    check_progress(progress)
+    one_of("method", method, map_of(body).methods)
+    source, eps = source_of(omega0, body.dimension), real_array("eps", eps).copy()
+    side, orientation = body.dimension + 1, None
+    if not isinstance(attitude, (bool, np.bool_)):
+        orientation = rotations("attitude", attitude, side).copy()
+    elif attitude:
+        orientation = np.eye(side)
+    shapes = {"body": body.shape, "omega0": source.shape, "eps": eps.shape}
+    if orientation is not None:
+        shapes["attitude"] = orientation.shape[:-2]
+    batch = common_shape(shapes)
+    steps = integer("steps", steps, 0, "an integer of at least 0")
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    if compression is not None:
+        one_of("compression", compression, ("lz4", "zstd"))
+    run = (body, eps, source, orientation, batch, steps, save_every, method)
+    names, dims = checked(body, reductions), batch_names(dims, len(batch))
+    job = cut(Job(*run, names, dims, batch, 1, store, compression), chunk)
     identity, dataset = job.identity(), dataset_of(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)

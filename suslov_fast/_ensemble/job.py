@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
+from .._checks import FloatArray, integer
 from .._engine.run import numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
-from .._runs.labelled import batch_names
-from .reductions import REDUCTIONS, checked
-from .starts import Slices, Source, described, own_part, source_of
+from .reductions import REDUCTIONS
+from .starts import Slices, Source, described, own_part
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
@@ -169,46 +168,8 @@ class Job:
         }
 
 
-def job_of(
-    body: Any,
-    omega0: Any,
-    eps: Any,
-    steps: Any,
-    *,
-    store: Any,
-    save_every: Any,
-    method: Any,
-    attitude: Any,
-    reductions: Any,
-    dims: Any,
-    chunk: Any,
-    compression: Any,
-) -> Job:
-    """Check the arguments of `ensemble`; `store` is resolved already."""
-    one_of("method", method, map_of(body).methods)
-    source = source_of(omega0, body.dimension)
-    eps = real_array("eps", eps).copy()
-    side = body.dimension + 1
-    if isinstance(attitude, (bool, np.bool_)):
-        orientation = np.eye(side) if attitude else None
-    else:
-        orientation = rotations("attitude", attitude, side).copy()
-    turned = {} if orientation is None else {"attitude": orientation.shape[:-2]}
-    batch = common_shape({"body": body.shape, "omega0": source.shape, "eps": eps.shape, **turned})
-    steps = integer("steps", steps, 0, "an integer of at least 0")
-    if save_every is not None:
-        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    if compression is not None:
-        one_of("compression", compression, ("lz4", "zstd"))
-    names, dims = checked(body, reductions), batch_names(dims, len(batch))
-    run = (body, eps, source, orientation, batch, steps, save_every, method)
-    job = Job(*run, names, dims, batch, 1, store, compression)
-    tile, rows = _chunks(job, chunk)
-    return replace(job, tile=tile, rows=rows)
-
-
-def _chunks(job: Job, chunk: int | Mapping[str, int] | None) -> tuple[tuple[int, ...], int]:
-    """Return the tile and the rows that `chunk` asks for, else those of chunks of 16 MiB."""
+def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
+    """Return a job with the tile and the rows that `chunk` asks for, else chunks of 16 MiB."""
     expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *job.dims))
     D, size, saved = job.body.dimension, math.prod(job.batch), 1
     if job.every is not None:
@@ -232,7 +193,7 @@ def _chunks(job: Job, chunk: int | Mapping[str, int] | None) -> tuple[tuple[int,
         tile = (_alike(length, part) if chunk is None else part, *tile)
         count = count if sizes else count // part
     fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
-    return tile, sizes.get("n") or _alike(saved, fit)
+    return replace(job, tile=tile, rows=sizes.get("n") or _alike(saved, fit))
 
 
 def _alike(length: int, most: int) -> int:

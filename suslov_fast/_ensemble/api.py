@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import common_shape, integer, one_of, real_array, rotations
+from .._docs import filled
 from .._engine.arguments import Body
 from .._engine.progress import Progress, check_progress, reporter
 from .._maps.registry import map_of
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 Compression = Literal["lz4", "zstd"]
 
 
+@filled
 def ensemble(
     body: Body,
     omega0: ArrayLike | str | os.PathLike[str] | RandomStarts | dask.array.Array,
@@ -56,20 +58,17 @@ def ensemble(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
         once to recognise them.
-    eps : array_like(float, shape=(...))
-        Step size in units of time, as in :func:`iterate`.
+    %(eps0)s
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec knows, or a store as Zarr takes it.
-    save_every : int or None
-        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
+    %(save_every)s
     reductions : sequence of str, optional
         Quantities of each trajectory that are accumulated over the states that `save_every` keeps;
         with ``save_every=None`` over all states, of which none but the last is stored:
@@ -79,12 +78,7 @@ def ensemble(
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
         As in :func:`iterate`.
-    dims : str or sequence of str, optional
-        Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
-        name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
-        coordinate of the axis.
-    coords : mapping, optional
-        Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+    %(dims)s
     chunk : int or mapping, optional
         Number of trajectories of a tile, or sizes along `dims` and "n", the saved states. By
         default the states of a chunk take 16 MiB, or what 64 trajectories take if that is more.
@@ -114,8 +108,7 @@ def ensemble(
         If another process writes to the store.
     OSError
         If the store cannot be written to.
-    ImportError
-        If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+    %(needs_large)s
     KeyboardInterrupt
         After SIGINT or SIGTERM, once the pieces in hand are stored.
 
@@ -211,6 +204,7 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
         )
 
 
+@filled
 def open_ensemble(store: Any) -> xarray.Dataset:
     """Open a store of :func:`ensemble`, finished or not.
 
@@ -233,8 +227,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ValueError
         If it is no store of :func:`ensemble`, one of version 0.2, or one that has lost parameters;
         and if decoding its arrays could run code.
-    ImportError
-        If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+    %(needs_large)s
 
     Examples
     --------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import suslov_fast as sf
 
 from .._checks import FloatArray
+from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
 from .work import progress_bar
@@ -32,7 +34,7 @@ def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
 
 def facts_of_store(path: Path) -> Facts:
     """Return the same of a store of `ensemble`, finished or not, which is read tile by tile."""
-    dataset = sf.open_ensemble(path)
+    dataset = open_dataset(resolved(path), chunks=None)
     outcome, tiles = _Outcome(), list(_tiles(dataset))
     with progress_bar("checking") as report:
         for k, tile in enumerate(tiles):
@@ -69,10 +71,10 @@ def _view(dataset: Any) -> Any:
 def _tiles(dataset: Any) -> Iterator[Any]:
     """Cut a dataset along its batch, as it is stored."""
     status = dataset["status"]
-    edges = [np.cumsum([0, *sizes]) for sizes in status.chunks]
-    for index in np.ndindex(*map(len, status.chunks)):
-        where = zip(status.dims, edges, index, strict=True)
-        yield dataset.isel({dim: slice(each[k], each[k + 1]) for dim, each, k in where})
+    sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
+    for index in product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())):
+        where = zip(sizes.items(), index, strict=True)
+        yield dataset.isel({dim: slice(k, k + size) for (dim, size), k in where})
 
 
 def _header(run: Any) -> Facts:

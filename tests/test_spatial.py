@@ -22,11 +22,6 @@ def inertia(rng, n=3):
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
 
 
-def from_mass_tensor(tensor, axis):
-    make = getattr(sf.SuslovND, "from_mass_tensor", None) or sf.SuslovND.from_inertia
-    return make(tensor, axis)
-
-
 def random_rotation(rng, n):
     q, _ = np.linalg.qr(rng.normal(size=(n, n)))
     q[:, 0] *= np.linalg.det(q)
@@ -84,7 +79,7 @@ def test_momentum_by_definition(rng):
         _, mass = inertia(rng, n)
         axis = rng.normal(size=n)
         axis /= np.linalg.norm(axis)
-        body, rotation = from_mass_tensor(mass, axis)
+        body, rotation = sf.SuslovND.from_mass_tensor(mass, axis)
         v = rng.normal(size=n)
         Omega = np.outer(v, axis) - np.outer(axis, v)
         state = sf.from_matrix(body, Omega, rotation=rotation)
@@ -140,33 +135,22 @@ def test_in_space_the_momentum_changes_along_the_axis_alone():
     np.testing.assert_allclose(slope, [0, 0, sf.reaction(THREE, [1.0, 0.5])], atol=1e-9)
 
 
-def test_batches_and_nan(case, rng):
+def test_nan_in_any_basis(case, rng):
     body, omega0 = case
-    m = len(omega0)
-    bodies = type(body)(*(np.multiply.outer([1.0, 2.0, 3.0], each) for each in body.parameters))
-    states = rng.normal(size=(7, 1, m))
-    for function in (sf.to_matrix, sf.momentum):
-        result = function(bodies, states)
-        assert result.shape[:2] == (7, 3)
-        one = type(body)(*(each[2] for each in bodies.parameters))
-        assert (result[4, 2] == function(one, states[4, 0])).all()
-    states[2, 0, 0] = np.nan
+    states = rng.normal(size=(7, len(omega0)))
+    states[2, 0] = np.nan
+    rotation = random_rotation(rng, len(omega0) + 1)
     for result in (
-        sf.to_matrix(body, states),
-        sf.momentum(body, states),
-        sf.momentum(body, states, rotation=random_rotation(rng, m + 1)),
-        sf.from_matrix(body, sf.to_matrix(body, states)),
+        sf.momentum(body, states, rotation=rotation),
+        sf.from_matrix(body, sf.to_matrix(body, states, attitude=np.eye(len(rotation)))),
     ):
         assert np.isnan(result[2]).all()
         assert np.isfinite(np.delete(result, 2, axis=0)).all()
-    assert sf.to_matrix(body, np.empty((0, 4, m))).shape == (0, 4, m + 1, m + 1)
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sf.to_matrix(THREE, [1, 2, 3]), r"omega: expected shape \(..., 2\)"),
-        (lambda: sf.to_matrix(THREE, [1, np.inf]), "omega: expected finite"),
         (lambda: sf.to_matrix(THREE, [1, 2], rotation=np.eye(2)), r"rotation: expected shape"),
         (lambda: sf.to_matrix(THREE, [1, 2], attitude=np.ones(3)), r"attitude: expected shape"),
         (
@@ -180,10 +164,7 @@ def test_batches_and_nan(case, rng):
             "obey the constraint .* got 1",
         ),
         (lambda: sf.from_vector(THREE, [1, 2, 3]), "normal to the axis .* 3 along it"),
-        (
-            lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))),
-            "broadcast",
-        ),
+        (lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))), "broadcast"),
     ],
 )
 def test_bad_input(call, message):

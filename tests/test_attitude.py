@@ -8,15 +8,6 @@ from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
 
-ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-BODIES = {"3D": (sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
-
-
-@pytest.fixture(params=BODIES)
-def case(request):
-    """A body and a state of it."""
-    return BODIES[request.param]
-
 
 def states(body, omega0, eps, steps):
     return sf.iterate(body, omega0, eps, steps, on_singular="ignore").omega
@@ -140,7 +131,7 @@ def test_nan_from_the_first_nan_on(case):
 def test_states_that_do_not_follow_each_other(case):
     body, omega0 = case
     omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
-    other = sf.Suslov3D(4, 1, -0.5, -0.2) if len(omega0) == 2 else sf.SuslovND(ND.J, ND.I + 0.1)
+    other = type(body)(*body.parameters[:-1], body.parameters[-1] + 0.1)
     for wrong in (omega[::2], omega[::-1], omega[::59], 2 * omega):
         with pytest.raises(ValueError, match=r"states 0 and 1 of trajectory 0 that do not"):
             sf.attitude(body, wrong, 0.2)

@@ -7,13 +7,6 @@ from scipy.spatial.transform import Rotation
 import suslov_fast as sf
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
-ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-BODIES = {"3D": (THREE, [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
-
-
-@pytest.fixture(params=BODIES)
-def case(request):
-    return BODIES[request.param]
 
 
 def inertia(rng, n=3):
@@ -54,7 +47,7 @@ def test_back(case, rng):
     rotation = random_rotation(rng, len(omega0) + 1)
     given = sf.to_matrix(body, states, rotation=rotation)
     np.testing.assert_allclose(sf.from_matrix(body, given, rotation=rotation), states, atol=1e-14)
-    if body is THREE:
+    if len(omega0) == 2:
         vectors = sf.to_vector(body, states, rotation=rotation)
         np.testing.assert_allclose(
             sf.from_vector(body, vectors, rotation=rotation), states, atol=1e-14
@@ -99,7 +92,7 @@ def test_momentum_in_the_body_obeys_its_equation(case):
     )
     derivative = (forward - backward) / (2 * h)
     M = sf.momentum(body, omega0)
-    if body is THREE:
+    if len(omega0) == 2:
         expected = np.cross(M, sf.to_vector(body, omega0))
         expected[2] += sf.reaction(body, omega0)
     else:
@@ -117,7 +110,7 @@ def test_in_space(case):
     in_space = sf.to_matrix(body, run.omega, attitude=R)
     np.testing.assert_allclose(in_space, R @ sf.to_matrix(body, run.omega) @ Rt, atol=1e-14)
     M = sf.momentum(body, run.omega)
-    if body is THREE:
+    if len(omega0) == 2:
         expected = (R @ sf.to_vector(body, run.omega)[..., None])[..., 0]
         np.testing.assert_allclose(sf.to_vector(body, run.omega, attitude=R), expected, atol=1e-14)
         expected = (R @ M[..., None])[..., 0]
@@ -175,4 +168,4 @@ def test_bad_input(call, message):
 def test_only_in_three_dimensions():
     for function in (sf.to_vector, sf.from_vector):
         with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
-            function(ND, [1, 2, 3])
+            function(sf.SuslovND([1, 2, 3], [1, 0, 0]), [1, 2, 3])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from suslov_fast import Suslov3D, _kernels
+from suslov_fast import Suslov3D, SuslovND, _kernels
 from suslov_fast._engine import problem
 
 # The first call of a kernel compiles it, which no deadline allows for.
@@ -94,6 +94,14 @@ def body():
 def unit():
     """A body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
     return Suslov3D(1, 1, 1, 0)
+
+
+@pytest.fixture(params=["3D", "nD"])
+def case(request, body):
+    """A body and a state of it."""
+    if request.param == "3D":
+        return body, [1.0, 0.5]
+    return SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
 
 
 @pytest.fixture(autouse=True)

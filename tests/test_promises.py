@@ -134,6 +134,7 @@ ROWS = {
     "criticality": of_steps(sf.criticality, "3D solved", (0, 0, 0)),
     "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
     "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
+    "from_xy": of_states(sf.from_xy, "3D", name="xy"),
     "vector_field": of_states(sf.vector_field, "3D gyrostat nD", (-1, 1, 2)),
     "reaction": of_states(sf.reaction, "3D nD", (1, None, 2)),
     "discrete reaction": of_steps(sf.reaction, "3D nD", (1, None, 2)),

@@ -166,5 +166,6 @@ def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> 
         J, I = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in ((I1, I2), (I23, -I13)))
     with np.errstate(all="ignore"):
         h = step[:, np.newaxis] / J
-    root, h, I, k = np.broadcast_arrays(np.sqrt(J), h, I, k[:, np.newaxis])
-    return [for_kernel(each) for each in (root, h, I, k[:, 0])]
+    shape = np.broadcast_shapes(h.shape, I.shape, (len(k), 1))
+    rows = (for_kernel(np.broadcast_to(each, shape)) for each in (np.sqrt(J), h, I))
+    return [*rows, for_kernel(np.broadcast_to(k, shape[0]))]

@@ -74,9 +74,11 @@ def lyapunov_exponents(
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     steps = integer("steps", steps, 1, "an integer of at least 1")
     threads = _threads.thread_count(threads)
-    arguments = body, flat_vectors(state, batch).copy(), step_size, batch, steps, threads
-    of_body = _growth if isinstance(body, Suslov3D) else _growth_nd
-    products, exponents = of_body(*arguments)
+    arguments = flat_vectors(state, batch).copy(), step_size, batch, steps, threads
+    if isinstance(body, Suslov3D):
+        products, exponents = _growth(body, *arguments)
+    else:
+        products, exponents = _growth_nd(body, *arguments)
     logarithms = np.empty(products.shape)
     _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
     if isinstance(body, Suslov3D):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import problem, threads
+from suslov_fast._engine import run, threads
 
 METHODS = ("auto", "canonical", "ds2")
 
@@ -142,7 +142,7 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, me
     assert whole.failed_at.tolist() == [4, -1, 1, 2, 1, 0]
     assert whole.status.tolist() == [-1, 0, -1, -1, -2, -2]
     for steps in (1, 2, 3):
-        monkeypatch.setattr(problem, "_PART", 5 * steps)
+        monkeypatch.setattr(run, "_PART", 5 * steps)
         cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
         assert (cut.failed_at == whole.failed_at).all()
         assert (cut.status == whole.status).all()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import problem
+from suslov_fast._engine import run as engine
 from suslov_fast._formulas import full_map
 from suslov_fast._formulas.elementary import exponent
 
@@ -159,7 +159,7 @@ def test_failure_after_several_steps(monkeypatch, request, cut, pole, unit, stat
     """In the middle of a part or at its end."""
     if cut:
         request.getfixturevalue("small_parts")
-        monkeypatch.setattr(problem, "_PART", 1)
+        monkeypatch.setattr(engine, "_PART", 1)
     before = run(UNIT, pole, -1.0, 4, 3.0).final
     orbit = run(UNIT, before * unit, 1.0 / unit, 9, 3.0)
     assert orbit.status == status

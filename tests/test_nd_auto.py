@@ -1,6 +1,5 @@
 """Where n dimensions are solved, `auto` takes states from the closed form."""
 
-from types import SimpleNamespace
 
 import naive
 import numba
@@ -9,8 +8,10 @@ import pytest
 from naive import mp, mpf, mpmath
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form, iterate_nd, jump, jump_nd, threads
-from suslov_fast._engine.units import for_loops
+from suslov_fast._bodies.reduction import is_solved
+from suslov_fast._engine import closed_form, jump, threads
+from suslov_fast._engine import run as engine
+from suslov_fast._engine.layout import for_loops
 from suslov_fast._formulas.reduction import as_product
 
 
@@ -148,8 +149,7 @@ def test_two_numbers_whose_product_has_76_bits(rng):
 
 
 def solved(body):
-    parameters = for_loops(body, 0.2, body.shape)
-    return jump_nd._solved(SimpleNamespace(parameters=parameters))
+    return is_solved(*for_loops(body, 0.2, body.shape)[:2])
 
 
 def test_which_bodies_are_solved():
@@ -314,7 +314,8 @@ def test_however_the_engine_cuts_a_run(rng, monkeypatch, m):
     assert same(alone.omega, whole.omega[:, chosen])
     calls = []
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
-    monkeypatch.setattr(jump_nd, "_TOGETHER", 2**12)
+    monkeypatch.setattr(jump, "_TOGETHER", 2**11)
+    monkeypatch.setattr(engine, "_TOGETHER", 2**12)
     original = threads.run
     monkeypatch.setattr(threads, "run", lambda *each: (calls.append(each[1]), original(*each)))
     seen = []
@@ -474,8 +475,8 @@ def test_what_is_out_of_range_is_iterated(rng):
 @pytest.mark.parametrize("m", [2, 3, 6])
 def test_the_cost_is_that_of_what_is_saved(rng, monkeypatch, m):
     """Whatever lies between: no step is taken, and loops are told of the same work."""
-    for module, name in ((iterate_nd, "run"), (jump, "_iterate")):
-        monkeypatch.setattr(module, name, lambda *_: pytest.fail("a step was taken"))
+    for name in ("iterate_nd", "_iterate"):
+        monkeypatch.setattr(jump, name, lambda *_: pytest.fail("a step was taken"))
     work, original = [], threads.run
     monkeypatch.setattr(threads, "run", lambda *each: (work.append(each[1]), original(*each)))
     J, I = solved_body(rng, m, "equal")

@@ -13,7 +13,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form, states, states_nd, threads
+from suslov_fast._engine import closed_form, states, threads
 from suslov_fast._kernels import maps_3d
 from suslov_fast._kernels.iterate import LANES
 from suslov_fast._space import attitude as attitude_of
@@ -360,7 +360,7 @@ def test_any_memory(rng, name, kind):
 def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
     """Kernels find infinite states themselves where there are LARGE numbers."""
     if many:
-        for module in (_checks, states, states_nd):
+        for module in (_checks, states):
             monkeypatch.setattr(module, "LARGE", 64)
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (9,), (10, 9), ())
     omega[3, 2, 1] = -np.inf

@@ -275,7 +275,7 @@ def test_calls_are_cut_into_parts(rng, monkeypatch, small_parts, name, kind):
     same(name, kind, pieces, whole)
     for module, constant, value in (
         (states, "SLAB", 16), (states, "COPIES", 16), (states, "TASKS", 1),
-        (states_nd, "_COPIES", 4), (closed_form, "SLICE", 2**10), (lyapunov, "_SLICE", 2**12),
+        (closed_form, "SLICE", 2**10), (lyapunov, "_SLICE", 2**12),
         (attitude_of, "_SLICE", 2**10),
     ):  # fmt: skip
         monkeypatch.setattr(module, constant, value)

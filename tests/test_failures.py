@@ -222,7 +222,7 @@ def overflowing():
             yield np.add(omega, [0, side * gap]) / eps * [sign1, sign2], eps * sign2
 
 
-@pytest.mark.parametrize(("omega", "eps"), overflowing())
+@pytest.mark.parametrize(("omega", "eps"), list(overflowing()))
 def test_overflow_on_the_way(unit, omega, eps):
     """A state beyond float64 between others that are not: the orbit ends there all the same."""
     for method, save_every in itertools.product(METHODS, (1, 2, None)):

@@ -82,18 +82,18 @@ def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
 
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, infinite ones and NaN included."""
-    plain = type(value) in _PLAIN
-    if not plain or not isinstance(value, np.ndarray):
-        _refuse_units(name, value)
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
+    _refuse_units(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
         raise wrong(name, "a rectangular array of real numbers", _short(value)) from error
-    if array.dtype is _FLOAT64 and plain:
-        return array
     # `numpy.ma` is imported where something may be of it.
-    if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
+    if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
         raise wrong(name, "real numbers", "a masked array with missing values")
+    if array.dtype is _FLOAT64:
+        return array
     if array.dtype.kind == "O":
         for item in array.flat:
             if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):

@@ -28,7 +28,7 @@ def check(
     """
     instance("body", body, kinds)
     numbers, orientations = numbers or {}, orientations or {}
-    values = aligned({**given, **numbers, **orientations})
+    values = aligned(given | numbers | orientations)
     arrays: list[Any] = []
     shapes = {"body": body.shape}
     for name in given:

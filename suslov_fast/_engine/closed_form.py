@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,64 +98,63 @@ def states_at(
     states, missing = np.empty((moments.size, len(omega), 2)), np.zeros(3)
     if runs := rows_of(moments, flow):
         for rows in runs:
-            missing += fill_rows(orbits, rows, states)
+            fill_rows(orbits, rows, states, missing)
     else:
-        for sign, places in _by_sign(moments):
-            missing += fill_states(orbits, sign, abs(moments[places]), places, states)
+        for sign, some, places in _by_sign(moments):
+            fill_states(orbits, sign, some, places, states, missing)
     return states.reshape(shape), missing
 
 
-def _by_sign(moments: FloatArray) -> Sequence[tuple[float, NDArray[np.intp]]]:
-    """Return the places of times that are not negative, and of those that are."""
+def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
+    """Return the sizes and the places of times that are not negative, and of those that are."""
     if moments.size == 1:  # faster by the time of a call of the kernel
-        return ((-1.0 if moments.item() < 0.0 else 1.0, np.zeros(1, np.intp)),)
+        sign = -1.0 if moments.item() < 0.0 else 1.0
+        return ((sign, abs(moments), np.zeros(1, np.intp)),)
     negative = moments < 0.0
     places = ((1.0, np.flatnonzero(~negative)), (-1.0, np.flatnonzero(negative)))
-    return [each for each in places if each[1].size]
+    return [(sign, abs(moments[each]), each) for sign, each in places if each.size]
 
 
 def fill_states(
-    orbits: Orbits, sign: float, times: FloatArray, to: NDArray[np.intp], out: FloatArray
-) -> FloatArray:
-    """Fill row to[j] of `out`, (N, B, 2), with states at sign * times[j]; count missing ones."""
-
-    def where(begin: int, end: int) -> tuple[Any, Any]:
-        return times[begin:end], to[begin:end]
-
-    kernel = kernels.states_of_flow if orbits.flow else kernels.states_of_map
-    return _fill(orbits, kernel, sign, where, times.size, _ANY, out)
-
-
-def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> FloatArray:
-    """Fill rows of `out`, (N, B, 2), and count missing states."""
-    low = rows.begin // kernels.GROUP * kernels.GROUP
-
-    def where(begin: int, end: int) -> tuple[Any, Any]:
-        numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
-        return (rows.first, rows.every), numbers
-
-    kernel = kernels.rows_of_flow if orbits.flow else kernels.rows_of_map
-    return _fill(orbits, kernel, rows.sign, where, rows.end - low, _ROW, out)
-
-
-def _fill(
     orbits: Orbits,
-    kernel: Kernel,
     sign: float,
-    where: Callable[[int, int], tuple[Any, Any]],
-    count: int,
-    cost: int,
+    times: FloatArray,
+    to: NDArray[np.intp],
     out: FloatArray,
-) -> FloatArray:
-    """Call the kernel slice by slice; `where` returns its arguments for a part of `count` rows."""
+    missing: FloatArray,
+) -> None:
+    """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
+    kernel = kernels.states_of_flow if orbits.flow else kernels.states_of_map
+    for lanes, (begin, end) in slices(len(orbits.omega), times.size):
+        which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
+        _call(kernel, orbits, sign, which, lanes, work, out, missing)
+
+
+def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray, missing: FloatArray) -> None:
+    """Fill rows of `out`, (N, B, 2)."""
+    kernel = kernels.rows_of_flow if orbits.flow else kernels.rows_of_map
+    low = rows.begin // kernels.GROUP * kernels.GROUP
+    for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
+        numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
+        which = (rows.first, rows.every), numbers
+        _call(kernel, orbits, rows.sign, which, lanes, (end - begin) * _ROW, out, missing)
+
+
+def _call(
+    kernel: Kernel,
+    orbits: Orbits,
+    sign: float,
+    which: tuple[Any, Any],
+    lanes: Range,
+    work: int,
+    out: FloatArray,
+    missing: FloatArray,
+) -> None:
+    """Call a kernel for some lanes, and add up how many states are missing."""
     parameters, omega, _, ends, threads = orbits
-    missing = np.zeros(3)
-    for lanes, (begin, end) in slices(len(omega), count):
-        work, found = (lanes[1] - lanes[0]) * (_ENTERING + (end - begin) * cost), np.zeros(3)
-        arguments = sign, parameters, omega, *where(begin, end), lanes, out, ends, found
-        _threads.run(kernel, work, threads, *arguments)
-        missing += found
-    return missing
+    work, found = (lanes[1] - lanes[0]) * (_ENTERING + work), np.zeros(3)
+    _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, found)
+    missing += found
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:

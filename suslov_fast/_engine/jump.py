@@ -83,16 +83,16 @@ def _jump(run: Run) -> Results:
     """Evaluate all states; orbits that leave the range of the closed form are iterated."""
     status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
     ends: Ends = status, failed_at, float(run.steps)
-    orbits = Orbits(run.parameters, run.omega0, False, ends, run.threads)
+    orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), np.zeros(3)
     if len(run.saved):
         first = run.rows_before
         rows = Rows(1.0, 0.0, float(run.every), first, first + len(run.saved), -first, 1)
-        fill_rows(orbits, rows, run.saved)
+        fill_rows(orbits, rows, run.saved, missing)
     if run.saves_last:
         final = run.saved[-1]
     else:
         last = np.empty((1, run.size, 2))
-        fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last)
+        fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last, missing)
         final = last[0]
     results = Results(final, status, failed_at, {})
     if worst(status) == NOT_FOUND:

@@ -21,8 +21,9 @@ def for_kernel(array: FloatArray) -> FloatArray:
 
 def flat_vectors(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
     """Return vectors, or arrays of so many axes, as (B, D): one for each trajectory."""
-    own = array.shape[array.ndim - axes :]
-    if array.shape != (*batch, *own):
+    split = array.ndim - axes
+    own = array.shape[split:]
+    if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *own))
     return for_kernel(array.reshape((-1, *own)))
 
@@ -48,13 +49,13 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
 
 def flat_body(body: Body, batch: tuple[int, ...], units: bool = True) -> tuple[FloatArray, ...]:
     """Return the parameters of a body, with `units` taken out; a single body keeps them."""
-    kept: dict[bool, tuple[FloatArray, ...]] = vars(body).setdefault("_flat", {})
-    if units in kept:
-        return kept[units]
-    parameters = units_of(body).parameters if units else body.parameters
-    flat = tuple(flat_parameter(each, batch, body._own_axes) for each in parameters)
-    if not body.shape:
-        kept[units] = flat
+    name = "_flat" if units else "_flat_own"
+    flat: tuple[FloatArray, ...] | None = vars(body).get(name)
+    if flat is None:
+        parameters = units_of(body).parameters if units else body.parameters
+        flat = tuple(flat_parameter(each, batch, body._own_axes) for each in parameters)
+        if not body.shape:
+            vars(body)[name] = flat
     return flat
 
 

@@ -36,6 +36,7 @@ _ABREAST, _LENGTH = 2**13, 2**8
 _TOGETHER = 2**20
 # A copy of an array takes less time than a new one that is filled.
 _ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
+_UNSET: Any = None
 
 
 @lru_cache
@@ -84,9 +85,9 @@ class Run:
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     single: bool = False
     parameters: tuple[FloatArray, ...] = ()
-    time_step: FloatArray = field(default_factory=_no_rows)
-    saved: FloatArray = field(default_factory=_no_rows)
-    turns: FloatArray = field(default_factory=_no_rows)
+    time_step: FloatArray = _UNSET
+    saved: FloatArray = _UNSET
+    turns: FloatArray = _UNSET
 
     @property
     def size(self) -> int:
@@ -220,7 +221,7 @@ class Results(NamedTuple):
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     resume: dict[str, NDArray[Any]]
-    omega: FloatArray = _no_rows()
+    omega: FloatArray = _UNSET
     attitude: FloatArray | None = None
 
 
@@ -327,7 +328,8 @@ def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: i
     if turns is not None:
         run.time_step = flat_parameter(run.eps, batch)
         run.turns = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
-    final, status, failed_at, resume = run.map.run(run)[:4]
+    found = run.map.run(run)
+    final, status, failed_at, resume = found.final, found.status, found.failed_at, found.resume
     least = worst(status)
     if least == codes.NOT_COMPUTED:
         raise RuntimeError("a loop ended before its last trajectory; please report this")

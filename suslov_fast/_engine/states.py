@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,19 +29,9 @@ SLAB, COPIES = 2**15, 2**20
 REPEATED = 8 * kernels.LANES
 
 Index = tuple[Any, ...]
-
-
-class Part(NamedTuple):
-    """States (count, D) from number `begin` on, for one call of a kernel.
-
-    Bodies repeat with the period: a parameter, of which eps is the last, is (1, ...) or
-    (period, ...).
-    """
-
-    begin: int
-    parameters: tuple[FloatArray, ...]
-    states: FloatArray
-    period: int
+# For one call of a kernel: the number of the first state; parameters, the last of them eps; states
+# (count, D); and the period with which bodies repeat. A parameter is (1, ...) or (period, ...).
+_Part = tuple[int, tuple[FloatArray, ...], FloatArray, int]
 
 
 def of_state(
@@ -149,7 +139,7 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: 
 
 def _parts(
     body: Any, eps: float | FloatArray | None, omega: FloatArray, batch: tuple[int, ...]
-) -> Iterator[Part]:
+) -> Iterator[_Part]:
     """Yield the parts of a batch; eps is 1 where none is needed.
 
     One call takes all states if few numbers must be copied for it, else slab after slab.
@@ -157,7 +147,7 @@ def _parts(
     eps = 1.0 if eps is None else eps
     if not batch:  # one state: most of the time of a call would go into what follows
         parameters = *flat_body(body, (), units=False), flat_parameter(eps, ())
-        yield Part(0, parameters, for_kernel(omega).reshape(1, -1), 1)
+        yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
     ndim, own, D = len(batch), body._own_axes, omega.shape[-1]
     whole = np.broadcast_to(omega, (*batch, D))
@@ -185,7 +175,7 @@ def _parts(
             times = min(REPEATED, len(states)) // period + 1
             parameters = tuple(np.tile(p, times) if p.size > 1 else p for p in parameters)
             period *= times
-        yield Part(begin, parameters, states, period)
+        yield begin, parameters, states, period
         begin += len(states)
 
 

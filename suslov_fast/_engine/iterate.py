@@ -80,7 +80,7 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
     room = (
         np.empty((tasks, 2, M, *of_body)),
         np.empty((tasks, 2, M, lanes)),
-        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m, lanes),
+        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m),
     )
     before = ((*run.parameters, run.omega0),)
     final = _make_steps(run, kernel, work, map_nd.LANES, before, turning, kept, room)
@@ -133,9 +133,9 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
     return tasks, lanes
 
 
-def _matrices(tasks: int, m: int, lanes: int) -> FloatArray:
-    """Return room for elimination: for fewer systems side by side where most leave the caches."""
-    shape = tasks, m + 3, m + 1, min(WIDTH if m <= 16 else WIDTH // 2, lanes)
+def _matrices(tasks: int, m: int) -> FloatArray:
+    """Return room for elimination."""
+    shape = tasks, m + 4, m + 2, WIDTH
     advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
     require(8 * math.prod(shape), advice, shape)
     return np.empty(shape)

@@ -74,10 +74,7 @@ def own_parameter(value: float | FloatArray) -> float | FloatArray:
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Return states (B, D) that nobody else writes to."""
-    shape = -1, state.shape[-1]
-    if state.shape[:-1] == batch and state.flags.c_contiguous:
-        return state.reshape(shape).copy()
-    return np.array(np.broadcast_to(state, (*batch, shape[1])), order="C").reshape(shape)
+    return flat_vectors(state, batch).copy()
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -36,6 +36,7 @@ _ABREAST, _LENGTH = 2**13, 2**8
 _TOGETHER = 2**20
 # A copy of an array takes less time than a new one that is filled.
 _ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
+# Arrays that are set before they are used.
 _UNSET: Any = None
 
 

@@ -51,10 +51,17 @@ def run_nd(run: Run) -> Results:
     size = run.size
     ends = np.empty(size, np.int8), np.empty(size, np.int64)
     results = Results(np.empty(run.omega0.shape), *ends, {})
-    run_some(run, np.flatnonzero(jumping), _jump_nd, results)
-    with reporter(run.progress, run.steps - run.start) as report:
-        others, reports = np.flatnonzero(~jumping), report if run.progress else None
-        run_some(run, others, iterate_nd, results, report=reports)
+    steps, done = run.steps - run.start, 0
+    with reporter(run.progress, steps) as report:
+        for driver, chosen in ((_jump_nd, jumping), (iterate_nd, ~jumping)):
+            some = np.flatnonzero(chosen)
+
+            def progress(made: int, before: int = done, count: int = some.size) -> None:
+                report((before * steps + made * count) // size)
+
+            reports = progress if run.progress else None
+            run_some(run, some, driver, results, report=reports)
+            done += some.size
     return results
 
 

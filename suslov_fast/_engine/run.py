@@ -270,6 +270,7 @@ def run_some(
         part = run.some(some, anew)
         part.progress = progress if report else None
         found = driver(part)
+        progress(run.steps - run.start, run.steps - run.start)
         for whole, rows in ((run.saved, part.saved), (run.turns, part.turns)):
             if len(whole):
                 whole[:, some] = rows[len(rows) - len(whole) :]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 from suslov_fast import Suslov3D, SuslovND, _kernels
-from suslov_fast._engine import problem
+from suslov_fast._engine import run as engine
 
 # The first call of a kernel compiles it, which no deadline allows for.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
@@ -78,10 +78,10 @@ def rng():
 @pytest.fixture
 def small_parts(monkeypatch):
     """Let runs be cut into many parts, along the batch and along time."""
-    monkeypatch.setattr(problem, "_PART", 2**12)
-    monkeypatch.setattr(problem, "_ABREAST", 1)
-    monkeypatch.setattr(problem, "_LENGTH", 1)
-    monkeypatch.setattr(problem, "_SHORT", -1.0)  # parts do not grow
+    monkeypatch.setattr(engine, "_PART", 2**12)
+    monkeypatch.setattr(engine, "_ABREAST", 1)
+    monkeypatch.setattr(engine, "_LENGTH", 1)
+    monkeypatch.setattr(engine, "_SHORT", -1.0)  # parts do not grow
 
 
 @pytest.fixture

@@ -13,9 +13,8 @@ from .._bodies.nd import SuslovND
 from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.layout import first_index, for_kernel, spell
+from .._engine.layout import first_index, for_kernel, for_loops, spell
 from .._engine.states import TASKS
-from .._engine.units import for_loops
 from .._kernels import attitude as kernels
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.

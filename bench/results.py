@@ -1,30 +1,23 @@
-"""Run the benchmarks, and keep what they measured: rows of results, their files, their limits."""
+"""What benchmarks measured: rows of results, their files, and shares of the machine's limits."""
 
 import importlib.metadata
 import json
-import os
 import platform
-import subprocess
-import sys
-import tempfile
-from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import native
 
 BENCH = Path(__file__).parent
-PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "JAX", "numbalsoda", "pynamicalsys"]
-# Passes are short and follow each other: a shared machine is slow for seconds at a time.
-SETTINGS = ("--benchmark-min-rounds=3", "--benchmark-max-time=0.1", "--benchmark-columns=min")
+PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "pynamicalsys"]
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """One benchmark, measured.
 
     `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
-    of the machine and how much of it a unit needs, `share` the measured share of that limit if row
-    and limit were measured in turn, `x` the place in a chart or in a table with columns.
+    of the machine and how much of it a unit needs, `x` the place in a chart or in a table with
+    columns.
     """
 
     name: str
@@ -32,13 +25,11 @@ class Row:
     key: str
     label: str
     whose: str
-    unit: str
     work: float
     seconds: float
     threads: int = 1
     error: float | None = None
     limit: tuple[str, float] | None = None
-    share: float | None = None
     x: float | None = None
 
     @property
@@ -47,8 +38,7 @@ class Row:
         return self.work / self.seconds
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(NamedTuple):
     """Rows of one machine, the best of several passes."""
 
     date: str
@@ -58,12 +48,8 @@ class Results:
 
     def of(self, table, **wanted):
         """Rows of a table with these attributes, fastest first."""
-        rows = [
-            row
-            for row in self.rows
-            if row.table == table
-            and all(getattr(row, name) == value for name, value in wanted.items())
-        ]
+        wanted = {"table": table, **wanted}.items()
+        rows = [row for row in self.rows if wanted <= row._asdict().items()]
         return sorted(rows, key=lambda row: row.rate, reverse=True)
 
     def one(self, table, key, **wanted):
@@ -84,13 +70,10 @@ class Results:
         The limit is the most that any row got: a row that passes the benchmark of the limit shows
         that the limit was measured at a bad moment.
         """
-        if row.limit is None or row.share is not None:
-            return row.share
-        found = [
-            each
-            for each in self.rows
-            if each.limit and each.limit[0] == row.limit[0] and each.threads == row.threads
-        ]
+        if row.limit is None:
+            return None
+        found = [each for each in self.rows if each.limit and each.threads == row.threads]
+        found = [each for each in found if each.limit[0] == row.limit[0]]
         if not any(each.whose == "the machine" for each in found):
             return None
         return row.rate * row.limit[1] / max(each.rate * each.limit[1] for each in found)
@@ -98,8 +81,8 @@ class Results:
 
 def dump(results, path):
     """Write results to a file."""
-    rows = [{k: v for k, v in asdict(row).items() if v is not None} for row in results.rows]
-    text = json.dumps(vars(results) | {"rows": rows}, indent=1, ensure_ascii=False)
+    rows = [{k: v for k, v in row._asdict().items() if v is not None} for row in results.rows]
+    text = json.dumps(results._asdict() | {"rows": rows}, indent=1, ensure_ascii=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
@@ -117,10 +100,7 @@ def load(path):
                 for each in content["benchmarks"]
             ],
         }
-    rows = [
-        row | {"limit": tuple(row["limit"]) if row.get("limit") else None}
-        for row in content["rows"]
-    ]
+    rows = [row | {"limit": tuple(row.get("limit") or ()) or None} for row in content["rows"]]
     return Results(**content | {"rows": tuple(Row(**row) for row in rows)})
 
 
@@ -131,34 +111,13 @@ def merge(several):
         if results.machine != several[0].machine:
             raise ValueError("expected results of one machine and one set of versions")
         for row in results.rows:
-            if row.name not in best or row.seconds < best[row.name].seconds:
-                best[row.name] = row
+            best[row.name] = min(row, best.get(row.name, row), key=lambda each: each.seconds)
     return Results(
         date=max(results.date for results in several),
         machine=several[0].machine,
         passes=sum(results.passes for results in several),
         rows=tuple(best.values()),
     )
-
-
-def measure(passes, select=None):
-    """The results of several passes over all benchmarks, each in a process of its own."""
-    several = []
-    # The peers that solve linear systems are measured on one thread, like the others beside them.
-    threads = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", str(BENCH), "-q", "--benchmark-enable", *SETTINGS]
-    command += ["--benchmark-quiet", *(["-k", select] if select else [])]
-    with tempfile.TemporaryDirectory() as folder:
-        for k in range(passes):
-            print(f"pass {k + 1} of {passes}", flush=True)
-            target = Path(folder) / f"{k}.json"
-            once = ["-m", "not once"] if k else []
-            json_to = f"--benchmark-json={target}"
-            subprocess.run(
-                [*command, json_to, *once], env=os.environ | threads, cwd=BENCH.parent, check=True
-            )
-            several.append(load(target))
-    return merge(several)
 
 
 def machine():

@@ -21,11 +21,5 @@ def _system():
 
 
 def final(omega0, steps, threads):
-    """(ds2) as printed; all states but the last count as transient."""
+    """The map as printed; all states but the last count as transient."""
     return _system().trajectory(omega0, steps, transient_time=steps - 1)
-
-
-def stored(omega0, steps, threads, out):
-    """(ds2), states 1 ... steps of each trajectory, in a new array."""
-    states = _system().trajectory(omega0, steps).reshape(len(omega0), steps, 2)
-    return states.swapaxes(0, 1)

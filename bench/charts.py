@@ -52,7 +52,7 @@ def speed(results):
             axis.plot(value, y, marker, color=colour, markersize=9, markeredgewidth=2)
             # Figures stand beside the axes, where no line crosses them.
             error = f"error {row.error:.0e}" if row.error is not None else ""
-            for x, text in ((1.09, written.format(value)), (1.23, error)):
+            for x, text in ((1.1, written.format(value)), (1.24, error)):
                 place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
                 axis.text(x, y, text, fontsize=9, **place)
             if row.whose == "the machine":

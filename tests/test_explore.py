@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
+import warnings
 import xml.etree.ElementTree as ET
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -35,13 +36,10 @@ CASES = {
     "at": (PRESETS["t = 1"], "at", "SUPERCRITICAL"),
     "above": (JUMPS, "above", "SUPERCRITICAL"),
     "pole": (POLE, "above", "SINGULAR"),
-    "steady": (PICTURE_1._replace(I23=-0.25, Omega1=-0.5, Omega2=1.0), "steady", "OK"),
     "at rest": (PICTURE_1._replace(Omega1=0.0, Omega2=0.0), "steady", "OK"),
     "no products": (PICTURE_1._replace(I13=0.0, I23=0.0), "steady", "OK"),
     "no step": (PICTURE_1._replace(eps=0.0), "below", "OK"),
-    "huge": (PICTURE_1._replace(Omega1=1e300, Omega2=-1e300), None, None),
     "tiny": (PICTURE_1._replace(I1=1e-300, I13=1e-200), None, None),
-    "far apart": (PICTURE_1._replace(I1=1e250, I2=1e-250), None, None),
     "beyond": (PICTURE_1._replace(Omega1=1e308, Omega2=1e308, eps=1e308), None, None),
 }
 MOVING = ["below", "backwards", "matter", "above"]
@@ -119,16 +117,13 @@ def test_the_ellipsoid_is_that_of_the_inertia_tensor(case):
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
-@pytest.mark.parametrize("case", MOVING)
-def test_the_lines_of_python_give_the_same_states(case):
-    found, names = scene(CASES[case][0]), {}
-    exec(found["python"], names)
-    np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
-
-
 def test_presets_are_what_they_say():
     for name, parameters in PRESETS.items():
-        found = scene(parameters)
+        found, names = scene(parameters), {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.SingularStepWarning)
+            exec(found["python"], names)
+        np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
         assert found["ellipsoid"]["matter"] == ("no body of matter" not in name)
         expected = {"t = 1": "at", "t > 1: jumps": "above", "A pole: no next state": "above"}
         assert found["regime"]["name"] == expected.get(name, "below")
@@ -187,36 +182,29 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
 
 BAD = [
     ({"I1": "0"}, "I1: expected a positive number, got 0", "I1"),
-    ({"I13": "nan"}, "I13: expected a number, got 'nan'", "I13"),
     ({"eps": "1e999"}, "eps: expected a number, got '1e999'", "eps"),
     ({"Omega2": "<b>"}, "Omega2: expected a number, got '<b>'", "Omega2"),
     ({"steps": "2.5"}, "steps: expected an integer from 1 to 5000, got 2.5", "steps"),
-    ({"steps": "1e9"}, "steps: expected an integer from 1 to 5000, got 1e9", "steps"),
-    ({"extent": "0"}, "extent: expected a positive number, got 0", "extent"),
     ({"I1": "1e300", "I2": "1e-300"}, "I1, I2: expected moments within a factor of", None),
 ]
 
 
-@pytest.mark.parametrize(("change", "message", "field"), BAD)
-def test_bad_values_are_answered_with_a_message(server, change, message, field):
-    reply, body = ask(server, f"/scene?{query(PICTURE_1, **change)}")
-    answer = json.loads(body)
-    assert reply.status == 200
-    assert answer["error"].startswith(message)
-    assert answer["field"] == field
+def test_bad_values_are_answered_with_a_message(server):
+    for change, message, field in BAD:
+        reply, body = ask(server, f"/scene?{query(PICTURE_1, **change)}")
+        answer = json.loads(body)
+        assert (reply.status, answer["field"]) == (200, field)
+        assert answer["error"].startswith(message)
 
 
 REFUSED = {
-    "/scene": 400,
     "/scene?I1=4": 400,
     f"/scene?{query(PICTURE_1)}&I1=4": 400,
     f"/scene?{query(PICTURE_1)}&other=4": 400,
     "/scene?" + "&".join(f"I{k}=1" for k in range(30)): 400,
     "/../pyproject.toml": 404,
-    "//etc/passwd": 404,
     "/%2e%2e/__init__.py": 404,
     "/page/explore.js": 404,
-    "/" + "x" * 3000: 414,
 }
 
 
@@ -249,13 +237,11 @@ def raw(server, text):
 def test_odd_requests(server, capfd):
     host = f"Host: 127.0.0.1:{server.server_port}\r\n"
     assert "403" in raw(server, f"GET / HTTP/1.1\r\n{host}Host: example.org\r\n\r\n")[:12]
-    assert "431" in raw(server, f"GET / HTTP/1.1\r\n{host}X: {'y' * 70000}\r\n\r\n")
     assert "400" in raw(server, "nonsense\r\n\r\n")
-    for path in ("http://[", "//[", "/scene?%ff=%00", "/?\x00", "*"):
+    for path in ("http://[", "/scene?%ff=%00", "/?\x00"):
         status = raw(server, f"GET {path} HTTP/1.1\r\n{host}\r\n")[9:12]
         assert status in ("200", "400", "404")
-    # Clients that leave before the answer.
-    for _ in range(3 if os.name == "posix" else 0):
+    if os.name == "posix":  # a client that leaves before the answer
         with socket.create_connection(("127.0.0.1", server.server_port)) as connection:
             connection.sendall(f"GET /scene?{query(PICTURE_1)} HTTP/1.1\r\n{host}\r\n".encode())
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
@@ -267,44 +253,25 @@ def test_odd_requests(server, capfd):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_signal_ends_the_command(name):
+def test_a_signal_ends_the_command(server):
     link = f"http://127.0.0.1:1/?{query(PICTURE_1)}&show=F"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "suslov_fast", "explore", "--no-browser", link],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    command = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*command, link], **pipes) as process:
         url = process.stdout.readline().strip()
         view = dict(parse_qsl(urlsplit(url).query))
         assert view.pop("show") == "F"
         assert read(view) == PICTURE_1
         with urllib.request.urlopen(url, timeout=60) as page:
             assert b"suslov_fast" in page.read()
-        process.send_signal(getattr(signal, name))
+        process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.communicate()
     assert (process.returncode, output, errors) == (0, "", "")
     Server(urlsplit(url).port).server_close()  # the port is free again
-
-
-def test_bad_options(server, capsys):
-    from suslov_fast._cli import main
-
-    for port, status, message in (
-        (server.server_port, 1, f"expected a port that is free, got {server.server_port}: "),
-        ("x", 2, "expected an integer of at least 0"),
-        (65536, 2, "below 65536, got '65536'"),
-    ):
-        with pytest.raises(SystemExit) as stopped:
-            main(["explore", "--no-browser", "--port", str(port)])
-        assert stopped.value.code == status
-        assert message in capsys.readouterr().err
+    taken = [*command, "--port", str(server.server_port)]
+    done = subprocess.run(taken, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert f"expected a port that is free, got {server.server_port}: " in done.stderr
 
 
 def test_links():
@@ -314,8 +281,6 @@ def test_links():
     )
     with pytest.raises(ValueError, match="expected each of I1, I2"):
         query_of_link("http://127.0.0.1:1/?I1=4")
-    with pytest.raises(ValueError, match="I1: expected a number, got 'x'"):
-        query_of_link(f"?{query(PICTURE_1, I1='x')}")
     with pytest.raises(ValueError, match="expected at most"):
         query_of_link(f"?{query(PICTURE_1)}&show={'x' * 5000}")
 
@@ -430,18 +395,11 @@ def test_the_start_follows_mouse_and_keys(page):
 
 
 @pytest.mark.compiled
-def test_a_wrong_value_is_reported_and_corrected(page):
+def test_the_address_keeps_the_view(page):
     put(page, "I1", "0")
     assert text(page, "message") == "I1: expected a positive number, got 0"
-    assert page.value("inputs.I1.number.getAttribute('aria-invalid')") is not None
-    put(page, "I1", "3")
-    assert page.value("byId('message').hidden") is True
-    assert page.value("scene.parameters.I1") == 3
-
-
-@pytest.mark.compiled
-def test_the_address_keeps_the_view(page):
     put(page, "I1", "2.5")
+    assert page.value("byId('message').hidden") is True
     page.value("document.querySelector('#show input[value=portrait]').click()")
     settle(page)
     assert page.value("scene.portrait.orbits.length") == 20

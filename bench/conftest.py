@@ -17,8 +17,8 @@ def pytest_report_header():
     return f"suslov_fast {suslov_fast.__version__} from {suslov_fast.__path__[0]}"
 
 
-def pytest_benchmark_generate_machine_info():
-    return results.machine()
+def pytest_benchmark_update_machine_info(machine_info):
+    machine_info["ours"] = results.machine(machine_info)
 
 
 @pytest.fixture

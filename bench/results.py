@@ -3,13 +3,14 @@
 import importlib.metadata
 import json
 import platform
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import native
 
 BENCH = Path(__file__).parent
-PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "pynamicalsys"]
+PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka"]
 
 
 class Row(NamedTuple):
@@ -90,10 +91,9 @@ def load(path):
     """Results from a file of `dump`, or of pytest-benchmark: nothing that names machine or user."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
     if "benchmarks" in content:
-        machine = content["machine_info"]
         content = {
             "date": content["datetime"][:10],
-            "machine": {key: machine[key] for key in ("processor", "threads", "versions")},
+            "machine": content["machine_info"]["ours"],
             "passes": 1,
             "rows": [
                 each["extra_info"] | {"name": each["name"], "seconds": each["stats"]["min"]}
@@ -120,8 +120,8 @@ def merge(several):
     )
 
 
-def machine():
-    """Processor, threads and versions, and nothing that names the host."""
+def machine(described):
+    """Processor, threads and versions, from what pytest-benchmark says; nothing names the host."""
     import numba
     from llvmlite import binding
 
@@ -129,25 +129,14 @@ def machine():
 
     versions = {"Python": platform.python_version(), "suslov_fast": suslov_fast.__version__}
     for package in PACKAGES:
-        try:
+        with suppress(importlib.metadata.PackageNotFoundError):
             versions[package] = importlib.metadata.version(package.lower())
-        except importlib.metadata.PackageNotFoundError:
-            continue
     versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))
     if native.version():
         versions["gcc"] = native.version()
     compiled_for = f", compiled for {native.PROCESSOR}" if native.PROCESSOR else ""
     return {
-        "processor": _processor() + compiled_for,
+        "processor": described["cpu"].get("brand_raw", platform.machine()) + compiled_for,
         "threads": int(numba.config.NUMBA_NUM_THREADS),
         "versions": versions,
     }
-
-
-def _processor():
-    """The name of the processor, as far as the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()

@@ -52,7 +52,7 @@ def test_files_name_no_machine_and_no_person(tmp_path):
     benchmark = {"name": "b[1]", "fullname": "secret/b", "stats": {"min": 0.25, "max": 0.5}}
     raw = {
         "datetime": "2026-11-20T07:00:00.000000+00:00",
-        "machine_info": {"node": "secret", "processor": "Abacus", "threads": 2, "versions": {}},
+        "machine_info": {"node": "secret", "ours": {"processor": "Abacus", "threads": 2}},
         "commit_info": {"author_name": "secret"},
         "benchmarks": [benchmark | {"extra_info": extra}],
     }

@@ -59,19 +59,12 @@ def test_numbers_are_those_of_the_package(case):
     np.testing.assert_array_equal(rows(found["omega"]), run.omega)
     np.testing.assert_array_equal(rows(found["attitude"], 9).reshape(-1, 3, 3), run.attitude)
     assert len(found["flow"]) == len(found["time"]) == len(run.omega)
-    time = [each for each in found["time"] if each is not None]
-    np.testing.assert_array_equal(
-        rows(found["flow"])[: len(time)], sf.flow(body, omega0, np.array(time))
-    )
-    minus, plus = sf.limits(body, omega0, eps)
-    for quantity, value in {
-        "criticality": sf.criticality(body, omega0, eps),
-        "F": sf.first_integral(body, omega0, eps),
-        "energy": sf.energy(body, omega0),
-        "scattering_angle": sf.scattering_angle(body),
-        "omega_minus": minus,
-        "omega_plus": plus,
-    }.items():
+    time = np.array([each for each in found["time"] if each is not None])
+    np.testing.assert_array_equal(rows(found["flow"])[: len(time)], sf.flow(body, omega0, time))
+    quantities = {"criticality": sf.criticality, "F": sf.first_integral, "omega_plus": sf.limits}
+    for quantity, function in quantities.items():
+        value = function(body, omega0, eps)
+        value = value[1] if quantity == "omega_plus" else value
         expected = value.tolist() if np.isfinite(value).all() else None
         assert found["numbers"][quantity] == expected, quantity
     status = sf.Status(int(run.status))
@@ -83,7 +76,8 @@ def test_numbers_are_those_of_the_package(case):
 
 
 @pytest.mark.parametrize("case", MOVING)
-def test_curves_are_levels_and_the_line_is_steady(case):
+def test_what_is_drawn_is_what_it_says(case):
+    """Curves are levels, half lines are steady, orbits are of the map, the ellipsoid of inertia."""
     parameters = CASES[case][0]._replace(portrait=1)
     found, body, eps = scene(parameters), parameters.body, parameters.eps
     for branch in found["levels"]["F"]:
@@ -98,22 +92,15 @@ def test_curves_are_levels_and_the_line_is_steady(case):
         assert np.sign(np.prod(abs(multipliers)) - 1) == sign
     orbits = found["portrait"]["orbits"]
     assert len(orbits) == 20
-    for orbit in orbits:
-        after = sf.step(body, rows(orbit)[:-1], eps)
-        size = abs(rows(orbit)).max()
-        np.testing.assert_allclose(rows(orbit)[1:], after, atol=1e-4 * size)
-
-
-@pytest.mark.parametrize("case", ["below", "matter", "pole"])
-def test_the_ellipsoid_is_that_of_the_inertia_tensor(case):
-    parameters = CASES[case][0]
-    drawn = scene(parameters)["ellipsoid"]
-    I1, I2, I13, I23 = parameters[:4]
+    for orbit in map(rows, orbits):
+        after = sf.step(body, orbit[:-1], eps)
+        np.testing.assert_allclose(orbit[1:], after, atol=1e-4 * abs(orbit).max())
+    drawn, (I1, I2, I13, I23) = found["ellipsoid"], parameters[:4]
     tensor = np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, drawn["I3"]]])
     points = np.array(drawn["axes"]) * drawn["radii"]
     squares = np.einsum("ik,ij,jk->k", points, tensor, points)
     np.testing.assert_allclose(squares, squares[0], rtol=1e-13)
-    low, high = parameters.body.admissible_I3()
+    low, high = body.admissible_I3()
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
@@ -156,16 +143,12 @@ def query(parameters, **other):
     return urlencode(parameters._asdict() | other)
 
 
-def test_scenes_and_settings_are_served(server):
+def test_the_page_is_served_and_refers_to_nothing_else(server):
     reply, body = ask(server, f"/scene?{query(POLE)}")
     assert (reply.status, reply.headers["Content-Type"]) == (200, "application/json")
     assert json.loads(body) == json.loads(json.dumps(scene(POLE)))
     settings = json.loads(ask(server, "/settings")[1])
-    assert settings["version"] == sf.__version__
     assert [each["name"] for each in settings["presets"]] == list(PRESETS)
-
-
-def test_the_page_is_served_and_refers_to_nothing_else(server):
     referred = set()
     for path in ("/", f"/?{query(PICTURE_1)}", "/style.css", "/explore.js"):
         reply, body = ask(server, path)
@@ -177,7 +160,6 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
         assert "url(" not in text.replace("url(#frame)", "")
     names = {"".join(pair) for pair in referred}
     assert names == {"/style.css", "/explore.js", "/scene", "/settings"}
-    assert ask(server, "/", "HEAD")[1] == b""
 
 
 BAD = [
@@ -360,7 +342,6 @@ def test_regimes_in_the_browser(page, server):
         "at": ("t = 1 ", "SUPERCRITICAL", ""),
         "no products": ("Steady rotation", "OK", ""),
         "beyond": None,
-        "huge": None,
     }.items():
         show(page, server, CASES[case][0], show="F energy flow joined portrait")
         found = tuple(text(page, name) for name in ("regime-name", "status", "failure"))
@@ -374,23 +355,28 @@ def test_the_start_follows_mouse_and_keys(page):
             f"(({{x, y}}, [u, v]) => [x + u, y + v])"
             f"(byId('plane').getBoundingClientRect(), view().at({omega}))"
         )
-        page.mouse(kind, x, y)
+        where = {"x": x, "y": y, "button": "left", "buttons": int(kind != "mouseReleased")}
+        page.call("Input.dispatchMouseEvent", type=kind, clickCount=1, **where)
         settle(page)
         return page.value("scene.omega[0]")
+
+    def press_key(name):
+        for kind in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+        settle(page)
 
     assert press("mousePressed", [1.0, 0.5]) == pytest.approx([1.0, 0.5], abs=0.02)
     press("mouseMoved", [-1.5, 2.0])
     assert press("mouseReleased", [-1.5, 2.0]) == pytest.approx([-1.5, 2.0], abs=0.02)
     x, y = press("mouseMoved", [3.0, 3.0])
     assert [x, y] == pytest.approx([-1.5, 2.0], abs=0.02), "the button is released"
-    page.key("ArrowRight")
-    page.key("ArrowUp")
-    settle(page)
+    press_key("ArrowRight")
+    press_key("ArrowUp")
     moved = page.value("scene.omega[0]")
     assert moved[0] > x
     assert moved[1] > y
     extent = page.value("extent")
-    page.key("+")
+    press_key("+")
     assert page.value("extent") == pytest.approx(0.8 * extent)
 
 

@@ -17,7 +17,6 @@ LAST = (
     ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
     ("c.as_printed", "c-printed", "C, as printed", 65_536, 1000, 2),
     ("naive_numba.final", "numba", PRANGE, 16_384, 250, None),
-    ("pynamicalsys_.final", "pynamicalsys", "pynamicalsys", 2048, 250, None),
     ("numpy_batch.final", "numpy", BATCH, 4096, 250, None),
     ("numpy_batch.final_python", "python", "Python", 64, 1000, None),
 )

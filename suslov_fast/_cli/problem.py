@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +16,10 @@ from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError,
 from .terminal import about
 
 
-class Problem(NamedTuple):
-    """A body, a step size, and the rotation to the adapted basis if a tensor was given."""
-
-    body: Any
-    eps: float
-    rotation: FloatArray | None
-
-
-def problem_of(options: argparse.Namespace, eps_of_pictures: float | None = None) -> Problem:
-    """Return the problem that options describe.
+def problem_of(
+    options: argparse.Namespace, eps_of_pictures: float | None = None
+) -> tuple[Any, float, FloatArray | None]:
+    """Return the body, the step size, and the rotation to the adapted basis of a tensor.
 
     The step size is that of the picture, or `eps_of_pictures`, unless the body is the user's own.
     """
@@ -48,7 +42,7 @@ def problem_of(options: argparse.Namespace, eps_of_pictures: float | None = None
         raise UsageError(
             "expected a step size with a body of your own, got none; write --eps 0.1, for example"
         )
-    return Problem(body, eps, rotation)
+    return body, eps, rotation
 
 
 def _with_parameters(base: Any, own: dict[str, Any]) -> Any:

@@ -5,6 +5,7 @@ eps     (B,), the step size
 out     (N, B, n, n), the orientations at the others; NaN from the first state on that is NaN
 """
 
+import numpy as np
 from numba import prange
 
 from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
@@ -68,7 +69,7 @@ def reconstruct(omega, eps, R0, carried, out):
     R0 (B, 3, 3); carried (B, 4), the quaternions of R, is read and written.
     """
     for block in prange((omega.shape[1] + LANES - 1) // LANES):
-        turn_block(block, omega, eps, R0, carried, out)
+        turn_block(np.int64(block), omega, eps, R0, carried, out)
 
 
 @inner
@@ -101,7 +102,7 @@ def reconstruct_nd(omega, eps, number, before, out, scratch):
     scratch (tasks, 3 n + 2, n).
     """
     for task in prange(len(scratch)):
-        turn_some(task, omega, eps, number, before, out, scratch)
+        turn_some(np.int64(task), omega, eps, number, before, out, scratch)
 
 
 @formula
@@ -157,4 +158,4 @@ def follow(root, h, I, rotor, number, omega, stray):
     stray    (B,), the number of the first state that does not, or -1; read and written
     """
     for block in prange((omega.shape[1] + LANES - 1) // LANES):
-        follow_block(block, (root, h, I, rotor), number, omega, stray)
+        follow_block(np.int64(block), (root, h, I, rotor), number, omega, stray)

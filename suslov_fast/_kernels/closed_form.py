@@ -443,7 +443,9 @@ def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing)
     """
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        some = fill_rows_of_map(task, (sign, parameters, omega, lanes, out, ends), steps, rows)
+        some = fill_rows_of_map(
+            np.int64(task), (sign, parameters, omega, lanes, out, ends), steps, rows
+        )
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -455,9 +457,9 @@ def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing
     """Fill rows as `rows_of_map` does, of states at times."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        beyond += fill_rows_of_flow(task, (sign, parameters, omega, lanes, out, ends), steps, rows)[
-            2
-        ]
+        beyond += fill_rows_of_flow(
+            np.int64(task), (sign, parameters, omega, lanes, out, ends), steps, rows
+        )[2]
     missing[2] = beyond
 
 
@@ -466,7 +468,9 @@ def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing)
     """Fill row to[j] with the states of number times[j]."""
     steps_missing, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        some = fill_states_of_map(task, (sign, parameters, omega, lanes, out, ends), times, to)
+        some = fill_states_of_map(
+            np.int64(task), (sign, parameters, omega, lanes, out, ends), times, to
+        )
         steps_missing += some[0]
         between += some[1]
         beyond += some[2]
@@ -478,7 +482,7 @@ def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing
     """Fill row to[j] with the states at times[j]."""
     beyond = 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        beyond += fill_states_of_flow(task, (sign, parameters, omega, lanes, out, ends), times, to)[
-            2
-        ]
+        beyond += fill_states_of_flow(
+            np.int64(task), (sign, parameters, omega, lanes, out, ends), times, to
+        )[2]
     missing[2] = beyond

@@ -63,7 +63,7 @@ def enter_orbit(i, parameters, omega, carried):
 def enter(parameters, omega, carried):
     """Fill the rows (ROWS, B) of orbits from five parameters (B,) and states (B, 2)."""
     for i in prange(len(omega)):
-        enter_orbit(i, parameters, omega, carried)
+        enter_orbit(np.int64(i), parameters, omega, carried)
 
 
 @formula
@@ -107,7 +107,7 @@ def advance_block(block, steps, carried):
 def iterate(steps, carried):
     """Make steps of all orbits, whose rows `carried` (ROWS, B) are read and written."""
     for block in prange((carried.shape[1] + LANES - 1) // LANES):
-        advance_block(block, steps, carried)
+        advance_block(np.int64(block), steps, carried)
 
 
 @inner
@@ -240,7 +240,7 @@ def iterate_nd(steps, h, I, omega, frames, products, exponents, scratch):
     scratch     (tasks, scratch_size(m)), one for each task.
     """
     for task in prange(len(scratch)):
-        advance_orbits(task, steps, h, I, omega, frames, products, exponents, scratch)
+        advance_orbits(np.int64(task), steps, h, I, omega, frames, products, exponents, scratch)
 
 
 @inner
@@ -257,4 +257,4 @@ def take_logarithm(i, products, exponents, steps, out):
 def take_logarithms(products, exponents, steps, out):
     """Fill the mean logarithms (B, m) of products (B, m)."""
     for i in prange(len(out)):
-        take_logarithm(i, products, exponents, steps, out)
+        take_logarithm(np.int64(i), products, exponents, steps, out)

@@ -75,4 +75,4 @@ def full(parameters, omega, span, saved, turning, kept):
     """Iterate the three-component scheme."""
     blocks, shift = blocks_of(span, saved)
     for block in prange(blocks):
-        run_block(block, (parameters, omega, span, saved, kept, shift), turning)
+        run_block(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)

@@ -67,4 +67,4 @@ def gyrostat(parameters, omega, span, saved, turning, kept):
     """Iterate the map of the gyrostat."""
     blocks, shift = blocks_of(span, saved)
     for block in prange(blocks):
-        run_block(block, (parameters, omega, span, saved, kept, shift), turning)
+        run_block(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)

@@ -453,18 +453,18 @@ def iterate(parameters, span, saved, turning, kept, room):
         (tasks, 2, M, lanes); for elimination (tasks, m + 3, m + 1, width)
     """
     for task in prange(room[1].shape[0]):
-        _rank2(parameters, span, saved, turning, kept, room, task)
+        _rank2(parameters, span, saved, turning, kept, room, np.int64(task))
 
 
 @kernel
 def iterate_with_elimination(parameters, span, saved, turning, kept, room):
     """Iterate states in O(n) steps, by elimination where those are not accurate."""
     for task in prange(room[1].shape[0]):
-        _rank2_with_elimination(parameters, span, saved, turning, kept, room, task)
+        _rank2_with_elimination(parameters, span, saved, turning, kept, room, np.int64(task))
 
 
 @kernel
 def iterate_by_elimination(parameters, span, saved, turning, kept, room):
     """Iterate states by elimination alone."""
     for task in prange(room[1].shape[0]):
-        _gauss(parameters, span, saved, turning, kept, room, task)
+        _gauss(parameters, span, saved, turning, kept, room, np.int64(task))

@@ -127,7 +127,7 @@ def canonical(parameters, omega, span, saved, turning, kept):
     """Iterate the map in its canonical coordinates."""
     blocks, shift = blocks_of(span, saved)
     for block in prange(blocks):
-        run_canonical(block, (parameters, omega, span, saved, kept, shift), turning)
+        run_canonical(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)
 
 
 class Printed(NamedTuple):
@@ -200,4 +200,4 @@ def printed(parameters, omega, span, saved, turning, kept):
     """Iterate the map as the paper prints it."""
     blocks, shift = blocks_of(span, saved)
     for block in prange(blocks):
-        run_printed(block, (parameters, omega, span, saved, kept, shift), turning)
+        run_printed(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)

@@ -1,5 +1,6 @@
 """Scattering angles of bodies."""
 
+import numpy as np
 from numba import prange
 
 from .._formulas.scattering import scattering_angle
@@ -20,4 +21,4 @@ def scatter_one(i, parameters, out):
 def scatter(parameters, out):
     """Fill the angles (B,) of bodies, four arrays (B,)."""
     for i in prange(len(out)):
-        scatter_one(i, parameters, out)
+        scatter_one(np.int64(i), parameters, out)

@@ -151,7 +151,7 @@ def evaluation(enter, at_lane, size):
 def all_states(parameters, omega, out, period, report):
     """Evaluate a quantity of all states."""
     for task in prange(len(report)):
-        evaluate(parameters, omega, out, period, task, report)  # noqa: F821
+        evaluate(parameters, omega, out, period, np.int64(task), report)  # noqa: F821
 
 
 def quantity(name, enter, at_lane, size=1):

@@ -151,4 +151,4 @@ def evaluate(quantity, parameters, omega, following, out, scratch, infinite):
     infinite : (tasks,), 1 where a task has met an infinite number, else 0
     """
     for task in prange(len(scratch)):
-        find_some(quantity, parameters, omega, following, out, task, scratch, infinite)
+        find_some(quantity, parameters, omega, following, out, np.int64(task), scratch, infinite)

@@ -108,7 +108,7 @@ _repeated = partial(_option, action="append")
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
         f"picture of the paper; parameters beside it replace its own ({DEFAULT_PICTURE})",
-        choices="1234",
+        choices=tuple("1234"),
     ),
     "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
     "mass_tensor": _option("for n dimensions, the I of M = I Omega + Omega I", _table, "FILE"),

@@ -1,8 +1,7 @@
-"""The paper's equations, slowly and literally, in arithmetic of 60 digits or in fractions.
+"""The paper's equations as printed, in arithmetic of 60 digits or in fractions.
 
-Nothing here comes from the package, and nothing is solved by hand: each discrete equation is
-written down as printed, the coefficients of the unknowns are read off by evaluating it, and the
-linear system is solved.
+Nothing here comes from the package. The coefficients of the unknowns in an implicit equation are
+found by evaluating it, and the linear system is solved; the equations' numbers are the paper's.
 """
 
 from fractions import Fraction
@@ -15,12 +14,12 @@ mp.dps = 60
 
 
 def exactly(*numbers):
-    """Floats as numbers of 60 digits, unchanged."""
+    """Return floats as numbers of 60 digits."""
     return [mpf(float(number)) for number in numbers]
 
 
 def ds1(I1, I2, I13, I23, eps, omega, following):
-    """Left side minus right side of the two equations (ds1)."""
+    """Left sides minus right sides of the two equations (4)."""
     (w1, w2), (v1, v2) = omega, following
     return [
         I1 * (v1 - w1) - eps * (-I13 / 2 * (v1 * w2 + w1 * v2) - I23 * w2 * v2),
@@ -29,7 +28,7 @@ def ds1(I1, I2, I13, I23, eps, omega, following):
 
 
 def ds(I1, I2, I13, I23, eps, I3, omega, following):
-    """Left side minus right side of the three equations (ds)."""
+    """Left sides minus right sides of the three equations (3)."""
     (w1, w2, w3), (v1, v2, v3) = omega, following
     right1 = (
         I2 / 2 * (v2 * w3 + w2 * v3)
@@ -53,7 +52,7 @@ def ds(I1, I2, I13, I23, eps, I3, omega, following):
 
 
 def solve_affine(residual, dimension, number=mpf):
-    """The zero of an affine function of `dimension` unknowns, or None, by elimination."""
+    """Find the zero of an affine function by elimination; None if it has not exactly one."""
     zero = [number(0)] * dimension
     constant = residual(zero)
     columns = []
@@ -86,9 +85,13 @@ def rational_step(I1, I2, I13, I23, eps, omega):
 
 def orbit(I1, I2, I13, I23, eps, omega, steps):
     """The states 0 ... steps."""
+    return iterated(lambda state: step(I1, I2, I13, I23, eps, state), omega, steps)
+
+
+def iterated(step, omega, steps):
     states = [exactly(*omega)]
     for _ in range(steps):
-        states.append(step(I1, I2, I13, I23, eps, states[-1]))
+        states.append(step(states[-1]))
     return states
 
 
@@ -99,21 +102,21 @@ def step_full(I1, I2, I13, I23, eps, I3, omega):
 
 
 def first_integral(I1, I2, I13, I23, eps, omega):
-    """F of equation (i1)."""
+    """F of Lemma 1."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
     w1, w2 = (mpf(component) for component in omega)
     return (I1 * w1**2 + I2 * w2**2) / (4 * I1 * I2 + eps**2 * (I13 * w1 + I23 * w2) ** 2)
 
 
 def xy(I1, I2, I13, I23, omega):
-    """Equation (xy)."""
+    """Equation (7)."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     w1, w2 = (mpf(component) for component in omega)
     return I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
 
 
 def criticality(I1, I2, I13, I23, eps, omega):
-    """eps sqrt(h / (I1 I2)) with the h of equation (i2)."""
+    """eps sqrt(h / (I1 I2)) with h = D F, D = I13**2 I2 + I23**2 I1."""
     x, y = xy(I1, I2, I13, I23, omega)
     I1, I2, eps = exactly(I1, I2, eps)
     a = I1 * I2
@@ -121,7 +124,7 @@ def criticality(I1, I2, I13, I23, eps, omega):
 
 
 def closed_form(I1, I2, I13, I23, eps, omega):
-    """h of (i2), k1 of (k1) with its sign, and k2 of y = 2 sqrt(h I1 I2) tanh(k2), for t < 1."""
+    """h, k1 with its sign, and k2 of y = 2 sqrt(h I1 I2) tanh(k2), for t < 1 (Section 4)."""
     x, y = xy(I1, I2, I13, I23, omega)
     I1, I2, eps = exactly(I1, I2, eps)
     a = I1 * I2
@@ -138,13 +141,37 @@ def invariant_density(I1, I2, I13, I23, eps, omega):
 
 
 def matrix(I1, I2, I13, I23, eps, omega):
-    """The matrix above (ds2), as printed."""
+    """The matrix above equation (5), as printed."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
     w1, w2 = (mpf(component) for component in omega)
     return [
         [1 + eps * I13 / (2 * I1) * w2, eps * I13 / (2 * I1) * w1 + eps * I23 / I1 * w2],
         [-eps * I13 / I2 * w1 - eps * I23 / (2 * I2) * w2, 1 - eps * I23 / (2 * I2) * w1],
     ]
+
+
+def solution(a, eps, x, y, n):
+    """State n of the orbit of (x, y) under equation (8), for any integer n.
+
+    In X = eps x / sqrt(2 a), Y = eps y / (2 a) = U / W a step is linear on a level H: the matrix of
+    (U, W) is ((1 + H, -2 H), (-2, 1 + H)), and X W is multiplied by 1 - H.
+    """
+    X, Y = eps * x / mpmath.sqrt(2 * a), eps * y / (2 * a)
+    H = (X**2 + 2 * Y**2) / (2 + X**2)
+    T = mpmath.sqrt(H)
+    first, second = (1 + T) ** (2 * n) * (T - Y), (1 - T) ** (2 * n) * (T + Y)  # eigenvectors
+    W = (first + second) / (2 * T)
+    return x * (1 - H) ** n / W, 2 * a / eps * (second - first) / 2 / W
+
+
+def far_state(I1, I2, I13, I23, eps, omega, n):
+    """State n in 700 digits, since x may be as small as 1e-300."""
+    with mp.workdps(700):
+        x, y = xy(I1, I2, I13, I23, exactly(*omega))
+        I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
+        x, y = solution(I1 * I2, eps, x, y, n)
+        D = I13**2 * I2 + I23**2 * I1
+        return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
 
 
 def relative_error(computed, exact):
@@ -154,8 +181,18 @@ def relative_error(computed, exact):
     return float(difference / size) if size else float(difference)
 
 
+def worst_error(states, exact):
+    return max(map(relative_error, states, exact))
+
+
+def energy_error(J, computed, exact):
+    """The error in the norm of the energy, relative to that of the exact state."""
+    difference = [mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)]
+    return float(mpmath.sqrt(energy_nd(J, difference) / energy_nd(J, exact)))
+
+
 def vector_field(I1, I2, I13, I23, omega):
-    """The first two equations of (s1)."""
+    """The first two equations (2), solved for the derivative."""
     w1, w2 = omega
     return [
         (-I13 * w1 * w2 - I23 * w2 * w2) / I1,
@@ -164,20 +201,23 @@ def vector_field(I1, I2, I13, I23, omega):
 
 
 def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
-    """The solution of (s1) at a time, by Taylor series."""
-    I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
-    h /= steps
-    state = exactly(*omega)
-    for _ in range(steps):
-        series1, series2 = [state[0]], [state[1]]
-        for k in range(order):
-            w11 = sum(series1[j] * series1[k - j] for j in range(k + 1))
-            w12 = sum(series1[j] * series2[k - j] for j in range(k + 1))
-            w22 = sum(series2[j] * series2[k - j] for j in range(k + 1))
-            series1.append((-I13 * w12 - I23 * w22) / I1 / (k + 1))
-            series2.append((I13 * w11 + I23 * w12) / I2 / (k + 1))
-        state = [sum(c * h**k for k, c in enumerate(series)) for series in (series1, series2)]
-    return state
+    """The solution of equations (2) at a time, by Taylor series in 30 digits."""
+    with mp.workdps(30):
+        I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
+        h /= steps
+        state = exactly(*omega)
+        for _ in range(steps):
+            series = [[component] for component in state]
+            for k in range(1, order + 1):
+                first, second = series
+                w11, w12, w22 = (
+                    mpmath.fdot(v, reversed(w))
+                    for v, w in ((first, first), (first, second), (second, second))
+                )
+                first.append((-I13 * w12 - I23 * w22) / I1 / k)
+                second.append((I13 * w11 + I23 * w12) / I2 / k)
+            state = [mpmath.polyval(component[::-1], h) for component in series]
+        return state
 
 
 def derivative(function, state, digits=20):
@@ -200,7 +240,7 @@ def jacobian(I1, I2, I13, I23, eps, omega):
 
 
 def reaction(I1, I2, I13, I23, omega, derivative):
-    """The multiplier of the third equation of (s1)."""
+    """The multiplier of the third equation (2)."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     w1, w2 = (mpf(component) for component in omega)
     return I13 * derivative[0] + I23 * derivative[1] - (I1 - I2) * w1 * w2
@@ -232,7 +272,7 @@ def attitude(omega, eps):
 
 
 def dsn(J, I, eps, omega, following):
-    """Left side minus right side of the equations (dsn)."""
+    """Left sides minus right sides of equations (15)."""
     m = range(len(J))
     product = sum(following[i] * omega[i] for i in m)
     p, p_next = sum(I[i] * omega[i] for i in m), sum(I[i] * following[i] for i in m)
@@ -259,14 +299,14 @@ def energy_nd(J, omega):
 
 
 def vector_field_nd(J, I, omega):
-    """The right side of (nsus1) over J."""
+    """The right side of equations (14) over J."""
     J, I, w = exactly(*J), exactly(*I), [mpf(component) for component in omega]
     p, square = sum(i * v for i, v in zip(I, w, strict=True)), sum(v * v for v in w)
     return [(p * w[k] - I[k] * square) / J[k] for k in range(len(J))]
 
 
 def reaction_nd(J, I, omega, following, derivative):
-    """lambda = M' - [M, Omega] of (nsus), M = I Omega + Omega I, products polarised.
+    """lambda = M' - [M, Omega] of equations (13), M = I Omega + Omega I, products polarised.
 
     The trace of the second moments of mass is free: what J leaves open cancels.
     """
@@ -293,10 +333,26 @@ def reaction_nd(J, I, omega, following, derivative):
 
 
 def orbit_nd(J, I, eps, omega, steps):
-    states = [exactly(*omega)]
-    for _ in range(steps):
-        states.append(step_nd(J, I, eps, states[-1]))
-    return states
+    return iterated(lambda state: step_nd(J, I, eps, state), omega, steps)
+
+
+def far_state_nd(J, I, eps, omega, n):
+    """State n where J I = b I and J = a on the vectors orthogonal to I, in 700 digits.
+
+    x = |I| |part of omega orthogonal to I| and y = b I.omega move as in three dimensions.
+    """
+    with mp.workdps(700):
+        J, I, omega, (eps,) = exactly(*J), exactly(*I), exactly(*omega), exactly(eps)
+        k = max(range(len(I)), key=lambda i: abs(I[i]))
+        a, b, square = J[k - 1], J[k], mpmath.fdot(I, I)
+        p = mpmath.fdot(I, omega)
+        across = [w - p / square * i for w, i in zip(omega, I, strict=True)]
+        x = mpmath.sqrt(square * mpmath.fdot(across, across))
+        if x < mpf(10) ** -600:  # steady
+            return omega
+        x_n, y_n = solution(a * b, eps, x, b * p, n)
+        parts = zip(I, across, strict=True)
+        return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
 
 
 def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):

@@ -26,7 +26,6 @@ PAGES = [
     for path in sorted(DOCS.rglob("*.md"), key=order)
     if not {"_build", "gallery", "reference"} & set(path.relative_to(DOCS).parts)
 ]
-EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 # What a page says that it prints: after the call, or on lines of their own that follow it.
 PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
 DIRECTIVES = {"{toctree}", "{include}", "{eval-rst}"}
@@ -41,10 +40,18 @@ def blocks(path, language):
     return [code for found, code in BLOCK.findall(text) if found == language]
 
 
-@pytest.mark.parametrize("path", PAGES, ids=name)
-def test_every_block_is_of_a_known_kind(path):
-    kinds = {kind for kind, _ in BLOCK.findall(path.read_text(encoding="utf-8"))}
-    assert kinds <= {"python", "sh", "text", "bibtex", "yaml"} | DIRECTIVES
+def run(code, name, names):
+    """Run code and return what it prints."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, name, "exec"), names)
+    return printed.getvalue()
+
+
+def test_every_block_is_of_a_known_kind():
+    for path in PAGES:
+        kinds = {kind for kind, _ in BLOCK.findall(path.read_text(encoding="utf-8"))}
+        assert kinds <= {"python", "sh", "text", "bibtex", "yaml"} | DIRECTIVES, path
 
 
 @pytest.fixture(scope="module")
@@ -60,12 +67,10 @@ def test_page(path, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):
-        printed = io.StringIO()
-        with contextlib.redirect_stdout(printed):
-            exec(compile(code, path.name, "exec"), names)
+        printed = run(code, path.name, names)
         expected = [after or below for after, below in PRINTED.findall(code)]
         if expected:
-            assert printed.getvalue().splitlines() == expected
+            assert printed.splitlines() == expected
 
 
 def test_the_index_of_how_tos_has_every_page():
@@ -92,19 +97,12 @@ def test_tests_that_pages_name_exist():
 @pytest.mark.compiled
 def test_the_table_of_discretizations():
     """What does not depend on the machine is what the script prints."""
-    script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
-    printed = io.StringIO()
     pytest.importorskip("matplotlib").use("Agg")
-    with contextlib.redirect_stdout(printed):
-        exec(
-            compile(script.partition("# %%\n# Processor time")[0], "discretizations.py", "exec"), {}
-        )
+    script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
+    printed = run(script.partition("# %%\n# Processor time")[0], "discretizations.py", {})
     shown = "".join(blocks(DOCS / "howto" / "discretization.md", "text")[:2])
-
-    def without_rounding(text):
-        return re.sub(r"\de-1[4-6]", "rounding", text)
-
-    assert without_rounding(printed.getvalue()) == without_rounding(shown)
+    without_rounding = [re.sub(r"\de-1[4-6]", "rounding", text) for text in (printed, shown)]
+    assert without_rounding[0] == without_rounding[1]
 
 
 def test_the_reference_has_every_public_name():
@@ -119,12 +117,12 @@ def test_the_citation_is_of_this_version():
         assert re.search(rf"^{key}:", text, re.MULTILINE)
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=name)
-def test_an_example_is_a_title_a_paragraph_and_a_script(path):
+def test_an_example_is_a_title_a_paragraph_and_a_script():
     """They run when the pages are built; here only what they are made of."""
-    text = path.read_text(encoding="utf-8")
-    compile(text, path.name, "exec")
-    assert re.match(r'"""\n(.+)\n=+\n\n', text)
+    for path in (DOCS / "examples").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        compile(text, path.name, "exec")
+        assert re.match(r'"""\n(.+)\n=+\n\n', text), path
 
 
 def test_links_between_pages_lead_somewhere():

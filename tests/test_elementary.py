@@ -1,58 +1,47 @@
 """exp, log and powers of two of the kernels against 60 digits."""
 
-import mpmath
 import numba
 import numpy as np
 import pytest
+from naive import mpf, mpmath
 
 from suslov_fast._formulas import closed_form, elementary, units
 
 
-def callable_from_python(formula, arguments):
+def callable_from_python(formula):
     """Formulas are compiled without what Python needs to call them."""
-    if arguments == 1:
-        return numba.njit(lambda v: formula(v), error_model="numpy")
-    if arguments == 2:
-        return numba.njit(lambda v, w: formula(v, w), error_model="numpy")
-    return numba.njit(lambda v, w, x: formula(v, w, x), error_model="numpy")
+    return numba.njit(lambda *numbers: formula(*numbers), error_model="numpy")
 
 
-exponent = callable_from_python(elementary.exponent, 1)
-exponential = callable_from_python(elementary.exponential, 2)
-halvings = callable_from_python(elementary.halvings, 1)
-is_integer = callable_from_python(elementary.is_integer, 1)
-logarithm_beyond = callable_from_python(elementary.logarithm_beyond, 1)
-logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio, 3)
-scaled = callable_from_python(elementary.scaled, 2)
-scaled_far = callable_from_python(units.scaled, 2)
-two_to_the = callable_from_python(elementary.two_to_the, 1)
-
-mpmath.mp.dps = 60
+exponent = callable_from_python(elementary.exponent)
+exponential = callable_from_python(elementary.exponential)
+halvings = callable_from_python(elementary.halvings)
+is_integer = callable_from_python(elementary.is_integer)
+logarithm_beyond = callable_from_python(elementary.logarithm_beyond)
+logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio)
+scaled = callable_from_python(elementary.scaled)
+scaled_far = callable_from_python(units.scaled)
+two_to_the = callable_from_python(elementary.two_to_the)
 
 
 def relative_error(computed, exact):
-    return float(abs((mpmath.mpf(float(computed)) - exact) / exact))
+    return float(abs((mpf(float(computed)) - exact) / exact))
 
 
 @pytest.mark.parametrize("low", [-1e-12, -0.3, -2.0, -30.0, -700.0, -1e5])
 def test_exponential(rng, low):
-    for x in np.append(rng.uniform(low, 0, 200), [low, 0.0]):
+    for x in np.append(rng.uniform(low, 0, 50), [low, 0.0]):
         lost = 2.0**-54 * x
         p, k = exponential(x, lost)
-        exact = mpmath.exp(mpmath.mpf(float(x)) + mpmath.mpf(float(lost)))
-        assert relative_error(1.0 + p, exact / mpmath.mpf(2) ** int(k)) < 3e-16
+        exact = mpmath.exp(mpf(float(x)) + mpf(float(lost)))
+        assert relative_error(1.0 + p, exact / mpf(2) ** int(k)) < 3e-16
         if k == 0 and x < 0:
             assert relative_error(p, exact - 1) < 3e-16
 
 
 def test_powers_of_two():
-    assert [two_to_the(float(k)) for k in (-1022, -1, 0, 7, 1023)] == [
-        2.0**-1022,
-        0.5,
-        1.0,
-        128.0,
-        2.0**1023,
-    ]
+    for k in (-1022.0, -1.0, 0.0, 7.0, 1023.0):
+        assert two_to_the(k) == 2.0**k
     assert scaled(2.0**-1000, 2000.0) == 2.0**1000
     assert scaled(1.0, -1074.0) == 2.0**-1074
     assert np.isnan(scaled(np.nan, 3.0))
@@ -70,29 +59,27 @@ def test_exponents(rng):
 
 
 def test_halvings(rng):
-    for v in 10.0 ** rng.uniform(-300, 2, 200):
+    for v in 10.0 ** rng.uniform(-300, 2, 50):
         assert 0.5 <= scaled(v, -halvings(v)) ** 2 <= 2.0
 
 
 def test_logarithm(rng):
-    for s in rng.uniform(-0.171, 0.171, 200):
-        exact = 2 * mpmath.atanh(mpmath.mpf(float(s)))
+    for s in rng.uniform(-0.171, 0.171, 50):
+        exact = 2 * mpmath.atanh(mpf(float(s)))
         assert relative_error(2 * s + logarithm_beyond(s), exact) < 3e-16
 
 
 @pytest.mark.parametrize("center", [0.0, 1.0])
 def test_the_logarithm_of_a_ratio_has_more_digits(rng, center):
     """T being the sum of two numbers, (1 - T)/(1 + T) has a logarithm of some 65 bits."""
-    for _ in range(300):
+    for _ in range(60):
         T = abs(center + 10.0 ** rng.uniform(-15, 1) * rng.choice([-1, 1]))
         lost = 2.0**-54 * T * rng.uniform(0.1, 1)
-        exact_T = mpmath.mpf(float(T)) + mpmath.mpf(float(lost))
+        exact_T = mpf(float(T)) + mpf(float(lost))
         ratio = (1 - exact_T) / (1 + exact_T)
         high, low = logarithm_of_ratio(T, lost, float(ratio))
         exact = mpmath.log(abs(ratio))
-        assert float(abs(mpmath.mpf(float(high)) + mpmath.mpf(float(low)) - exact)) < 1e-17 * float(
-            abs(exact)
-        )
+        assert abs(mpf(float(high)) + mpf(float(low)) - exact) < 1e-17 * abs(exact)
 
 
 def test_is_integer():

@@ -1,4 +1,4 @@
-"""Runs of the scheme (ds) before Omega3 is set to 0."""
+"""The scheme with three components, before Omega3 is set to 0."""
 
 import naive
 import numba
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import problem
 from suslov_fast._formulas import full_map
 from suslov_fast._formulas.elementary import exponent
 
@@ -21,26 +20,13 @@ def run(body, omega0, eps, steps, I3, **options):
     return sf.iterate_full(body, omega0, eps, steps, I3, on_singular="ignore", **options)
 
 
-def assert_same(a, b):
-    for name in ("omega", "final", "status", "failed_at"):
-        assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True), name
-
-
-def mixed_batch(rng, size):
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, size)), *rng.normal(size=(2, size)))
-    eps, I3 = rng.choice([-0.2, 0.0, 0.1], size), rng.uniform(1, 4, size)
-    return body, rng.normal(size=(size, 3)), eps, I3
-
-
 def test_against_the_printed_scheme(rng):
-    for _ in range(5):
+    for _ in range(4):
         parameters = (*rng.uniform(0.5, 4, 2), *rng.normal(size=2))
         eps, I3, omega = rng.choice([-0.3, 0.3]), rng.uniform(0.5, 4), rng.normal(size=3)
         orbit = run(sf.Suslov3D(*parameters), omega, eps, 6, I3).omega
-        state = omega
-        for computed in orbit[1:]:
-            state = naive.step_full(*parameters, eps, I3, state)
-            assert naive.relative_error(computed, state) < 2e-13
+        exact = naive.iterated(lambda w, p=(*parameters, eps, I3): naive.step_full(*p, w), omega, 6)
+        assert naive.worst_error(orbit, exact) < 2e-13
 
 
 def test_the_third_component(body, rng):
@@ -83,11 +69,10 @@ def test_result(body, rng):
         assert (each == state).all()
 
 
-@pytest.mark.parametrize("steps", [0, 3])
-@pytest.mark.parametrize("save_every", [1, 5, None])
+@pytest.mark.parametrize(("steps", "save_every"), [(0, 1), (0, None), (3, 5), (3, None)])
 def test_few_steps_and_empty_batches(body, steps, save_every):
     orbit = run(body, [1.0, 0.5, 0.1], 0.1, steps, 3, save_every=save_every)
-    assert len(orbit.omega) == (1 if save_every in (5, None) else steps + 1)
+    assert len(orbit.omega) == 1
     assert steps or orbit.final.tolist() == [1.0, 0.5, 0.1]
     empty = run(body, np.empty((2, 0, 3)), 0.1, steps, 3, save_every=save_every)
     assert empty.omega.shape == (len(orbit.omega), 2, 0, 3)
@@ -104,35 +89,18 @@ def test_out(body, rng):
     assert (run(body, overlapping[3], 0.1, 10, 3, out=overlapping).omega == out).all()
 
 
-def test_alone_or_in_a_batch(rng):
-    body, omega0, eps, I3 = mixed_batch(rng, 300)
-    orbits = run(body, omega0, eps, 40, I3)
-    for i in (0, 127, 128, 299):
-        alone = run(sf.Suslov3D(*(p[i] for p in body.parameters)), omega0[i], eps[i], 40, I3[i])
-        assert np.array_equal(alone.omega, orbits.omega[:, i], equal_nan=True)
-        assert (alone.status, alone.failed_at) == (orbits.status[i], orbits.failed_at[i])
-
-
-def test_a_run_that_is_extended(rng):
-    body, omega0, eps, I3 = mixed_batch(rng, 20)
-    whole = run(body, omega0, eps, 60, I3, save_every=7)
-    half = run(body, omega0, eps, 33, I3, save_every=7)
-    assert_same(half.extend(27, on_singular="ignore"), whole)
-
-
-@pytest.mark.parametrize("threads", [1, pytest.param(2, marks=pytest.mark.compiled)])
+@pytest.mark.compiled
 @pytest.mark.parametrize("save_every", [1, 7, None])
-def test_parts_and_threads(rng, threads, save_every, monkeypatch, request):
-    body, omega0, eps, I3 = mixed_batch(rng, 300)
+def test_parts_and_threads(rng, save_every, monkeypatch, request):
+    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 300)), *rng.normal(size=(2, 300)))
+    omega0, eps, I3 = rng.normal(size=(300, 3)), rng.choice([-0.2, 0.0, 0.1], 300), 2.0
     omega0[::50] = np.nan
-    arguments, done = (body, omega0, eps, 60, I3), []
-    expected = run(*arguments, save_every=save_every)
+    expected = run(body, omega0, eps, 60, I3, save_every=save_every)
     request.getfixturevalue("small_parts")
     monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
-    options = {"threads": threads, "progress": lambda now, total: done.append((now, total))}
-    assert_same(run(*arguments, save_every=save_every, **options), expected)
-    assert len(done) > 1
-    assert done[-1] == (60, 60)
+    found = run(body, omega0, eps, 60, I3, save_every=save_every)
+    for name in ("omega", "final", "status", "failed_at"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)
 
 
 def test_failures():
@@ -150,18 +118,17 @@ def test_failures():
     assert caught.value.trajectories.failed_at == 1
 
 
-@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize("cuts", [[9], [5, 4], [4, 1, 4]])
 @pytest.mark.parametrize(
     ("pole", "unit", "status"),
     [(ON_A_POLE, 1.0, sf.Status.SINGULAR), (NEXT_TO_THE_POLE, HUGE, sf.Status.NONFINITE)],
 )
-def test_failure_after_several_steps(monkeypatch, request, cut, pole, unit, status):
-    """In the middle of a part or at its end."""
-    if cut:
-        request.getfixturevalue("small_parts")
-        monkeypatch.setattr(problem, "_PART", 1)
+def test_failure_after_several_steps(cuts, pole, unit, status):
+    """In the middle of a call, at its end, or at its beginning."""
     before = run(UNIT, pole, -1.0, 4, 3.0).final
-    orbit = run(UNIT, before * unit, 1.0 / unit, 9, 3.0)
+    orbit = run(UNIT, before * unit, 1.0 / unit, 0, 3.0)
+    for more in cuts:
+        orbit = orbit.extend(more, on_singular="ignore")
     assert orbit.status == status
     assert orbit.failed_at == 5
     assert np.isnan(orbit.omega[5:]).all()
@@ -190,21 +157,6 @@ def test_poles_where_the_third_component_counts(parameters, pole):
     assert np.isnan(orbit.omega[1:, 1]).all()
 
 
-def test_nan_states_are_no_failure_of_a_step(body):
-    states = sf.step_full(body, [[np.nan, 1.0, 0.0], [1.0, 0.5, 0.1]], 0.2, 3)
-    assert np.isnan(states).all(axis=-1).tolist() == [True, False]
-
-
-@pytest.mark.parametrize("k", [-600, 600])
-def test_units(body, k):
-    omega0 = np.array([1.0, 0.5, 0.1])
-    expected = run(body, omega0, 0.2, 30, 3).omega
-    faster = run(body, np.ldexp(omega0, k), np.ldexp(0.2, -k), 30, 3).omega
-    assert (faster == np.ldexp(expected, k)).all()
-    heavier = sf.Suslov3D(*(np.ldexp(each, k) for each in body.parameters))
-    assert (run(heavier, omega0, 0.2, 30, np.ldexp(3.0, k)).omega == expected).all()
-
-
 @numba.njit(error_model="numpy")
 def formula_step(I1, I2, I13, I23, eps, I3, omega):
     """A step by the formulas alone, of a state in its own unit."""
@@ -215,11 +167,11 @@ def formula_step(I1, I2, I13, I23, eps, I3, omega):
     return np.array([next1, next2, next3]) * 2.0**W
 
 
-@pytest.mark.parametrize("decades", [0, 60, 100, 140])
+@pytest.mark.parametrize("decades", [0, 60, 140])
 def test_the_formulas_in_any_units(rng, decades):
     """Whatever is finite is found, of steps far too long for any motion too."""
     with naive.mp.workdps(900):
-        for _ in range(100):
+        for _ in range(25):
             parameters = rng.uniform(0.5, 4, 6) * 10.0 ** rng.uniform(-decades, decades)
             parameters[2:5] *= rng.choice([-1, 1], 3)
             parameters[4] *= 10.0 ** rng.uniform(-decades, decades)
@@ -228,9 +180,9 @@ def test_the_formulas_in_any_units(rng, decades):
             assert naive.relative_error(formula_step(*parameters, omega), exact) < 1e-12
 
 
-@pytest.mark.parametrize("k", [-1000, -332, 332, 900])
+@pytest.mark.parametrize("k", [-1000, -332, 900])
 def test_the_formulas_scale_exactly(rng, k):
-    for _ in range(20):
+    for _ in range(10):
         (*body, I3), omega = rng.uniform(0.5, 4, 5), rng.normal(size=3)
         expected = formula_step(*body, 0.3, I3, omega)
         faster = formula_step(*body, np.ldexp(0.3, -k), I3, np.ldexp(omega, k))
@@ -242,49 +194,34 @@ def test_the_formulas_scale_exactly(rng, k):
 def test_poles_to_rounding(rng):
     """Next to a pole of a large state the determinant is rounding of its terms, and no number."""
     found = 0
-    for _ in range(300):
+    while found < 25:
         (I1, I2, I3), (I13, I23) = rng.uniform(0.5, 4, 3), rng.uniform(0.5, 2, 2)
-        w2, w3 = -(10 ** rng.uniform(2, 5)), rng.normal()
-
-        def determinant(w1, body=(I1, I2, I13, I23, 1.0, I3), rest=(w2, w3)):
-            state, body = [w1, *naive.exactly(*rest)], naive.exactly(*body)
-            zero = naive.ds(*body, state, naive.exactly(0, 0, -state[2]))
-            ones = [
-                naive.ds(*body, state, [*naive.exactly(*u), -state[2]]) for u in ((1, 0), (0, 1))
-            ]
-            (a, b), (c, d) = ([one[i] - zero[i] for i in (0, 1)] for one in ones)
-            return a * d - b * c
-
-        values = [determinant(naive.mpf(x)) for x in (-1, 0, 1)]  # of a quadratic polynomial
-        a, b = (values[0] + values[2]) / 2 - values[1], (values[2] - values[0]) / 2
-        root = b * b - 4 * a * values[1]
-        if root < 0 or a == 0:
-            continue
-        found += 1
-        w1 = float((-b + naive.mpmath.sqrt(root)) / (2 * a))
-        assert np.isnan(formula_step(I1, I2, I13, I23, 1.0, I3, np.array([w1, w2, w3]))).all()
-    assert found > 50
+        body, rest = (I1, I2, I13, I23, 1.0, I3), (-(10 ** rng.uniform(2, 5)), rng.normal())
+        # The determinant is a quadratic polynomial of Omega1.
+        low, middle, high = (determinant(body, naive.exactly(w1, *rest)) for w1 in (-1, 0, 1))
+        a, b = (low + high) / 2 - middle, (high - low) / 2
+        root = b * b - 4 * a * middle
+        if root >= 0 and a != 0:
+            found += 1
+            w1 = float((-b + naive.mpmath.sqrt(root)) / (2 * a))
+            assert np.isnan(formula_step(*body, np.array([w1, *rest]))).all()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"omega0": [1.0, 2.0]}, r"omega0: expected shape \(..., 3\), got \(2,\)"),
-        ({"omega0": [1.0, 2.0, np.inf]}, "omega0: expected finite real numbers, got inf"),
-        ({"eps": np.nan}, "eps: expected finite real numbers, got nan"),
-        ({"I3": 0.0}, "I3: expected a positive moment of inertia, got 0.0"),
-        ({"I3": [1.0, 2.0], "eps": [1.0] * 3}, "broadcast"),
-        ({"steps": -1}, "steps: expected an integer of at least 0, got -1"),
-        ({"save_every": 0}, "save_every: expected None or an integer of at least 1, got 0"),
-        ({"on_singular": "no"}, "on_singular: expected one of"),
-        ({"threads": 0}, "threads: expected"),
-        ({"out": np.empty((3, 3))}, r"out: expected shape \(5, 3\), got \(3, 3\)"),
-        ({"out": np.empty((5, 3), order="F")}, "out: expected a C-contiguous array"),
-    ],
-)
-def test_bad_input(body, change, message):
-    arguments = {"omega0": [1.0, 0.5, 0.1], "eps": 0.1, "steps": 4, "I3": 3.0} | change
-    with pytest.raises(ValueError, match=message):
-        sf.iterate_full(body, **arguments)
-    with pytest.raises(TypeError, match="body: expected Suslov3D"):
-        sf.iterate_full(sf.SuslovND([1, 2], [1, 2]), [1.0, 0.5, 0.1], 0.1, 4, 3.0)
+def determinant(body, state):
+    """The determinant of the two equations for the next Omega1 and Omega2."""
+
+    def residual(*following):
+        return naive.ds(*naive.exactly(*body), state, [*naive.exactly(*following), -state[2]])
+
+    zero, first, second = residual(0, 0), residual(1, 0), residual(0, 1)
+    (a, b), (c, d) = ([each[i] - zero[i] for i in (0, 1)] for each in (first, second))
+    return a * d - b * c
+
+
+def test_bad_input(body):
+    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
+        sf.iterate_full(body, [1.0, 0.5, 0.1], 0.1, 4, 0.0)
+    with pytest.raises(ValueError, match="expected batch shapes that broadcast"):
+        sf.iterate_full(body, [1.0, 0.5, 0.1], [0.1] * 3, 4, [1.0, 2.0])
+    with pytest.raises(ValueError, match=r"out: expected shape \(5, 3\), got \(3, 3\)"):
+        sf.iterate_full(body, [1.0, 0.5, 0.1], 0.1, 4, 3.0, out=np.empty((3, 3)))

@@ -1,4 +1,4 @@
-"""The map against the implicit equations (ds1), (ds) in 60 digits and in fractions."""
+"""The map against its implicit equations in 60 digits and in fractions."""
 
 from fractions import Fraction
 
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import suslov_fast as sf
 from suslov_fast._engine import problem
 from suslov_fast._formulas import canonical_map
-from suslov_fast._kernels import maps_3d, tiles
+from suslov_fast._kernels import tiles
 from suslov_fast._kernels.iterate import LANES
 
 METHODS = ("auto", "canonical", "ds2")
@@ -26,24 +26,20 @@ PICTURES = [
 ]
 
 
-def random_problem(rng, spread=1.0):
+def random_problem(rng):
     """A body, a step size of either sign and a state; |t| may be below or above 1."""
-    I1, I2 = 10 ** rng.uniform(-spread, spread, 2)
+    I1, I2 = 10 ** rng.uniform(-1, 1, 2)
     I13, I23 = rng.uniform(-0.5, 0.5, 2) * min(I1, I2)
     eps = 10 ** rng.uniform(-2, 0) * rng.choice([-1, 1])
     return (I1, I2, I13, I23), eps, rng.normal(size=2) * 10 ** rng.uniform(-1, 1)
 
 
-def worst_error(states, exact):
-    return max(map(naive.relative_error, states, exact))
-
-
-def assert_follows(body, omega, eps, exact, bound, methods=METHODS):
-    """All states by every method, and the last one of `auto`."""
-    steps = len(exact) - 1
+def assert_follows(parameters, omega, eps, steps, bound, methods=METHODS):
+    """Compare all states by every method, and the last one of `auto`."""
+    body, exact = sf.Suslov3D(*parameters), naive.orbit(*parameters, eps, omega, steps)
     for method in methods:
         orbit = sf.iterate(body, omega, eps, steps, method=method)
-        assert worst_error(orbit.omega, exact) < bound
+        assert naive.worst_error(orbit.omega, exact) < bound
     final = sf.iterate(body, omega, eps, steps, save_every=None).final
     assert naive.relative_error(final, exact[-1]) < bound
 
@@ -60,39 +56,38 @@ def test_references(body, method):
     assert beyond.ok
 
 
-@pytest.mark.parametrize("steps", [60, 61])
-def test_subcritical_orbits(rng, steps):
-    for _ in range(25):
+def test_subcritical_orbits(rng):
+    seen = 0
+    while seen < 12:
         parameters, eps, omega = random_problem(rng)
-        body = sf.Suslov3D(*parameters)
-        if abs(sf.criticality(body, omega, eps)) < 0.95:
-            assert_follows(body, omega, eps, naive.orbit(*parameters, eps, omega, steps), 5e-14)
+        if abs(sf.criticality(sf.Suslov3D(*parameters), omega, eps)) < 0.95:
+            seen += 1
+            assert_follows(parameters, omega, eps, 40 + seen, 5e-14)
 
 
 @pytest.mark.parametrize("parameters", PICTURES)
 def test_the_bodies_of_the_pictures(parameters):
-    exact = naive.orbit(*parameters, [1.5, 0.25], 60)
-    assert_follows(sf.Suslov3D(*parameters[:4]), [1.5, 0.25], parameters[4], exact, 8e-15)
+    assert_follows(parameters[:4], [1.5, 0.25], parameters[4], 60, 8e-15)
 
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-8, 1e-15])
 def test_orbits_that_leave_the_repelling_line(rng, distance):
     """x is a tiny difference at first, and all that follows is proportional to it."""
-    for _ in range(8):
+    seen = 0
+    while seen < 3:
         (I1, I2, I13, I23), eps, _ = random_problem(rng)
-        body, eps = sf.Suslov3D(I1, I2, I13, I23), abs(eps)
         repelling = np.array([I23, -I13]) * 2 * np.sqrt(I1 * I2) / np.hypot(I13, I23)
         omega = repelling * (1 + distance * rng.normal(size=2))
-        if 0.02 < sf.criticality(body, omega, eps) < 0.95:
-            exact = naive.orbit(I1, I2, I13, I23, eps, omega, 60)
-            assert_follows(body, omega, eps, exact, 5e-14, ("auto",))
+        if 0.02 < abs(sf.criticality(sf.Suslov3D(I1, I2, I13, I23), omega, eps)) < 0.95:
+            seen += 1
+            assert_follows((I1, I2, I13, I23), omega, abs(eps), 60, 5e-14, ("auto",))
 
 
-@pytest.mark.parametrize("gap", [0.5, 0.05, 1e-2, 1e-4, 1e-8, 1e-13])
+@pytest.mark.parametrize("gap", [0.5, 1e-2, 1e-4, 1e-8, 1e-13])
 def test_orbits_up_to_the_critical_line(rng, gap):
     """There 1 - Y is small, and what follows is proportional to it."""
     seen = 0
-    for _ in range(12):
+    while seen < 3:
         I1, I2, I13, I23 = parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
         body, eps = sf.Suslov3D(*parameters), rng.uniform(0.1, 1)
         y = 2 * I1 * I2 / eps * (1 - gap)
@@ -100,16 +95,15 @@ def test_orbits_up_to_the_critical_line(rng, gap):
         omega = omega * (1 + rng.normal(size=2) * 10 ** rng.uniform(-14, -4) * gap)
         if sf.criticality(body, omega, eps) < 1:
             seen += 1
-            exact = naive.orbit(*parameters, eps, omega, 60)
-            assert_follows(body, omega, eps, exact, 1e-14, ("auto",))
-            assert worst_error(sf.exact(body, omega, eps, np.arange(61)), exact) < 2e-14
-    assert seen > 4
+            assert_follows(parameters, omega, eps, 60, 1e-14, ("auto",))
+            exact = naive.orbit(*parameters, eps, omega, 40)
+            assert naive.worst_error(sf.exact(body, omega, eps, np.arange(41)), exact) < 2e-14
 
 
 def test_supercritical_orbits(rng):
     """Near a pole both the state and its error are large: the bound follows the largest state."""
     seen = 0
-    while seen < 20:
+    while seen < 12:
         parameters, eps, omega = random_problem(rng)
         body = sf.Suslov3D(*parameters)
         omega = omega * 3 / abs(sf.criticality(body, omega, eps))
@@ -117,7 +111,7 @@ def test_supercritical_orbits(rng):
             continue
         seen += 1
         exact = naive.orbit(*parameters, eps, omega, 12)
-        sizes = [float(np.hypot(*map(float, state))) for state in exact]
+        sizes = np.linalg.norm(np.array(exact, float), axis=1)
         for save_every in (1, None):
             orbit = sf.iterate(body, omega, eps, 12, save_every=save_every)
             assert orbit.status == sf.Status.SUPERCRITICAL
@@ -125,11 +119,13 @@ def test_supercritical_orbits(rng):
 
 
 def test_one_step_equals_the_paper(rng):
-    for _ in range(30):
-        parameters, eps, omega = random_problem(rng)
-        exact = naive.step(*parameters, eps, naive.exactly(*omega))
+    problems = [random_problem(rng) for _ in range(30)]
+    # Next to a pole, where a relative error of 1e-16 in the data grows as the state does.
+    problems += [((1, 1, 1, 0), 1.0, np.array([1, gap - 3])) for gap in (1e-3, 1e-6, 1e-9)]
+    for parameters, eps, omega in problems:
+        exact = naive.step(*parameters, eps, omega)
         computed = sf.step(sf.Suslov3D(*parameters), omega, eps)
-        growth = float(np.hypot(*map(float, exact))) / np.hypot(*omega)
+        growth = float(mpmath.norm(exact)) / np.hypot(*omega)
         assert naive.relative_error(computed, exact) < 1e-14 * max(1, growth)
 
 
@@ -141,85 +137,59 @@ def test_one_step_satisfies_ds1(I1, I2, I13, I23, eps, omega1, omega2):
     body = sf.Suslov3D(I1, I2, I13, I23)
     assume(abs(sf.criticality(body, [omega1, omega2], eps)) <= 0.9)
     following = sf.step(body, [omega1, omega2], eps)
-    residual = naive.ds1(
-        *naive.exactly(I1, I2, I13, I23, eps),
-        naive.exactly(omega1, omega2),
-        naive.exactly(*following),
-    )
-    largest = max(abs(omega1), abs(omega2), *abs(following))
+    parameters, states = (I1, I2, I13, I23, eps), ([omega1, omega2], following)
+    residual = naive.ds1(*naive.exactly(*parameters), *(naive.exactly(*each) for each in states))
+    largest = abs(np.array(states)).max()
     size = max(I1, I2) * largest + abs(eps) * max(abs(I13), abs(I23)) * largest**2
     assert max(map(abs, residual)) <= 1e-13 * size * max(1, I1 / I2, I2 / I1)
 
 
-# A body with X = eps Omega1 / 2 and Y = -eps Omega2 / 4 exactly.
-EXACT = (2, 1, 1, 0)
-
-
 def test_one_step_of_larger_states_in_fractions(rng):
     """2 < |X| < 40 and Y of that size, where Y - X X' would lose the digits of Y'."""
-    omega = rng.uniform(2, 40, (400, 2)) * rng.choice([-1, 1], (400, 2)) * [2, 4]
-    states = sf.iterate(sf.Suslov3D(*EXACT), omega, 1, 1, method="canonical").omega[1]
-    seen = 0
+    exactly = (2, 1, 1, 0)  # X = eps Omega1 / 2 and Y = -eps Omega2 / 4 without rounding
+    omega = rng.uniform(2, 40, (150, 2)) * rng.choice([-1, 1], (150, 2)) * [2, 4]
+    X, Y = omega[:, 0] / 2, -omega[:, 1] / 4
+    omega = omega[abs(1 - Y + X * X) > X * X / 2]  # not next to a pole
+    assert len(omega) > 75
+    states = sf.iterate(sf.Suslov3D(*exactly), omega, 1, 1, method="canonical").omega[1]
     for start, state in zip(omega, states, strict=True):
-        X, Y = start[0] / 2, -start[1] / 4
-        if abs(1 - Y + X * X) < X * X / 2:  # next to a pole
-            continue
-        seen += 1
-        exact = naive.rational_step(*EXACT, 1, start)
+        exact = naive.rational_step(*exactly, 1, start)
         error = sum((Fraction(float(c)) - e) ** 2 for c, e in zip(state, exact, strict=True))
         assert error <= Fraction(4, 2**52) ** 2 * sum(e * e for e in exact)
-    assert seen > 200
-
-
-def test_a_step_next_to_a_pole(unit):
-    """The matrix of (ds2) is nearly singular; a relative error of 1e-16 in the data grows."""
-    for gap in (1e-3, 1e-6, 1e-9):
-        omega = [1.0, -3.0 + gap]
-        exact = naive.step(1, 1, 1, 0, 1, naive.exactly(*omega))
-        assert naive.relative_error(sf.step(unit, omega, 1), exact) < 4e-15 / gap
-
-
-@every_method
-@pytest.mark.parametrize("scale", [1e-100, 1e-30, 1e30, 1e100])
-def test_scales_of_the_body(body, scale, method):
-    """The map knows ratios of inertia only."""
-    scaled = sf.Suslov3D(*(scale * parameter for parameter in body.parameters))
-    expected = sf.iterate(body, [1, 0.5], 0.2, 30, method=method).omega
-    computed = sf.iterate(scaled, [1, 0.5], 0.2, 30, method=method).omega
-    np.testing.assert_allclose(computed, expected, rtol=1e-13)
 
 
 @pytest.mark.parametrize("save_every", [1, None])
 @every_method
 def test_where_nothing_moves(body, rng, method, save_every):
+    def run(body, omega, eps, steps=9):
+        return sf.iterate(body, omega, eps, steps, method=method, save_every=save_every)
+
     omega = np.concatenate([rng.normal(size=(5, 2)), [[1e305, -1e-305]]])
-    for still, eps in ((sf.Suslov3D(2, 3, 0, 0), 0.5), (body, 0.0)):
-        result = sf.iterate(still, omega, eps, 9, method=method, save_every=save_every)
-        assert (result.omega == omega).all()
-        assert (result.final == omega).all()
-        assert (result.status == sf.Status.OK).all()
-    steady = np.array([[0.3, -0.5], [-0.3, 0.5], [0.0, 0.0]])
-    final = sf.iterate(body, steady, 0.2, 500, method=method, save_every=save_every).final
-    np.testing.assert_allclose(final, steady, rtol=1e-13, atol=0)
     tiny = np.array([[0.0, 0.0], [5e-324, 0.0], [0.0, -5e-324], [2.0**-1022, -(2.0**-1023)]])
-    result = sf.iterate(sf.Suslov3D(1, 1, 1, 0), tiny, 1, 9, method=method, save_every=save_every)
-    assert (result.omega == tiny).all()
-    assert (result.status == sf.Status.OK).all()
-    assert (sf.step(sf.Suslov3D(1e-300, 1e-300, 1e300, 0), [1, 1], 0) == 1).all()
-    assert (sf.step(sf.Suslov3D(1e200, 1e-200, 0, 0), [1, 1], 1) == 1).all()
+    for still, starts, eps in (
+        (sf.Suslov3D(2, 3, 0, 0), omega, 0.5),
+        (sf.Suslov3D(1e200, 1e-200, 0, 0), omega, 1.0),
+        (body, omega, 0.0),
+        (sf.Suslov3D(1e-300, 1e-300, 1e300, 0), omega, 0.0),
+        (sf.Suslov3D(1, 1, 1, 0), tiny, 1.0),
+    ):
+        result = run(still, starts, eps)
+        assert (result.omega == starts).all()
+        assert (result.final == starts).all()
+        assert (result.status == sf.Status.OK).all()
+        assert (sf.step(still, starts, eps) == starts).all()
+    steady = np.array([[0.3, -0.5], [-0.3, 0.5], [0.0, 0.0]])
+    np.testing.assert_allclose(run(body, steady, 0.2, 500).final, steady, rtol=1e-13, atol=0)
 
 
-def test_negative_eps_inverts(rng):
-    for _ in range(20):
-        parameters, eps, omega = random_problem(rng)
-        body = sf.Suslov3D(*parameters)
-        if abs(sf.criticality(body, omega, eps)) < 0.5:
-            back = sf.step(body, sf.step(body, omega, eps), -eps)
-            np.testing.assert_allclose(back, omega, rtol=0, atol=2e-14 * np.hypot(*omega))
+def test_negative_eps_inverts(body, rng):
+    omega = rng.uniform(-2, 2, (50, 2))
+    back = sf.step(body, sf.step(body, omega, 0.3), -0.3)
+    np.testing.assert_allclose(back, omega, rtol=0, atol=1e-14)
 
 
 def test_orbits_tend_to_the_line(body):
-    """The last proposition of Section 4, from both sides of the line."""
+    """Proposition 2, from both sides of the line."""
     final = sf.iterate(body, [[1, 0.5], [-1, -0.5]], 0.2, 3000, save_every=None).final
     x, y = sf.to_xy(body, final).T
     assert (abs(x) < 1e-15).all()
@@ -244,11 +214,6 @@ def shrinking_start(decay, size):
     return [-2 * (1 - r) / (1 + r), size]
 
 
-def carried_state(run):
-    """X and Z of the canonical map, from which a run goes on."""
-    return run._resume["state"]
-
-
 def test_no_subnormal_numbers_along_an_orbit():
     """They are several times slower; a factor of 0.9 a step keeps clear of them by far."""
     omega = [shrinking_start(decay, 1e-3) for decay in (0.13, 0.15, 0.17)]
@@ -256,7 +221,7 @@ def test_no_subnormal_numbers_along_an_orbit():
     zeros = []
     for _ in range(39):
         run = run.extend(256)
-        X = carried_state(run)[:, 0]
+        X = run._resume["state"][:, 0]
         assert not ((X != 0) & (abs(X) < 2.0**-1022)).any()
         zeros.append((X == 0).all())
     assert not zeros[10]
@@ -268,48 +233,35 @@ guarded_step = numba.njit(
     lambda X, Z: canonical_map.guarded_step(X, Z, 0.0, np.inf), error_model="numpy"
 )
 careful_step = numba.njit(lambda X, Z: canonical_map.careful_step(X, Z), error_model="numpy")
-settle = numba.njit(lambda c, s, rounds: maps_3d.settle_canonical(c, s, 0, rounds))
 
 
 @pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
-@pytest.mark.parametrize("sign", [1, -1])
-def test_steps_without_subnormal_squares(k, sign):
+def test_steps_without_subnormal_squares(k):
     """Where X**2 would be subnormal it is left out, which changes no bit beside Y."""
-    X = sign * 1.25 * 2.0**k
-    normal = X * X >= 2.0**-1022
-    assert guarded_step(X, 0.0) == (X, X * X if normal else 0.0)
-    for Z in (-0.5, 0.25, 2.0**-400):
-        exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
-        assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
-        assert careful_step(X, Z) == guarded_step(X, Z)
-    c, s = np.zeros((9, 1)), np.array([[X], [0.25]])
-    assert settle(c, s, False) == (not normal)
-    assert s[0] == X
-    settle(c, s, True)
-    assert s[0] == X
-    s[0] = sign * 2.0**-961
-    settle(c, s, True)
-    assert s[0] == 0.0
-    s[:, 0] = sign * 2.0**-961, -0.25  # on its way from the repelling half
-    settle(c, s, True)
-    assert s[0] == sign * 2.0**-961
+    for X in (1.25 * 2.0**k, -1.25 * 2.0**k):
+        normal = X * X >= 2.0**-1022
+        assert guarded_step(X, 0.0) == (X, X * X if normal else 0.0)
+        for Z in (-0.5, 0.25, 2.0**-400):
+            exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
+            assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
+            assert careful_step(X, Z) == guarded_step(X, Z)
 
 
 @pytest.mark.compiled
-def test_the_last_numbers_of_a_decay(body):
+def test_the_last_numbers_of_a_decay():
     """x decays by a fixed factor each step, to all its digits, and ends at 0."""
-    picture3 = sf.Suslov3D(4, 2, 0, -0.2)  # Omega2 is proportional to x
-    orbit = sf.iterate(picture3, [5.0, 1.0], 1.0, 20_000)
+    body = sf.Suslov3D(4, 2, 0, -0.2)  # Omega2 is proportional to x
+    orbit = sf.iterate(body, [5.0, 1.0], 1.0, 20_000)
     x = orbit.omega[:, 1]
     assert x[-1] == 0
-    exact = sf.exact(picture3, [5.0, 1.0], 1.0, orbit.n)[:, 1]
+    exact = sf.exact(body, [5.0, 1.0], 1.0, orbit.n)[:, 1]
     seen = abs(exact) > 1e-280
     np.testing.assert_allclose(x[seen], exact[seen], rtol=1e-9)
     assert np.count_nonzero((x != 0) & (abs(x) < 2.0**-1022)) < 256
 
 
 @pytest.mark.parametrize("batch", [1, LANES + 1])
-def test_flushed_states_are_shown(batch):
+def test_states_are_shown_before_they_are_flushed(batch):
     """X becomes 0 after a state that is shown as it was, in whatever batch and cut."""
     body = sf.Suslov3D(2.351018099947861, 3.388972810861883, 0.0, -0.5920589833785945)
     omega, eps = np.tile([-0.43643524714322124, -1.169801907772864], (batch, 1)), 0.869683938565067
@@ -325,7 +277,7 @@ def test_only_what_is_negligible_is_flushed(decay, zero):
     """0 below 2**-960."""
     omega, steps = shrinking_start(decay, 2.0**-20), 257
     final = sf.iterate(SHRINKING, omega, 1.0, steps, method="canonical", save_every=None).final
-    exact = naive.orbit(1, 1, 0, 1, 1.0, omega, steps)[-1]
+    exact = naive.far_state(1, 1, 0, 1, 1.0, omega, steps)
     assert (final[1] == 0) == zero
     assert zero or abs(final[1] / float(exact[1]) - 1) < 1e-12
     assert abs(final[0] / float(exact[0]) - 1) < 1e-14
@@ -342,7 +294,7 @@ def test_a_repelled_orbit_leaves_however_close_it_starts(method):
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
-@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-290, 1e-150, 1e-30, 1e-14])
+@pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-290, 1e-150, 1e-14])
 def test_slow_states(unit, method, size):
     """Too slow to be held in the coordinates of the map, or just not."""
     omega = np.array([0.7, -0.4])
@@ -354,31 +306,15 @@ def test_slow_states(unit, method, size):
     np.testing.assert_allclose(final, sf.flow(unit, omega, size * 1000), rtol=5e-12)
 
 
-def test_step_full_against_ds(body, rng):
-    for _ in range(15):
-        parameters, eps, _ = random_problem(rng, spread=0.5)
-        omega, I3 = rng.normal(size=3), float(rng.uniform(1, 5))
-        exact = naive.step_full(*parameters, eps, I3, omega)
-        computed = sf.step_full(sf.Suslov3D(*parameters), omega, eps, I3)
-        assert naive.relative_error(computed, exact) < 1e-13
-        assert computed[2] == -omega[2]
-    omega = rng.normal(size=(6, 2))  # on the constraint
-    full = sf.step_full(body, np.column_stack([omega, np.zeros(6)]), 0.2, I3=3)
-    np.testing.assert_allclose(full[:, :2], sf.step(body, omega, 0.2), rtol=1e-14)
-    assert (full[:, 2] == 0).all()
-
-
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
-@pytest.mark.parametrize("size", [10.0, 1e3, 1e5, 1e8, 1e12])
+@pytest.mark.parametrize("size", [10.0, 1e3, 1e5, 1e12])
 def test_large_states(unit, rng, size, method):
     """One step takes most of them back to the order of 1: Y - X X' would cancel."""
-    for _ in range(10):
-        omega = size * rng.uniform(-1, 1, 2)
-        exact = naive.orbit(1, 1, 1, 0, 1, omega, 8)
-        growth = float(max(np.hypot(*map(float, state)) for state in exact[1:]))
-        orbit = sf.iterate(unit, omega, 1, 8, method=method)
-        error = np.hypot(*(orbit.final - np.array(exact[-1], float)))
-        assert error < 2e-15 * max(1, growth)
+    for omega in size * rng.uniform(-1, 1, (6, 2)):
+        exact = np.array(naive.orbit(1, 1, 1, 0, 1, omega, 8), float)
+        final = sf.iterate(unit, omega, 1, 8, method=method).final
+        growth = np.linalg.norm(exact[1:], axis=1).max()
+        assert np.hypot(*(final - exact[-1])) < 2e-15 * max(1, growth)
 
 
 @pytest.mark.parametrize(
@@ -406,26 +342,23 @@ def test_mirror_images(unit, rng, method):
         assert (mirrored == orbit * signs).all()
 
 
-@pytest.mark.parametrize("k", [-1000, -900, -300, 700, 1000])
+@pytest.mark.parametrize("k", [-1000, 1000])
 @every_method
-def test_any_unit_of_time(rng, method, k):
-    """As far as float64 goes, without a warning."""
+def test_the_longest_and_shortest_units_of_time(rng, method, k):
+    """As far as float64 goes, bit for bit and without a warning."""
     omega = rng.normal(size=(50, 2)) * 10 ** rng.uniform(-2, 2, (50, 1))
     body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 50)), *rng.normal(size=(2, 50)))
-    options = {"method": method, "on_singular": "ignore"}
-    for save_every in (1, 5, None):
-        expected = sf.iterate(body, omega, 0.3, 20, save_every=save_every, **options)
-        scaled = sf.iterate(
-            body, np.ldexp(omega, k), np.ldexp(0.3, -k), 20, save_every=save_every, **options
-        )
+    for save_every in (5, None):
+        options = {"method": method, "on_singular": "ignore", "save_every": save_every}
+        expected = sf.iterate(body, omega, 0.3, 20, **options)
+        scaled = sf.iterate(body, np.ldexp(omega, k), np.ldexp(0.3, -k), 20, **options)
         np.testing.assert_array_equal(np.ldexp(scaled.omega, -k), expected.omega)
         assert (scaled.status == expected.status).all()
 
 
 def test_at_the_ends_of_float64(unit):
-    np.testing.assert_allclose(
-        sf.step(unit, [1e301, 0.5e301], 1e-301), [30e300 / 7, 65e300 / 7], rtol=1e-15
-    )
+    following = sf.step(unit, [1e301, 0.5e301], 1e-301)
+    np.testing.assert_allclose(following, [30e300 / 7, 65e300 / 7], rtol=1e-15)
     assert (sf.step(unit, [1e200, 1e200], 1e-310) == [1e200, 1e200]).all()
     tiny = sf.iterate(unit, [5e-310, 3e-310], 1e308, 3).omega
     usual = sf.iterate(unit, [5e-2, 3e-2], 1, 3).omega
@@ -433,59 +366,48 @@ def test_at_the_ends_of_float64(unit):
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
-@pytest.mark.parametrize("batch", [1, 7, LANES - 3, LANES + 8, 3 * LANES + 5])
-@pytest.mark.parametrize("shift", [0, 1, 3])
-def test_memory_of_saved_states(body, rng, monkeypatch, method, batch, shift):
+@pytest.mark.parametrize("batch", [1, 7, LANES - 3, 3 * LANES + 5])
+def test_memory_of_saved_states(body, rng, monkeypatch, method, batch):
     """Wherever rows begin, past the caches too, states are the same, and no others are written."""
     large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
     monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
     rows = large // (2 * batch) + 2 if batch > LANES else 11
-    room = np.full(2 * batch * rows + 16, np.pi)
-    out = room[8 + shift : 8 + shift + 2 * batch * rows].reshape(rows, batch, 2)
-    omega = rng.normal(size=(batch, 2))
-    sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
-    for i in (0, batch // 2, batch - 1):
-        beside = np.stack([omega[i], [9.0, -30.0]])
-        expected = sf.iterate(body, beside, 0.2, rows - 1, method=method).omega[:, 0]
-        assert (out[:, i] == expected).all()
-    assert (room[: 8 + shift] == np.pi).all()
-    assert (room[8 + shift + out.size :] == np.pi).all()
+    omega, size = rng.normal(size=(batch, 2)), 2 * batch * rows
+    beside = np.stack([omega[[0, batch // 2, -1]], [[9.0, -30.0]] * 3])
+    expected = sf.iterate(body, beside, 0.2, rows - 1, method=method).omega[:, 0]
+    for start in (8, 9, 11):
+        room = np.full(size + 24, np.pi)
+        out = room[start : start + size].reshape(rows, batch, 2)
+        sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
+        assert (out[:, [0, batch // 2, -1]] == expected).all()
+        assert (np.delete(room, slice(start, start + size)) == np.pi).all()
 
 
-def test_large_states_beside_others(unit, rng):
+@every_method
+def test_large_states_beside_others(unit, rng, method):
     """A state whose steps need no guard has the same bits beside one whose steps do."""
-    omega = rng.uniform(-1, 1, (64, 2)) * 10 ** rng.uniform(0, 6, (64, 1))
-    omega[:, 1] = rng.uniform(-1, 2, 64)
-    for method in METHODS:
-        together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
-        for i, state in enumerate(omega):
-            alone = sf.iterate(unit, state, 1.0, 4, method=method)
-            assert (alone.omega == together.omega[:, i]).all()
-            assert alone.status == together.status[i]
+    omega = rng.uniform(-1, 1, (20, 2)) * 10 ** rng.uniform(0, 6, (20, 1))
+    omega[:, 1] = rng.uniform(-1, 2, 20)
+    together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
+    for i, state in enumerate(omega):
+        alone = sf.iterate(unit, state, 1.0, 4, method=method)
+        assert (alone.omega == together.omega[:, i]).all()
+        assert alone.status == together.status[i]
 
 
-@pytest.mark.parametrize("save_every", [1, 2, 7, 300, 1000, None])
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_what_is_saved(body, rng, method, save_every):
+def test_what_is_saved(body, rng, method):
     """By a named method the saved states do not depend on which are saved; nor do orientations."""
     omega, options = rng.normal(size=(20, 2)), {"method": method, "attitude": True}
     every = sf.iterate(body, omega, 0.2, 300, **options)
-    np.testing.assert_allclose(
-        every.attitude, sf.attitude(body, every.omega, 0.2), rtol=0, atol=1e-14
-    )
-    some = sf.iterate(body, omega, 0.2, 300, save_every=save_every, **options)
-    assert some.n.tolist() == (list(range(0, 301, save_every)) if save_every else [300])
-    assert (some.omega == every.omega[some.n]).all()
-    assert (some.attitude == every.attitude[some.n]).all()
-    assert (some.final == every.final).all()
-
-
-def test_auto_agrees_with_canonical(body, rng):
-    omega = rng.uniform(-5, 5, (300, 2))
-    for steps in (1, 255, 256, 257, 1000):
-        auto = sf.iterate(body, omega, 0.2, steps, save_every=None).final
-        canonical = sf.iterate(body, omega, 0.2, steps, save_every=None, method="canonical").final
-        assert (abs(auto - canonical) / np.hypot(*canonical.T)[:, None]).max() < 5e-14
+    turned = sf.attitude(body, every.omega, 0.2)
+    np.testing.assert_allclose(every.attitude, turned, rtol=0, atol=1e-14)
+    for save_every in (2, 7, 300, 1000, None):
+        some = sf.iterate(body, omega, 0.2, 300, save_every=save_every, **options)
+        assert some.n.tolist() == (list(range(0, 301, save_every)) if save_every else [300])
+        assert (some.omega == every.omega[some.n]).all()
+        assert (some.attitude == every.attitude[some.n]).all()
+        assert (some.final == every.final).all()
 
 
 def test_out(body, rng):
@@ -515,36 +437,20 @@ def test_a_run_keeps_what_it_began_with(body):
     assert (half.extend(50).final == whole.final).all()
 
 
-def test_times_and_description(body):
-    result = sf.iterate(body, [1, 2], 0.25, 10, save_every=5)
-    assert (result.time == [0, 1.25, 2.5]).all()
-    assert result.body is body
-    assert repr(result) == (
-        "Trajectories(omega: (3, 2), n: 0, 5 ... 10, eps: 0.25, failed: 0 of 1)"
-    )
-    assert "n: 10, eps: -1 ... 1" in repr(sf.iterate(body, [1, 2], [-1, 1], 10, save_every=None))
-    assert "eps: none" in repr(sf.iterate(body, np.empty((0, 2)), np.empty(0), 10))
+def test_no_steps(body):
     start = sf.iterate(body, [[1, 2], [3, 4]], 0.2, 0)
     assert (start.omega == [[[1, 2], [3, 4]]]).all()
     assert (start.final == [[1, 2], [3, 4]]).all()
 
 
-@pytest.mark.parametrize("axes", [29, 31, 32, 33, 64])
-def test_batches_of_many_axes(body, axes):
+def test_batches_of_many_axes(body):
     """What NumPy cannot hold is said to be too much before anything is computed."""
     most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
-    try:
-        eps = np.full((1,) * axes, 0.2)
-    except ValueError:
-        pytest.skip("this NumPy has no such array")
-    options = {"attitude": True, "method": "canonical"}
-    if axes > most:
-        with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
-            sf.iterate(body, [1.0, 0.5], eps, 3, **options)
-    else:
-        result = sf.iterate(body, [1.0, 0.5], eps, 3, **options)
-        assert result.omega.shape == (4, *eps.shape, 2)
-        assert result.attitude.shape == (4, *eps.shape, 3, 3)
+    eps = np.full((1,) * most, 0.2)
+    result = sf.iterate(body, [1.0, 0.5], eps[..., 0], 3, attitude=True)
+    assert result.attitude.shape == (4, *eps.shape[1:], 3, 3)
+    with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
+        sf.iterate(body, [1.0, 0.5], eps[np.newaxis], 3, attitude=True)
 
 
 @given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
@@ -559,12 +465,10 @@ def test_parts_are_alike(size, most, lanes):
 
 
 def test_progress_and_parts(body, rng, small_parts):
-    seen = []
-    omega = rng.normal(size=(70, 2))
-    sf.iterate(
-        body, omega, 0.2, 700, method="canonical", save_every=7,
-        progress=lambda *counts: seen.append(counts),
-    )  # fmt: skip
-    assert len(seen) > 3
-    assert seen == sorted(seen)
+    seen, omega = [], rng.normal(size=(70, 2))
+    sf.iterate(body, omega, 0.2, 700, save_every=7, progress=lambda *n: seen.append(n))
+    sf.iterate(body, omega, 0.2, 700, method="ds2", progress=lambda *n: seen.append(n))
+    assert seen[0] == (700, 700)  # of the closed form
+    assert len(seen) > 4
+    assert seen[1:] == sorted(seen[1:])
     assert seen[-1] == (700, 700)

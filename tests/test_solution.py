@@ -1,6 +1,7 @@
 """`exact`, `flow` and `limits` against iteration and Taylor series in 60 digits."""
 
 from fractions import Fraction
+from itertools import product
 
 import naive
 import numba
@@ -17,35 +18,27 @@ def random_problem(rng):
     return parameters, eps, rng.normal(size=2) * 10 ** rng.uniform(-1, 2.3)
 
 
-def worst_error(computed, exact):
-    return max(map(naive.relative_error, computed, exact))
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_states_of_the_map(rng, sign):
     seen = {True: 0, False: 0}
-    for _ in range(60):
+    while min(seen.values()) < 6:
         parameters, eps, omega = random_problem(rng)
         body = sf.Suslov3D(*parameters)
         below = bool(abs(sf.criticality(body, omega, eps)) < 1)
         seen[below] += 1
-        exact = naive.orbit(*parameters, sign * eps, omega, 80 if below else 12)
-        computed = sf.exact(body, omega, eps, sign * np.arange(len(exact)))
-        assert worst_error(computed, exact) < 2e-14
-    assert min(seen.values()) > 3
+        if seen[below] <= 6:
+            exact = naive.orbit(*parameters, sign * eps, omega, 60 if below else 12)
+            computed = sf.exact(body, omega, eps, sign * np.arange(len(exact)))
+            assert naive.worst_error(computed, exact) < 2e-14
 
 
-@pytest.mark.parametrize("eps", [1, -1])
 @pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 1e-12, -1e-8, 1e-4])
-@pytest.mark.parametrize("x", [1e-9, 1e-3, 0.3, 5.0, 1e5])
-def test_on_and_next_to_the_critical_line(gap, x, eps):
+def test_on_and_next_to_the_critical_line(unit, gap):
     """|y| = 2 I1 I2 / |eps|, which the unit body holds exactly."""
-    unit = sf.Suslov3D(1, 1, 1, 0)
-    for y in (2 * (1 + gap), -2 * (1 + gap)):
-        exact = naive.orbit(1, 1, 1, 0, eps, [x, -y], 4)
-        computed = sf.exact(unit, [x, -y], eps, np.arange(5))
-        with np.errstate(all="ignore"):
-            assert worst_error(computed, exact) < 2e-15
+    for x, y, eps in product((1e-9, 1e-3, 0.3, 5.0, 1e5), (2, -2), (1, -1)):
+        omega = [x, -y * (1 + gap)]
+        exact = naive.orbit(1, 1, 1, 0, eps, omega, 4)
+        assert naive.worst_error(sf.exact(unit, omega, eps, np.arange(5)), exact) < 2e-15
 
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-8, 1e-15, 1e-60, 1e-170])
@@ -56,7 +49,7 @@ def test_orbits_that_leave_the_repelling_line(distance):
     steps = int(-2 * np.log(distance)) + 40
     exact = naive.orbit(2, 1, 0, 0.5, 0.9, omega, steps)
     computed = sf.exact(body, omega, 0.9, np.arange(steps + 1))
-    assert worst_error(computed, exact) < 3e-16 * (15 - np.log(distance))
+    assert naive.worst_error(computed, exact) < 3e-16 * (15 - np.log(distance))
 
 
 def test_far_away_states_of_slow_orbits(body):
@@ -69,7 +62,7 @@ def test_far_away_states_of_slow_orbits(body):
 
 
 def test_limits_against_the_paper(rng):
-    for _ in range(20):
+    for _ in range(10):
         (I1, I2, I13, I23), eps, omega = random_problem(rng)
         body = sf.Suslov3D(I1, I2, I13, I23)
         D = I13**2 * I2 + I23**2 * I1
@@ -108,20 +101,20 @@ def test_no_state_between_steps_beyond_t_1(unit):
 
 @pytest.mark.parametrize("time", [0.3, -0.7, 5.0, -20.0])
 def test_flow_against_taylor_series(rng, time):
-    for _ in range(4):
+    for _ in range(2):
         parameters, _, omega = random_problem(rng)
         omega = omega / np.hypot(*omega)
         exact = naive.flow(*parameters, omega, time, steps=int(10 + 5 * abs(time)))
         assert naive.relative_error(sf.flow(sf.Suslov3D(*parameters), omega, time), exact) < 1e-14
 
 
-@pytest.mark.parametrize("distance", [1e-8, 1e-30])
-def test_flow_next_to_the_repelling_line(distance):
-    body, omega = sf.Suslov3D(2, 1, 0, 0.5), [1.5, distance]
-    time = -2 * np.log(distance)
-    exact = naive.flow(2, 1, 0, 0.5, omega, time, steps=int(4 * time))
-    computed = sf.flow(body, omega, time)
-    assert naive.relative_error(computed, exact) < 3e-16 * (15 - np.log(distance))
+def test_flow_next_to_the_repelling_line():
+    """From a distance of 1e-30 to the attracting half."""
+    omega, time = [1.5, 1e-30], 138.0
+    exact = naive.flow(2, 1, 0, 0.5, omega, time, steps=280)
+    computed = sf.flow(sf.Suslov3D(2, 1, 0, 0.5), omega, time)
+    assert exact[0] < -1
+    assert naive.relative_error(computed, exact) < 2.5e-14
 
 
 def test_the_map_tends_to_the_flow_with_order_2(body):
@@ -137,29 +130,18 @@ def test_the_map_tends_to_the_flow_with_order_2(body):
 
 
 @pytest.mark.parametrize(
-    ("bad", "error", "message"),
+    ("call", "error", "message"),
     [
-        ({"n": [[1, 2]]}, ValueError, r"n: expected a number or a 1-D array, got shape \(1, 2\)"),
-        ({"n": "3"}, TypeError, "n: expected real numbers, got '3'"),
-        ({"n": np.nan}, ValueError, "n: expected finite real numbers, got nan"),
-        ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
-        ({"eps": [1, 2, 3]}, ValueError, r"broadcast .* eps \(3,\)"),
-        ({"body": None}, TypeError, "body: expected Suslov3D or SuslovND, got NoneType"),
+        (lambda n: sf.exact(*n, [[1, 2]]), ValueError, r"n: expected a number or a 1-D array, got"),
+        (lambda n: sf.exact(*n, "3"), TypeError, "n: expected real numbers, got '3'"),
+        (lambda n: sf.exact(*n, np.nan), ValueError, "n: expected finite real numbers, got nan"),
+        (lambda n: sf.flow(*n[:2], [[1]]), ValueError, r"time: expected a number or a 1-D array"),
+        (lambda n: sf.flow(*n[:2], np.inf), ValueError, "time: expected finite real .* got inf"),
     ],
 )
-def test_bad_input(body, bad, error, message):
-    arguments = {"body": body, "omega0": [[1, 2], [3, 4]], "eps": 0.2, "n": 3}
+def test_bad_times(body, call, error, message):
     with pytest.raises(error, match=message):
-        sf.exact(**{**arguments, **bad})
-
-
-def test_bad_input_of_flow_and_limits(body):
-    with pytest.raises(ValueError, match=r"time: expected a number or a 1-D array"):
-        sf.flow(body, [1, 2], [[1]])
-    with pytest.raises(ValueError, match=r"time: expected finite real numbers, got inf"):
-        sf.flow(body, [1, 2], np.inf)
-    with pytest.raises(ValueError, match=r"omega0: expected shape"):
-        sf.limits(body, [1], 0.2)
+        call((body, [1, 2], 0.2))
 
 
 def test_a_pole_far_ahead(unit):
@@ -188,68 +170,34 @@ def test_the_status_of_last_states(rng):
     assert len(np.unique(jumped.status)) == 2
 
 
-def energy_error(parameters, computed, exact):
-    """In the norm that the flow conserves, which no unit of the components matters to."""
-    weights = [naive.mpf(float(each)) for each in parameters[:2]]
-    difference = [naive.mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)]
-    square = sum(w * d * d for w, d in zip(weights, difference, strict=True))
-    size = sum(w * e * e for w, e in zip(weights, exact, strict=True))
-    return float(naive.mpmath.sqrt(square / size))
-
-
-def orbit_state(parameters, eps, omega, n):
-    """State n of an orbit with t < 1 in 60 digits, by the sequence of the level's eigenvectors."""
-    I1, I2, I13, I23, e, w1, w2 = naive.exactly(*parameters, eps, *omega)
-    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
-    x, y = I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
-    X, Y = e * x / naive.mpmath.sqrt(2 * a), e * y / (2 * a)
-    H = (X * X + 2 * Y * Y) / (2 + X * X)
-    # (X, 1 + Y) -> linear fractional with matrix ((1 + H, -2 H), (-2, 1 + H)) in Y = U / W.
-    T = naive.mpmath.sqrt(H)
-    big, small = (1 + T) ** (2 * n), (1 - T) ** (2 * n)
-    U = (big * (Y - T) * T + small * (Y + T) * T) / (2 * T)
-    W = (-big * (Y - T) + small * (Y + T)) / (2 * T)
-    Y_n, X_n = U / W, X * (1 - H) ** n / W
-    x, y = X_n * naive.mpmath.sqrt(2 * a) / e, Y_n * 2 * a / e
-    return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
-
-
 @pytest.mark.parametrize("n", [10**6, 10**9])
 @pytest.mark.parametrize("X", [1e-12, 1e-60, 1e-145])
 def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
     """After a million steps, or a billion, on their way from one half to the other."""
-    for _ in range(20):
+    for _ in range(5):
         I1, I2, I23 = 10 ** rng.uniform(-0.7, 0.7, 3)
         a = I1 * I2
         Y = -np.log(X) / (2 * n) * rng.uniform(0.5, 1.5)
-        parameters = (I1, I2, 0.0, I23)
-        omega = [2 * a * Y / (I23 * I1), np.sqrt(2 * a) * X / I23]
         # A body with I13 = 0 has x = I23 Omega2: it cancels nowhere.
-        with naive.mp.workdps(400):
-            exact = orbit_state(parameters, 1.0, omega, n)
-            computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, n)
-            assert energy_error(parameters, computed, exact) < 3e-15
+        parameters, omega = (I1, I2, 0.0, I23), [2 * a * Y / (I23 * I1), np.sqrt(2 * a) * X / I23]
+        exact = naive.far_state(*parameters, 1.0, omega, n)
+        computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, n)
+        assert naive.energy_error(parameters[:2], computed, exact) < 3e-15
 
 
-@pytest.mark.parametrize("n", [600, 900, 1200, 1500, 1900])
-def test_a_component_keeps_its_digits_however_small_it_is(n):
-    """From 1e-300 it grows to the order of 1, and falls below 1e-270."""
-    parameters, omega = (2, 1, 0.0, 0.5), [1.5, 1e-300]  # x = Omega2 / 2
-    with naive.mp.workdps(700):
-        exact = orbit_state(parameters, 0.9, omega, n)
-        computed = sf.exact(sf.Suslov3D(*parameters), omega, 0.9, n)
-        assert all(abs(c / e - 1) < 1e-15 for c, e in zip(computed, exact, strict=True))
+# From 1e-300 a component grows to the order of 1, and falls below 1e-270; and it decays to 1e-236
+# from where it is not negligible, by the level's n-th power: X = 0.02, Y = 1/2.
+DIGITS = [
+    *(([1.5, 1e-300], n) for n in (600, 900, 1200, 1500, 1900)),
+    *(([2 / 0.9, 0.04 / 0.45], n) for n in (200, 500)),
+]
 
 
-@pytest.mark.parametrize("n", [200, 500])
-def test_the_level_is_held_in_two_numbers(n):
-    """x decays to 1e-236 by the level's n-th power, where X is not negligible beside Y."""
-    parameters, eps = (2, 1, 0.0, 0.5), 0.9
-    omega = [4 * 0.5 / 0.9, 2 * 0.02 / 0.45]  # X = 0.02, Y = 1/2
-    with naive.mp.workdps(700):
-        exact = orbit_state(parameters, eps, omega, n)
-        computed = sf.exact(sf.Suslov3D(*parameters), omega, eps, n)
-        assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
+@pytest.mark.parametrize(("omega", "n"), DIGITS)
+def test_a_component_keeps_its_digits_however_small_it_is(omega, n):
+    exact = naive.far_state(2, 1, 0.0, 0.5, 0.9, omega, n)
+    computed = sf.exact(sf.Suslov3D(2, 1, 0.0, 0.5), omega, 0.9, n)
+    assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
 
 
 def test_exact_states_of_any_size(unit):
@@ -257,44 +205,38 @@ def test_exact_states_of_any_size(unit):
     for omega in ([1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149]):
         with naive.mp.workdps(700):
             exact = naive.orbit(1, 1, 1, 0, 1, omega, 4)
-            assert worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
+            assert naive.worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
 
 
 @pytest.mark.parametrize("spread", [1, 5])
 def test_any_parameters(rng, spread):
-    for _ in range(40):
+    for _ in range(20):
         parameters = 10 ** rng.uniform(-spread, spread, 4) * [1, 1, *rng.choice([-1, 1], 2)]
         body, omega = sf.Suslov3D(*parameters), rng.normal(size=2)
         eps = rng.uniform(0.01, 0.99) / float(sf.criticality(body, omega, 1.0))
         n = int(rng.integers(-300, 300))
-        with naive.mp.workdps(300):
-            exact = orbit_state(parameters, eps, omega, n)
-            computed = sf.exact(body, omega, eps, n)
-            assert energy_error(parameters, computed, exact) < 1e-14
+        exact = naive.far_state(*parameters, eps, omega, n)
+        assert naive.energy_error(parameters[:2], sf.exact(body, omega, eps, n), exact) < 1e-14
 
 
-UNITS = [-600, -37, 600]
-
-
-@pytest.mark.parametrize("k", UNITS)
-def test_the_unit_of_time(k):
+@pytest.mark.parametrize("k", [-600, -37, 600])
+def test_the_unit_of_time(unit, k):
     """Bit for bit, next to the repelling half too."""
-    unit = sf.Suslov3D(1, 1, 1, 0)
     for omega, t in (([2, -1e6], 2e-5), ([2, -1e8], 2e-7), ([1.0, 0.5], 3.0), ([1e-9, -3.0], 9.0)):
-        scaled = np.ldexp(omega, k)
-        expected = np.ldexp(sf.flow(unit, omega, t), k)
-        assert (sf.flow(unit, scaled, np.ldexp(t, -k)) == expected).all()
-        times = 0.125 * t * np.arange(40)
-        expected = np.ldexp(sf.flow(unit, omega, times), k)
-        assert (sf.flow(unit, scaled, np.ldexp(times, -k)) == expected).all()
-        for n in (-7, 3, np.arange(60)):
-            expected = np.ldexp(sf.exact(unit, omega, 0.75 * t, n), k)
-            computed = sf.exact(unit, scaled, np.ldexp(0.75 * t, -k), n)
-            assert np.array_equal(computed, expected, equal_nan=True)
-        for computed, end in zip(
+        scaled, times = np.ldexp(omega, k), 0.125 * t * np.arange(40)
+        pairs = [
+            (sf.flow(unit, scaled, np.ldexp(each, -k)), sf.flow(unit, omega, each))
+            for each in (t, times)
+        ]
+        pairs += [
+            (sf.exact(unit, scaled, np.ldexp(t, -k), n), sf.exact(unit, omega, t, n))
+            for n in (-7, 3, np.arange(60))
+        ]
+        pairs += zip(
             sf.limits(unit, scaled, np.ldexp(t, -k)), sf.limits(unit, omega, t), strict=True
-        ):
-            assert (computed == np.ldexp(end, k)).all()
+        )
+        for computed, expected in pairs:
+            np.testing.assert_array_equal(computed, np.ldexp(expected, k))
 
 
 def test_limits_of_the_state_that_has_no_next(unit):
@@ -319,21 +261,18 @@ def test_a_slow_orbit_arrives_after_enough_steps(scale):
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
 
 
-@pytest.mark.parametrize("shift", [0, 3])
-@pytest.mark.parametrize("batch", [1, 5, 130, 133])
-def test_long_results(body, rng, monkeypatch, batch, shift):
+@pytest.mark.parametrize("batch", [1, 133])
+def test_long_results(body, rng, monkeypatch, batch):
     """They go past the caches and are cut into calls; no bit and no number beside them changes."""
     monkeypatch.setattr(closed_form, "SLICE", 2**19)
     rows = (2**21 // (2 * batch) if not numba.config.DISABLE_JIT else 90) + 77
-    omega = rng.normal(size=(batch, 2))
-    memory = np.full(2 * batch * rows + 16, 7.0)
-    out = memory[shift : shift + 2 * batch * rows].reshape((rows, batch, 2))
+    omega, size = rng.normal(size=(batch, 2)), 2 * batch * rows
+    memory = np.full(size + 16, 7.0)
+    out = memory[3 : 3 + size].reshape((rows, batch, 2))
     sf.iterate(body, omega, 0.2, rows - 1, out=out)
-    assert (memory[:shift] == 7.0).all()
-    assert (memory[shift + out.size :] == 7.0).all()
-    for i in (0, batch - 1):
-        beside = np.stack([omega[i], [9.0, -30.0]])
-        assert (sf.iterate(body, beside, 0.2, rows - 1).omega[:, 0] == out[:, i]).all()
+    assert (np.delete(memory, slice(3, 3 + size)) == 7.0).all()
+    beside = np.stack([omega[-1], [9.0, -30.0]])
+    assert (sf.iterate(body, beside, 0.2, rows - 1).omega[:, 0] == out[:, -1]).all()
     n = np.sqrt(np.arange(rows))
     assert (sf.exact(body, omega, 0.2, n)[-5:] == sf.exact(body, omega, 0.2, n[-5:])).all()
 
@@ -361,27 +300,25 @@ def test_far_above_criticality(body, omega, steps):
     assert run.status == last.status == sf.Status.SUPERCRITICAL
 
 
-@pytest.mark.parametrize("power", [16, 18, 20])
+@pytest.mark.parametrize("power", [16, 20])
 def test_bodies_in_which_y_cancels(power):
     """One decimal each, and y = 0 but for the rounding of the decimals."""
-    rng, seen = np.random.default_rng(power), 0
-    while seen < 12:
+    rng, problems = np.random.default_rng(power), [((0.2, 1.1, -3.8, 3.1), [-4.18, 0.62])]
+    while len(problems) < 8:
         I1, I2 = rng.integers(1, 40, 2) / 10
         I13, I23, c = rng.integers(-40, 40, 3) / 10
         omega = np.round([c * I13 * I2, c * I23 * I1], 3)
-        if I13 * I23 * c == 0.0 or abs(I23 * I1 * omega[0] - I13 * I2 * omega[1]) > 1e-12:
-            continue
-        seen += 1
-        body, parameters = sf.Suslov3D(I1, I2, I13, I23), (I1, I2, I13, I23)
-        for eps in (10.0**power, -(10.0**power)):
-            exact = naive.orbit(*parameters, eps, omega, 3)
-            assert worst_error(sf.exact(body, omega, eps, np.arange(4)), exact) < 1e-14
-            assert worst_error(sf.iterate(body, omega, eps, 3).omega, exact) < 1e-14
-    body = sf.Suslov3D(0.2, 1.1, -3.8, 3.1)
-    exact = naive.step(0.2, 1.1, -3.8, 3.1, 1e20, naive.exactly(-4.18, 0.62))
-    assert naive.relative_error(sf.exact(body, [-4.18, 0.62], 1e20, 1), exact) < 1e-15
-    t = naive.criticality(0.2, 1.1, -3.8, 3.1, 1e20, naive.exactly(-4.18, 0.62))
-    assert abs(sf.criticality(body, [-4.18, 0.62], 1e20) / t - 1) < 1e-15
+        if I13 * I23 * c and abs(I23 * I1 * omega[0] - I13 * I2 * omega[1]) < 1e-12:
+            problems.append(((I1, I2, I13, I23), omega))
+    for (parameters, omega), eps in product(problems, (10.0**power, -(10.0**power))):
+        body, exact = sf.Suslov3D(*parameters), naive.orbit(*parameters, eps, omega, 3)
+        for states in (
+            sf.exact(body, omega, eps, np.arange(4)),
+            sf.iterate(body, omega, eps, 3).omega,
+        ):
+            assert naive.worst_error(states, exact) < 1e-14
+        t = naive.criticality(*parameters, eps, naive.exactly(*omega))
+        assert abs(sf.criticality(body, omega, eps) / t - 1) < 2e-15
 
 
 def state_on_the_pole(I1, I2, I13, I23, x):
@@ -391,25 +328,14 @@ def state_on_the_pole(I1, I2, I13, I23, x):
 
 
 # Bodies whose states on the pole are float64: D is a power of two.
-POLES = [
-    (*body, x)
-    for body in (
-        (1, 1, 1, 0),
-        (2, 1, 1, 0),
-        (1, 3, 1, 1),
-        (3, 5, 1, -1),
-        (2, 2, 2, -2),
-        (7, 1, 1, 1),
-    )
-    for x in (1, -3, 40)
-]
+BODIES = (1, 1, 1, 0), (2, 1, 1, 0), (1, 3, 1, 1), (3, 5, 1, -1), (2, 2, 2, -2), (7, 1, 1, 1)
 
 
-@pytest.mark.parametrize("problem", POLES, ids=str)
-def test_poles_in_fractions(problem):
+@pytest.mark.parametrize("x", [1, -3, 40])
+@pytest.mark.parametrize("parameters", BODIES, ids=str)
+def test_poles_in_fractions(parameters, x):
     """A run ends at its pole; the closed form lacks one state, and goes on beyond it."""
-    *parameters, _ = problem
-    pole, body = state_on_the_pole(*problem), sf.Suslov3D(*parameters)
+    pole, body = state_on_the_pole(*parameters, x), sf.Suslov3D(*parameters)
     omega = list(map(float, pole))
     assert [Fraction(each) for each in omega] == pole
     assert naive.rational_step(*parameters, 1, pole) is None
@@ -462,14 +388,3 @@ def test_runs_past_their_pole(unit, rng):
     expected = sf.exact(unit, np.delete(omega, 7, axis=0), 1, 10**9 + 1)
     assert (np.delete(far.final, 7, axis=0) == expected).all()
     assert far.failed_at[7] == 1
-
-
-def test_states_beyond_float64(body):
-    """NaN, and a warning that says why."""
-    with pytest.warns(RuntimeWarning, match="1 of 2 states: out of the range of float64"):
-        states = sf.exact(body, [[1e200, 1e200], [1.0, 0.5]], [1e200, 0.2], 3)
-    assert np.isnan(states).all(axis=-1).tolist() == [True, False]
-    heavy = sf.Suslov3D(1e-4, 1e4, 0.5, 0.3)
-    run = sf.iterate(heavy, [1e302, 1.7e308], 1e-308, 50, on_singular="ignore")
-    assert run.status in (sf.Status.OK, sf.Status.NONFINITE)
-    assert not np.isinf(run.omega).any()

@@ -80,7 +80,7 @@ def _run(problem: Problem, kernel: Kernel) -> Outcome:
     room = (
         np.empty((tasks, 2, pairs, *body)),
         np.empty((tasks, 2, pairs, lanes)),
-        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m, lanes),
+        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m),
     )
     for part in problem.parts(work, map_nd.LANES):
         if part.start:  # else all of them are new
@@ -144,13 +144,12 @@ def _turning(problem: Problem, tasks: int, lanes: int) -> tuple[FloatArray | Non
     return columns, (problem.eps, columns, problem.turns, *room)
 
 
-def _matrices(tasks: int, m: int, lanes: int) -> FloatArray:
-    """Return room for elimination: for fewer systems side by side where most leave the caches."""
-    width = min(WIDTH if m <= 16 else WIDTH // 2, lanes)
+def _matrices(tasks: int, m: int) -> FloatArray:
+    """Return room for elimination."""
     try:
-        return np.empty((tasks, m + 3, m + 1, width))
+        return np.empty((tasks, m + 4, m + 2, WIDTH))
     except (MemoryError, ValueError) as error:  # NumPy has both for sizes out of all proportion
-        size = 8.0 * tasks * m * (m + 1) * width
+        size = 8.0 * tasks * m * (m + 1) * WIDTH
         raise MemoryError(
             f"expected {size:.3g} bytes to work in, which there are not: elimination takes them; "
             "use method='rank2', fewer threads, or shorter steps"

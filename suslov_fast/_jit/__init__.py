@@ -3,11 +3,13 @@
 from .instructions import (
     bits_of,
     carray,
+    copy_line,
     expect_store,
     number_of_bits,
     select,
     stack,
     stream_line,
+    subtract_product,
     two_product,
 )
 from .options import Kernel, formula, inner, kernel
@@ -16,6 +18,7 @@ __all__ = [
     "Kernel",
     "bits_of",
     "carray",
+    "copy_line",
     "expect_store",
     "formula",
     "inner",
@@ -24,5 +27,6 @@ __all__ = [
     "select",
     "stack",
     "stream_line",
+    "subtract_product",
     "two_product",
 ]

@@ -72,22 +72,46 @@ def _stack(typing, size):
     return types.CPointer(types.float64)(size), emit
 
 
+def _place(context, builder, signature, arguments, k):
+    """Return a pointer to a vector in array k of the arguments, whose indices come next to it."""
+    array = context.make_array(signature.args[k])(context, builder, arguments[k])
+    number, index = array.data, arguments[k + 1]
+    if isinstance(signature.args[k + 1], types.UniTuple):
+        *rows, index = (builder.extract_value(index, i) for i in range(len(signature.args[k + 1])))
+        byte = builder.bitcast(number, ir.IntType(8).as_pointer())
+        for axis, row in enumerate(rows):
+            byte = builder.gep(byte, [builder.mul(row, builder.extract_value(array.strides, axis))])
+        number = builder.bitcast(byte, _DOUBLE.as_pointer())
+    number = builder.gep(number, [index])
+    return builder.bitcast(number, ir.VectorType(_DOUBLE, _LINE).as_pointer())
+
+
 @intrinsic
-def _stream_line(typing, target, i, source, j):
+def _subtract_product(typing, target, i, factor, j, source, k):
     def emit(context, builder, signature, arguments):
-        vector = ir.VectorType(_DOUBLE, _LINE)
-
-        def place(k):
-            array = context.make_array(signature.args[k])(context, builder, arguments[k])
-            return builder.bitcast(builder.gep(array.data, [arguments[k + 1]]), vector.as_pointer())
-
-        store = builder.store(builder.load(place(2), align=8), place(0), align=64)
-        store.set_metadata(
-            "nontemporal", builder.module.add_metadata([ir.Constant(ir.IntType(32), 1)])
-        )
+        places = [_place(context, builder, signature, arguments, n) for n in (0, 2, 4)]
+        before, v, w = (builder.load(place, align=8) for place in places)
+        builder.store(builder.fsub(before, builder.fmul(v, w)), places[0], align=8)
         return context.get_dummy_value()
 
-    return types.void(target, types.intp, source, types.intp), emit
+    return types.void(target, i, factor, j, source, k), emit
+
+
+def _copy_line(past_caches):
+    @intrinsic
+    def copy(typing, target, i, source, j):
+        def emit(context, builder, signature, arguments):
+            source, target = (_place(context, builder, signature, arguments, k) for k in (2, 0))
+            store = builder.store(builder.load(source, align=8), target, align=8)
+            if past_caches:
+                store.align = 64
+                one = ir.Constant(ir.IntType(32), 1)
+                store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+            return context.get_dummy_value()
+
+        return types.void(target, i, source, j), emit
+
+    return copy
 
 
 @intrinsic
@@ -113,6 +137,9 @@ def _expect_store(typing, target, i):
 #               pair at run time, and gives up at eight: 110 ns
 # stream_line   stores past the caches: 15 GB/s in place of 9 where every state is saved
 # expect_store  a store to a line that is not in the caches holds up those after it
+# copy_line, subtract_product
+#               elimination, of 64 equations, in half the time: a loop that LLVM makes for a few
+#               numbers spends as long on its first and last turns as on the others
 if config.DISABLE_JIT:
 
     def select(condition, first, second):
@@ -151,12 +178,25 @@ if config.DISABLE_JIT:
         """Copy source[j:j+8] to target[i:i+8], which must be a cache line, past the caches."""
         target[i : i + _LINE] = source[j : j + _LINE]
 
+    def copy_line(target, i, source, j):
+        """Copy eight numbers, from source[j] on, to target[i] and the next ones."""
+        target[_line(i)] = source[_line(j)]
+
+    def subtract_product(target, i, factor, j, source, k):
+        """Subtract from eight numbers, from target[i] on, the products of eight pairs of others."""
+        target[_line(i)] -= factor[_line(j)] * source[_line(k)]
+
+    def _line(index):
+        return (*index[:-1], slice(index[-1], index[-1] + _LINE))
+
     def expect_store(target, i):
         """Fetch the cache line of target[i], which is to be written soon."""
 
 else:
     select, bits_of, number_of_bits = _select, _bits_of, _number_of_bits
-    stack, stream_line, expect_store = _stack, _stream_line, _expect_store
+    stack, expect_store = _stack, _expect_store
+    copy_line, stream_line = _copy_line(past_caches=False), _copy_line(past_caches=True)
+    subtract_product = _subtract_product
 
     @formula
     def two_product(v, w):

@@ -3,13 +3,12 @@
 import numpy as np
 
 from .._formulas.elementary import larger
-from .._jit import carray, inner, select, stack
+from .._jit import carray, copy_line, formula, inner, select, stack, subtract_product
 
-# Systems side by side at most: sums over columns wait for the memory they were just written to if
-# there are fewer, and more leave the caches.
-WIDTH = 32
-ROOM = 4 * WIDTH
-SIZE, LARGEST, INVERSE, FACTOR = range(4)
+# Systems side by side, and those that one instruction takes. 32 are no faster.
+WIDTH, LINE = 16, 8
+SIZE, LARGEST, INVERSE, SUM = range(4)
+ROOM = (SUM + 2) * WIDTH
 # A pivot this much smaller than those before it, times the number of equations, is 0 to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
 
@@ -17,7 +16,7 @@ ZERO_TO_ROUNDING = 2.0**-50
 @inner
 def exchange_rows(matrix, k, width):
     """Bring the largest number of column k, from row k on, into row k, system by system."""
-    m = matrix.shape[0]
+    m = matrix.shape[0] - 1
     for l in range(width):
         pivot = k
         for i in range(k + 1, m):
@@ -28,23 +27,44 @@ def exchange_rows(matrix, k, width):
                 matrix[k, j, l], matrix[pivot, j, l] = matrix[pivot, j, l], matrix[k, j, l]
 
 
-@inner
-def eliminate(matrix, row, width):
-    """Solve some systems: matrix (m, m + 1, WIDTH) holds coefficients, and right sides as column m.
-
-    The solutions come to `row`, (m + 1, WIDTH), NaN where a matrix is singular. (Rows that others
-    are reduced by are copied there too: LLVM tests whether what it reads overlaps what it writes.)
+@formula
+def reduce(matrix, i, j, further, count, s):
+    """Subtract from number (i, j) the first `count` products of numbers of row i and column j, and
+    the same for the number that is `further` on.
     """
-    m = matrix.shape[0]
-    s = carray(stack(ROOM), (4, WIDTH))
+    i2, j2 = i + further[0], j + further[1]
+    for l in range(0, WIDTH, LINE):
+        copy_line(s, (SUM, l), matrix, (i, j, l))
+        copy_line(s, (SUM + 1, l), matrix, (i2, j2, l))
+    for t in range(count):
+        for l in range(0, WIDTH, LINE):
+            subtract_product(s, (SUM, l), matrix, (i, t, l), matrix, (t, j, l))
+            subtract_product(s, (SUM + 1, l), matrix, (i2, t, l), matrix, (t, j2, l))
+    for l in range(0, WIDTH, LINE):
+        copy_line(matrix, (i, j, l), s, (SUM, l))
+        copy_line(matrix, (i2, j2, l), s, (SUM + 1, l))
+
+
+@inner
+def eliminate(matrix):
+    """Solve some systems, in Crout's order: each number takes all its products at once.
+
+    matrix    (m + 1, m + 2, WIDTH), the coefficients, and right sides as column m, which become the
+              solutions, NaN where a matrix is singular. The last row and column are room for pairs.
+    """
+    m, width = matrix.shape[0] - 1, matrix.shape[2]
+    s = carray(stack(ROOM), (SUM + 2, WIDTH))
     for l in range(width):
         s[SIZE, l] = 0.0
     for k in range(m):
+        for i in range(k, m, 2):
+            reduce(matrix, i, k, (1, 0), k, s)
         for l in range(width):
             s[LARGEST, l] = abs(matrix[k, k, l])
         for i in range(k + 1, m):
             for l in range(width):
-                s[LARGEST, l] = larger(abs(matrix[i, k, l]), s[LARGEST, l])
+                # LLVM would store this masked, which is slow, but for the sum.
+                s[LARGEST, l] = larger(abs(matrix[i, k, l]), s[LARGEST, l]) + 0.0
         smaller_pivots = 0.0
         for l in range(width):
             smaller_pivots += select(abs(matrix[k, k, l]) < s[LARGEST, l], 1.0, 0.0)
@@ -56,20 +76,16 @@ def eliminate(matrix, row, width):
             regular = s[LARGEST, l] > ZERO_TO_ROUNDING * m * s[SIZE, l]
             s[INVERSE, l] = select(regular, 1.0 / matrix[k, k, l], np.nan)
             matrix[k, k, l] = s[INVERSE, l]
-        for j in range(k + 1, m + 1):
-            for l in range(width):
-                row[j, l] = matrix[k, j, l]
         for i in range(k + 1, m):
             for l in range(width):
-                s[FACTOR, l] = matrix[i, k, l] * s[INVERSE, l]
-            for j in range(k + 1, m + 1):
-                for l in range(width):
-                    matrix[i, j, l] -= s[FACTOR, l] * row[j, l]
+                matrix[i, k, l] *= s[INVERSE, l]
+        for j in range(k + 1, m + 1, 2):
+            reduce(matrix, k, j, (0, 1), k, s)
     for i in range(m - 1, -1, -1):
-        for l in range(width):
-            s[FACTOR, l] = matrix[i, m, l]
+        for l in range(0, WIDTH, LINE):
+            copy_line(s, (SUM, l), matrix, (i, m, l))
         for j in range(m - 1, i, -1):
-            for l in range(width):
-                s[FACTOR, l] -= matrix[i, j, l] * row[j, l]
+            for l in range(0, WIDTH, LINE):
+                subtract_product(s, (SUM, l), matrix, (i, j, l), matrix, (j, m, l))
         for l in range(width):
-            row[i, l] = s[FACTOR, l] * matrix[i, i, l]
+            matrix[i, m, l] = s[SUM, l] * matrix[i, i, l]

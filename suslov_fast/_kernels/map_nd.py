@@ -95,15 +95,16 @@ def units_serve(lane, lanes):
 def solve_lanes(J, I, omega, lane, chosen, room):
     """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
 
-    room (m + 3, m + 1, width) holds A, with omega as its last column, and J, I, omega as rows.
+    room (m + 4, m + 2, WIDTH) holds A, with omega as column m, and from row m + 1 on J, I, omega.
     """
-    m = room.shape[1] - 1
-    matrix, all_J, all_I, w = room[:m], room[m], room[m + 1], room[m + 2]
+    m = room.shape[1] - 2
+    matrix, all_J, all_I, w = room[: m + 1], room[m + 1], room[m + 2], room[m + 3]
     of = carray(stack(ROOM_OF_ROW), (5, LANES))
     for first in range(0, chosen, room.shape[2]):
-        width = min(room.shape[2], chosen - first)
+        used = min(room.shape[2], chosen - first)
+        width = room.shape[2]
         for k in range(width):
-            l = int(lane[CHOSEN, first + k])
+            l = int(lane[CHOSEN, first + min(k, used - 1)])
             of[3, k], of[4, k] = lane[EPS, l], lane[HALF, l]
             for i in range(m):
                 all_J[i, k], all_I[i, k], w[i, k] = at(J, i, l), at(I, i, l), omega[i, l]
@@ -117,10 +118,10 @@ def solve_lanes(J, I, omega, lane, chosen, room):
                     matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * all_I[j, k]
             for k in range(width):
                 matrix[i, i, k] = of[2, k] + matrix[i, i, k]
-        eliminate(matrix, w, width)
-        for k in range(width):
+        eliminate(matrix)
+        for k in range(used):
             for i in range(m):
-                omega[i, int(lane[CHOSEN, first + k])] = w[i, k]
+                omega[i, int(lane[CHOSEN, first + k])] = matrix[i, m, k]
 
 
 @inner
@@ -450,7 +451,7 @@ def iterate(parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). Those but `final` are read where start is not 0.
     room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 3, m + 1, width)
+        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
     """
     for task in prange(room[1].shape[0]):
         _rank2(parameters, span, saved, turning, kept, room, np.int64(task))

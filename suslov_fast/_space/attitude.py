@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
+from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.layout import first_index, for_kernel, spell
 from .._engine.states import TASKS
+from .._engine.units import for_loops
 from .._kernels import attitude as kernels
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
@@ -24,6 +26,7 @@ _TURNING, _CHECKING = 10, 10
 _CLASSES = ("Suslov3D", "SuslovND", "SuslovGyrostat")
 
 
+@filled
 def attitude(
     body: Any,
     omega: ArrayLike,
@@ -33,44 +36,39 @@ def attitude(
 ) -> FloatArray:
     """Orientation of the body along stored trajectories.
 
-    The shapes of the body, of `eps`, of `omega` without its first and last axis and of `R0` without
-    its last two broadcast to the batch shape ``...``.
-
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega : array_like(float, shape=(N + 1, ..., D))
-        Trajectories with all their states, as `iterate` stores them; NaN after a failure.
-    eps : array_like(float, shape=(...))
-        The step size that the states were iterated with.
+        All states of trajectories, as :func:`iterate` returns them, NaN after a failure included.
+    %(eps)s
+        It must be the one that the states were computed with.
     R0 : array_like(float, shape=(..., n, n)), optional
-        Orientation at the first state, a rotation matrix; by default the identity.
-    threads : int, optional
-        Number of threads; by default Numba's.
+        Rotation matrix, the orientation at the first state; by default the identity.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
-        Matrices R that take components in the body to components in space, orthogonal to
-        rounding however long the trajectory; NaN from the first state on that is NaN. In three
-        dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` turns them
-        into SciPy's rotations.
+        Matrices R that take components in the body frame to components in space. They are
+        orthogonal to rounding, however long the trajectory, and NaN from the first NaN state on. In
+        three dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))``
+        converts them to SciPy's rotations.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite, or states do not follow each other
-        by the map with this eps, as every k-th state of a run does not.
+    %(invalid)s
+    ValueError
+        If a state is not the image of the one before, as in a run that saved every k-th state only.
 
     Notes
     -----
-    R_next = R cay(eps (Omega + Omega_next) / 2), the Cayley map: the discrete counterpart of
-    R' = R Omega, of order 2. In three dimensions it is computed with unit quaternions.
+    R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
+    R' = R Omega. In three dimensions it is computed with unit quaternions.
 
-    A state follows another if the implicit equations (dsn) hold to one part in 1e6 of the step
-    between the two. Near a steady state, where steps are less than one part in 1e10 of the state,
-    that cannot be told.
+    Two states are accepted as consecutive if they satisfy the implicit equations (4), in n
+    dimensions (15), to one part in 1e6 of the step between them. Close to a steady state, where the
+    step is less than one part in 1e10 of the state, the equations cannot tell: all are accepted.
 
     Examples
     --------
@@ -93,14 +91,8 @@ def attitude(
     step_size = real_array("eps", eps)
     start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
     threads = _threads.thread_count(threads)
-    batch = common_shape(
-        {
-            "body": body.shape,
-            "omega": states.shape[1:-1],
-            "eps": step_size.shape,
-            "R0": start.shape[:-2],
-        }
-    )
+    shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
+    batch = common_shape({"body": body.shape, **shapes})
     flat = _flat_states(states, batch)
     _check_that_states_follow(body, flat, step_size, batch, threads)
     rows, size, n = len(flat), math.prod(batch), m + 1
@@ -162,24 +154,17 @@ def _check_that_states_follow(
 
 
 def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-    """Return the roots of J, eps / J and I of (dsn), and k: (B, m) and (B,), or (1, m) and (1,).
+    """Return sqrt(J), eps / J and I, of shape (B, m) or (1, m), and k, of shape (B,) or (1,).
 
-    J and I are of the order of 1, and k has the unit of I.
+    These are the parameters of the implicit equations in units in which J and I are of order 1.
     """
-    k = np.zeros(())
+    *own, step = for_loops(body, eps, batch)
     if isinstance(body, SuslovND):
-        J, I = np.broadcast_arrays(body.J, body.I)
+        J, I, k = *own, np.zeros(1)
     else:
-        I1, I2, I13, I23, *rotor = np.broadcast_arrays(*body.parameters)
-        J, I = np.stack([I1, I2], axis=-1), np.stack([I23, -I13], axis=-1)
-        k = rotor[0] if rotor else k
-    _, of_J = np.frexp(J.max(axis=-1, keepdims=True))
-    _, of_I = np.frexp(abs(I).max(axis=-1, keepdims=True))
-    J, I, k = np.ldexp(J, -of_J), np.ldexp(I, -of_I), np.ldexp(k, -of_I[..., 0])
+        I1, I2, I13, I23, k = (*own, np.zeros(1))[:5]
+        J, I = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in ((I1, I2), (I23, -I13)))
     with np.errstate(all="ignore"):
-        h = np.ldexp(eps[..., np.newaxis], of_I - of_J) / J
-    if h.ndim > 1:
-        J, I, h = (np.broadcast_to(each, (*batch, body.dimension)) for each in (J, I, h))
-        k = np.broadcast_to(k, batch)
-    flat = [each.reshape(-1, body.dimension) for each in (np.sqrt(J), h, I)]
-    return [for_kernel(each) for each in (*flat, k.reshape(-1))]
+        h = step[:, np.newaxis] / J
+    root, h, I, k = np.broadcast_arrays(np.sqrt(J), h, I, k[:, np.newaxis])
+    return [for_kernel(each) for each in (root, h, I, k[:, 0])]

@@ -8,6 +8,7 @@ import numpy as np
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
+from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.layout import for_kernel
 from .._kernels import scattering as kernels
@@ -16,29 +17,27 @@ from .._kernels import scattering as kernels
 _WORK = 100
 
 
+@filled
 def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     """Angle in space between the angular velocities at time -infinity and at +infinity.
 
-    In the continuous problem every motion leaves one steady rotation and ends in another. The angle
-    between the two in space depends on the body alone, not on the energy.
+    In the continuous problem every motion leaves one steady rotation and tends to another. The
+    angle between the two in space depends on the body alone, not on the energy.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body_3d)s
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(...))
-        In radians, from 0, where the body turns over, to pi, where it stays as it is; NaN where
-        I13 = I23 = 0 and nothing moves.
+        Angle in radians, from 0, where the body turns over, to pi, where its final orientation is
+        the initial one; NaN where I13 = I23 = 0, because then every state is steady.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
@@ -49,10 +48,10 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
     + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
 
-    Rounding of the body is amplified as the formula amplifies it: the error is some 1e-15
-    (alpha + beta + abs(gamma)), times the angle itself where that is exponentially small. So it
-    stays below 1e-10 while I1 and I2 are within a factor of 1e8 of each other, whatever I13 and I23
-    are. The discrete problem has such an angle too, which tends to this one with order 2.
+    The error is about 1e-15 (alpha + beta + abs(gamma)), times the angle itself where that is
+    exponentially small: the formula amplifies the rounding of the body's parameters. It stays below
+    1e-10 if I1 and I2 are within a factor of 1e8 of each other, whatever I13 and I23 are. The angle
+    of the discrete problem tends to this one with order 2.
 
     References
     ----------

@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, vectors
+from .._docs import filled
 from .._engine.arguments import Body, check
 
 # A matrix is antisymmetric, and a state obeys the constraint, to this part of its size.
 _ROUNDING = 1e-12
 
 
+@filled
 def to_matrix(
     body: Body,
     omega: ArrayLike,
@@ -25,26 +27,19 @@ def to_matrix(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned with the body: the result is then in the
-        basis in which the inertia was given, not in the adapted one.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations, as :func:`suslov_fast.attitude` returns them: the result is then in space.
+    %(body)s
+    %(omega)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., n, n))
-        In three dimensions the matrix that takes v to the vector product of (Omega1, Omega2, 0)
-        and v. NaN where omega is.
+        In three dimensions, the matrix whose product with a vector v is the vector product of
+        (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Examples
     --------
@@ -59,35 +54,35 @@ def to_matrix(
            [-5.,  2.,  0.]])
     """
     (state,), batch = check(body, {"omega": omega})
-    matrix = _antisymmetric(body, np.broadcast_to(state, (*batch, body.dimension)))
     turn = _turn(body.dimension + 1, rotation, attitude)
-    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+    column = np.broadcast_to(state, (*batch, body.dimension))
+    if isinstance(body, Suslov3D):
+        column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
+    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis, np.newaxis]), turn)
 
 
+@filled
 def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = None) -> FloatArray:
-    """State of an antisymmetric matrix: the inverse of :func:`to_matrix`.
+    """Angular velocities from antisymmetric matrices, the inverse of :func:`to_matrix`.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     matrix : array_like(float, shape=(..., n, n))
-        Antisymmetric matrices that obey the constraint: in the adapted basis Omega_ij = 0 for
-        i, j < n.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned with the body, if the matrices are in
-        the basis in which the inertia was given.
+        Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
+        basis. Where one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Angular velocities as all functions take them; NaN where the matrix is.
+        Components in the adapted basis, as all functions take them.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape; constraint and antisymmetry must hold to
-        1e-12 of the largest component.
+        If an argument has a wrong type or shape, or if the constraint or the antisymmetry is
+        violated by more than 1e-12 of the largest component.
 
     Examples
     --------
@@ -100,20 +95,13 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     n = body.dimension + 1
     given = _square("matrix", matrix, n, allow_nan=True)
     turn = _turn(n, rotation, None)
-    common_shape(
-        {
-            "body": body.shape,
-            "matrix": given.shape[:-2],
-            "rotation": () if turn is None else turn.shape[:-2],
-        }
-    )
     size = abs(given).max(axis=(-2, -1), initial=0.0, keepdims=True)
     excess = abs(0.5 * given + 0.5 * given.swapaxes(-2, -1))
     if (excess > _ROUNDING * size).any():
         raise ValueError(
             f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
         )
-    adapted = given if turn is None else _product(_product(turn.swapaxes(-2, -1), given), turn)
+    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
     forbidden = abs(adapted[..., :-1, :-1])
     if (forbidden > _ROUNDING * n * size).any():
         raise ValueError(
@@ -123,10 +111,11 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     column = adapted[..., :-1, -1]
     if isinstance(body, Suslov3D):
         column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
-    shape = np.broadcast_shapes(body.shape, column.shape[:-1])
-    return np.broadcast_to(column + 0.0, (*shape, n - 1)).copy()
+    batch = common_shape({"body": body.shape, "matrix": column.shape[:-1]})
+    return np.broadcast_to(column + 0.0, (*batch, n - 1)).copy()
 
 
+@filled
 def to_vector(
     body: Suslov3D,
     omega: ArrayLike,
@@ -134,28 +123,22 @@ def to_vector(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Vector of an angular velocity, in three dimensions.
+    """Angular velocity as a vector, in three dimensions.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2).
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
-    attitude : array_like(float, shape=(..., 3, 3)), optional
-        As for :func:`to_matrix`: takes the result to space.
+    %(body_3d)s
+    %(omega_3d)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        (Omega1, Omega2, 0), in the basis asked for; NaN where omega is.
+        (Omega1, Omega2, 0), or its components in the other basis.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Examples
     --------
@@ -166,35 +149,34 @@ def to_vector(
     instance("body", body, Suslov3D)
     (state,), batch = check(body, {"omega": omega})
     vector = np.empty((*batch, 3))
-    vector[..., :2], vector[..., 2] = state, 0.0 * state.sum(axis=-1)
-    return _turned(vector, _turn(3, rotation, attitude))
+    vector[..., :2], vector[..., 2] = state, _zero(state)
+    return _turned_vector(vector, _turn(3, rotation, attitude))
 
 
+@filled
 def from_vector(
     body: Suslov3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
-    """State of an angular velocity given as a vector: the inverse of :func:`to_vector`.
+    """Angular velocities from vectors, the inverse of :func:`to_vector`.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
+    %(body_3d)s
     vector : array_like(float, shape=(..., 3))
-        Angular velocities that obey the constraint: normal to the axis of the body.
-    rotation : array_like(float, shape=(..., 3, 3)), optional
-        What `from_inertia` returned with the body, if the vectors are in the basis in which the
-        inertia was given.
+        Angular velocities that obey the constraint: normal to the constrained axis of the body.
+        Where one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        (Omega1, Omega2) in the adapted basis, as all functions take them; NaN where a vector is.
+        (Omega1, Omega2) in the adapted basis, as all functions take them.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is of another type or shape; the constraint must hold to 1e-12 of the largest
-        component.
+        If an argument has a wrong type or shape, or if the constraint is violated by more than
+        1e-12 of the largest component.
 
     Examples
     --------
@@ -207,24 +189,18 @@ def from_vector(
     instance("body", body, Suslov3D)
     given = vectors("vector", vector, 3, allow_nan=True)
     turn = _turn(3, rotation, None)
-    common_shape(
-        {
-            "body": body.shape,
-            "vector": given.shape[:-1],
-            "rotation": () if turn is None else turn.shape[:-2],
-        }
-    )
-    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
+    adapted = _turned_vector(given, None if turn is None else turn.swapaxes(-2, -1))
     size = abs(given).max(axis=-1, initial=0.0)
     if (abs(adapted[..., 2]) > _ROUNDING * size).any():
         raise ValueError(
             "vector: expected angular velocities normal to the axis of the body, got the component "
             f"{np.nanmax(abs(adapted[..., 2])):.2g} along it"
         )
-    shape = np.broadcast_shapes(body.shape, adapted.shape[:-1])
-    return np.broadcast_to(adapted[..., :2], (*shape, 2)).copy()
+    batch = common_shape({"body": body.shape, "vector": adapted.shape[:-1]})
+    return np.broadcast_to(adapted[..., :2], (*batch, 2)).copy()
 
 
+@filled
 def momentum(
     body: Body,
     omega: ArrayLike,
@@ -236,31 +212,26 @@ def momentum(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities.
-    rotation : array_like(float, shape=(..., n, n)), optional
-        As for :func:`to_matrix`: takes the result to the basis in which the inertia was given.
-    attitude : array_like(float, shape=(..., n, n)), optional
-        As for :func:`to_matrix`: takes the result to space.
+    %(body)s
+    %(omega)s
+    %(frame)s
 
     Returns
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
-        A vector in three dimensions, else an antisymmetric matrix; in the unit of inertia times
-        that of omega. NaN where omega is.
+        A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
+        that of omega.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or both `rotation` and `attitude` are given.
+    %(invalid_frame)s
 
     Notes
     -----
-    I3 does not enter, nor do I_ii and I_nn but for their sums: Omega3 = 0 and Omega_ij = 0. In any
-    basis half the scalar product of M and Omega, which is -trace(M Omega) / 4 for matrices, is the
-    :func:`energy`. In space M is not conserved: M' is the :func:`reaction` times the axis.
+    I3 does not enter because Omega3 = 0; in n dimensions only the sums I_ii + I_nn enter because
+    Omega_ij = 0 for i, j < n. The :func:`energy` is half the scalar product of M and Omega,
+    or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions its
+    derivative is the :func:`reaction` times the constrained axis.
 
     Examples
     --------
@@ -268,33 +239,31 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), _ = check(body, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, Suslov3D):
-            vector = np.empty((*batch, 3))
-            vector[..., 0], vector[..., 1] = body.I1 * state[..., 0], body.I2 * state[..., 1]
-            vector[..., 2] = body.I13 * state[..., 0] + body.I23 * state[..., 1]
-            vector += 0.0 * vector.sum(axis=-1, keepdims=True)
-            return _turned(vector, turn)
-        matrix = np.empty((*batch, body.dimension + 1, body.dimension + 1))
+            w1, w2 = state[..., 0], state[..., 1]
+            components = body.I1 * w1, body.I2 * w2, body.I13 * w1 + body.I23 * w2
+            return _turned_vector(np.stack(np.broadcast_arrays(*components), axis=-1), turn)
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
-        matrix[..., :-1, :-1] = product - product.swapaxes(-2, -1)
-        matrix[..., :-1, -1], matrix[..., -1, :-1] = body.J * state, -(body.J * state)
-        matrix[..., -1, -1] = 0.0
-        matrix += 0.0 * matrix[..., -1].sum(axis=-1)[..., np.newaxis, np.newaxis]
-    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+        matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
+    return _turned(matrix, turn)
 
 
-def _antisymmetric(body: Body, state: FloatArray) -> FloatArray:
-    n = state.shape[-1] + 1
-    matrix = np.zeros((*state.shape[:-1], n, n))
-    column = state
-    if isinstance(body, Suslov3D):
-        column = np.stack([state[..., 1], -state[..., 0]], axis=-1)
+def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
+    """Return antisymmetric matrices of their last column and the block of all others."""
+    batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
+    n = column.shape[-1] + 1
+    matrix = np.empty((*batch, n, n))
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])
     matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
-    matrix += 0.0 * state.sum(axis=-1)[..., np.newaxis, np.newaxis]
     return matrix
+
+
+def _zero(state: FloatArray) -> FloatArray:
+    """Return zeros (...) for states (..., D), and NaN where these are NaN."""
+    return 0.0 * state[..., 0] + 0.0  # not -0.0
 
 
 def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
@@ -322,5 +291,9 @@ def _product(left: FloatArray, right: FloatArray) -> FloatArray:
     return total
 
 
-def _turned(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
+def _turned(matrix: FloatArray, turn: FloatArray | None) -> FloatArray:
+    return matrix if turn is None else _product(_product(turn, matrix), turn.swapaxes(-2, -1))
+
+
+def _turned_vector(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
     return vector if turn is None else _product(turn, vector[..., np.newaxis])[..., 0]

@@ -10,9 +10,11 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray
+from .._docs import filled
 from .table import find
 
 
+@filled
 def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
 
@@ -21,12 +23,9 @@ def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArra
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(any_body)s
+    %(omega)s
+    %(threads)s
 
     Returns
     -------
@@ -35,8 +34,7 @@ def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArra
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Examples
     --------
@@ -47,26 +45,24 @@ def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArra
     return find("energy", body, omega, None, threads)
 
 
+@filled
 def first_integral(
     body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
     """First integral F of the map.
 
-    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2, to
-    which a gyrostat adds k. In more dimensions F is known where J I = b I and J = a on the vectors
-    orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), x = ``|I|`` times the part of omega orthogonal
-    to I.
+    In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2) with
+    x = I13 Omega1 + I23 Omega2; for a gyrostat x + k takes the place of x. In n dimensions F is
+    known if J I = b I and J = a on the vectors orthogonal to I. Then
+    F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the length of the component of omega
+    orthogonal to I.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(any_body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
@@ -75,14 +71,12 @@ def first_integral(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
-    NotIntegrableError
-        If no first integral is known for the body.
+    %(invalid)s
+    %(not_integrable)s
 
     Notes
     -----
-    Lemma 1, equation (i1). The paper's second expression (i2) is this one times
+    Lemma 1 of the paper, equation (6). The integral of equation (9) is F times
     D = I13**2 I2 + I23**2 I1.
 
     Examples
@@ -97,24 +91,21 @@ def first_integral(
     return find("first_integral", body, omega, eps, threads)
 
 
+@filled
 def modified_energy(
     body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
-    """Modified energy E**2 / (E + eps**2 f.Jf / 8), f the vector field.
+    """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
-    In three dimensions it is 2 I1 I2 F. The map conserves it wherever :func:`first_integral` is
-    known, and for all other bodies up to an error of order eps**4; that of E is of order eps**2.
+    The map conserves it wherever :func:`first_integral` is known, and for every other body up to an
+    error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
@@ -123,12 +114,7 @@ def modified_energy(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
-
-    Notes
-    -----
-    In three dimensions Lemma 1 in another unit. For n > 3 and general J no first integral is known.
+    %(invalid)s
 
     Examples
     --------
@@ -142,24 +128,22 @@ def modified_energy(
     return find("modified_energy", body, omega, eps, threads)
 
 
+@filled
 def criticality(
     body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
     """Number t = eps sqrt(h / (I1 I2)), which decides the regime of an orbit of the map.
 
-    With -1 < t < 1 the orbit follows the continuous motion; otherwise the step is too long
-    for that, and the orbit jumps across the line of steady states. t is constant along an orbit.
+    It is constant along an orbit. If -1 < t < 1, the orbit follows the continuous motion; otherwise
+    the step is too long for that, and the orbit jumps across the line of steady states.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; t has its sign.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body)s
+    %(omega)s
+    %(eps)s
+        t has its sign.
+    %(threads)s
 
     Returns
     -------
@@ -168,14 +152,13 @@ def criticality(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
-    NotIntegrableError
-        If no first integral is known for the body.
+    %(invalid)s
+    %(not_integrable)s
 
     Notes
     -----
-    h is the integral of equation (i2), the one that Section 4 of the paper uses.
+    h is the first integral of equation (9) of the paper, which is constant along an orbit:
+    D = I13**2 I2 + I23**2 I1 times :func:`first_integral`.
 
     Examples
     --------
@@ -187,40 +170,39 @@ def criticality(
     return find("criticality", body, omega, eps, threads)
 
 
+@filled
 def invariant_density(
     body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
     """Density of the invariant measure of the map, in (Omega1, Omega2).
 
-    rho = 1 / (x (4 I1 I2 + eps**2 x**2)), x = I13 Omega1 + I23 Omega2, to which a gyrostat adds k.
-    Where J is the :func:`jacobian` at omega, rho(next omega) det J = rho(omega), signs included.
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2; for a gyrostat x + k
+    takes the place of x. With the :func:`jacobian` J at omega, rho(next omega) det J = rho(omega),
+    signs included.
 
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat
         The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; 0 gives a density of the continuous motion.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(omega_3d)s
+    %(eps)s
+        For 0 the density is one of the continuous motion.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of 1 / omega over that of inertia to the third power; it has the sign of x, and
-        is infinite on the line x = 0 of steady states. A constant factor is free: here it is the
-        one that makes this the density in (x, y) too.
+        In the unit of 1 / omega over that of inertia to the third power. It has the sign of x, and
+        is infinite on the line x = 0 of steady states.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    The paper names no measure; that of equation (xy1) is dx dy / (x (4 I1 I2 + eps**2 x**2)).
+    The paper names no measure. A density is determined up to a constant factor; with the one chosen
+    here, rho is also the density in the coordinates (x, y) of :func:`to_xy`.
 
     Examples
     --------

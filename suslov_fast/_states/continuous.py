@@ -7,20 +7,19 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray
+from .._docs import filled
 from .table import find
 
 
+@filled
 def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArray:
-    """Derivative of omega by time.
+    """Time derivative of omega in the continuous motion.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(any_body)s
+    %(omega)s
+    %(threads)s
 
     Returns
     -------
@@ -29,12 +28,11 @@ def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> Flo
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    Equations (s1) and (nsus1).
+    Equation (2) of the paper; in n dimensions equation (14).
 
     Examples
     --------
@@ -46,6 +44,7 @@ def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> Flo
     return find("vector_field", body, omega, None, threads)
 
 
+@filled
 def reaction(
     body: Any, omega: ArrayLike, eps: ArrayLike | None = None, threads: int | None = None
 ) -> FloatArray:
@@ -53,31 +52,28 @@ def reaction(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
+    %(body)s
+    %(omega)s
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
-        equations between each state and its own next one, without it that of the continuous ones.
-    threads : int, optional
-        Number of threads; by default Numba's.
+        equations between each state and its next one, without it that of the continuous equations.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
-        In the unit of inertia times that of omega squared; in n dimensions the antisymmetric
-        lambda_ij of (nsus). NaN, with one :class:`SingularStepWarning`, where eps is given and a
-        state has no next one.
+        In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
+        matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
+        given and a state has no next state.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    The third equation of (s1); made discrete as the others are in (ds1), it reads
+    In three dimensions lambda follows from the third equation of (2). Its discretization, made as
+    in equation (4), is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Examples

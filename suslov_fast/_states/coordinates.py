@@ -7,9 +7,11 @@ from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
+from .._docs import filled
 from .table import find
 
 
+@filled
 def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
@@ -17,26 +19,23 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., 2))
-        Angular velocities (Omega1, Omega2); NaN for states that do not exist, as is the result.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body_3d)s
+    %(omega_3d)s
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        (x, y), in the units of inertia, or inertia squared, times that of omega.
+        x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
+        of omega.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    Equation (xy).
+    Section 4 of the paper, equation (7).
 
     Examples
     --------
@@ -47,17 +46,17 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
     return find("to_xy", body, omega, None, threads)
 
 
+@filled
 def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatArray:
-    """Angular velocities of coordinates (x, y), the inverse of :func:`to_xy`.
+    """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them, with I13 and I23 not both 0.
+    %(body_3d)s
+        I13 and I23 must not both be 0.
     xy : array_like(float, shape=(..., 2))
-        Coordinates (x, y); NaN where there are none, as is the result.
-    threads : int, optional
-        Number of threads; by default Numba's.
+        Coordinates (x, y). Where one is NaN, so is the result.
+    %(threads)s
 
     Returns
     -------
@@ -66,12 +65,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
-
-    Notes
-    -----
-    The inverse of equation (xy).
+    %(invalid)s
 
     Examples
     --------

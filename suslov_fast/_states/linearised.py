@@ -8,42 +8,39 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
+from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
+from .._docs import filled
 from .._engine.arguments import Body, check
 from .table import find
 
 
+@filled
 def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
-    """Derivative of the map.
+    """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(any_body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
-        with one :class:`SingularStepWarning`, where a state has no next one.
+        with one :class:`SingularStepWarning`, where a state has no next state.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    In three dimensions that of equation (xy1), solved for the next state: next to poles it is as
-    accurate as :func:`step`. In n dimensions A(omega; eps)**-1 A(omega_next; -eps), with the A of
-    :func:`matrix`, by LAPACK.
+    In three dimensions equation (8) of the paper is solved for the next state and differentiated;
+    the result is as accurate as that of :func:`step`, next to poles too. In n dimensions LAPACK
+    computes A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Examples
     --------
@@ -56,19 +53,16 @@ def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = 
     return find("jacobian", body, omega, eps, threads)
 
 
+@filled
 def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
-    omega : array_like(float, shape=(..., D))
-        Angular velocities; NaN for states that do not exist, and so is the result.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(body)s
+    %(omega)s
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
@@ -77,13 +71,13 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    The matrices above (ds2) and below (dsn): the identity less eps / 2 times the derivative of the
-    vector field. The package itself solves these equations by other ways.
+    The matrix that the paper inverts before equation (5), and in equation (16): the identity minus
+    eps / 2 times the derivative of the vector field. :func:`iterate` uses it only with the method
+    "gauss".
 
     Examples
     --------
@@ -100,33 +94,33 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
     return find("matrix", body, omega, eps, threads)
 
 
+@filled
 def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     c : array_like(float, shape=(...))
-        Where on the line of steady states; the unit is that of omega over that of inertia.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+        Position on the line of steady states, in the unit of omega over that of inertia.
+    %(eps)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Dimensionless: 1, for the direction of the line, and the multipliers of the distance from
-        it: above 1 in size where the line repels, below where it attracts, infinite at a pole.
+        Dimensionless. The first is 1, for the direction along the line; the others multiply the
+        distance from it. Their magnitude is above 1 where the line repels, below 1 where it
+        attracts, and infinite at a pole.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    (1 + Y) / (1 - Y), Y = eps c D / (2 I1 I2), by equation (xy1) at x = 0, y = c D. In n
-    dimensions Y = eps c s / 2 for the eigenvalues s, ascending, of ``J**-1 (|I|**2 Id - I I^T)``.
+    By equation (8) of the paper at x = 0, y = c D, the multiplier is (1 + Y) / (1 - Y) with
+    Y = eps c D / (2 I1 I2), D = I13**2 I2 + I23**2 I1. In n dimensions Y = eps c s / 2 for the
+    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------
@@ -137,62 +131,38 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
            [1.      , 1.062919]])
     """
     (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
-    spectrum, exponent = _spectrum_nd(body) if isinstance(body, SuslovND) else _spectrum_3d(body)
-    fraction, power = np.frexp(np.multiply(*map(_mantissa, (where, step_size))))
-    power = power + _exponent(where) + _exponent(step_size) + exponent
+    units = units_of(body)
+    if isinstance(body, SuslovND):
+        spectrum = _spectrum_nd(*units.parameters)
+    else:
+        I1, I2, I13, I23 = units.parameters
+        spectrum = np.asarray(I13 * (I13 / I1) + I23 * (I23 / I2))[..., np.newaxis]
     with np.errstate(all="ignore"):
-        Y = np.ldexp(0.5 * fraction[..., np.newaxis] * spectrum, power[..., np.newaxis])
-        result: FloatArray = np.where(
-            abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
-        )
+        speed = np.asarray(np.ldexp(where, units.couplings) * scaled_eps(body, step_size))
+        Y = 0.5 * speed[..., np.newaxis] * spectrum
+        result = np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0))
     full = np.ones((*batch, body.dimension))
     full[..., 1:] = result
     return full
 
 
-def _mantissa(values: FloatArray) -> FloatArray:
-    return np.frexp(values)[0]
-
-
-def _exponent(values: FloatArray) -> FloatArray:
-    return np.frexp(values)[1]
-
-
-def _spectrum_3d(body: Suslov3D) -> tuple[FloatArray, FloatArray]:
-    """I13**2 / I1 + I23**2 / I2, as numbers (..., 1) and powers of two."""
-    I1, I2, I13, I23 = map(np.asarray, body.parameters)
-    first, k = _mantissa(I13) ** 2 / _mantissa(I1), 2 * _exponent(I13) - _exponent(I1)
-    second, l = _mantissa(I23) ** 2 / _mantissa(I2), 2 * _exponent(I23) - _exponent(I2)
-    # The larger of the two powers; that of a 0 does not count.
-    power = np.maximum(np.where(first > 0, k, l), np.where(second > 0, l, k))
-    total = np.ldexp(first, k - power) + np.ldexp(second, l - power)
-    return np.asarray(total)[..., np.newaxis], power
-
-
-def _spectrum_nd(body: SuslovND) -> tuple[FloatArray, FloatArray]:
-    """The spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, likewise, ascending."""
-    moments = _exponent(body.J.max(axis=-1))
-    products = _exponent(abs(body.I).max(axis=-1))
-    # A moment this much smaller than others leaves the range of float64 in what follows.
-    J = np.maximum(np.ldexp(body.J, -moments[..., np.newaxis]), 2.0**-900)
-    I = np.ldexp(body.I, -products[..., np.newaxis])
-    square = (I * I).sum(axis=-1, keepdims=True)
+def _spectrum_nd(J: FloatArray, I: FloatArray) -> FloatArray:
+    """Return the spectrum of J**-1 (|I|**2 Id - I I^T), ascending, without the 0 of I."""
     # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and takes sqrt(J) I to 0. A reflection of an
     # axis into that direction takes the other axes to a basis of the rest.
-    root = np.sqrt(J)
+    square, root = (I * I).sum(axis=-1, keepdims=True), np.sqrt(J)
     null, across = np.broadcast_arrays(root * I, I / root)
     basis = _complement(null)
     inverse = np.broadcast_to(square / J, null.shape)[..., np.newaxis]
     projected = across[..., np.newaxis, :] @ basis
     symmetric = basis.swapaxes(-2, -1) @ (inverse * basis) - projected.swapaxes(-2, -1) * projected
-    spectrum = np.linalg.eigvalsh(symmetric)
-    # Each lies between two of the |I|**2 / J_i.
+    # Each eigenvalue lies between two of the |I|**2 / J_i.
     bounds = np.sort(inverse[..., 0], axis=-1)
-    return np.clip(spectrum, bounds[..., :-1], bounds[..., 1:]), 2 * products - moments
+    return np.clip(np.linalg.eigvalsh(symmetric), bounds[..., :-1], bounds[..., 1:])
 
 
 def _complement(vectors: FloatArray) -> FloatArray:
-    """Orthonormal bases (..., m, m - 1) of what is orthogonal to vectors (..., m), 0 included."""
+    """Return orthonormal bases (..., m, m - 1) orthogonal to vectors (..., m), 0 included."""
     m = vectors.shape[-1]
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
     unit = np.where(size > 0, vectors / np.where(size > 0, size, 1.0), np.eye(m)[0])

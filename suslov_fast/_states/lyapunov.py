@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import warnings
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
+from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray, integer
+from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import Body, check
-from .._engine.layout import first_index, spell
+from .._engine.layout import first_index, flat_vectors, for_kernel, spell
 from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
+from .._jit import Kernel
 from .._kernels import exponents as kernels
 
 # Python looks for Ctrl-C between slices of so many operations: some 0.1 s.
@@ -24,6 +27,7 @@ _SLICE = 2**28
 _STEP = 20
 
 
+@filled
 def lyapunov_exponents(
     body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, threads: int | None = None
 ) -> FloatArray:
@@ -31,36 +35,33 @@ def lyapunov_exponents(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities; NaN where there is none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0; a negative one gives the inverse map.
+        Initial angular velocities. Where one is NaN, so is the result.
+    %(eps)s
+        A negative one gives the inverse map.
     steps : int
         Number of steps, 1 or more.
-    threads : int, optional
-        Number of threads; by default Numba's.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Per step, the largest first; divide by eps for a rate in time. -inf where a step is not
-        invertible. NaN where omega0 is, and, with one :class:`SingularStepWarning`, where an orbit
-        comes to an end before its last step.
+        Exponents per step, the largest first; divide by eps for rates per unit of time. -inf where
+        a step is not invertible; NaN, with one :class:`SingularStepWarning`, where an orbit ends
+        before its last step.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    Mean logarithms of the diagonal of R, where Q R is the product of the derivatives DPhi along the
-    orbit, taken apart anew at each step from Q = Id on. Their sum is the mean of
-    ``log |det DPhi|``.
-    As `steps` grows they tend, like 1 / steps, to the logarithms of the :func:`multipliers` of the
-    steady state that the orbit reaches: one is 0, the others are negative.
+    The derivatives of the map along the orbit are multiplied, and the product is decomposed as Q R
+    after each step, beginning with Q = Id. The exponents are the mean logarithms of the diagonal of
+    R; their sum is the mean of ``log |det DPhi|``. As `steps` grows, they tend to the logarithms of
+    the :func:`multipliers` of the steady state that the orbit approaches, with an error of order
+    1 / steps: one is 0, the others are negative.
 
     Examples
     --------
@@ -73,19 +74,14 @@ def lyapunov_exponents(
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     steps = integer("steps", steps, 1, "an integer of at least 1")
     threads = _threads.thread_count(threads)
-    size, m = math.prod(batch), body.dimension
-    omega = np.broadcast_to(state, (*batch, m)).reshape(size, m).copy()
-    flat_eps = np.broadcast_to(step_size, batch).reshape(size)
-    arguments = omega, flat_eps, batch, steps, threads
-    if isinstance(body, Suslov3D):
-        products, exponents = _growth(body, *arguments)
-    else:
-        products, exponents = _growth_nd(body, *arguments)
-    logarithms = np.empty((size, m))
+    arguments = body, flat_vectors(state, batch).copy(), step_size, batch, steps, threads
+    of_body = _growth if isinstance(body, Suslov3D) else _growth_nd
+    products, exponents = of_body(*arguments)
+    logarithms = np.empty(products.shape)
     _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
     if isinstance(body, Suslov3D):
         logarithms[:, 1] -= logarithms[:, 0]  # of the area, less that of the length
-    result = -np.sort(-logarithms, axis=-1).reshape((*batch, m))
+    result = -np.sort(-logarithms, axis=-1).reshape((*batch, body.dimension))
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
     if failed.any():
         warnings.warn(
@@ -100,22 +96,19 @@ def lyapunov_exponents(
 def _growth(
     body: Suslov3D,
     omega: FloatArray,
-    eps: FloatArray,
+    eps: float | FloatArray,
     batch: tuple[int, ...],
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the growth of a length and of an area, as products and exponents (B, 2)."""
     size = len(omega)
-    own = (np.broadcast_to(each, batch).reshape(size) for each in body.parameters)
-    parameters = tuple(np.require(each, requirements=["C", "W"]) for each in (*own, eps))
+    parameters = tuple(
+        for_kernel(np.broadcast_to(each, batch).reshape(size)) for each in (*body.parameters, eps)
+    )
     carried = np.empty((kernels.ROWS, size))
     _threads.run(kernels.enter, size * _STEP, threads, parameters, omega, carried)
-    length = max(_SLICE // (_STEP * max(size, kernels.LANES)), 1)
-    for start in range(0, steps, length):
-        count = min(length, steps - start)
-        work = count * size * _STEP if size > kernels.LANES else 0
-        _threads.run(kernels.iterate, work, threads, count, carried)
+    _iterate(kernels.iterate, steps, _STEP, size, kernels.LANES, threads, carried)
     products = carried[[kernels.LENGTH, kernels.AREA]].T
     exponents = carried[[kernels.OF_LENGTH, kernels.OF_AREA]].T
     return np.ascontiguousarray(products), np.ascontiguousarray(exponents)
@@ -124,31 +117,34 @@ def _growth(
 def _growth_nd(
     body: SuslovND,
     omega: FloatArray,
-    eps: FloatArray,
+    eps: float | FloatArray,
     batch: tuple[int, ...],
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the growth of the vectors of a frame, as products and exponents (B, m)."""
     size, m = omega.shape
-    J, I = (np.broadcast_to(each, (*batch, m)).reshape(size, m) for each in body.parameters)
-    # In units in which all three are of the order of 1: (dsn) knows eps I omega / J alone.
-    _, of_J = np.frexp(J.max(axis=-1))
-    _, of_I = np.frexp(abs(I).max(axis=-1))
-    _, of_omega = np.frexp(np.nan_to_num(abs(omega).max(axis=-1)))
-    J, I = np.ldexp(J, -of_J[:, np.newaxis]), np.ldexp(I, -of_I[:, np.newaxis])
-    omega = np.ldexp(omega, -of_omega[:, np.newaxis])
+    J, I = (flat_vectors(each, batch) for each in units_of(body).parameters)
+    _, power = np.frexp(np.nan_to_num(abs(omega).max(axis=-1)))
+    omega = np.ldexp(omega, -power[:, np.newaxis])
     with np.errstate(all="ignore"):
-        h = np.ldexp(0.5 * eps, of_I + of_omega - of_J)[:, np.newaxis] / J
+        step = np.ldexp(np.broadcast_to(scaled_eps(body, eps), batch).reshape(size), power)
+        h = 0.5 * step[:, np.newaxis] / J
     frames = np.empty((size, m, m))
     frames[:] = np.eye(m)
     products, exponents = np.ones((size, m)), np.zeros((size, m))
     scratch = np.empty((min(size, TASKS), kernels.scratch_size(m)))
-    cost = 3 * m**3 + _STEP * m
-    length = max(_SLICE // (cost * max(size, 1)), 1)
+    grown = h, I, omega, frames, products, exponents, scratch
+    _iterate(kernels.iterate_nd, steps, 3 * m**3 + _STEP * m, size, 1, threads, *grown)
+    return products, exponents
+
+
+def _iterate(
+    kernel: Kernel, steps: int, cost: int, size: int, lanes: int, threads: int | None, *arrays: Any
+) -> None:
+    """Make the steps of all orbits in slices; `cost` is that of one step of one orbit."""
+    length = max(_SLICE // (cost * max(size, lanes)), 1)
     for start in range(0, steps, length):
         count = min(length, steps - start)
-        work = count * size * cost if size > 1 else 0
-        grown = omega, frames, products, exponents
-        _threads.run(kernels.iterate_nd, work, threads, count, h, I, *grown, scratch)
-    return products, exponents
+        work = count * size * cost if size > lanes else 0
+        _threads.run(kernel, work, threads, count, *arrays)

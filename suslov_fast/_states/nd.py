@@ -55,10 +55,8 @@ def _by_numpy(
     return find
 
 
-def _of_three(kernel: Kernel, body: Any, state: FloatArray, eps: FloatArray) -> FloatArray:
-    """Return a quantity of the body in three dimensions that moves as this one does."""
-    batch = np.broadcast_shapes(body.shape, state.shape[:-1], np.shape(eps))
-    return of_state(kernel, (), body, state, eps, batch, threads=1)
+def _of_three(kernel: Kernel, body: Suslov3D, state: FloatArray, eps: FloatArray) -> FloatArray:
+    return of_state(kernel, (), body, state, eps, state.shape[:-1], threads=1)
 
 
 def _of_n_3(kernel: Kernel, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -69,15 +67,17 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
     """Return F = 2 E / (4 a b + eps**2 x**2)."""
     if body.dimension == 2:
         return _of_n_3(kernels_3d.first_integral, body, omega, eps)
-    body, omega, eps, unit = _normal(body, omega, eps)
     batch = omega.shape[:-1]
-    energy = QUANTITIES["energy"](body, omega, None, batch, 1, "omega")
+    _, power = np.frexp(abs(omega).max(axis=-1, keepdims=True))
+    energy = QUANTITIES["energy"](body, np.ldexp(omega, -power), None, batch, 1, "omega")
     reduced = reduction.of_batch(body, omega, eps, batch, 1)
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
         below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
-        value: FloatArray = 2.0 * energy / below.reshape(batch)
-    return _ldexp(value, unit - 2 * units_of(body).moments)
+        value: FloatArray = np.ldexp(
+            2.0 * energy / below.reshape(batch), 2 * (power[..., 0] - units_of(body).moments)
+        )
+    return value
 
 
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -113,27 +113,6 @@ def _next(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
     states = np.ascontiguousarray(omega).reshape(-1, body.dimension)
     return execute(Run(map_of(body), body, batch, states, eps, 1, None, "auto", single=True)).final
-
-
-def _normal(
-    body: SuslovND, omega: FloatArray, eps: FloatArray
-) -> tuple[SuslovND, FloatArray, FloatArray, FloatArray]:
-    """Return all in units in which it is of the order of 1, and the power of two of F's unit."""
-    _, moments = np.frexp(body.J.max(axis=-1, keepdims=True))
-    _, products = np.frexp(abs(body.I).max(axis=-1, keepdims=True))
-    _, speeds = np.frexp(abs(omega).max(axis=-1, keepdims=True))
-    # Positive, as a body's must be, however far apart they are.
-    normal = SuslovND(np.maximum(_ldexp(body.J, -moments), 2.0**-900), _ldexp(body.I, -products))
-    power = (speeds + products - moments)[..., 0]
-    # Steps that long are all alike, and finite.
-    step = np.clip(_ldexp(eps, power), -1e300, 1e300)
-    return normal, _ldexp(omega, -speeds), step, (2 * speeds - moments)[..., 0]
-
-
-def _ldexp(values: FloatArray, power: FloatArray) -> FloatArray:
-    with np.errstate(all="ignore"):
-        result: FloatArray = np.ldexp(values, power)
-    return result
 
 
 QUANTITIES: dict[str, Callable[..., FloatArray]] = {

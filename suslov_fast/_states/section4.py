@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
+from .._docs import filled
 from .table import find
 
 
@@ -20,43 +21,42 @@ class ClosedForm(NamedTuple):
     t: FloatArray
 
 
+@filled
 def closed_form(
     body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> ClosedForm:
-    """Constants h, k1 and k2 of the solution of Section 4, and t.
+    """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
 
-    With them and theta = k1 n eps + k2, state n of the orbit is
+    In the coordinates of :func:`to_xy` state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
-    y = 2 sqrt(h I1 I2) tanh(theta), in the coordinates of :func:`to_xy`.
+    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
+    %(body_3d)s
     omega0 : array_like(float, shape=(..., 2))
-        State 0; NaN for none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0; 0 gives the constants of the continuous motion.
-    threads : int, optional
-        Number of threads; by default Numba's.
+        State 0. Where it is NaN, so are the results.
+    %(eps)s
+        0 gives the constants of the continuous motion.
+    %(threads)s
 
     Returns
     -------
     ClosedForm
-        A named tuple of arrays (...): h, in the unit of (I13 omega)**2, k1, in the unit of 1 / eps,
-        k2, and t, the :func:`criticality`. k1 and k2 are NaN where t is not between -1 and 1, for
-        there the solution is another; k2 is infinite on the line x = 0, and 0 at rest.
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
+        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
+        -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
+        0 at rest.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument is of another type or shape, or infinite.
+    %(invalid)s
 
     Notes
     -----
-    h is the F of equation (i2), D = I13**2 I2 + I23**2 I1 times that of Lemma 1. k1 solves equation
-    (k1), k1 = -(2 / eps) artanh t, and k2 belongs to t_0 = 0. In the theorem of the paper the
-    prefactor must read 2 sqrt(h I1 I2), the denominator I23**2 I1 + I13**2 I2, and x be positive.
+    h is the integral of equation (9), and k1 = -(2 / eps) artanh t solves equation (12). k2 is that
+    of Theorem 1 for t_0 = 0. Theorem 1 as printed must be corrected: its prefactor is
+    2 sqrt(h I1 I2), its denominator I23**2 I1 + I13**2 I2, and it holds for positive x.
 
     Examples
     --------

@@ -56,12 +56,9 @@ def plot_phase(
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
         Number of level curves.
-    letter : str, optional
-        Letter of the panel, written above it.
     legend : bool
         Draw a legend below the axes.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; by default those of a new figure.
+    %(panel)s
 
     Returns
     -------
@@ -126,10 +123,7 @@ def plot_regimes(
         A single body. In these coordinates orbits do not depend on it.
     eps : float
         Step size, on which they do not depend either.
-    letters : sequence of str, optional
-        Letters of the three panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Three axes to draw on; by default those of a new figure.
+    %(panels)s
 
     Returns
     -------
@@ -176,10 +170,7 @@ def plot_convergence(
         Initial angular velocity.
     time : float
         Time at which the errors are taken, in the inverse unit of omega0.
-    letter : str, optional
-        Letter of the panel, written above it.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; by default those of a new figure.
+    %(panel)s
 
     Returns
     -------
@@ -224,15 +215,13 @@ def plot_four_dimensions(
 ) -> list[Any]:
     """Draw motion for n = 4 on the ellipsoid of energy, and the drift of two energies.
 
+    The first of the two panels has ``projection="3d"``.
+
     Parameters
     ----------
     body : SuslovND, optional
         A single body with n = 4.
-    letters : sequence of str, optional
-        Letters of the two panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Two axes to draw on, the first one with ``projection="3d"``; by default those of a new
-        figure.
+    %(panels)s
 
     Returns
     -------
@@ -277,10 +266,7 @@ def plot_scattering(
     extent : float, optional
         Distance from 0 that the products of inertia reach, in units of sqrt(I1 I2); by default as
         far as those of bodies do.
-    letters : sequence of str, optional
-        Letters of the panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Axes to draw on, one for each ratio; by default those of a new figure.
+    %(panels)s
 
     Returns
     -------

@@ -77,7 +77,7 @@ def careful_step(X, Z):
 
 @formula
 def denominator(X, Z, c):
-    """1 - Y + X**2, and whether it differs from 0 beyond rounding and is finite.
+    """Return 1 - Y + X**2, and True if it is finite and differs from 0 beyond rounding.
 
     Near X = 0, where the steady states (0, Y) reach up to the point (0, 1), less and less is taken
     for 0. While |Y| < 1 nothing is.

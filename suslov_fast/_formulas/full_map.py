@@ -1,4 +1,4 @@
-"""The three-component scheme, equation (ds), in which Omega3 need not vanish."""
+"""The three-component scheme, equation (3) of the paper, in which Omega3 need not vanish."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from .units import fraction, scaled
 
 
 class Coefficients(NamedTuple):
-    """Numbers through which the body and the step size enter (ds).
+    """Numbers through which the body and the step size enter the scheme.
 
     Each equation is divided by its own moment of inertia, and in units of a power of two in which 1
     is `one1` or `one2` and no coefficient is above 1.
@@ -80,7 +80,7 @@ def full_matrix(k, omega1, omega2, omega3):
 
 @formula
 def full_step(k, omega1, omega2, omega3):
-    """Equation (ds): Omega3 changes sign, and Omega1, Omega2 solve two linear equations.
+    """One step: Omega3 changes sign, and Omega1, Omega2 solve two linear equations.
 
     NaN, all three, where there is no next state.
     """

@@ -2,8 +2,8 @@
 turn.
 
 With l = I13 Omega1 + I23 Omega2 + k its equations are I1 Omega1' = -l Omega2 and
-I2 Omega2' = l Omega1. The discrete ones have products polarised as in (ds1), and
-k (Omega_i + Omega_i_next) / 2 for k Omega_i. With h = eps / 2, L = h l, K = h k and
+I2 Omega2' = l Omega1. The discrete ones have products polarised as in equation (4) of the paper,
+and k (Omega_i + Omega_i_next) / 2 for k Omega_i. With h = eps / 2, L = h l, K = h k and
 Y = h (I23 Omega1 / I2 - I13 Omega2 / I1) they give
 
 L_next = L (1 + Y + K L / (I1 I2)) / (1 - Y + L (2 L - K) / (I1 I2)),

@@ -1,7 +1,7 @@
-"""The implicit equations (dsn) between two states, as a test of whether one follows the other.
+"""The implicit equations between two states, as a test that one follows the other.
 
-(ds1) is (dsn) with J = (I1, I2) and I = (I23, -I13) in the components (Omega1, Omega2); a rotor
-adds a term.
+These are equation (15) of the paper, of which equation (4) is a case: J = (I1, I2) and
+I = (I23, -I13) in the components (Omega1, Omega2). A rotor adds a term.
 """
 
 from .._jit import formula, select

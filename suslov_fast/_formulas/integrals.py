@@ -26,7 +26,7 @@ def canonical_x(I1, I2, eps, x, k):
 
 @formula
 def integral(I1, I2, eps, M, E, W, omega1, omega2, x, of_x):
-    """F, equation (i1), divided above and below by I1 I2; 2**of_x is the unit of x."""
+    """First integral F, equation (6), divided above and below by I1 I2; x is in units 2**of_x."""
     X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
     above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
     return scaled(above / (4.0 * one * one + 2.0 * X * X), 2.0 * W - M - 2.0 * k)

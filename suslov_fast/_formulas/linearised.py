@@ -74,7 +74,7 @@ def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def matrix(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The entries (11, 12, 21, 22) of the matrix that the paper inverts above (ds2)."""
+    """The entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
     omega1, omega2, W = normal_state(omega1, omega2)
     k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
     K = E + W + P - M

@@ -54,7 +54,7 @@ def solve2(eps, p, square, alpha, beta, gamma):
 def solve_bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
     """Solve for I.delta, omega.delta and delta_k; component k, whose d may be 0, is in no sum.
 
-    Returns the factors as `solve2`, delta_k, and whether no pivot is too small.
+    Returns the factors as `solve2`, delta_k, and True if no pivot is too small.
     """
     h = 0.5 * eps
     a = 1.0 - h * alpha, eps * beta, -I_k, eps * (p * alpha - square * beta)

@@ -1,4 +1,4 @@
-"""The 3D map as the paper prints it: equation (ds2)."""
+"""The 3D map as the paper prints it, equation (5)."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .canonical_map import ZERO_TO_ROUNDING
 
 @formula
 def printed_coefficients(I1, I2, I13, I23, eps):
-    """The four numbers through which the body and the step size enter (ds2)."""
+    """The four numbers through which the body and the step size enter equation (5)."""
     return (
         eps * I13 / (2.0 * I1),
         eps * I23 / (2.0 * I2),
@@ -19,7 +19,7 @@ def printed_coefficients(I1, I2, I13, I23, eps):
 
 @formula
 def printed_denominator(k1, k2, k3, k4, omega1, omega2):
-    """Delta of (ds2), and whether it differs from 0 beyond rounding and is finite."""
+    """Return Delta of equation (5), and True if it is finite and differs from 0 beyond rounding."""
     product = (k1 * omega1 + k3 * omega2) * (k4 * omega1 + k2 * omega2)
     delta = (1.0 + k1 * omega2) * (1.0 - k2 * omega1) + product
     # Where delta is 0, the product is as large as the other term.
@@ -29,7 +29,7 @@ def printed_denominator(k1, k2, k3, k4, omega1, omega2):
 
 @formula
 def printed_step(k1, k2, k3, k4, omega1, omega2, bound):
-    """Equation (ds2); NaN where there is no next state or it is beyond a bound."""
+    """Next state by equation (5); NaN where there is no next state or it is beyond a bound."""
     delta, regular = printed_denominator(k1, k2, k3, k4, omega1, omega2)
     next1 = omega1 - k2 * omega1 * omega1 - k1 * omega1 * omega2 - k3 * omega2 * omega2
     next2 = omega2 + k1 * omega2 * omega2 + k2 * omega1 * omega2 + k4 * omega1 * omega1

@@ -42,7 +42,7 @@ from .._formulas.closed_form import (
     state_at,
 )
 from .._formulas.elementary import larger, scaled, smaller
-from .._jit import carray, formula, inner, kernel, select, stack
+from .._jit import Kernel, carray, formula, inner, select, stack
 from . import codes
 from .iterate import body_at
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -227,8 +227,8 @@ def entering(of_map):
 
 @inner
 def finish_block(room, first, width, groups, ends):
-    """Repeat the orbits for each group of lanes; return the lanes, and whether any state is scaled
-    afterwards or missing before the last step.
+    """Repeat the orbits for each group of lanes; return the lanes, and True if any state is scaled
+    afterwards, True if any is missing before the last step.
     """
     lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
     if groups > 1:
@@ -430,59 +430,37 @@ def scatter_rows(tile, flat, row, rows, width, groups):
                     flat[target + stride * b + i] = tile[b, 2 * g * width + i]
 
 
-fill_rows_of_map, fill_rows_of_flow = row_loop(True), row_loop(False)
-fill_states_of_map, fill_states_of_flow = time_loop(True), time_loop(False)
-
-
-@kernel
-def rows_of_map(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
+def all_rows(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
     """Fill rows begin <= i < end: state first + every i goes to row origin + direction i.
 
     steps   first, every
     rows    begin, end, origin, direction
     """
-    steps_missing, between, beyond = 0.0, 0.0, 0.0
+    at_steps, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        some = fill_rows_of_map(
+        found = fill(  # noqa: F821
             np.int64(task), (sign, parameters, omega, lanes, out, ends), steps, rows
         )
-        steps_missing += some[0]
-        between += some[1]
-        beyond += some[2]
-    missing[0], missing[1], missing[2] = steps_missing, between, beyond
+        at_steps += found[0]
+        between += found[1]
+        beyond += found[2]
+    missing[0], missing[1], missing[2] = at_steps, between, beyond
 
 
-@kernel
-def rows_of_flow(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
-    """Fill rows as `rows_of_map` does, of states at times."""
-    beyond = 0.0
-    for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        beyond += fill_rows_of_flow(
-            np.int64(task), (sign, parameters, omega, lanes, out, ends), steps, rows
-        )[2]
-    missing[2] = beyond
-
-
-@kernel
-def states_of_map(sign, parameters, omega, times, to, lanes, out, ends, missing):
-    """Fill row to[j] with the states of number times[j]."""
-    steps_missing, between, beyond = 0.0, 0.0, 0.0
+def all_times(sign, parameters, omega, times, to, lanes, out, ends, missing):
+    """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
+    at_steps, between, beyond = 0.0, 0.0, 0.0
     for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        some = fill_states_of_map(
+        found = fill(  # noqa: F821
             np.int64(task), (sign, parameters, omega, lanes, out, ends), times, to
         )
-        steps_missing += some[0]
-        between += some[1]
-        beyond += some[2]
-    missing[0], missing[1], missing[2] = steps_missing, between, beyond
+        at_steps += found[0]
+        between += found[1]
+        beyond += found[2]
+    missing[0], missing[1], missing[2] = at_steps, between, beyond
 
 
-@kernel
-def states_of_flow(sign, parameters, omega, times, to, lanes, out, ends, missing):
-    """Fill row to[j] with the states at times[j]."""
-    beyond = 0.0
-    for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        beyond += fill_states_of_flow(
-            np.int64(task), (sign, parameters, omega, lanes, out, ends), times, to
-        )[2]
-    missing[2] = beyond
+rows_of_map = Kernel(all_rows, "rows_of_map", fill=row_loop(True))
+rows_of_flow = Kernel(all_rows, "rows_of_flow", fill=row_loop(False))
+states_of_map = Kernel(all_times, "states_of_map", fill=time_loop(True))
+states_of_flow = Kernel(all_times, "states_of_flow", fill=time_loop(False))

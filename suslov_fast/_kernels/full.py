@@ -1,13 +1,12 @@
 """The three-component scheme, in which Omega3 need not vanish."""
 
 import numpy as np
-from numba import prange
 
 from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.full_map import Coefficients, full_coefficients, full_matrix, full_step
-from .._jit import formula, kernel, select
+from .._jit import formula, select
 from . import codes
-from .iterate import block_loop, blocks_of, nothing_to_settle
+from .iterate import map_kernel
 
 # Rows of a block: the coefficients, a bound of the state, and the unit of omega.
 _BOUND, _UNIT = 10, 11
@@ -67,12 +66,4 @@ def cause(c, s, l):
     return codes.SINGULAR if np.isnan(det) and in_range else codes.NONFINITE
 
 
-run_block = block_loop(3, 3, enter, advance, advance, advance, show, cause, nothing_to_settle)
-
-
-@kernel
-def full(parameters, omega, span, saved, turning, kept):
-    """Iterate the three-component scheme."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_block(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)
+full = map_kernel("full", 3, 3, enter, advance, show, cause)

@@ -1,13 +1,12 @@
 """The map of the Suslov gyrostat."""
 
 import numpy as np
-from numba import prange
 
 from .._formulas import gyrostat as formulas
 from .._formulas.elementary import larger, two_to_the
-from .._jit import formula, kernel, select
+from .._jit import formula, select
 from . import codes
-from .iterate import block_loop, blocks_of, nothing_to_settle
+from .iterate import map_kernel
 
 # Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
 _BOUND, _UNIT = 4, 5
@@ -59,12 +58,4 @@ def cause(c, s, l):
     return codes.SINGULAR if np.isnan(d) and np.isfinite(s[0, l] * s[0, l]) else codes.NONFINITE
 
 
-run_block = block_loop(2, 4, enter, advance, advance, advance, show, cause, nothing_to_settle)
-
-
-@kernel
-def gyrostat(parameters, omega, span, saved, turning, kept):
-    """Iterate the map of the gyrostat."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_block(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)
+gyrostat = map_kernel("gyrostat", 2, 4, enter, advance, show, cause)

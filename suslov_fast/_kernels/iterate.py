@@ -2,16 +2,20 @@
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
 inside, so that LLVM puts lanes side by side in vector registers. The constants of each trajectory
-stand in the rows of `c`, its state in those of `s`. A map is given by seven formulas of one lane l:
+stand in the rows of `c`, its state in those of `s`. `map_kernel` makes the kernel of a map from
+formulas of one lane l:
 
 enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
                                        its steps must be guarded, else 0.
 advance(c, s, l)                       Make one step of a trajectory that cannot meet a pole.
+show(c, s, l, out, i)                  Write the angular velocity to out[i:].
+cause(c, s, l)                         Return the status of a trajectory that has no next state.
+
+and, for maps with steps of several kinds,
+
 careful(c, s, l)                       Make the same step without slow subnormal numbers.
 guarded(c, s, l)                       Make one step of any trajectory: NaN where no next state
                                        exists, else equal to `advance` bit for bit.
-show(c, s, l, out, i)                  Write the angular velocity to out[i:].
-cause(c, s, l)                         Return the status of a trajectory that has no next state.
 settle(c, s, l, rounds)                Return 1 if steps must be careful, else 0. With `rounds`,
                                        replace numbers that do not count any more by 0.
 
@@ -31,9 +35,10 @@ kept         final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 """
 
 import numpy as np
+from numba import prange
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import carray, formula, inner, select, stack
+from .._jit import Kernel, carray, formula, inner, select, stack
 from . import codes
 from .tiles import lead_of, missing_of_first_block, write_row
 
@@ -80,11 +85,8 @@ def nothing_to_settle(c, s, l, rounds):
     return 0
 
 
-def block_loop(D, numbers, enter, advance, careful, guarded, show, cause, settle):
-    """Make the loop over the steps of a block from the formulas of a map.
-
-    A state has D components, and is held as so many numbers.
-    """
+def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle):
+    """Make the loop over the steps of a block from the formulas of a map."""
 
     @formula
     def show_before(c, s, r, tile, lanes):
@@ -198,6 +200,24 @@ def block_loop(D, numbers, enter, advance, careful, guarded, show, cause, settle
                 write_turns(turning, r, 0, first, width)
 
     return run_block
+
+
+def all_blocks(parameters, omega, span, saved, turning, kept):
+    """Iterate all trajectories of a span."""
+    blocks, shift = blocks_of(span, saved)
+    for block in prange(blocks):
+        run_block(  # noqa: F821
+            np.int64(block), (parameters, omega, span, saved, kept, shift), turning
+        )
+
+
+def map_kernel(
+    name, D, numbers, enter, advance, show, cause, careful=None, guarded=None, settle=None
+):
+    """Make the kernel of a map whose states have D components and are held as so many numbers."""
+    formulas = enter, advance, show, cause, careful or advance, guarded or advance
+    loop = block_loop(D, numbers, *formulas, settle or nothing_to_settle)
+    return Kernel(all_blocks, name, run_block=loop)
 
 
 @formula

@@ -15,7 +15,7 @@ from numba import prange
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
 from .._formulas.rotation import mean
-from .._jit import carray, formula, inner, kernel, select, stack
+from .._jit import Kernel, carray, formula, inner, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
@@ -83,7 +83,7 @@ def norms(I, omega, l):
 
 @formula
 def units_serve(lane, lanes):
-    """Return whether the units of all lanes serve."""
+    """Return True if the units of all lanes serve."""
     left = 0.0
     for l in range(lanes):
         square = lane[SQUARE, l]
@@ -433,14 +433,8 @@ def block_loop(step):
     return iterate_blocks
 
 
-_rank2 = block_loop(rank2_step(leave_out))
-_rank2_with_elimination = block_loop(rank2_step(solve_lanes))
-_gauss = block_loop(step_gauss)
-
-
-@kernel
-def iterate(parameters, span, saved, turning, kept, room):
-    """Iterate states in O(n) steps; trajectories that need elimination end with NEEDS_ELIMINATION.
+def all_blocks(parameters, span, saved, turning, kept, room):
+    """Iterate the trajectories of a span.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
     span : begin and end of the trajectories; start, stop; every, first_row of the saved states
@@ -454,18 +448,15 @@ def iterate(parameters, span, saved, turning, kept, room):
         (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
     """
     for task in prange(room[1].shape[0]):
-        _rank2(parameters, span, saved, turning, kept, room, np.int64(task))
+        iterate_blocks(parameters, span, saved, turning, kept, room, np.int64(task))  # noqa: F821
 
 
-@kernel
-def iterate_with_elimination(parameters, span, saved, turning, kept, room):
-    """Iterate states in O(n) steps, by elimination where those are not accurate."""
-    for task in prange(room[1].shape[0]):
-        _rank2_with_elimination(parameters, span, saved, turning, kept, room, np.int64(task))
+def _kernel(name, step):
+    return Kernel(all_blocks, name, iterate_blocks=block_loop(step))
 
 
-@kernel
-def iterate_by_elimination(parameters, span, saved, turning, kept, room):
-    """Iterate states by elimination alone."""
-    for task in prange(room[1].shape[0]):
-        _gauss(parameters, span, saved, turning, kept, room, np.int64(task))
+# In O(n) steps, those that need elimination ending with NEEDS_ELIMINATION, or being eliminated; and
+# by elimination alone.
+iterate = _kernel("iterate", rank2_step(leave_out))
+iterate_with_elimination = _kernel("iterate_with_elimination", rank2_step(solve_lanes))
+iterate_by_elimination = _kernel("iterate_by_elimination", step_gauss)

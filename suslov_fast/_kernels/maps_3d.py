@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import prange
 
 from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
-from .._jit import formula, kernel, select
+from .._jit import formula, select
 from . import codes
-from .iterate import block_loop, blocks_of, body_at, nothing_to_settle
+from .iterate import body_at, map_kernel
 
 # omega is finite where |X| + |Z| is below this over the largest number of the matrix from (X, Z):
 # float64 ends at 1.8e308, and omega is a sum of three products.
@@ -109,25 +108,18 @@ def settle_canonical(c, s, l, rounds):
     return 1 if canonical_map.has_subnormal_square(X) else 0
 
 
-run_canonical = block_loop(
+canonical = map_kernel(
+    "canonical",
     2,
     2,
     enter_canonical,
     advance_canonical,
-    careful_canonical,
-    guarded_canonical,
     show_canonical,
     cause_canonical,
+    careful_canonical,
+    guarded_canonical,
     settle_canonical,
 )
-
-
-@kernel
-def canonical(parameters, omega, span, saved, turning, kept):
-    """Iterate the map in its canonical coordinates."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_canonical(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)
 
 
 class Printed(NamedTuple):
@@ -182,22 +174,4 @@ def cause_printed(c, s, l):
     return codes.SINGULAR if np.isfinite(d) and not regular else codes.NONFINITE
 
 
-run_printed = block_loop(
-    2,
-    2,
-    enter_printed,
-    advance_printed,
-    advance_printed,
-    advance_printed,
-    show_printed,
-    cause_printed,
-    nothing_to_settle,
-)
-
-
-@kernel
-def printed(parameters, omega, span, saved, turning, kept):
-    """Iterate the map as the paper prints it."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_printed(np.int64(block), (parameters, omega, span, saved, kept, shift), turning)
+printed = map_kernel("printed", 2, 2, enter_printed, advance_printed, show_printed, cause_printed)

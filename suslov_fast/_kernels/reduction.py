@@ -50,7 +50,7 @@ def split(I, omega, k, own, along, across):
 
 @inner
 def reduce_one(J, I, eps, omega, three, state, along, across):
-    """Find the 3D problem of a trajectory; return whether its numbers are in range."""
+    """Find the 3D problem of a trajectory; return True if its numbers are in range."""
     k, largest, undefined, m = 0, 0.0, 0.0, I.size
     for i in range(m):
         if abs(I[i]) > abs(I[k]):

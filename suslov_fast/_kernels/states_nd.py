@@ -61,7 +61,7 @@ def energy_of(J, omega):
 
 @inner
 def find_reaction(s, M, P, W, out):
-    """Fill the antisymmetric matrix lambda_ij of (nsus)."""
+    """Fill the antisymmetric matrix lambda_ij of equation (13)."""
     m, unit = s.shape[1], larger(2.0 * P - M, M)
     of_slope, of_gyration = fraction(2.0 * P - M - unit), fraction(M - unit)
     for i in range(m):

@@ -1,4 +1,4 @@
-"""The three-component scheme, equation (ds), of a body whose I3 is set."""
+"""The three-component scheme, equation (3) of the paper, of a body whose I3 is set."""
 
 from __future__ import annotations
 

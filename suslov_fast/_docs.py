@@ -28,6 +28,33 @@ omega : array_like(float, shape=(..., 2))
     "eps": """\
 eps : array_like(float, shape=(...))
     Step size, in the unit of time of the angular velocities.""",
+    "eps0": """\
+eps : array_like(float, shape=(...))
+    Step size, in the unit of time of the angular velocities; a negative one gives the inverse
+    map.""",
+    "steps": """\
+steps : int
+    Number of steps, 0 or more.""",
+    "save_every": """\
+save_every : int or None
+    Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.""",
+    "out": """\
+out : ndarray(float64, shape=(n_saved, ..., D)), optional
+    C-contiguous array that receives the saved states, instead of a new one.""",
+    "on_singular": """\
+on_singular : {"warn", "raise", "ignore"}
+    What to do if trajectories came to an end: one :class:`SingularStepWarning` for all, a
+    :class:`SingularStepError` that carries the result, or nothing.""",
+    "progress": """\
+progress : bool or callable, optional
+    True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.""",
+    "dims": """\
+dims : str or sequence of str, optional
+    Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
+    name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
+    coordinate: ``data.sel(eps=0.2)``.
+coords : mapping, optional
+    Coordinates along them, as `xarray.Dataset.assign_coords` takes them.""",
     "threads": """\
 threads : int, optional
     Number of threads, by default Numba's. Results do not depend on it.""",
@@ -59,6 +86,32 @@ TypeError, ValueError
 TypeError, ValueError
     If an argument has a wrong type or shape or is infinite, or if both `rotation` and
     `attitude` are given.""",
+    "invalid_run": """\
+TypeError, ValueError
+    If an argument has a wrong type or shape, or is infinite; before any work.
+MemoryError
+    If the result does not fit in memory.
+ImportError
+    If `progress` is True and tqdm is not installed.
+SingularStepError
+    If `on_singular` is "raise" and a trajectory came to an end.""",
+    "needs_xarray": """\
+ImportError
+    If what it needs is not installed: ``pip install 'suslov_fast[xarray]'``.""",
+    "needs_large": """\
+ImportError
+    If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.""",
+    "not_solved": """\
+NotIntegrableError
+    If no closed form is known for the body; all in three dimensions have one.""",
+    "next_states": """\
+The next states; NaN where omega is, and, with one :class:`SingularStepWarning`, where there
+is none.""",
+    "poles": """\
+At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
+and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
+pole is NaN.""",
     "not_integrable": """\
 NotIntegrableError
     If no first integral is known for the body.""",

@@ -46,13 +46,10 @@ thread.join()
 
 
 def start(code, *arguments, **environment):
-    """A child with pipes, whose code may be indented; `environment` is added to this one's."""
-    return _start(["-c", textwrap.dedent(code), *arguments], environment)
-
-
-def _start(arguments, environment):
+    """A child with pipes that runs code, which may be indented, or the script of a path."""
+    what = [code] if isinstance(code, Path) else ["-c", textwrap.dedent(code)]
     return subprocess.Popen(
-        [sys.executable, *map(str, arguments)],
+        [sys.executable, *map(str, [*what, *arguments])],
         env=os.environ | environment,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -72,15 +69,7 @@ def finish(process, timeout=300):
 
 def run(code, *arguments, timeout=300, **environment):
     """The output of a child that must end well."""
-    return _output(start(code, *arguments, **environment), timeout)
-
-
-def run_file(path, *arguments, timeout=300, **environment):
-    """The same for a script."""
-    return _output(_start([path, *arguments], environment), timeout)
-
-
-def _output(process, timeout):
+    process = start(code, *arguments, **environment)
     output, errors = finish(process, timeout)
     told = f"{output[-2000:]}{errors[-4000:]}"
     assert process.returncode == 0, f"ended with {process.returncode}: {told}"

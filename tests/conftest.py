@@ -21,14 +21,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-# All kernels, those first that tests call last.
+# The parallel builds that tests use, then all serial ones, those first that tests call last.
 AHEAD = """
-import os, warnings
-from suslov_fast._cli.warm_up import _jobs
+import os, sys, warnings
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+import test_promises as table
+from suslov_fast._cli import warm_up
+from suslov_fast._engine import threads
 if hasattr(os, "nice"):
     os.nice(10)
 warnings.simplefilter("ignore")
-for _, job in reversed(list(_jobs())):
+threads.CROSSOVER, usual = 0, threads.CROSSOVER
+for name, kind in table.THREADED:
+    list(table.ROWS[name].values(*table.sample(np.random.default_rng(20261120), kind)))
+threads.CROSSOVER, warm_up._COUNTS = usual, (3,)
+for _, job in reversed(list(warm_up._jobs())):
     job()
 """
 
@@ -38,7 +46,9 @@ def pytest_sessionstart(session):
     whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS
     if whole and not numba.config.DISABLE_JIT and os.cpu_count() > 1 and _compiled() < 30:
         process = subprocess.Popen(
-            [sys.executable, "-c", AHEAD], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [sys.executable, "-c", AHEAD, Path(__file__).parent],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
         )
         session.config.add_cleanup(process.wait)
         session.config.add_cleanup(process.kill)  # the last is called first

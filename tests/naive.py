@@ -164,14 +164,14 @@ def solution(a, eps, x, y, n):
     return x * (1 - H) ** n / W, 2 * a / eps * (second - first) / 2 / W
 
 
+@mp.workdps(700)
 def far_state(I1, I2, I13, I23, eps, omega, n):
     """State n in 700 digits, since x may be as small as 1e-300."""
-    with mp.workdps(700):
-        x, y = xy(I1, I2, I13, I23, exactly(*omega))
-        I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
-        x, y = solution(I1 * I2, eps, x, y, n)
-        D = I13**2 * I2 + I23**2 * I1
-        return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
+    x, y = xy(I1, I2, I13, I23, exactly(*omega))
+    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
+    x, y = solution(I1 * I2, eps, x, y, n)
+    D = I13**2 * I2 + I23**2 * I1
+    return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
 
 
 def relative_error(computed, exact):
@@ -200,24 +200,24 @@ def vector_field(I1, I2, I13, I23, omega):
     ]
 
 
+@mp.workdps(30)
 def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
     """The solution of equations (2) at a time, by Taylor series in 30 digits."""
-    with mp.workdps(30):
-        I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
-        h /= steps
-        state = exactly(*omega)
-        for _ in range(steps):
-            series = [[component] for component in state]
-            for k in range(1, order + 1):
-                first, second = series
-                w11, w12, w22 = (
-                    mpmath.fdot(v, reversed(w))
-                    for v, w in ((first, first), (first, second), (second, second))
-                )
-                first.append((-I13 * w12 - I23 * w22) / I1 / k)
-                second.append((I13 * w11 + I23 * w12) / I2 / k)
-            state = [mpmath.polyval(component[::-1], h) for component in series]
-        return state
+    I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
+    h /= steps
+    state = exactly(*omega)
+    for _ in range(steps):
+        series = [[component] for component in state]
+        for k in range(1, order + 1):
+            first, second = series
+            w11, w12, w22 = (
+                mpmath.fdot(v, reversed(w))
+                for v, w in ((first, first), (first, second), (second, second))
+            )
+            first.append((-I13 * w12 - I23 * w22) / I1 / k)
+            second.append((I13 * w11 + I23 * w12) / I2 / k)
+        state = [mpmath.polyval(component[::-1], h) for component in series]
+    return state
 
 
 def derivative(function, state, digits=20):
@@ -336,25 +336,26 @@ def orbit_nd(J, I, eps, omega, steps):
     return iterated(lambda state: step_nd(J, I, eps, state), omega, steps)
 
 
+@mp.workdps(700)
 def far_state_nd(J, I, eps, omega, n):
     """State n where J I = b I and J = a on the vectors orthogonal to I, in 700 digits.
 
     x = |I| |part of omega orthogonal to I| and y = b I.omega move as in three dimensions.
     """
-    with mp.workdps(700):
-        J, I, omega, (eps,) = exactly(*J), exactly(*I), exactly(*omega), exactly(eps)
-        k = max(range(len(I)), key=lambda i: abs(I[i]))
-        a, b, square = J[k - 1], J[k], mpmath.fdot(I, I)
-        p = mpmath.fdot(I, omega)
-        across = [w - p / square * i for w, i in zip(omega, I, strict=True)]
-        x = mpmath.sqrt(square * mpmath.fdot(across, across))
-        if x < mpf(10) ** -600:  # steady
-            return omega
-        x_n, y_n = solution(a * b, eps, x, b * p, n)
-        parts = zip(I, across, strict=True)
-        return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
+    J, I, omega, (eps,) = exactly(*J), exactly(*I), exactly(*omega), exactly(eps)
+    k = max(range(len(I)), key=lambda i: abs(I[i]))
+    a, b, square = J[k - 1], J[k], mpmath.fdot(I, I)
+    p = mpmath.fdot(I, omega)
+    across = [w - p / square * i for w, i in zip(omega, I, strict=True)]
+    x = mpmath.sqrt(square * mpmath.fdot(across, across))
+    if x < mpf(10) ** -600:  # steady
+        return omega
+    x_n, y_n = solution(a * b, eps, x, b * p, n)
+    parts = zip(I, across, strict=True)
+    return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
 
 
+@mp.workdps(30)
 def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
     """The angle between the angular velocities in space at tau = -far and far, tau = C t / a.
 

@@ -1,9 +1,8 @@
 """A stored run takes the memory of a few chunks, whatever its size."""
 
-import os
-import subprocess
 import sys
 
+import children
 import pytest
 
 pytest.importorskip("dask")
@@ -45,14 +44,8 @@ for kind in KINDS:
 
 
 def test_runs_20_times_as_large_as_a_limit(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, str(tmp_path), str(LIMIT)],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=os.environ | {"NUMBA_NUM_THREADS": "2"},  # each of which holds a chunk
-    )
-    states, either = map(int, done.stdout.split())
+    output = children.run(CODE, tmp_path, LIMIT, NUMBA_NUM_THREADS="2")  # each holds a chunk
+    states, either = map(int, output.split())
     assert states < LIMIT
     assert either < LIMIT
     files = (tmp_path / "large states").rglob("*")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Iterator
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ import suslov_fast as sf
 
 from .._checks import FloatArray
 from .._ensemble.reductions import REDUCTIONS
+from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
 from .terminal import about, progress_bar
@@ -43,7 +45,7 @@ def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
 
 def facts_of_store(path: Path) -> Facts:
     """Return the same of a store of `ensemble`, finished or not, which is read tile by tile."""
-    dataset = sf.open_ensemble(path)
+    dataset = open_dataset(resolved(path), chunks=None)
     done = {"tiles_done": dataset.attrs["tiles_done"]}
     return {**_header(_view(dataset)), **done, **_outcome(_tiles(dataset))}
 
@@ -75,13 +77,13 @@ def _view(dataset: Any) -> Any:
 def _tiles(dataset: Any) -> Iterator[Any]:
     """Cut a dataset along its batch, as it is stored."""
     status = dataset["status"]
-    edges = [np.cumsum([0, *sizes]) for sizes in status.chunks]
-    tiles = list(np.ndindex(*map(len, status.chunks)))
+    sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
+    tiles = list(product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())))
     with progress_bar("checking") as report:
         for done, index in enumerate(tiles):
             report(done, len(tiles))
-            where = zip(status.dims, edges, index, strict=True)
-            yield _view(dataset.isel({dim: slice(each[k], each[k + 1]) for dim, each, k in where}))
+            where = zip(sizes.items(), index, strict=True)
+            yield _view(dataset.isel({dim: slice(k, k + size) for (dim, size), k in where}))
 
 
 def _header(run: Any) -> Facts:

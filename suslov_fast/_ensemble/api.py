@@ -5,27 +5,31 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.base import Body
+from .._checks import common_shape, integer, one_of, real_array, rotations
+from .._docs import filled
+from .._engine.arguments import Body
 from .._engine.progress import Progress, check_progress, reporter
+from .._maps.registry import map_of
 from .._runs.iterate import Method
-from .starts import RandomStarts
+from .._runs.labelled import batch_names
+from .job import Job, cut
+from .reductions import checked
+from .starts import RandomStarts, source_of
 
 if TYPE_CHECKING:
     import dask.array
     import distributed
     import xarray
 
-    from .job import Job
-
 Compression = Literal["lz4", "zstd"]
 
 
+@filled
 def ensemble(
     body: Body,
     omega0: ArrayLike | str | os.PathLike[str] | RandomStarts | dask.array.Array,
@@ -54,20 +58,17 @@ def ensemble(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
         once to recognise them.
-    eps : array_like(float, shape=(...))
-        Step size in units of time, as in :func:`iterate`.
+    %(eps0)s
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec knows, or a store as Zarr takes it.
-    save_every : int or None
-        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
+    %(save_every)s
     reductions : sequence of str, optional
         Quantities of each trajectory that are accumulated over the states that `save_every` keeps;
         with ``save_every=None`` over all states, of which none but the last is stored:
@@ -77,12 +78,7 @@ def ensemble(
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
         As in :func:`iterate`.
-    dims : str or sequence of str, optional
-        Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
-        name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
-        coordinate of the axis.
-    coords : mapping, optional
-        Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+    %(dims)s
     chunk : int or mapping, optional
         Number of trajectories of a tile, or sizes along `dims` and "n", the saved states. By
         default the states of a chunk take 16 MiB, or what 64 trajectories take if that is more.
@@ -112,8 +108,7 @@ def ensemble(
         If another process writes to the store.
     OSError
         If the store cannot be written to.
-    ImportError
-        If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+    %(needs_large)s
     KeyboardInterrupt
         After SIGINT or SIGTERM, once the pieces in hand are stored.
 
@@ -129,84 +124,87 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    _require_large()
-    check_progress(progress)
-    from .job import job_of
-    from .store import open_dataset, resolved
+    from .store import dataset_of, only_writer, open_dataset, prepare, resolved
+    from .workers import client_of
 
-    job = job_of(
-        body,
-        omega0,
-        eps,
-        steps,
-        store=resolved(store),
-        save_every=save_every,
-        method=method,
-        attitude=attitude,
-        reductions=reductions,
-        dims=dims,
-        chunk=chunk,
-        compression=compression,
-    )
-    _finish(job, coords, scheduler, verify, progress)
+    store = resolved(store)
+    check_progress(progress)
+    one_of("method", method, map_of(body).methods)
+    source, eps = source_of(omega0, body.dimension), real_array("eps", eps).copy()
+    side, orientation = body.dimension + 1, None
+    if not isinstance(attitude, (bool, np.bool_)):
+        orientation = rotations("attitude", attitude, side).copy()
+    elif attitude:
+        orientation = np.eye(side)
+    shapes = {"body": body.shape, "omega0": source.shape, "eps": eps.shape}
+    if orientation is not None:
+        shapes["attitude"] = orientation.shape[:-2]
+    batch = common_shape(shapes)
+    steps = integer("steps", steps, 0, "an integer of at least 0")
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    if compression is not None:
+        one_of("compression", compression, ("lz4", "zstd"))
+    run = (body, eps, source, orientation, batch, steps, save_every, method)
+    names, dims = checked(body, reductions), batch_names(dims, len(batch))
+    job = cut(Job(*run, names, dims, batch, 1, store, compression), chunk)
+    identity, dataset = job.identity(), dataset_of(job, coords)
+    with client_of(scheduler) as client, only_writer(job.store):
+        job = prepare(job, identity, dataset, verify)
+        _finish(job, client, verify, progress)
     return open_dataset(job.store)
 
 
-def _finish(
-    job: Job, coords: Mapping[Any, Any] | None, scheduler: Any, verify: bool, progress: Progress
-) -> None:
-    """Create or recognise the store, and compute what it lacks."""
+def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
+    """Compute what a store lacks."""
     from . import compute, store, workers
 
-    identity, dataset = job.identity(), store.dataset_of(job, coords)
-    with (
-        nullcontext() if scheduler is None else workers.client_of(scheduler) as client,
-        store.only_writer(job.store),
-    ):
-        if (known := store.recognised(job, identity)) is None:
-            store.create(job, identity, dataset)
-        else:
-            job = known
-            with store.advice(job.store):
-                store.lengthen(job, dataset, verify)
-            store.refuse_code(job.store)
-        arrays = store.open_arrays(job.store)
-        tiles = list(np.ndindex(job.grid))
-        for index in tiles if verify else ():
-            if not compute.is_whole(job.part(index), index, arrays):
-                store.withdraw(job, arrays, index, whole=True)
-        with store.advice(job.store):
-            done = np.asarray(arrays[store.MARKS][...])
-        missing = [index for index in tiles if done[index] != job.steps]
-        for index in missing:
-            if done[index] >= 0:  # of a shorter run
-                store.withdraw(job, arrays, index)
-        if not missing:
-            return
-        made = sum(math.prod(job.shape(each)) * max(int(done[each]), 0) for each in tiles)
-        with (
-            compute.stopping() as stop,
-            reporter(progress, math.prod(job.batch) * job.steps) as show,
-        ):
-
-            def report(steps: int) -> None:
-                nonlocal made
-                made += steps
-                show(made)
-
-            report(0)
-            if client is None:
-                compute.run(job, arrays, missing, report, stop)
+    arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))
+    marks = arrays[store.MARKS]
+    if verify:
+        marks[...] = -1
+        for tile in tiles:
+            steps = compute.steps_stored(job.part(tile), tile, arrays)
+            if steps == job.steps:
+                marks[tile] = steps
             else:
-                workers.run(job, client, missing, report, stop)
-        left = int((arrays[store.MARKS][...] != job.steps).sum())
-        if left:
-            raise KeyboardInterrupt(
-                f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
-                "the same call goes on from there"
-            )
+                store.withdraw(job, arrays, tile, steps < 0)
+    with store.advice(job.store):
+        done = np.asarray(marks[...])
+    missing = [tile for tile in tiles if done[tile] != job.steps]
+    for tile in missing:
+        if done[tile] >= 0:  # of a shorter run
+            store.withdraw(job, arrays, tile)
+    if not missing:
+        return
+    done = np.maximum(done, 0)
+    made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
+    with (
+        compute.stopping() as stop,
+        reporter(progress, math.prod(job.batch) * job.steps) as show,
+    ):
+
+        def report(tile: int, steps: int) -> None:
+            nonlocal made
+            made += math.prod(job.shape(tile)) * (steps - int(done[tile]))
+            done[tile] = steps
+            if steps == job.steps:
+                marks[tile] = steps
+            show(made)
+
+        show(made)
+        if client is None:
+            compute.run(job, arrays, missing, report, stop)
+        else:
+            workers.run(job, client, missing, report, stop)
+    if left := int((done != job.steps).sum()):
+        raise KeyboardInterrupt(
+            f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
+            "the same call goes on from there"
+        )
 
 
+@filled
 def open_ensemble(store: Any) -> xarray.Dataset:
     """Open a store of :func:`ensemble`, finished or not.
 
@@ -229,8 +227,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ValueError
         If it is no store of :func:`ensemble`, one of version 0.2, or one that has lost parameters;
         and if decoding its arrays could run code.
-    ImportError
-        If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.
+    %(needs_large)s
 
     Examples
     --------
@@ -242,19 +239,6 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["tiles_done"]
     '3 of 3'
     """
-    _require_large()
     from .store import open_dataset, resolved
 
     return open_dataset(resolved(store))
-
-
-def _require_large() -> None:
-    try:
-        import dask.array  # noqa: F401
-        import filelock  # noqa: F401
-        import xarray  # noqa: F401
-        import zarr  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "ensemble needs dask, filelock, xarray and zarr: pip install 'suslov_fast[large]'"
-        ) from error

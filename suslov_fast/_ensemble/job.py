@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, common_shape, integer, one_of, real_array, rotations
+from .._checks import FloatArray, integer
 from .._engine.run import numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
-from .._runs.labelled import batch_names
-from .reductions import REDUCTIONS, checked
-from .starts import Slices, Source, described, own_part, source_of
-
-Index = tuple[int, ...]
+from .reductions import REDUCTIONS
+from .starts import Slices, Source, described, own_part
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
@@ -27,9 +24,6 @@ _BYTES = 2**24
 _MANY, _LEAST = 32, 2**28
 # Fewer trajectories leave threads and vector lanes idle; for these states along time are cut.
 _FEWEST, _ENOUGH = 64, 2**14
-
-# Of what maps need to go on, that which only runs with orientations have.
-_TURNED = ("turn", "columns")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +73,16 @@ class Job:
         return self.save_every if self.keeps_states else 1
 
     @property
+    def states(self) -> tuple[str, ...]:
+        """The stored arrays that have an axis of time."""
+        return (("omega",) + ("attitude",) * (self.orientation is not None)) * self.keeps_states
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """The stored arrays that are written with the last step."""
+        return ("final", "status", "failed_at", *self.reductions)
+
+    @property
     def numbers(self) -> NDArray[np.int64]:
         """Step numbers of the stored states."""
         return numbers_of_saved(self.steps, self.save_every)
@@ -90,52 +94,53 @@ class Job:
 
     @property
     def record(self) -> np.dtype[Any]:
-        """Record of a trajectory in the store, so that the next piece can start from it."""
+        """Record of a trajectory in the store, from which the next piece can start."""
         D = self.body.dimension
         lengths = {"component": D, "space": D + 1}
         resume: list[Any] = [
             (kept.name, kept.dtype, tuple(lengths.get(str(dim), dim) for dim in kept.dims[1:]))
             for kept in self.map.resume
-            if self.orientation is not None or kept.name not in _TURNED
+            if self.orientation is not None or not kept.attitude
         ]
         reduced: list[Any] = [
-            (name, "float64", (D,) if REDUCTIONS[name].of_components else ())
-            for name in self.reductions
+            (name, "float64", (D,) * REDUCTIONS[name].of_components) for name in self.reductions
         ]
-        fields = [("steps", "int64"), ("failed_at", "int64")]
-        return np.dtype([*fields, ("resume", resume), ("reduced", reduced)])
+        return np.dtype([("steps", "int64"), *resume, *reduced])
 
-    def where(self, index: Index) -> Slices:
+    def where(self, tile: int) -> Slices:
         """Return the part of the batch that a tile covers."""
         return tuple(
-            slice(k * part, min((k + 1) * part, length))
-            for k, part, length in zip(index, self.tile, self.batch, strict=True)
+            slice(int(k) * part, min((int(k) + 1) * part, length))
+            for k, part, length in zip(
+                np.unravel_index(tile, self.grid), self.tile, self.batch, strict=True
+            )
         )
 
-    def shape(self, index: Index) -> tuple[int, ...]:
+    def shape(self, tile: int) -> tuple[int, ...]:
         """Return the shape of that part."""
-        return tuple(part.stop - part.start for part in self.where(index))
+        return tuple(part.stop - part.start for part in self.where(tile))
 
-    def starts(self, index: Index) -> FloatArray:
+    def starts(self, tile: int) -> FloatArray:
         """Return the initial states of a tile, which broadcast to it."""
         assert self.source is not None
-        where = own_part(self.source.shape, self.where(index))
+        where = own_part(self.source.shape, self.where(tile))
         return self.source.part(where, self.body.dimension)
 
-    def part(self, index: Index) -> Job:
+    def part(self, tile: int) -> Job:
         """Return the job with the parameters of a tile alone."""
-        where = self.where(index)
+        where = self.where(tile)
 
-        def cut(array: FloatArray, own: int) -> FloatArray:
+        def cut(array: FloatArray, own: int = 0) -> FloatArray:
             return array[own_part(array.shape[: array.ndim - own], where)]
 
-        own, turned = self.body._own_axes, self.orientation
-        parameters = {name: cut(value, own) for name, value in self.parameters.items()}
+        parameters = {
+            name: cut(value, self.body._own_axes) for name, value in self.parameters.items()
+        }
         return replace(
             self,
             body=type(self.body)(**parameters),
-            eps=cut(self.eps, 0),
-            orientation=None if turned is None else cut(turned, 2),
+            eps=cut(self.eps),
+            orientation=None if self.orientation is None else cut(self.orientation, 2),
         )
 
     @property
@@ -163,94 +168,32 @@ class Job:
         }
 
 
-def job_of(
-    body: Any,
-    omega0: Any,
-    eps: Any,
-    steps: Any,
-    *,
-    store: Any,
-    save_every: Any,
-    method: Any,
-    attitude: Any,
-    reductions: Any,
-    dims: Any,
-    chunk: Any,
-    compression: Any,
-) -> Job:
-    """Check the arguments of `ensemble`; `store` is resolved already."""
-    methods = map_of(body).methods
-    source = source_of(omega0, body.dimension)
-    eps = real_array("eps", eps).copy()
-    side = body.dimension + 1
-    if isinstance(attitude, (bool, np.bool_)):
-        orientation = np.eye(side) if attitude else None
-    else:
-        orientation = rotations("attitude", attitude, side).copy()
-    turned = {} if orientation is None else {"attitude": orientation.shape[:-2]}
-    batch = common_shape({"body": body.shape, "omega0": source.shape, "eps": eps.shape, **turned})
-    steps = integer("steps", steps, 0, "an integer of at least 0")
-    if save_every is not None:
-        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    one_of("method", method, methods)
-    names = checked(body, reductions)
-    if compression is not None:
-        one_of("compression", compression, ("lz4", "zstd"))
-    dims = batch_names(dims, len(batch))
-    state_bytes = 8 * (body.dimension + (0 if orientation is None else side * side))
-    every = 1 if names and save_every is None else save_every
-    saved = 1 if every is None else steps // every + 1
-    work = steps * step_work(body.dimension)
-    return Job(
-        body,
-        eps,
-        source,
-        orientation,
-        batch,
-        steps,
-        save_every,
-        method,
-        names,
-        dims,
-        *_chunks(batch, dims, chunk, state_bytes, saved, work),
-        store,
-        compression,
-    )
-
-
-def _chunks(
-    batch: tuple[int, ...],
-    dims: tuple[str, ...],
-    chunk: int | Mapping[str, int] | None,
-    state_bytes: int,
-    saved: int,
-    work: float,
-) -> tuple[tuple[int, ...], int]:
-    """Return the tile and the rows that `chunk` asks for, else those of chunks of 16 MiB at most.
-
-    A trajectory has `saved` states of `state_bytes` each, and is `work` steps of the 3D map.
-    """
-    expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *dims))
+def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
+    """Return a job with the tile and the rows that `chunk` asks for, else chunks of 16 MiB."""
+    expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *job.dims))
+    D, size, saved = job.body.dimension, math.prod(job.batch), 1
+    if job.every is not None:
+        saved = job.steps // job.every + 1
+    state_bytes = 8 * (D + (0 if job.orientation is None else (D + 1) ** 2))
     sizes: dict[str, int] = {}
     if isinstance(chunk, Mapping):
-        sizes = {name: integer("chunk", size, 1, expected) for name, size in chunk.items()}
-        unknown = [str(name) for name in sizes if name not in ("n", *dims)]
-        if unknown:
+        sizes = {name: integer("chunk", each, 1, expected) for name, each in chunk.items()}
+        if unknown := [str(name) for name in sizes if name not in ("n", *job.dims)]:
             raise ValueError(f"chunk: expected {expected}, got {', '.join(unknown)}")
-        count = math.prod(batch)
+        count = size
     elif chunk is None:
         fit = min(max(_BYTES // (state_bytes * saved), _ENOUGH), _BYTES // state_bytes)
-        shared = max(-(-math.prod(batch) // _MANY), int(_LEAST / max(work, 1.0)))
+        shared = max(-(-size // _MANY), int(_LEAST / max(job.steps * step_work(D), 1.0)))
         count = max(_FEWEST, min(fit, shared))
     else:
         count = integer("chunk", chunk, 1, expected)
     tile: tuple[int, ...] = ()
-    for name, length in zip(reversed(dims), reversed(batch), strict=True):  # last axis first
+    for name, length in zip(reversed(job.dims), reversed(job.batch), strict=True):
         part = max(1, min(sizes.get(name, count), length))
         tile = (_alike(length, part) if chunk is None else part, *tile)
         count = count if sizes else count // part
     fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
-    return tile, sizes.get("n") or _alike(saved, fit)
+    return replace(job, tile=tile, rows=sizes.get("n") or _alike(saved, fit))
 
 
 def _alike(length: int, most: int) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 
 from .._checks import FloatArray, instance
 from .compute import Report, pieces, write
-from .job import Index, Job
+from .job import Job
 from .starts import RandomStarts
 from .store import open_arrays
 
@@ -23,7 +23,10 @@ _WAITING = 2
 
 @contextmanager
 def client_of(scheduler: Any) -> Iterator[Any]:
-    """Return a Dask client, from itself or from the address of its scheduler."""
+    """Yield a Dask client, from itself or from the address of its scheduler; None for None."""
+    if scheduler is None:
+        yield None
+        return
     from distributed import Client
 
     instance("scheduler", scheduler, (Client, str))
@@ -34,35 +37,34 @@ def client_of(scheduler: Any) -> Iterator[Any]:
             yield client
 
 
-def run(job: Job, client: Any, tiles: Sequence[Index], report: Report, stop: Event) -> None:
+def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event) -> None:
     """Compute tiles on the workers; a request to stop lets those in hand finish."""
     from distributed import as_completed
 
-    def submit(index: Index) -> Any:
-        part, starts = job.part(index), None
+    def submit(tile: int) -> Any:
+        part, starts = job.part(tile), None
         if not isinstance(job.source, RandomStarts):  # states of this process go along
-            part, starts = replace(part, source=None), job.starts(index)
-        return client.submit(_compute, part, index, starts, pure=False, retries=_RETRIES)
+            part, starts = replace(part, source=None), job.starts(tile)
+        return client.submit(_compute, part, tile, starts, pure=False, retries=_RETRIES)
 
     left = iter(tiles)
     abreast = _WAITING * max(1, sum(client.nthreads().values()))
     futures = as_completed([submit(each) for each in islice(left, abreast)], loop=client.loop)
     try:
         for future in futures:
-            report(future.result())
+            report(future.result(), job.steps)
             if not stop.is_set():
-                for index in islice(left, 1):
-                    futures.add(submit(index))
+                for tile in islice(left, 1):
+                    futures.add(submit(tile))
     except BaseException:
         client.cancel(list(futures.futures))
         raise
 
 
-def _compute(part: Job, index: Index, starts: FloatArray | None) -> int:
-    """Compute what a tile lacks, on one thread; return the number of trajectory-steps."""
-    arrays, steps = open_arrays(part.store), 0
-    starts = part.starts(index) if starts is None else starts
-    for piece in pieces(part, index, starts, arrays, 1):
-        write(part, index, piece, arrays)
-        steps += piece.steps
-    return steps
+def _compute(part: Job, tile: int, starts: FloatArray | None) -> int:
+    """Compute what a tile lacks, on one thread; return its number."""
+    arrays = open_arrays(part)
+    starts = part.starts(tile) if starts is None else starts
+    for piece in pieces(part, tile, starts, arrays, 1):
+        write(part, tile, piece, arrays)
+    return tile

@@ -1,4 +1,4 @@
-"""The discrete Suslov problem in three dimensions, equation (ds2)."""
+"""The discrete Suslov problem in three dimensions, equation (4) of the paper."""
 
 from __future__ import annotations
 

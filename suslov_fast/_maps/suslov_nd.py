@@ -1,4 +1,4 @@
-"""The discrete Suslov problem in n dimensions, equation (dsn)."""
+"""The discrete Suslov problem in n dimensions, equation (15) of the paper."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,12 +20,14 @@ def refuse_codecs(store: Any) -> None:
     """
     import zarr
 
-    # Metadata lie in one place and beside each array: readers may take either.
-    for consolidated in (None, False):
-        group = zarr.open_group(store, mode="r", use_consolidated=consolidated)
-        for name, member in group.members(max_depth=None):
-            if isinstance(member, zarr.Array):
-                _check(name, member.metadata.to_dict())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
+        # Metadata lie in one place and beside each array: readers may take either.
+        for consolidated in (None, False):
+            group = zarr.open_group(store, mode="r", use_consolidated=consolidated)
+            for name, member in group.members(max_depth=None):
+                if isinstance(member, zarr.Array):
+                    _check(name, member.metadata.to_dict())
 
 
 def _check(name: str, metadata: dict[str, Any]) -> None:

@@ -88,7 +88,7 @@ def _write(new: Path, entries: Entries, suffix: str) -> None:
         with open(new, "wb") as file:
             np.savez(file, **entries)  # type: ignore[arg-type]
         return
-    dataset = labelled.dataset_of(entries)
+    dataset = labelled.with_time(labelled.dataset_of(entries))
     dataset.attrs["crc32"] = _checksum(entries)  # these formats need not have one
     resume = labelled.import_xarray().Dataset(
         {

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
+from .._docs import filled
 from .._engine.arguments import check
 from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
@@ -17,34 +18,31 @@ from .iterate import finish
 from .trajectories import OnSingular, Trajectories, report
 
 
+@filled
 def step_full(
     body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None = None
 ) -> FloatArray:
-    """One step of the three-component scheme, equation (ds).
+    """One step of the scheme in three components, equation (3) of the paper.
 
     The constraint asks for Omega3 = 0; the scheme itself only changes the sign of Omega3.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
+    %(body_3d)s
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+    %(eps)s
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        The next states; NaN where omega is, and, with one :class:`SingularStepWarning`, where there
-        is none.
+        %(next_states)s
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments.
+    %(invalid)s
 
     Examples
     --------
@@ -60,6 +58,7 @@ def step_full(
     return results.final
 
 
+@filled
 def iterate_full(
     body: Suslov3D,
     omega0: ArrayLike,
@@ -73,33 +72,25 @@ def iterate_full(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate the three-component scheme, equation (ds), in which Omega3 need not vanish.
+    """Iterate the scheme in three components, equation (3), in which Omega3 need not vanish.
 
     The shapes of the body, of `eps`, of `I3` and of `omega0` without its last axis broadcast to the
     batch shape ``...``.
 
     Parameters
     ----------
-    body : Suslov3D
-        The body, or a batch of them.
+    %(body_3d)s
     omega0 : array_like(float, shape=(..., 3))
         Initial angular velocities (Omega1, Omega2, Omega3).
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0; a negative one gives the inverse map.
-    steps : int
-        Number of steps, 0 or more.
+    %(eps0)s
+    %(steps)s
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
-    save_every : int or None
-        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.
-    out : ndarray(float64, shape=(n_saved, ..., 3)), optional
-        C-contiguous array that receives the saved states, instead of a new one.
-    threads : int, optional
-        Number of threads; by default what Numba is set to.
-    on_singular : {"warn", "raise", "ignore"}
-        What to do if trajectories came to an end, as in :func:`iterate`.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+    %(save_every)s
+    %(out)s
+    %(threads)s
+    %(on_singular)s
+    %(progress)s
 
     Returns
     -------
@@ -109,12 +100,7 @@ def iterate_full(
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments, before any work.
-    ImportError
-        If `progress` is True and tqdm is not installed.
-    SingularStepError
-        If `on_singular` is "raise" and a trajectory came to an end.
+    %(invalid_run)s
 
     Notes
     -----

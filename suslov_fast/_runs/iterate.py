@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, integer, one_of
+from .._docs import filled
 from .._engine.arguments import Body, check
 from .._engine.layout import checked_out, flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress, check_progress
@@ -19,37 +20,30 @@ from .trajectories import OnSingular, Trajectories, report
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
 
+@filled
 def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None) -> FloatArray:
-    """One step of the discrete Suslov problem, equation (ds2), or (dsn) in n dimensions.
+    """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega : array_like(float, shape=(..., D))
         Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; a negative one gives the inverse map.
-    threads : int, optional
-        Number of threads; by default what Numba is set to.
+    %(eps0)s
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        The next states; NaN where omega is, and, with one :class:`SingularStepWarning`, where there
-        is none.
+        %(next_states)s
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments, before any work.
+    %(invalid)s
 
     Notes
     -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
+    %(poles)s
 
     Examples
     --------
@@ -69,6 +63,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     return results.final
 
 
+@filled
 def iterate(
     body: Body,
     omega0: ArrayLike,
@@ -91,15 +86,12 @@ def iterate(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body, or a batch of them.
+    %(any_body)s
     omega0 : array_like(float, shape=(..., D))
         Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. NaN where
         there is no such state: such a trajectory fails at step 0.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0; a negative one gives the inverse map.
-    steps : int
-        Number of steps, 0 or more.
+    %(eps0)s
+    %(steps)s
     save_every : int or None
         Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last, which `omega` and
         `final` of the result then share.
@@ -119,15 +111,10 @@ def iterate(
     attitude : bool or array_like(float, shape=(..., n, n))
         Whether to carry the orientation of the body along, at every step, whatever is saved: True,
         or its rotation matrix at the start, which else is the identity; see :func:`attitude`.
-    out : ndarray(float64, shape=(n_saved, ..., D)), optional
-        C-contiguous array that receives the saved states, instead of a new one.
-    threads : int, optional
-        Number of threads; by default what Numba is set to. The setting is restored afterwards.
-    on_singular : {"warn", "raise", "ignore"}
-        What to do if trajectories came to an end: one :class:`SingularStepWarning` for all, a
-        :class:`SingularStepError` that carries the result, or nothing.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+    %(out)s
+    %(threads)s
+    %(on_singular)s
+    %(progress)s
 
     Returns
     -------
@@ -135,21 +122,11 @@ def iterate(
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments, before any work.
-    MemoryError
-        If the result does not fit in the memory that is available.
-    ImportError
-        If `progress` is True and tqdm is not installed.
-    SingularStepError
-        If `on_singular` is "raise" and a trajectory came to an end.
+    %(invalid_run)s
 
     Notes
     -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
+    %(poles)s
 
     Examples
     --------

@@ -46,15 +46,9 @@ def dataset_of(
     }
     # Strings of any length: those of fixed length are no part of Zarr's third format.
     labels = np.array(map.components(body_of(entries)), dtype=object)
-    eps_dims, eps, _ = variables["eps"]
-    with np.errstate(over="ignore"):
-        time = np.multiply.outer(entries["n"], eps)
     dataset = xarray.Dataset(
         variables,
-        coords={
-            "time": (("n", *eps_dims), time, {"long_name": "time"}),
-            "component": ("component", labels, {"long_name": "component of angular velocity"}),
-        },
+        coords={"component": ("component", labels, {"long_name": "component of angular velocity"})},
         attrs={"title": "Trajectories of the discrete Suslov problem", **header},
     )
     for variable in dataset.variables.values():
@@ -62,6 +56,13 @@ def dataset_of(
             # Else NaN becomes a "fill value", which readers replace by a NaN of their own.
             variable.encoding["_FillValue"] = None
     return _with_coordinates(dataset, coords)
+
+
+def with_time(dataset: xarray.Dataset) -> xarray.Dataset:
+    """Return a dataset with the times n eps as a coordinate."""
+    with np.errstate(over="ignore"):
+        time = dataset["n"] * dataset["eps"]
+    return dataset.assign_coords(time=time.assign_attrs(long_name="time"))
 
 
 def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ...]) -> Any:

@@ -11,15 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-_KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFREG: "a file",
-    stat.S_IFIFO: "a FIFO",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
-
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Path]:
@@ -39,13 +30,10 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
             _check_target(target, mode, folder)
         stem = os.fsencode(f".{target.name}")[:100].decode(errors="ignore")
         new = target.with_name(f"{stem}.{secrets.token_hex(4)}.part")
-        if folder:
-            os.mkdir(new)
-        else:
-            os.close(os.open(new, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        new.mkdir() if folder else new.touch(exist_ok=False)
+    except FileExistsError:
+        raise
     except OSError as error:
-        if error.errno == errno.EEXIST:
-            raise
         message = (
             "expected a name in a folder that can be written to, "
             f"got: {error.strerror or type(error).__name__}"
@@ -56,8 +44,8 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
         yield new
         if mode is not None:
             os.chmod(new, stat.S_IMODE(mode))
-        if folder and mode is not None:  # a folder that is not empty cannot be replaced in one move
-            os.rename(target, old)
+            if folder:  # a folder that is not empty cannot be replaced in one move
+                os.rename(target, old)
         try:
             os.replace(new, target)
         except BaseException:  # Ctrl-C too
@@ -71,19 +59,15 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
             os.unlink(new)
 
 
-def kind_of(mode: int) -> str:
-    """Return the kind of an entry of a folder, in words."""
-    return _KINDS.get(stat.S_IFMT(mode), "something else")
-
-
 def _check_target(target: Path, mode: int, folder: bool) -> None:
     """Refuse to replace anything but a file, or an empty folder or a Zarr store."""
-    expected, received, fits = "a file", kind_of(mode), stat.S_ISREG(mode)
-    if folder:
-        expected, fits = "a Zarr store", stat.S_ISDIR(mode)
-        if fits:
-            names = set(os.listdir(target))
-            fits, received = not names or bool(names & {".zgroup", "zarr.json"}), "another folder"
+    kinds = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
+    received = kinds.get(stat.S_IFMT(mode), "neither a file nor a folder")
+    fits = stat.S_ISREG(mode)
+    if folder and (fits := stat.S_ISDIR(mode)):
+        names = set(os.listdir(target))
+        fits, received = not names or bool(names & {".zgroup", "zarr.json"}), "another folder"
     if not fits:
+        expected = "a Zarr store" if folder else "a file"
         message = f"expected the name of {expected} to write, got {received}"
         raise OSError(errno.EEXIST, message, os.fspath(target))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, real_number
+from .._docs import filled
 from .._engine import reduction
 from .._engine.arguments import Body, check
 from .._engine.closed_form import states_at
@@ -19,6 +20,7 @@ from .._engine.threads import thread_count
 _BEYOND = "out of the range of float64, or on the way there"
 
 
+@filled
 def exact(
     body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
@@ -26,17 +28,14 @@ def exact(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
         State 0.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0.
+    %(eps)s
     n : array_like(float, shape=() or (N,))
         Numbers of the states wanted, of either sign and up to 2**53 in size. While t < 1
         (:func:`criticality`) n may be any real number: the curve through the orbit.
-    threads : int, optional
-        Number of threads; by default what Numba is set to. Results do not depend on it.
+    %(threads)s
 
     Returns
     -------
@@ -47,21 +46,16 @@ def exact(
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments.
+    %(invalid)s
     MemoryError
         If the states do not fit in memory.
-    NotIntegrableError
-        If no closed form is known for the body; all in three dimensions have one.
+    %(not_solved)s
 
     Notes
     -----
     The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
 
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
+    %(poles)s
 
     Examples
     --------
@@ -87,6 +81,7 @@ def exact(
     return states
 
 
+@filled
 def flow(
     body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
@@ -94,14 +89,12 @@ def flow(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
         The angular velocity at time 0.
     time : array_like(float, shape=() or (N,))
         Times, of either sign and any size, in the unit of time of omega0.
-    threads : int, optional
-        Number of threads; by default what Numba is set to. Results do not depend on it.
+    %(threads)s
 
     Returns
     -------
@@ -111,14 +104,12 @@ def flow(
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments.
-    NotIntegrableError
-        If no closed form is known for the body; all in three dimensions have one.
+    %(invalid)s
+    %(not_solved)s
 
     Notes
     -----
-    The solution of equation (s1).
+    The solution of equation (2) of the paper.
 
     Examples
     --------
@@ -139,6 +130,7 @@ def flow(
     return states
 
 
+@filled
 def limits(
     body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -146,14 +138,11 @@ def limits(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        The body, or a batch of them.
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
         A state of the orbit.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0.
-    threads : int, optional
-        Number of threads; by default what Numba is set to.
+    %(eps)s
+    %(threads)s
 
     Returns
     -------
@@ -164,20 +153,15 @@ def limits(
 
     Raises
     ------
-    TypeError, ValueError
-        For invalid arguments.
-    NotIntegrableError
-        If no closed form is known for the body; all in three dimensions have one.
+    %(invalid)s
+    %(not_solved)s
 
     Notes
     -----
     The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-    and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-    pole is NaN.
+    %(poles)s
 
     Examples
     --------

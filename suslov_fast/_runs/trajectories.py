@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, integer, one_of, spell
+from .._docs import filled
 from .._engine.arguments import Body
 from .._engine.problem import worst
 from .._engine.progress import Progress, check_progress
@@ -283,6 +284,7 @@ class Trajectories:
             axes.set_aspect("equal", adjustable="datalim")
         return axes
 
+    @filled
     def to_xarray(
         self,
         dims: str | Sequence[str] | None = None,
@@ -295,12 +297,7 @@ class Trajectories:
 
         Parameters
         ----------
-        dims : str or sequence of str, optional
-            Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ...
-            The name of a parameter that varies along this axis alone, such as "eps", makes it the
-            coordinate: ``data.sel(eps=0.2)``.
-        coords : mapping, optional
-            Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+        %(dims)s
 
         Returns
         -------
@@ -310,8 +307,7 @@ class Trajectories:
 
         Raises
         ------
-        ImportError
-            If xarray is not installed: ``pip install 'suslov_fast[xarray]'``.
+        %(needs_xarray)s
         TypeError, ValueError
             If `dims` are not one distinct name for each axis, or `coords` do not fit.
 
@@ -324,12 +320,13 @@ class Trajectories:
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .labelled import dataset_of
+        from .labelled import dataset_of, with_time
         from .schema import entries_of
 
-        return dataset_of(entries_of(vars(self)), dims, coords)
+        return with_time(dataset_of(entries_of(vars(self)), dims, coords))
 
     @classmethod
+    @filled
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
         """Return the run that a dataset of :meth:`to_xarray` holds, or a part of its batch.
 
@@ -337,8 +334,7 @@ class Trajectories:
 
         Raises
         ------
-        ImportError
-            If xarray is not installed: ``pip install 'suslov_fast[xarray]'``.
+        %(needs_xarray)s
         TypeError, ValueError
             If it is not such a dataset.
         """
@@ -347,6 +343,7 @@ class Trajectories:
 
         return cls(**run_of(entries_of_dataset(dataset)))
 
+    @filled
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file that :meth:`load` reads, bit for bit.
 
@@ -360,8 +357,7 @@ class Trajectories:
 
         Raises
         ------
-        ImportError
-            If .nc or .zarr need what is not installed: ``pip install 'suslov_fast[xarray]'``.
+        %(needs_xarray)s
         OSError
             If it cannot be written.
         TypeError, ValueError
@@ -374,6 +370,7 @@ class Trajectories:
             put(entries_of(vars(self)))
 
     @classmethod
+    @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
         """Read a run that :meth:`save` wrote.
 
@@ -384,8 +381,7 @@ class Trajectories:
 
         Raises
         ------
-        ImportError
-            If .nc or .zarr need what is not installed: ``pip install 'suslov_fast[xarray]'``.
+        %(needs_xarray)s
         OSError
             If it cannot be read.
         TypeError, ValueError

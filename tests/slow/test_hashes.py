@@ -20,7 +20,7 @@ TYPES = {
 
 
 def hashes(**environment):
-    return json.loads(children.run_file(SCRIPT, timeout=1800, **environment))
+    return json.loads(children.run(SCRIPT, timeout=1800, **environment))
 
 
 def differing(found):

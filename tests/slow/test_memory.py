@@ -32,7 +32,7 @@ def test_scarce_memory(problem, layer):
         "MALLOC_PERTURB_": "170",
         "MALLOC_ARENA_MAX": "1",
     }
-    output = children.run_file(SCRIPT, problem, threads, **settings)
+    output = children.run(SCRIPT, problem, threads, **settings)
     done, refused = map(int, output.split())
     assert done > 1
     assert refused > 1

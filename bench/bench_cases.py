@@ -3,9 +3,10 @@
 import cases
 import limits
 import peers
+import processes
 import pytest
 
-CASES = [*cases.CASES, *limits.CASES, *peers.CASES]
+CASES = [*cases.CASES, *limits.CASES, *peers.CASES, *processes.cases()]
 
 
 @pytest.mark.filterwarnings("ignore")  # those of the peers

@@ -2,18 +2,19 @@
 
 import matplotlib
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.lines import Line2D
 from tables import caption
 
-COLOURS = {
-    "this package": "#c8442b",
-    "C": "#35507a",
-    "NumPy": "#6f8f6a",
-    "others": "#9aa7b8",
-    "the machine": "#2c2c2c",
-}
-OURS, C, NUMPY, _, LIMIT = COLOURS.values()
+OURS, C, NUMPY, LIMIT = "#c8442b", "#35507a", "#6f8f6a", "#2c2c2c"
 SECOND = "#e0a03a"  # another line of this package
+# Colour and marker of each kind of rows.
+KINDS = {
+    "this package": (OURS, "o"),
+    "C": (C, "s"),
+    "NumPy": (NUMPY, "^"),
+    "others": ("#9aa7b8", "D"),
+    "the machine": (LIMIT, "|"),
+}
 STYLE = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -27,67 +28,59 @@ STYLE = {
 }
 
 
-def plain(label):
-    """A label without Markdown."""
-    return label.replace("`", "").replace("*", "")
-
-
 def speed(results):
-    """Last states and saved states, ours and peers, beside the limits.
+    """Last states and saved states, ours and peers, beside the limits: a dot for each.
 
     Saved states as shares of a limit: memory may have been faster for one row than for another.
     """
     last = [(row, row.rate) for row in results.best("last states")]
-    saved = [(row, 100 * (results.share(row) or 0)) for row in results.best("saved states")]
-    saved = sorted((pair for pair in saved if pair[1]), key=lambda pair: -pair[1])
+    shares = [(row, 100 * (results.share(row) or 0)) for row in results.best("saved states")]
+    saved = sorted((pair for pair in shares if pair[1]), key=lambda pair: -pair[1])
     panels = [
-        ("Last states only: steps per second", last, "{:.2e}"),
-        ("Saved states: % of streaming stores", saved, "{:.0f}"),
+        ("Last states only: steps per second", last, "{:.2e}", "log"),
+        ("Saved states: % of streaming stores", saved, "{:.0f}", "linear"),
     ]
     panels = [panel for panel in panels if panel[1]]
-    heights = [len(rows) for _, rows, _ in panels]
+    heights = [len(rows) for _, rows, _, _ in panels]
     figure = Figure(figsize=(11, 2 + 0.31 * sum(heights)), layout="constrained")
-    axes = figure.subplots(max(len(panels), 1), squeeze=False, height_ratios=heights or None)
-    for axis, (title, rows, written) in zip(axes[:, 0], panels, strict=False):
-        values = [value for _, value in rows]
-        colours = [COLOURS[row.whose] for row, _ in rows]
-        axis.barh(range(len(rows)), values, color=colours, height=0.72)
-        axis.set_yticks(range(len(rows)), [plain(row.label) for row, _ in rows])
+    axes = figure.subplots(max(len(panels), 1), squeeze=False, height_ratios=heights or None)[:, 0]
+    for axis, (title, rows, written, scale) in zip(axes, panels, strict=False):
+        labels = [row.label.replace("`", "").strip("*") for row, _ in rows]
+        axis.set_yticks(range(len(rows)), labels)
         for y, (row, value) in enumerate(rows):
+            colour, marker = KINDS[row.whose]
+            axis.plot(value, y, marker, color=colour, markersize=9, markeredgewidth=2)
             # Figures stand beside the axes, where no line crosses them.
             error = f"error {row.error:.0e}" if row.error is not None else ""
-            for x, text in ((1.09, written.format(value)), (1.23, error)):
+            for x, text in ((1.1, written.format(value)), (1.24, error)):
                 place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
                 axis.text(x, y, text, fontsize=9, **place)
             if row.whose == "the machine":
                 axis.axvline(value, color=LIMIT, linestyle="--", linewidth=1)
-        axis.invert_yaxis()
-        axis.margins(y=0.02)
+        axis.set(title=title, xscale=scale, ylim=(len(rows) - 0.4, -0.6))
+        axis.set_xlim(left=0 if scale == "linear" else None)
+        axis.grid(alpha=0.25, which="major")
         axis.tick_params(axis="y", length=0)
-        axis.set_title(title)
-    if last:
-        axes[0, 0].set_xscale("log")
-    handles = [Patch(color=colour, label=name) for name, colour in COLOURS.items()]
-    axes[-1, 0].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.4, -0.08), ncols=6)
+    style = {"linestyle": "", "markersize": 8, "markeredgewidth": 2}
+    handles = [
+        Line2D([], [], color=colour, marker=marker, label=name, **style)
+        for name, (colour, marker) in KINDS.items()
+    ]
+    axes[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.4, -0.08), ncols=5)
     return figure
 
 
-AUTO = {"color": OURS, "marker": "o", "label": 'iterate, method="auto"'}
-CANONICAL = {"color": SECOND, "marker": "s", "label": 'iterate, method="canonical"'}
-EXACT = {"color": C, "marker": "^", "linestyle": "--", "label": "exact"}
-METHODS = {"auto": AUTO, "canonical": CANONICAL, "exact": EXACT}
+# Colour, marker, style and name of each line.
+METHODS = {
+    "auto": (OURS, "o", "-", 'iterate, method="auto"'),
+    "canonical": (SECOND, "s", "-", 'iterate, method="canonical"'),
+}
 DIMENSIONS = {
-    "rank2": {"color": OURS, "marker": "o", "label": 'method="rank2"'},
-    "c-rank2": {"color": C, "marker": "s", "label": "C, rank two"},
-    "numpy-rank2": {"color": NUMPY, "marker": "^", "label": "NumPy, rank two"},
-    "gauss": {"color": OURS, "marker": "o", "linestyle": ":", "label": 'method="gauss"'},
-    "c-elimination": {"color": C, "marker": "s", "linestyle": ":", "label": "C, elimination"},
-    "numpy-solve": {
-        "color": NUMPY,
-        "marker": "^",
-        "linestyle": ":",
-        "label": "NumPy, linalg.solve",
-    },
+    "rank2": (OURS, "o", "-", 'method="rank2"'),
+    "c-rank2": (C, "s", "-", "C, rank two"),
+    "gauss": (OURS, "o", ":", 'method="gauss"'),
+    "c-elimination": (C, "s", ":", "C, elimination"),
+    "numpy-solve": (NUMPY, "^", ":", "NumPy, linalg.solve"),
 }
 # Table, title, labels of the axes, styles of the keys.
 PANELS = (
@@ -110,10 +103,11 @@ def scaling(results):
     figure = Figure(figsize=(11, 9), layout="constrained")
     for axis, panel in zip(figure.subplots(2, 2).flat, PANELS, strict=True):
         table, title, x, y, styles = panel
-        for key, style in styles.items():
+        for key, (colour, marker, line, label) in styles.items():
             points = sorted((row.x, height(results, row, y)) for row in results.of(table, key=key))
             if points:
-                axis.plot(*zip(*points, strict=True), **style)
+                look = {"color": colour, "marker": marker, "linestyle": line, "label": label}
+                axis.plot(*zip(*points, strict=True), **look)
         if y.startswith("%"):
             axis.axhline(100, color=LIMIT, linestyle="--", linewidth=1.2, label="streaming stores")
             axis.set_ylim(bottom=0)

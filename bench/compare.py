@@ -1,13 +1,13 @@
 """Compare two revisions in one run; exit status 1 if the second is slower than it may be.
 
-`python bench/compare.py REV_A REV_B` checks both revisions out (a folder, `.` for instance, is
-taken as it is). A process for each runs the cases of this working tree, in turns, A B, B A, and so
-on: machines are fast and slow for seconds at a time, and only ratios of one run say anything. A
-case is too slow if both the median of the ratios B / A and the ratio of the minima exceed what the
-case allows, or `--threshold` for all. A case that A cannot run has nothing to be compared with; one
-that B alone cannot run counts as too slow. Last come processes of each revision, from start to end,
-in multiples of `import numba`. `--quick` takes one case for each allowance (2 to 4 minutes, most
-of them for compiling both revisions anew).
+`python bench/compare.py REV_A [REV_B]` checks both revisions out (a folder is taken as it is; by
+default REV_B is this working tree). A process for each runs the cases of this working tree, in
+turns, A B, B A, and so on: machines are fast and slow for seconds at a time, and only ratios of one
+run say anything. A case is too slow if both the median of the ratios B / A and the ratio of the
+minima exceed what the case allows, or `--threshold` for all. A case that A cannot run has nothing
+to be compared with; one that B alone cannot run counts as too slow. Last come processes of each
+revision, from start to end, in multiples of `import numba`. `--quick` takes one case for each
+allowance (2 to 4 minutes, most of them for compiling both revisions anew).
 """
 
 import argparse
@@ -28,7 +28,7 @@ BENCH = Path(__file__).parent
 TURN = 0.02  # seconds that a turn lasts at least
 
 
-def work():
+def serve():
     """Run cases as they are asked for on the standard input: the process of one revision."""
     import numba
     from cases import CASES
@@ -44,10 +44,7 @@ def work():
                 case, current = CASES[index], None  # frees the memory of the case before
                 threads = 1 if case.threads == "one" else numba.config.NUMBA_NUM_THREADS
                 numba.set_num_threads(threads)
-                choose = (
-                    (lambda large, small: min(large, small)) if tiny else lambda large, _: large
-                )
-                current = case.make(choose, threads)
+                current = case.make(min if tiny else lambda large, _: large, threads)
                 current.call()  # compiles
             begin = time.perf_counter()
             for _ in range(max(calls, 1)):
@@ -67,7 +64,7 @@ class Worker:
         environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(folder)}
         command = [sys.executable, str(BENCH / "compare.py"), "--work"]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-        self.process = subprocess.Popen(command, env=environment, cwd=folder, **pipes)
+        self.process = subprocess.Popen(command, env=environment, **pipes)
         found = self.receive()
         if Path(found).resolve() != (Path(tree) / "suslov_fast").resolve():
             raise SystemExit(f"compare.py: expected the package of {tree}, got {found}")
@@ -83,9 +80,12 @@ class Worker:
         return json.loads(line)
 
     def close(self):
-        self.process.stdin.close()
-        self.process.wait()
-        self.process.stdout.close()
+        self.process.communicate()
+
+
+def in_order(k):
+    """Which revision comes first and second in turn k: A B, B A, ..."""
+    return (0, 1) if k % 2 == 0 else (1, 0)
 
 
 def turns(workers, index, rounds, tiny):
@@ -98,39 +98,10 @@ def turns(workers, index, rounds, tiny):
     calls = max(1, round(TURN / max(first)))
     found = [[], []]
     for k in range(rounds):
-        for which in (0, 1) if k % 2 == 0 else (1, 0):
+        for which in in_order(k):
             workers[which].send(index, calls, tiny)
             found[which].append(workers[which].receive())
     return found
-
-
-def compare_cases(trees, folder, rounds, chosen, threshold, tiny):
-    """Print the times of the chosen cases; return the names of those that are too slow."""
-    too_slow = []
-    with contextlib.ExitStack() as stack:
-        workers = []
-        for label, tree in zip("AB", trees, strict=True):
-            cache = folder / f"cache-{label}"
-            cache.mkdir()
-            workers.append(Worker(tree, cache))
-            stack.callback(workers[-1].close)
-        print(f"{'case':44}{'A':>11}{'B':>11} ns  medians  minima  at most", flush=True)
-        for index, case in chosen:
-            found, name = turns(workers, index, rounds, tiny), str(case)
-            if isinstance(found[0], str) or isinstance(found[1], str):
-                print(f"{name:44}" + "; ".join(str(each) for each in found), flush=True)
-                too_slow += [name] * isinstance(found[0], float)
-                continue
-            ratio, minima = ratios(*found)
-            at_most = threshold or case.at_most
-            late = min(ratio, minima) > at_most
-            too_slow += [name] * late
-            times = "".join(f"{1e9 * median(each):11.4g}" for each in found)
-            print(
-                f"{name:44}{times}   {ratio:8.2f}{minima:8.2f}{at_most:9.4g}{'  SLOWER' * late}",
-                flush=True,
-            )
-    return too_slow
 
 
 def ratios(a, b):
@@ -138,47 +109,65 @@ def ratios(a, b):
     return median(y / x for x, y in zip(a, b, strict=True)), min(b) / min(a)
 
 
+def compare_cases(trees, folder, rounds, chosen, threshold, tiny):
+    """Print the times of the chosen cases; return the names of those that are too slow."""
+    too_slow = []
+    with contextlib.ExitStack() as stack:
+        workers = [Worker(tree, folder / f"cache-{k}") for k, tree in enumerate(trees)]
+        for worker in workers:
+            stack.callback(worker.close)
+        print(f"{'case':44}{'A':>11}{'B':>11} ns  medians  minima  at most", flush=True)
+        for index, case in chosen:
+            found = turns(workers, index, rounds, tiny)
+            if isinstance(found[0], str) or isinstance(found[1], str):
+                print(f"{case.name:44}" + "; ".join(str(each) for each in found), flush=True)
+                too_slow += [case.name] * isinstance(found[0], float)
+                continue
+            ratio, minima = ratios(*found)
+            at_most = threshold or case.at_most
+            late = min(ratio, minima) > at_most
+            too_slow += [case.name] * late
+            times = "".join(f"{1e9 * median(each):11.4g}" for each in found)
+            verdict = f"{ratio:8.2f}{minima:8.2f}{at_most:9.4g}{'  SLOWER' * late}"
+            print(f"{case.name:44}{times}   {verdict}", flush=True)
+    return too_slow
+
+
 def compare_processes(trees, folder, rounds, quick):
     """Print the times of processes in multiples of `import numba`; return those that are late."""
-    codes = {
-        key: (label, code, at_most, "import")
-        for key, (label, code, at_most) in processes.IMPORTS.items()
-    }
-    for key, (label, call) in processes.CALLS.items():
-        if quick and key == "exact":
-            continue
-        code = processes.IMPORT + call
-        codes[f"{key}-first"] = (f"{label}, first call", code, processes.FIRST, "first")
-        codes[f"{key}-again"] = (f"{label}, second process", code, processes.SECOND, "again")
-    times = {(key, which): [] for key in codes for which in (0, 1)}
+    times = {}
+
+    def measure(which, key, label, code, at_most, cache=None):
+        seconds = processes.run(code, trees[which], cache)
+        times.setdefault((key, label, at_most), ([], []))[which].append(seconds)
+
     for tree in trees:  # as an installed package has it
         compileall.compile_dir(Path(tree) / "suslov_fast", quiet=2)
     for k in range(rounds):
-        for key, (_, code, _, kind) in codes.items():
-            if kind == "first" and k >= (1 if quick else 2):
-                continue
-            for which in (0, 1) if k % 2 == 0 else (1, 0):
-                cache = folder / f"processes-{which}-{key.split('-first')[0].split('-again')[0]}"
-                if kind == "first":  # its cache stays for the second process
-                    cache = cache.with_name(f"{cache.name}-{k}")
-                elif kind == "again":
-                    cache = cache.with_name(f"{cache.name}-0")
-                times[key, which].append(processes.run(code, trees[which], cache))
-    return report_processes(codes, times)
+        for key, (label, code, at_most) in processes.IMPORTS.items():
+            for which in in_order(k):
+                measure(which, key, label, code, at_most)
+    for k in range(1 if quick else 2):
+        for key, (label, call) in processes.CALLS.items():
+            for which in in_order(k) if not (quick and key == "exact") else ():
+                cache, code = folder / f"{which}-{key}-{k}", processes.IMPORT + call
+                measure(which, f"{key}-first", f"{label}, first", code, processes.FIRST, cache)
+                for _ in range(2):
+                    measure(which, f"{key}-again", f"{label}, again", code, processes.SECOND, cache)
+    return report_processes(times)
 
 
-def report_processes(codes, times):
+def report_processes(times):
     """Print minima, as seconds and as multiples of `import numba`; return what takes too long."""
+    best = {key: (label, at_most, *map(min, both)) for (key, label, at_most), both in times.items()}
     too_slow = []
     print(f"\n{'process':44}{'A':>11}{'B':>11} s, x numba: A       B  at most")
-    for key, (label, _, at_most, _) in codes.items():
-        best = [min(times[key, which]) for which in (0, 1)]
-        multiples = [best[which] / min(times["import-numba", which]) for which in (0, 1)]
-        late = at_most is not None and multiples[1] > at_most
+    for key, (label, at_most, a, b) in best.items():
+        of_a, of_b = a / best["import-numba"][2], b / best["import-numba"][3]
+        late = at_most is not None and of_b > at_most
         too_slow += [key] * late
-        seconds = "".join(f"{each:11.3g}" for each in best)
         allowed = f"{at_most or '':>9}{'  SLOWER' * late}"
-        print(f"{label:44}{seconds}   {multiples[0]:11.2f}{multiples[1]:8.2f}{allowed}", flush=True)
+        print(f"{label:44}{a:11.3g}{b:11.3g}   {of_a:11.2f}{of_b:8.2f}{allowed}", flush=True)
     return too_slow
 
 
@@ -201,7 +190,8 @@ def checked_out(revision, folder):
 def main(arguments=None):
     """Compare, print, and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("revisions", nargs=2, metavar="REV", help="a revision, or a folder")
+    parser.add_argument("a", metavar="REV", help="a revision, or a folder")
+    parser.add_argument("b", metavar="REV", nargs="?", default=BENCH.parent, help="(this tree)")
     parser.add_argument("--quick", action="store_true", help="one case for each allowance")
     parser.add_argument("--rounds", type=int, help="turns of each case (9; quick: 5)")
     parser.add_argument("--threshold", type=float, help="what B / A may be, for all cases")
@@ -214,17 +204,16 @@ def main(arguments=None):
     chosen = [
         (index, case)
         for index, case in enumerate(CASES)
-        if options.select in str(case) and (case.quick or not options.quick)
+        if options.select in case.name and (case.quick or not options.quick)
     ]
     rounds = options.rounds or (5 if options.quick else 9)
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         trees = []
-        for label, revision in zip("AB", options.revisions, strict=True):
+        for label, revision in (("A", options.a), ("B", options.b)):
             trees.append(stack.enter_context(checked_out(revision, folder / label)))
             print(f"{label}: {revision}", flush=True)
-        tiny, threshold = options.tiny, options.threshold
-        too_slow = compare_cases(trees, folder, rounds, chosen, threshold, tiny)
+        too_slow = compare_cases(trees, folder, rounds, chosen, options.threshold, options.tiny)
         if not options.no_processes:
             too_slow += compare_processes(trees, folder, min(rounds, 3), options.quick)
     print(f"\n{len(too_slow)} slower than allowed" + "".join(f"\n  {name}" for name in too_slow))
@@ -232,4 +221,4 @@ def main(arguments=None):
 
 
 if __name__ == "__main__":
-    work() if sys.argv[1:] == ["--work"] else sys.exit(main())
+    serve() if sys.argv[1:] == ["--work"] else sys.exit(main())

@@ -11,7 +11,7 @@ K1, K2, K3, K4 = EPS * I13 / (2 * I1), EPS * I23 / (2 * I2), EPS * I23 / I1, EPS
 
 
 def step_as_printed(p, q):
-    """One step of (ds2)."""
+    """One step of the map as Section 4 prints it."""
     delta = (1.0 + K1 * q) * (1.0 - K2 * p) + (K1 * p + K3 * q) * (K4 * p + K2 * q)
     return (
         (p - K2 * p * p - K1 * p * q - K3 * q * q) / delta,
@@ -20,7 +20,7 @@ def step_as_printed(p, q):
 
 
 def velocity(p, q):
-    """The right side of (s1)."""
+    """The right side of the equations of motion."""
     x = I13 * p + I23 * q
     return -x * q / I1, x * p / I2
 
@@ -79,7 +79,7 @@ class Formulas:
 
 
 def matrix_nd(J, I, eps, omega):
-    """A(Omega) of (dsn), one matrix for each state."""
+    """The matrix A(Omega) of the map in n dimensions, one for each state."""
     p = (omega * I).sum(-1)[:, None, None]
     h = (eps / (2 * J))[:, None]
     rank2 = 2 * I[:, None] * omega[:, None, :] - I * omega[:, :, None]

@@ -8,12 +8,11 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-import numpy as np
-
 # C is compiled for the processor that Numba compiles for.
 PROCESSOR = os.environ.get("NUMBA_CPU_NAME")
 ARCHITECTURE = {None: "native", "generic": "x86-64"}.get(PROCESSOR, PROCESSOR)
 FLAGS = ["-O3", f"-march={ARCHITECTURE}", "-fopenmp", "-shared", "-fPIC"]
+KINDS = {int: ctypes.c_long, float: ctypes.c_double}
 
 
 @functools.cache
@@ -37,15 +36,8 @@ def call(name, function, *arguments, flags=()):
     found = getattr(_library(name, *flags), function, None)
     if found is None:
         raise ImportError(f"no {function} for this processor")
-    kinds = {int: ctypes.c_long, float: ctypes.c_double}
-    found(
-        *(
-            ctypes.c_void_p(each.ctypes.data)
-            if isinstance(each, np.ndarray)
-            else kinds[type(each)](each)
-            for each in arguments
-        )
-    )
+    addresses = lambda each: ctypes.c_void_p(each.ctypes.data)  # noqa: E731
+    found(*(KINDS.get(type(each), addresses)(each) for each in arguments))
 
 
 def version():

@@ -24,6 +24,11 @@ def starts(batch):
     return np.random.default_rng(0).uniform(-2, 2, (batch, 2))
 
 
+def random_states(count):
+    """States away from where a quantity is infinite."""
+    return np.random.default_rng(2).uniform(0.5, 2, (count, 2))
+
+
 def problem_nd(components, batch, integrable=False):
     """A body in components + 1 dimensions, and states of the order of 1."""
     rng = np.random.default_rng(components)
@@ -59,7 +64,7 @@ def orbit(batch, steps):
 
 @functools.cache
 def motion(batch, time):
-    """The continuous motion (s1) of the first trajectories: x' = xy/a, y' = -x^2."""
+    """The continuous motion of the first trajectories: x' = xy/a, y' = -x^2."""
     a = PRECISE.a
     x, y = PRECISE.to_xy(*starts(batch).T.astype(np.longdouble))
     R = np.sqrt(a * x * x + y * y)

@@ -3,7 +3,11 @@
 import os
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
+
+import suslov_fast
 
 BODY_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
 BODY_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
@@ -33,3 +37,29 @@ def run(code, tree, cache):
     begin = time.perf_counter()
     subprocess.run([sys.executable, "-c", code], env=environment, check=True)
     return time.perf_counter() - begin
+
+
+def cases():
+    """Processes with the kernels that are there, compiled before, or with none compiled."""
+    from work import Case, Work
+
+    tree = Path(suslov_fast.__path__[0]).parent
+
+    def of(code, fresh=False):
+        def call():
+            with tempfile.TemporaryDirectory() as folder:
+                run(code, tree, folder if fresh else None)
+
+        # A test runs one process, which is test enough.
+        return lambda size, threads: Work(
+            call if size(1, 0) else lambda: run("pass", tree, None), 1
+        )
+
+    for key, (label, code, _) in IMPORTS.items():
+        whose = "this package" if "suslov_fast" in code else "others"
+        yield Case("processes", key, label, of(code), whose=whose, threads="one")
+    for key, (label, call) in CALLS.items():
+        code = IMPORT + call
+        again, first = f"{label}, compiled before", f"{label}, nothing compiled"
+        yield Case("processes", f"{key}-again", again, of(code), threads="one")
+        yield Case("processes", f"{key}-first", first, of(code, True), threads="one", once=True)

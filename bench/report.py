@@ -7,13 +7,35 @@ nothing. `--write` also replaces the table in README.md.
 """
 
 import argparse
+import os
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import results
 import tables
 
 README = results.BENCH.parent / "README.md"
+# Passes are short and follow each other: a shared machine is slow for seconds at a time.
 PASSES = 4
+PYTEST = "-q --benchmark-enable --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
+
+
+def measure(passes, select):
+    """The results of several passes over all benchmarks, each in a process of its own."""
+    several = []
+    # The peers that solve linear systems are measured on one thread, like the others beside them.
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(passes):
+            print(f"pass {k + 1} of {passes}", flush=True)
+            target = Path(folder) / f"{k}.json"
+            more = [f"--benchmark-json={target}", *(["-m", "not once"] if k else [])]
+            subprocess.run([*command, *more], env=environment, cwd=results.BENCH.parent, check=True)
+            several.append(results.load(target))
+    return results.merge(several)
 
 
 def main(arguments=None):
@@ -22,7 +44,7 @@ def main(arguments=None):
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
     parser.add_argument("--passes", type=int, default=PASSES, help=f"how often ({PASSES})")
-    parser.add_argument("-k", dest="select", help="only benchmarks that match, as for pytest")
+    parser.add_argument("-k", dest="select", default="", help="only benchmarks that match")
     parser.add_argument("--to", type=Path, default=results.BENCH / "results", help="folder")
     options = parser.parse_args(arguments)
     import charts  # needs matplotlib: say so before all is measured
@@ -30,7 +52,7 @@ def main(arguments=None):
     if options.files:
         measured = results.merge([results.load(path) for path in options.files])
     else:
-        measured = results.measure(options.passes, options.select)
+        measured = measure(options.passes, options.select)
     options.to.mkdir(exist_ok=True)
     results.dump(measured, options.to / "benchmarks.json")
     text = tables.everything(measured)

@@ -1,30 +1,24 @@
-"""Run the benchmarks, and keep what they measured: rows of results, their files, their limits."""
+"""What benchmarks measured: rows of results, their files, and shares of the machine's limits."""
 
 import importlib.metadata
 import json
-import os
 import platform
-import subprocess
-import sys
-import tempfile
-from dataclasses import asdict, dataclass
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import native
 
 BENCH = Path(__file__).parent
-PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka", "JAX", "numbalsoda", "pynamicalsys"]
-# Passes are short and follow each other: a shared machine is slow for seconds at a time.
-SETTINGS = ("--benchmark-min-rounds=3", "--benchmark-max-time=0.1", "--benchmark-columns=min")
+PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka"]
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """One benchmark, measured.
 
     `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
-    of the machine and how much of it a unit needs, `share` the measured share of that limit if row
-    and limit were measured in turn, `x` the place in a chart or in a table with columns.
+    of the machine and how much of it a unit needs, `x` the place in a chart or in a table with
+    columns.
     """
 
     name: str
@@ -32,13 +26,11 @@ class Row:
     key: str
     label: str
     whose: str
-    unit: str
     work: float
     seconds: float
     threads: int = 1
     error: float | None = None
     limit: tuple[str, float] | None = None
-    share: float | None = None
     x: float | None = None
 
     @property
@@ -47,8 +39,7 @@ class Row:
         return self.work / self.seconds
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(NamedTuple):
     """Rows of one machine, the best of several passes."""
 
     date: str
@@ -58,12 +49,8 @@ class Results:
 
     def of(self, table, **wanted):
         """Rows of a table with these attributes, fastest first."""
-        rows = [
-            row
-            for row in self.rows
-            if row.table == table
-            and all(getattr(row, name) == value for name, value in wanted.items())
-        ]
+        wanted = {"table": table, **wanted}.items()
+        rows = [row for row in self.rows if wanted <= row._asdict().items()]
         return sorted(rows, key=lambda row: row.rate, reverse=True)
 
     def one(self, table, key, **wanted):
@@ -84,13 +71,10 @@ class Results:
         The limit is the most that any row got: a row that passes the benchmark of the limit shows
         that the limit was measured at a bad moment.
         """
-        if row.limit is None or row.share is not None:
-            return row.share
-        found = [
-            each
-            for each in self.rows
-            if each.limit and each.limit[0] == row.limit[0] and each.threads == row.threads
-        ]
+        if row.limit is None:
+            return None
+        found = [each for each in self.rows if each.limit and each.threads == row.threads]
+        found = [each for each in found if each.limit[0] == row.limit[0]]
         if not any(each.whose == "the machine" for each in found):
             return None
         return row.rate * row.limit[1] / max(each.rate * each.limit[1] for each in found)
@@ -98,8 +82,8 @@ class Results:
 
 def dump(results, path):
     """Write results to a file."""
-    rows = [{k: v for k, v in asdict(row).items() if v is not None} for row in results.rows]
-    text = json.dumps(vars(results) | {"rows": rows}, indent=1, ensure_ascii=False)
+    rows = [{k: v for k, v in row._asdict().items() if v is not None} for row in results.rows]
+    text = json.dumps(results._asdict() | {"rows": rows}, indent=1, ensure_ascii=False)
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
@@ -107,20 +91,16 @@ def load(path):
     """Results from a file of `dump`, or of pytest-benchmark: nothing that names machine or user."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
     if "benchmarks" in content:
-        machine = content["machine_info"]
         content = {
             "date": content["datetime"][:10],
-            "machine": {key: machine[key] for key in ("processor", "threads", "versions")},
+            "machine": content["machine_info"]["ours"],
             "passes": 1,
             "rows": [
                 each["extra_info"] | {"name": each["name"], "seconds": each["stats"]["min"]}
                 for each in content["benchmarks"]
             ],
         }
-    rows = [
-        row | {"limit": tuple(row["limit"]) if row.get("limit") else None}
-        for row in content["rows"]
-    ]
+    rows = [row | {"limit": tuple(row.get("limit") or ()) or None} for row in content["rows"]]
     return Results(**content | {"rows": tuple(Row(**row) for row in rows)})
 
 
@@ -131,8 +111,7 @@ def merge(several):
         if results.machine != several[0].machine:
             raise ValueError("expected results of one machine and one set of versions")
         for row in results.rows:
-            if row.name not in best or row.seconds < best[row.name].seconds:
-                best[row.name] = row
+            best[row.name] = min(row, best.get(row.name, row), key=lambda each: each.seconds)
     return Results(
         date=max(results.date for results in several),
         machine=several[0].machine,
@@ -141,28 +120,8 @@ def merge(several):
     )
 
 
-def measure(passes, select=None):
-    """The results of several passes over all benchmarks, each in a process of its own."""
-    several = []
-    # The peers that solve linear systems are measured on one thread, like the others beside them.
-    threads = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", str(BENCH), "-q", "--benchmark-enable", *SETTINGS]
-    command += ["--benchmark-quiet", *(["-k", select] if select else [])]
-    with tempfile.TemporaryDirectory() as folder:
-        for k in range(passes):
-            print(f"pass {k + 1} of {passes}", flush=True)
-            target = Path(folder) / f"{k}.json"
-            once = ["-m", "not once"] if k else []
-            json_to = f"--benchmark-json={target}"
-            subprocess.run(
-                [*command, json_to, *once], env=os.environ | threads, cwd=BENCH.parent, check=True
-            )
-            several.append(load(target))
-    return merge(several)
-
-
-def machine():
-    """Processor, threads and versions, and nothing that names the host."""
+def machine(described):
+    """Processor, threads and versions, from what pytest-benchmark says; nothing names the host."""
     import numba
     from llvmlite import binding
 
@@ -170,25 +129,14 @@ def machine():
 
     versions = {"Python": platform.python_version(), "suslov_fast": suslov_fast.__version__}
     for package in PACKAGES:
-        try:
+        with suppress(importlib.metadata.PackageNotFoundError):
             versions[package] = importlib.metadata.version(package.lower())
-        except importlib.metadata.PackageNotFoundError:
-            continue
     versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))
     if native.version():
         versions["gcc"] = native.version()
     compiled_for = f", compiled for {native.PROCESSOR}" if native.PROCESSOR else ""
     return {
-        "processor": _processor() + compiled_for,
+        "processor": described["cpu"].get("brand_raw", platform.machine()) + compiled_for,
         "threads": int(numba.config.NUMBA_NUM_THREADS),
         "versions": versions,
     }
-
-
-def _processor():
-    """The name of the processor, as far as the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()

@@ -1,6 +1,6 @@
 """Results as tables in Markdown: one for the README, all of them for a page of their own."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
 HEADLINE = ("auto", "canonical", "c-projective", "c-printed", "numpy")
@@ -11,17 +11,14 @@ def figure(value, digits=3):
     return "" if value is None else f"{float(f'{value:.{digits}g}'):,.10g}"
 
 
-def percent(value):
-    return "" if value is None else f"{100 * value:.0f} %"
-
-
 def error_of(results, row):
     return "" if row.error is None else f"{row.error:.0e}"
 
 
 def share(results, row):
     """Share of the limit of the machine."""
-    return percent(results.share(row))
+    value = results.share(row)
+    return "" if value is None else f"{100 * value:.0f} %"
 
 
 def rate(scale):
@@ -34,14 +31,10 @@ def seconds_per_unit(scale):
     return lambda results, row: figure(scale / row.rate)
 
 
-def times(table, key, digits=2):
-    """Column of rates as multiples of that of another row."""
-
-    def cell(results, row):
-        base = results.one(table, key)
-        return figure(row.rate / base.rate, digits) if base else ""
-
-    return cell
+def of_printed(results, row):
+    """Rate as a multiple of that of the printed map in C."""
+    base = results.one("last states", "c-printed")
+    return figure(row.rate / base.rate, 2) if base else ""
 
 
 def divisions(results, row):
@@ -66,8 +59,7 @@ def of_import_numba(results, row):
     return figure(row.seconds / base.seconds, 2) if base else ""
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of results: text above it, and columns, (header, function of results and row).
 
     With `across`, a table has a line for each key and a column for each x; `across` is the header
@@ -81,37 +73,40 @@ class Table:
 
     def lines(self, results, keys=None):
         rows = [row for row in results.best(self.name) if keys is None or row.key in keys]
-        header, cells = [], []
+        if not rows:
+            return ""
         if self.across:
             places = sorted({row.x for row in rows})
+            header = [self.across, *(f"{x:,}" for x in places)]
             lines = {}
             for row in rows:
                 lines.setdefault((row.key, row.whose), {})[row.x] = row
-            header = [self.across, *(f"{x:,}" for x in places)]
-            for line in sorted(lines.values(), key=lambda line: -line[max(line)].rate):
-                found = [self.columns[0](results, line[x]) if x in line else "" for x in places]
-                cells.append([named(results, next(iter(line.values()))), *found])
+            found = [
+                (
+                    line[max(line)],
+                    [self.columns[0](results, line[x]) if x in line else "" for x in places],
+                )
+                for line in lines.values()
+            ]
+            found.sort(key=lambda pair: -pair[0].rate)
         else:
             header = ["", *(name for name, _ in self.columns)]
-            for row in rows:
-                found = [cell(results, row) for _, cell in self.columns]
-                cells.append([named(results, row), *found])
-        if not cells:
-            return ""
-        lines = [header, ["---"] + ["---:"] * (len(header) - 1), *cells]
-        return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+            found = [(row, [cell(results, row) for _, cell in self.columns]) for row in rows]
+        cells = [[named(results, row), *values] for row, values in found]
+        table = [header, ["---"] + ["---:"] * (len(header) - 1), *cells]
+        return "\n".join("| " + " | ".join(line) + " |" for line in table)
 
 
 def named(results, row):
     """The name of a row: ours in bold, with its threads where others have more."""
     ours = "**suslov_fast**, " if row.whose == "this package" else ""
     counts = {each.threads for each in results.best(row.table)}
-    few = row.threads == 1 and counts != {1} and row.unit not in ("calls", "processes")
+    few = row.threads == 1 and counts != {1} and row.table not in ("calls", "processes")
     return ours + row.label + ", one thread" * few
 
 
 RATES, NS = {9: rate(1e9), 6: rate(1e6)}, seconds_per_unit(1e9)
-OF_PRINTED, ERROR = ("of C as printed", times("last states", "c-printed")), ("error", error_of)
+OF_PRINTED, ERROR = ("of C as printed", of_printed), ("error", error_of)
 README = Table("last states", "", (("1e9 steps/s", RATES[9]), OF_PRINTED, ERROR))
 LAST = (("divisions per step", divisions), ("of the divider", share), ERROR)
 SAVED = (("GB/s", rate(1e9 / 16)), ("of streaming stores", share), ERROR)
@@ -132,17 +127,20 @@ TABLES = (
     Table(
         "few orbits",
         "**Few orbits**, 5,000,000 states in all, as shares of streaming stores:",
-        *((share,), "orbits"),
+        (share,),
+        "orbits",
     ),
     Table(
         "save_every",
         "**Saved states that lie apart**: 50 of each of 4096 orbits, nanoseconds per saved state:",
-        *((NS,), "`save_every` ="),
+        (NS,),
+        "`save_every` =",
     ),
     Table(
         "batch",
         "**Batches of any size**, last states after 50 steps, 1e9 steps per second:",
-        *((RATES[9],), "orbits"),
+        (RATES[9],),
+        "orbits",
     ),
     Table(
         "jumps",
@@ -165,17 +163,20 @@ TABLES = (
     Table(
         "n dimensions",
         "**In n dimensions**, nanoseconds per step of one of 512 trajectories, on one thread:",
-        *((NS,), "n - 1 ="),
+        (NS,),
+        "n - 1 =",
     ),
     Table(
         "n dimensions, saved states",
         "**In n dimensions, all states** of 4096 orbits, as shares of streaming stores:",
-        *((share,), "n - 1 ="),
+        (share,),
+        "n - 1 =",
     ),
     Table(
         "space",
         "**Orientations and exponents** of 4096 bodies, 100 steps, nanoseconds per step:",
-        *((NS,), "n ="),
+        (NS,),
+        "n =",
     ),
     Table("calls", "**Small calls**:", (("µs", seconds_per_unit(1e6)),)),
     Table(
@@ -206,10 +207,8 @@ def everything(results):
     conditions = (
         f"Measured on {caption(results)}. The best of each in {results.passes} passes. Errors are "
         "the largest relative ones of 64 trajectories (8 in n dimensions) against long doubles. A "
-        "limit is the most that its own benchmark, or any other, got of it; a share of streaming "
-        "stores is the median of those of calls and stores that take turns, because the memory of "
-        "a shared machine is fast and slow for seconds at a time. All rows are measured on "
-        f"{threads(results)} unless they say otherwise."
+        "limit is the most that its own benchmark, or any other, got of it. All rows are measured "
+        f"on {threads(results)} unless they say otherwise."
     )
     parts = ["# Benchmarks", *PICTURES, conditions]
     for table in TABLES:

@@ -39,13 +39,13 @@ from ._states.conserved import invariant_density as invariant_density
 from ._states.conserved import modified_energy as modified_energy
 from ._states.continuous import reaction as reaction
 from ._states.continuous import vector_field as vector_field
+from ._states.coordinates import ClosedForm as ClosedForm
+from ._states.coordinates import closed_form as closed_form
 from ._states.coordinates import from_xy as from_xy
 from ._states.coordinates import to_xy as to_xy
 from ._states.linearised import jacobian as jacobian
 from ._states.linearised import matrix as matrix
 from ._states.linearised import multipliers as multipliers
 from ._states.lyapunov import lyapunov_exponents as lyapunov_exponents
-from ._states.section4 import ClosedForm as ClosedForm
-from ._states.section4 import closed_form as closed_form
 
 __version__: str

@@ -13,22 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-_EXPECTED = {
-    "real": "real numbers",
-    "finite": "finite real numbers",
-    "range": "numbers in the range of float64",
-    "rectangular": "a rectangular array of real numbers",
-    "unit": "numbers without a unit",
-    "labels": "an array",
-    "axes": "the axes {} in this order at the end, and 'n' first",
-    "components": "the components {} in order",
-    "shape": "shape {}",
-    "symmetric": "a symmetric inertia matrix",
-    "positive": "a positive definite inertia matrix",
-    "axis": "an axis other than 0",
-    "rotation": "rotation matrices",
-    "64 bits": "an integer below 2**62",
-}
 # Arrays beyond this size take longer to look through than to compute with.
 LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
@@ -43,18 +27,16 @@ _OWN_AXES = ("component", "space", "body")
 
 
 def wrong(
-    name: str, expected: str, received: object, error: type[Exception] = ValueError, *words: object
+    name: str, expected: str, received: object, error: type[Exception] = ValueError
 ) -> Exception:
-    """Return an error that names the argument; `expected` is a key of the table, or a text."""
-    text = _EXPECTED.get(expected, expected)
-    return error(f"{name}: expected {text.format(*words) if words else text}, got {received}")
+    """Return an error that names the argument."""
+    return error(f"{name}: expected {expected}, got {received}")
 
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
     """Return any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
     array = _floats(name, value)
-    if not _finite(array):
-        _refuse_infinite(name, array, allow_nan)
+    _all_finite(name, array, allow_nan)
     return array
 
 
@@ -66,15 +48,14 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array
     if not math.isfinite(value):
-        raise wrong(name, "finite", value)
+        raise wrong(name, "finite real numbers", value)
     return value
 
 
 def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
     """Return an array of finite real vectors, components on the last axis."""
     array = _vectors(name, value, dimension)
-    if not _finite(array):
-        _refuse_infinite(name, array, allow_nan)
+    _all_finite(name, array, allow_nan)
     return array
 
 
@@ -85,9 +66,8 @@ def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> 
     numbers.
     """
     array = _vectors(name, value, dimension)
-    if (later and array.size > LARGE) or _finite(array):
+    if (later and array.size > LARGE) or _all_finite(name, array, allow_nan=True):
         return array
-    _refuse_infinite(name, array, allow_nan=True)
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 
 
@@ -96,58 +76,53 @@ def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
     if type(value) not in _PLAIN:
         _check_labels(name, value)
     if array.ndim == 0 or array.shape[-1] != dimension:
-        raise wrong(name, "shape", array.shape, ValueError, f"(..., {dimension})")
+        raise wrong(name, f"shape (..., {dimension})", array.shape)
     return array
 
 
 def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, infinite ones and NaN included."""
-    plain = type(value) in _PLAIN
-    if not plain or not isinstance(value, np.ndarray):
-        _refuse_units(name, value)
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
+    _refuse_units(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise wrong(name, "rectangular", _short(value)) from error
-    if array.dtype is _FLOAT64 and plain:
-        return array
+        raise wrong(name, "a rectangular array of real numbers", _short(value)) from error
     # `numpy.ma` is imported where something may be of it.
-    if array is not value and isinstance(value, np.ndarray) and np.ma.is_masked(value):
-        raise wrong(name, "real", "a masked array with missing values")
+    if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
+        raise wrong(name, "real numbers", "a masked array with missing values")
+    if array.dtype is _FLOAT64:
+        return array
     if array.dtype.kind == "O":
-        array = _from_objects(name, value, array)
+        for item in array.flat:
+            if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
+                received = f"{_short(item)} of type {type(item).__name__}"
+                raise wrong(name, "real numbers", received, TypeError)
+        try:
+            return array.astype(np.float64)
+        except OverflowError as error:
+            raise wrong(name, "numbers in the range of float64", _short(value)) from error
     if array.dtype.kind not in "iuf":
-        raise wrong(name, "real", f"{_short(value)} of dtype {array.dtype}", TypeError)
-    if array.dtype.itemsize <= 8:
-        return array.astype(np.float64, copy=False)
+        received = f"{_short(value)} of dtype {array.dtype}"
+        raise wrong(name, "real numbers", received, TypeError)
     with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
-        return array.astype(np.float64)
+        return array.astype(np.float64, copy=False)
 
 
-def _from_objects(name: str, value: ArrayLike, array: NDArray[Any]) -> FloatArray:
-    for item in array.flat:
-        if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
-            received = f"{_short(item)} of type {type(item).__name__}"
-            raise wrong(name, "real", received, TypeError)
-    try:
-        return array.astype(np.float64)
-    except OverflowError as error:
-        raise wrong(name, "range", _short(value)) from error
-
-
-def _finite(array: FloatArray) -> bool:
-    """Return True if all numbers are finite; finite ones whose sum overflows may give False."""
+def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
+    """Return True if all numbers are finite; False may mean that their sum overflows, or NaN."""
     if array.size <= _FEW:
-        return math.isfinite(sum(array.ravel().tolist()))
-    return bool(np.isfinite(array).all())
-
-
-def _refuse_infinite(name: str, array: FloatArray, allow_nan: bool) -> None:
+        if math.isfinite(sum(array.ravel().tolist())):
+            return True
+    elif np.isfinite(array).all():
+        return True
     infinite = np.isinf(array) if allow_nan else ~np.isfinite(array)
     if infinite.any():
         index = first_index(infinite)
         where = f" at index {index}" if index else ""
-        raise wrong(name, "finite", f"{array[index]}{where}")
+        raise wrong(name, "finite real numbers", f"{array[index]}{where}")
+    return False
 
 
 def _refuse_units(name: str, value: Any) -> None:
@@ -161,7 +136,7 @@ def _refuse_units(name: str, value: Any) -> None:
         return
     if hasattr(value, "columns"):
         how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
-        raise wrong(name, "labels", how, TypeError)
+        raise wrong(name, "an array", how, TypeError)
     if _is_xarray(value):
         value = getattr(value, "data", None)  # the attributes are notes, as those of our datasets
     for attribute in ("unit", "units"):
@@ -171,7 +146,7 @@ def _refuse_units(name: str, value: Any) -> None:
                 f"{type(value).__name__} in {getattr(value, attribute)}: pass its number in the "
                 f"unit that all arguments share, as {name}.to(...).{number}"
             )
-            raise wrong(name, "unit", received, TypeError)
+            raise wrong(name, "numbers without a unit", received, TypeError)
 
 
 def _is_xarray(value: Any) -> bool:
@@ -181,30 +156,25 @@ def _is_xarray(value: Any) -> bool:
 def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
     """Return arguments of which labelled ones broadcast along axes of the same names."""
     labelled = {
-        name: value
+        name: [dim for dim in value.dims if dim not in _OWN_AXES]
         for name, value in arguments.items()
         if type(value) not in _PLAIN and _is_xarray(value)
     }
     if len(labelled) < 2:
         return arguments
-    batches = {
-        name: [dim for dim in value.dims if dim not in _OWN_AXES]
-        for name, value in labelled.items()
-    }
-    longest = max(batches, key=lambda name: len(batches[name]))
-    whole, arrays = batches[longest], dict(arguments)
-    for name, value in labelled.items():
-        if not set(batches[name]) <= set(whole):
+    arrays, longest = dict(arguments), max(labelled, key=lambda name: len(labelled[name]))
+    whole = labelled[longest]
+    for name, dims in labelled.items():
+        value = arguments[name]
+        if not set(dims) <= set(whole):
             expected = f"axes among {tuple(whole)}, those of {longest}"
-            raise wrong(name, expected, f"{tuple(batches[name])}: pass values without labels")
+            raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
         own = [dim for dim in value.dims if dim in _OWN_AXES]
         if own:
             _check_labels(name, value)
-        used = [dim for dim in whole if dim in value.dims]
-        axes = whole[whole.index(used[0]) :] if used else []
-        shape = [value.sizes[dim] if dim in used else 1 for dim in axes]
-        shape += [value.sizes[dim] for dim in own]
-        arrays[name] = value.transpose(*used, *own).data.reshape(shape)
+        first = min(map(whole.index, dims), default=len(whole))
+        absent = [dim for dim in whole[first:] if dim not in dims]
+        arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *own).data
     return arrays
 
 
@@ -214,8 +184,9 @@ def _check_labels(name: str, value: Any) -> None:
         dims = [str(dim) for dim in value.dims]
         own = [dim for dim in _OWN_AXES if dim in dims]
         if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
+            order = f"the axes {tuple(own)} in this order at the end, and 'n' first"
             how = f"{tuple(dims)}: pass it transposed, {name}.transpose('n', ..., 'component')"
-            raise wrong(name, "axes", how, ValueError, tuple(own))
+            raise wrong(name, order, how)
         coords = getattr(value, "coords", {})
         labels = coords[dims[-1]].values if dims and dims[-1] in coords else ()
     else:
@@ -224,14 +195,13 @@ def _check_labels(name: str, value: Any) -> None:
     if not len(labels):
         return
     received = np.asarray(labels).tolist()
+    expected = sorted(received)
     if isinstance(received[0], str):
         last = "n" if received[0].endswith("n") else ""
         expected = [f"Omega{k + 1}{last}" for k in range(len(received))]
-    else:
-        expected = sorted(received)
     if received != expected:
         how = f"{_short(received)}: pass values in this order, without labels"
-        raise wrong(name, "components", how, ValueError, _short(expected))
+        raise wrong(name, f"the components {_short(expected)} in order", how)
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatArray:
@@ -240,14 +210,16 @@ def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatAr
     side = matrix.shape[-1] if n is None and matrix.ndim else n
     if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
         shape = "(n, n)" if n is None else f"(..., {n}, {n})"
-        raise wrong(name, "shape", matrix.shape, ValueError, shape)
+        raise wrong(name, f"shape {shape}", matrix.shape)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
-        raise wrong(name, "symmetric", f"one with |I - I.T| = {asymmetry.max()}")
+        raise wrong(name, "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
     eigenvalues = np.linalg.eigvalsh(matrix)
     if not (eigenvalues > 1e-15 * size[..., np.newaxis]).all():
-        raise wrong(name, "positive", f"the eigenvalue {eigenvalues.min()}")
+        raise wrong(
+            name, "a positive definite inertia matrix", f"the eigenvalue {eigenvalues.min()}"
+        )
     return matrix
 
 
@@ -256,7 +228,7 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     axis = vectors(name, value, n)
     largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
     if not (largest > 0).all():
-        raise wrong(name, "axis", "one of length 0")
+        raise wrong(name, "an axis other than 0", "one of length 0")
     axis = axis / largest
     unit: FloatArray = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
     return unit
@@ -266,12 +238,14 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
     matrices = vectors(name, value, n)
     if matrices.ndim < 2 or matrices.shape[-2] != n:
-        raise wrong(name, "shape", matrices.shape, ValueError, f"(..., {n}, {n})")
+        raise wrong(name, f"shape (..., {n}, {n})", matrices.shape)
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     determinant = np.linalg.det(matrices)
     if error > 1e-10 or not (determinant > 0).all():
         least = determinant.min(initial=np.inf)
-        raise wrong(name, "rotation", f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}")
+        raise wrong(
+            name, "rotation matrices", f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}"
+        )
     return matrices
 
 
@@ -303,7 +277,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     if number < minimum:
         raise wrong(name, expected, number)
     if number >= 2**62:
-        raise wrong(name, "64 bits", _short(number))
+        raise wrong(name, "an integer below 2**62", _short(number))
     return number
 
 

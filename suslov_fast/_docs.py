@@ -69,6 +69,16 @@ rotation : array_like(float, shape=(..., n, n)), optional
 attitude : array_like(float, shape=(..., n, n)), optional
     Orientations, as :func:`suslov_fast.attitude` returns them. With them the result is in
     space.""",
+    "panel": """\
+letter : str, optional
+    Letter of the panel, written above it.
+ax : matplotlib.axes.Axes, optional
+    Axes to draw on; by default those of a new figure.""",
+    "panels": """\
+letters : sequence of str, optional
+    Letters of the panels, written above them.
+ax : sequence of matplotlib.axes.Axes, optional
+    Axes to draw on, one for each panel; by default those of a new figure.""",
     "invalid": """\
 TypeError, ValueError
     If an argument has a wrong type or shape, or is infinite.""",

@@ -93,9 +93,8 @@ class Browser:
 
     def value(self, script):
         """Return the value of a script on the page."""
-        answer = self.call(
-            "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
-        )
+        options = {"returnByValue": True, "awaitPromise": True}
+        answer = self.call("Runtime.evaluate", expression=script, **options)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
@@ -119,17 +118,6 @@ class Browser:
         """Load a page."""
         self.call("Page.navigate", url=url)
         self.wait("document.readyState === 'complete' && document.documentElement !== null")
-
-    def mouse(self, kind, x, y):
-        """Press, move or release the left button of the mouse."""
-        pressed = int(kind != "mouseReleased")
-        where = {"x": x, "y": y, "button": "left", "buttons": pressed, "clickCount": 1}
-        self.call("Input.dispatchMouseEvent", type=kind, **where)
-
-    def key(self, name):
-        """Press and release a key."""
-        for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
     def picture(self, path):
         """Save a screenshot."""

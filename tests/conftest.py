@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from suslov_fast import Suslov3D, _kernels
-from suslov_fast._engine import problem
+from suslov_fast import Suslov3D, SuslovND, _kernels
+from suslov_fast._engine import run as engine
 
 # The first call of a kernel compiles it, which no deadline allows for.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
@@ -78,10 +78,10 @@ def rng():
 @pytest.fixture
 def small_parts(monkeypatch):
     """Let runs be cut into many parts, along the batch and along time."""
-    monkeypatch.setattr(problem, "_PART", 2**12)
-    monkeypatch.setattr(problem, "_ABREAST", 1)
-    monkeypatch.setattr(problem, "_LENGTH", 1)
-    monkeypatch.setattr(problem, "_SHORT", -1.0)  # parts do not grow
+    monkeypatch.setattr(engine, "_PART", 2**12)
+    monkeypatch.setattr(engine, "_ABREAST", 1)
+    monkeypatch.setattr(engine, "_LENGTH", 1)
+    monkeypatch.setattr(engine, "_SHORT", -1.0)  # parts do not grow
 
 
 @pytest.fixture
@@ -94,6 +94,14 @@ def body():
 def unit():
     """A body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
     return Suslov3D(1, 1, 1, 0)
+
+
+@pytest.fixture(params=["3D", "nD"])
+def case(request, body):
+    """A body and a state of it."""
+    if request.param == "3D":
+        return body, [1.0, 0.5]
+    return SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
 
 
 @pytest.fixture(autouse=True)

@@ -6,6 +6,7 @@ import cases
 import compare
 import limits
 import peers
+import processes
 import pytest
 import report
 import results
@@ -16,7 +17,7 @@ OURS, MACHINE = "this package", "the machine"
 
 
 def row(key, seconds, table="last states", whose=OURS, **more):
-    values = {"label": key, "unit": "steps", "work": 1_000_000, "threads": 2} | more
+    values = {"label": key, "work": 1_000_000, "threads": 2} | more
     name = f"{table}-{key}-{whose}-{values['threads']}-{values.get('x')}"
     return Row(name=name, key=key, seconds=seconds, table=table, whose=whose, **values)
 
@@ -31,27 +32,27 @@ FULL = made(
     row("c-printed", 2e-4, whose="C", limit=("divisions", 2), error=1e-15),
     row("python", 1.0, whose="others", threads=1),
     row("divisions", 1e-4, whose=MACHINE, work=2_000_000, limit=("divisions", 1)),
-    row("stored", 1e-3, "saved states", limit=("streaming", 16), share=0.25),
+    row("stored", 1e-3, "saved states", limit=("streaming", 16)),
     row("streaming", 1e-3, "saved states", MACHINE, work=4_000_000, limit=("streaming", 16)),
-    row("energy", 1e-3, "quantities", limit=("copy", 24), unit="states"),
-    row("energy", 2e-3, "quantities", threads=1, limit=("copy", 24), unit="states"),
-    row("energy", 4e-3, "quantities", "NumPy", threads=1, unit="states"),
+    row("energy", 1e-3, "quantities", limit=("copy", 24)),
+    row("energy", 2e-3, "quantities", threads=1, limit=("copy", 24)),
+    row("energy", 4e-3, "quantities", "NumPy", threads=1),
     row("copy", 1e-3, "quantities", MACHINE, work=2_000_000, limit=("copy", 24)),
     row("rank2", 1e-3, "n dimensions", x=2, threads=1),
     row("rank2", 1e-2, "n dimensions", x=4, threads=1),
     row("c-rank2", 1e-2, "n dimensions", "C", x=4, threads=1),
-    row("import-numba", 0.2, "processes", "others", work=1, threads=1, unit="processes"),
-    row("first", 0.5, "processes", work=1, threads=1, unit="processes"),
+    row("import-numba", 0.2, "processes", "others", work=1, threads=1),
+    row("first", 0.5, "processes", work=1, threads=1),
 )
 
 
 def test_files_name_no_machine_and_no_person(tmp_path):
     extra = {"table": "last states", "key": "auto", "label": "ours", "whose": OURS}
-    extra |= {"unit": "steps", "work": 100, "threads": 1, "limit": ["divisions", 2]}
+    extra |= {"work": 100, "threads": 1, "limit": ["divisions", 2]}
     benchmark = {"name": "b[1]", "fullname": "secret/b", "stats": {"min": 0.25, "max": 0.5}}
     raw = {
         "datetime": "2026-11-20T07:00:00.000000+00:00",
-        "machine_info": {"node": "secret", "processor": "Abacus", "threads": 2, "versions": {}},
+        "machine_info": {"node": "secret", "ours": {"processor": "Abacus", "threads": 2}},
         "commit_info": {"author_name": "secret"},
         "benchmarks": [benchmark | {"extra_info": extra}],
     }
@@ -76,29 +77,25 @@ def test_merging_takes_the_best_time_of_each():
         results.merge([made(row("a", 1.0)), made(row("a", 1.0), processor="Slide rule")])
 
 
-def cells(name, text):
-    """The cells of the line that begins with a name."""
-    (line,) = [line for line in text.splitlines() if line.startswith(f"| {name} |")]
-    return [cell.strip() for cell in line.split("|")[2:-1]]
+CELLS = {
+    # 1e10 steps per second, of 2e10 divisions.
+    "**suslov_fast**, auto": ["10", "2", "1", "50 %", "1e-15"],
+    "c-printed": ["5", "1", "2", "50 %", "1e-15"],
+    "python, one thread": ["0.001", "0.0002", "", "", ""],
+    "**suslov_fast**, stored": ["1", "16", "25 %", ""],
+    "streaming": ["4", "64", "100 %", ""],
+    "**suslov_fast**, energy": ["1", "2", "2", "50 %", ""],
+    "**suslov_fast**, rank2": ["1", "10"],
+    "c-rank2": ["", "10"],
+    "**suslov_fast**, first": ["0.5", "2.5"],
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        # 1e10 steps per second, of 2e10 divisions.
-        ("**suslov_fast**, auto", ["10", "2", "1", "50 %", "1e-15"]),
-        ("c-printed", ["5", "1", "2", "50 %", "1e-15"]),
-        ("python, one thread", ["0.001", "0.0002", "", "", ""]),
-        ("**suslov_fast**, stored", ["1", "16", "25 %", ""]),
-        ("streaming", ["4", "64", "100 %", ""]),
-        ("**suslov_fast**, energy", ["1", "2", "2", "50 %", ""]),
-        ("**suslov_fast**, rank2", ["1", "10"]),
-        ("c-rank2", ["", "10"]),
-        ("**suslov_fast**, first", ["0.5", "2.5"]),
-    ],
-)
-def test_cells_of_the_tables(name, expected):
-    assert cells(name, tables.everything(FULL)) == expected
+def test_cells_of_the_tables():
+    lines = [line.split(" | ") for line in tables.everything(FULL).splitlines() if "| " in line]
+    found = {line[0].removeprefix("| "): line[1:] for line in lines}
+    for name, cells in CELLS.items():
+        assert [cell.removesuffix(" |").strip() for cell in found[name]] == cells, name
 
 
 def test_what_passes_a_limit_raises_it():
@@ -127,33 +124,28 @@ def test_a_report_of_files(tmp_path):
 
 
 def test_each_case_has_a_table_and_a_name_of_its_own():
-    every = [*cases.CASES, *limits.CASES, *peers.CASES]
-    assert {case.table for case in every} | {"processes"} == {each.name for each in tables.TABLES}
-    assert len({(str(case), case.whose) for case in every}) == len(every)
-    assert {case.at_most for case in cases.CASES} == {
-        case.at_most for case in cases.CASES if case.quick
-    }
-
-
-def test_medians_and_minima_of_turns():
-    assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)
+    every = [*cases.CASES, *limits.CASES, *peers.CASES, *processes.cases()]
+    assert {case.table for case in every} == {each.name for each in tables.TABLES}
+    assert len({(case.name, case.whose) for case in every}) == len(every)
+    allowances = {case.at_most for case in cases.CASES}
+    assert allowances == {case.at_most for case in cases.CASES if case.quick}
 
 
 @pytest.mark.compiled
 def test_two_revisions_are_compared(capfd):
     """The working tree with itself: once with room, once with a threshold that none can meet."""
+    options = ["--tiny", "--rounds", "1", "--no-processes", "-k", "calls-step-"]
     here = str(results.BENCH.parent)
-    options = [here, here, "--tiny", "--rounds", "1", "--no-processes", "-k", "calls-step-"]
-    assert compare.main([*options, "--threshold", "1e9"]) == 0
-    assert compare.main([*options, "--threshold", "1e-9"]) == 1
+    assert compare.main([here, here, *options, "--threshold", "1e9"]) == 0
+    assert compare.main([here, *options, "--threshold", "1e-9"]) == 1
     assert "calls-step-nd" in capfd.readouterr().out
     with pytest.raises(SystemExit, match="no such revision"):
         compare.main([here, "nowhere-at-all"])
 
 
-def test_processes_in_multiples_of_import_numba(capsys):
-    codes = {"import-numba": ("numba", "", None, ""), "a": ("a", "", 1.5, "")}
-    times = {("import-numba", 0): [2.0], ("import-numba", 1): [1.0, 3.0]}
-    times |= {("a", 0): [9.0], ("a", 1): [2.0, 1.6]}
-    assert compare.report_processes(codes, times) == ["a"]
+def test_ratios_of_turns_and_processes(capsys):
+    assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)
+    times = {("import-numba", "numba", None): ([2.0], [1.0, 3.0])}
+    times |= {("a", "a", 1.5): ([9.0], [2.0, 1.6])}
+    assert compare.report_processes(times) == ["a"]
     assert "1.60" in capsys.readouterr().out

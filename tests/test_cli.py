@@ -59,11 +59,6 @@ def summary(text):
 # ------------------------------------------------------------------ what is printed
 
 
-@pytest.mark.parametrize("option", ["-V", "--version"])
-def test_version(option):
-    assert succeed(option) == f"suslov-fast {sf.__version__}\n"
-
-
 def test_help_needs_no_kernels():
     code = "import sys, atexit, suslov_fast._cli as c; atexit.register(lambda: print(*sys.modules))"
     done = subprocess.run(
@@ -74,9 +69,10 @@ def test_help_needs_no_kernels():
 
 
 def test_help():
-    text = succeed("--help")
+    assert succeed("-V") == succeed("--version") == f"suslov-fast {sf.__version__}\n"
+    text = " ".join(succeed("--help").split())
     for name, command in COMMANDS.items():
-        assert command.help in text
+        assert command.text.partition(".")[0] in text
         assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
     text = succeed("run --help")
     assert all(f" --{name} " in text for kind in body_classes() for name in kind._names())
@@ -185,7 +181,6 @@ def test_run_is_iterate(tmp_path):
 TENSOR = np.array([[4.0, 0.2, -0.5], [0.2, 2.5, -0.3], [-0.5, -0.3, 3.0]])
 BODIES = {
     "": sf.Suslov3D(4, 3, -0.4, -0.2),
-    "--picture 1": sf.Suslov3D(4, 1, -0.5, -0.3),
     "--picture 3 --I13 2": sf.Suslov3D(4, 2, 2, -0.2),
     "--picture 4 --I3 5 --eps -0.25": sf.Suslov3D(3, 3, -0.2, -0.2, 5),
     "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": sf.Suslov3D(4, 1, -0.5, -0.3),
@@ -256,100 +251,57 @@ MISTAKES = """
 2 | | expected one of run, info, warm-up, pictures, animate, explore, got nothing
 2 | walk | unknown command 'walk'; expected one of run
 2 | pictrues | unknown command 'pictrues'; did you mean pictures?
-2 | --verison | unknown command '--verison'
 2 | run --step 3 | unknown option --step; did you mean --steps?
 2 | run --sed=3 | unknown option --sed; did you mean --seed?
-2 | run --speed 3 | unknown option --speed
 2 | run now | expected no argument 'now'
-2 | run --picture 5 | --picture: expected 1, 2, 3 or 4, got '5'
+2 | run --picture 12 | --picture: invalid choice: '12' (choose from
 2 | run --I1 4 | expected all of --I1 --I2 --I13 --I23, got no --I2 --I13 --I23; --picture N takes
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | expected a step size with a body of your own, got none; wri
 2 | run --picture 1 --J 4,5 | expected the parameters of one body, got --I1 --I13 --I2 --I23 --J
-2 | run --J 1,2 --I1 3 | expected the parameters of one body, got --I1 --J
-2 | run --picture 1 --I1 0 | --I1: expected a positive number, got '0'
-2 | run --eps nan | --eps: expected a finite number, got 'nan'
+2 | run --picture 1 --I1 0 | I1: expected a positive moment of inertia, got 0.0
+2 | run --eps x | --eps: invalid float value: 'x'
 2 | run --eps | --eps: expected one argument
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
-2 | run --steps 1.5 | --steps: expected an integer of at least 0 and below 2**62, got '1.5'
 2 | run --steps 1e999999999 | --steps: expected an integer of at least 0 and below 2**62, got '1e99
-2 | run --steps 99999999999999999999 | expected an integer of at least 0 and below 2**62, got '9999
-2 | run --trajectories 0 | --trajectories: expected an integer of at least 1
 1 | run --trajectories 1000000000000 | expected arrays that fit in memory
 1 | run --steps 1000000000 --save-every 1 | raise --save-every or lower --trajectories
-2 | run --extent -1 | --extent: expected a positive number, got '-1'
+2 | run --extent -1 | extent: expected a positive number, got -1.0
 2 | run --threads 100000 | --threads: The number of threads must be between 1 and
 2 | run --method rk4 | method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'
-2 | run --J 1,2,4 --I 1,2,3 --eps 0.1 --method ds2 | method: expected one of 'auto', 'gauss'
-2 | run --omega0 1 | --omega0: expected 2 numbers, Omega1, Omega2, got 1
-2 | run --omega0 1,x | --omega0: expected finite numbers separated by commas, got '1,x'
+2 | run --omega0 1 | --omega0: expected 2 numbers, got 1
+2 | run --omega0 1,x | --omega0: expected numbers separated by commas, got '1,x'
 2 | run --omega0 1,2 --seed 0 | expected either --omega0 or --seed, got both
-2 | run --initial good.npy --trajectories 3 | expected either --initial or --trajectories, got both
-2 | run --orientation 1,2 | --orientation: expected a rotation vector of three numbers
-1 | run --orientation good.csv | good.csv: orientation: expected shape (..., 3), got (2, 2)
+2 | run --orientation 1,2 | --orientation: rotation vector: expected shape (..., 3), got (2,)
 1 | run --initial missing.npy | missing.npy: No such file
 1 | run --initial folder.npy | folder.npy: Is a directory
-1 | run --initial loop.npy | loop.npy: Too many levels
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
-1 | run --initial three.npy | three.npy: states: expected shape (..., 2), got (4, 3)
-1 | run --initial flat.npy | flat.npy: states: expected shape (..., 2), got (1, 4)
-1 | run --initial complex.npy | complex.npy: states: expected real numbers
-1 | run --initial objects.npy | objects.npy: Object arrays cannot be loaded
 1 | run --initial cut.npy | suslov-fast: cut.npy:
-1 | run --initial empty.npy | suslov-fast: empty.npy:
 1 | run --initial nan.csv | nan.csv: states: expected finite real numbers, got nan at index
-1 | run --initial words.csv | words.csv: could not convert string 'b'
 1 | run --initial semicolon.csv | semicolon.csv: could not convert string
-1 | run --initial ragged.csv | ragged.csv: the number of columns changed from 2 to 1
 1 | run --initial empty.csv | empty.csv: expected at least one row of numbers, got none
 2 | run --J 1,2,3 --eps 0.1 | expected all of --J --I, got no --I
-2 | run --J 1,2,3 --I 1,2 --eps 0.1 | body: J, I: expected shapes (..., n - 1)
-2 | run --J 1,-2 --I 1,2 --eps 0.1 | body: J: expected a positive sum
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
-2 | run --inertia 1,1,3,0,0,0 --eps 1 | --inertia: I: expected an inertia tensor that a body can
-2 | run --inertia good.txt --eps 1 | --inertia: expected the name of a .npy or .csv file, got 'good
-2 | run --inertia 1,1,1,0,0,0 --eps 1 --axis 0,0,0 | --inertia: a: expected an axis other
-2 | run --inertia 1,1,1,0,0,0 | expected a step size with a body of your own
-1 | run --inertia good.npy --eps 1 | good.npy: expected an n x n matrix, got an array of
-1 | run --inertia four.npy --eps 1 | four.npy: I: expected shape (..., 3, 3), got (4, 4)
-1 | run --mass-tensor missing.npy --eps 1 | missing.npy: No such file
-2 | run --mass-tensor four.npy --picture 1 | expected one body, got --mass-tensor and --picture
+1 | run --inertia good.npy --eps 1 | good.npy: I: expected shape (..., 3, 3), got (4, 2)
+2 | run --mass-tensor good.npy --picture 1 | expected one body, got --mass-tensor and --picture
 2 | run --axis 1,2,3 | expected --axis only with --inertia or --mass-tensor, got it alone
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
-1 | run -o folder.npz | folder.npz: expected the name of a file to write, got a folder
-1 | run -o fifo.npz | fifo.npz: expected the name of a file to write, got a FIFO
-2 | run -o result/ | -o/--output: expected the name of a .npz or .nc or .zarr file, got 'result/'
 2 | run -o good.npy | -o/--output: expected the name of a .npz or .nc or .zarr file, got 'good.npy'
 2 | run --chunk 5 | argument --chunk: expected -o FILE.zarr with it, got none
-2 | run --k 1 --J 1,2 | expected the parameters of one body, got --J --k
-2 | run --k 1 | expected all of --I1 --I2 --I13 --I23 --k, got no --I1 --I2 --I13 --I23
-2 | run --picture 1 --k 1 --method ds2 | method: expected one of 'auto', got 'ds2'
-2 | animate -o a.gif --picture 1 --k 1 | expected a body of Suslov3D, got a SuslovGyrostat
+2 | run --reduce omega_max -o o.npz | argument --reduce: expected -o FILE.zarr with it, got none
 2 | run --scheduler here -o o.zarr | --scheduler: expected an address such as tcp://127.0.0.1:8786
 1 | run --steps 1e9 --save-every 1 --trajectories 1e9 -o o.zarr | expected 16,000,000,016.0 GB
-1 | run -o folder.zarr | expected the name of a Zarr store to write, got another folder
 1 | run -o folder.zarr --force | expected the name of a Zarr store to write, got another folder
-1 | run -o file.zarr --force | expected the name of a Zarr store to write, got a file
 2 | run -o o.zarr --sweep eps | --sweep: expected NAME=LOW:HIGH:COUNT, got 'eps'
 2 | run -o o.zarr --sweep mass=1:2:3 | --sweep: expected one of eps, I1, I2, I13, I23, I3, got mass
-2 | run -o o.zarr --sweep I1=-1:2:3 | --sweep: I1: expected a positive
-2 | run -o o.zarr --sweep eps=1:2:2 --sweep eps=1:2:2 | dims: expected a name of its own
-2 | run -o o.zarr --reduce mean | reductions: expected names
-2 | run -o o.zarr --method rk4 --force | method: expected one of
-1 | run -o o.zarr --initial missing.npy | missing.npy: No such file
-2 | run --reduce omega_max -o o.npz | argument --reduce: expected -o FILE.zarr with it, got none
 2 | info | the following arguments are required: FILE
 1 | info missing.npz | missing.npz: No such file or directory
-1 | info missing.zarr | missing.zarr: No such file or directory
-1 | info folder.npz | folder.npz: expected a .npz file that Trajectories.save wrote
 1 | info other.npz | other.npz: expected a .npz file that Trajectories.save wrote
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | animate | the following arguments are required: -o/--output
 2 | animate -o body.png | --output: expected the name of a .gif or .mp4 file, got 'body.png'
-1 | animate -o missing/body.gif | missing/body.gif: expected a name in a folder that can be written
 2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | expected a body of Suslov3D, got a SuslovND
-2 | animate -o a.gif --inertia 4,2,3,0,0,0 | expected a step size with a body of your own
 2 | explore --port 65536 | --port: expected an integer of at least 0 and below 65536, got '65536'
 """
 
@@ -357,36 +309,20 @@ MISTAKES = """
 @pytest.fixture(scope="module")
 def bad_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
-    for suffix in ("npy", "npz"):
-        (folder / f"folder.{suffix}").mkdir()
-        (folder / f"loop.{suffix}").symlink_to(f"loop.{suffix}")
-    os.mkfifo(folder / "fifo.npz")
-    (folder / "folder.zarr").mkdir()
+    for name in ("folder.npy", "folder.zarr"):
+        (folder / name).mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.savez(folder / "other.npz", omega=np.ones(3))
-    arrays = {
-        "good": np.ones((4, 2)),
-        "four": np.eye(4),
-        "three": np.ones((4, 3)),
-        "flat": np.ones(4),
-        "complex": np.ones((4, 2)) * 1j,
-        "objects": np.array([[1, "a"]], dtype=object),
-    }
-    for name, array in arrays.items():
-        np.save(folder / f"{name}.npy", array)
+    np.save(folder / "good.npy", np.ones((4, 2)))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     texts = {
         "good.npz": "precious",
-        "file.zarr": "precious",
         "good.csv": "1,0\n0,1\n",
-        "empty.npy": "",
         "empty.csv": "",
         "picture1.png": "precious",
         "starts.txt": "1,2\n",
         "nan.csv": "1,2\n3,nan\n",
-        "words.csv": "1,2\n3,b\n",
         "semicolon.csv": "0.3;0.1\n0.4;0.2\n",
-        "ragged.csv": "1,2\n3\n",
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
@@ -424,9 +360,9 @@ def test_force(tmp_path):
 
 
 def test_sizes_are_said_before(tmp_path, monkeypatch):
-    from suslov_fast._cli import work
+    from suslov_fast._cli import terminal
 
-    monkeypatch.setattr(work, "_LARGE", 2**20)
+    monkeypatch.setattr(terminal, "_LARGE", 2**20)
     line = "run --steps 99 --save-every 1 --trajectories 1000 -o o.npz"
     assert run(line, tmp_path).err == "suslov-fast: o.npz will take 0.0 GB\n"
 
@@ -436,7 +372,7 @@ def test_sizes_are_said_before(tmp_path, monkeypatch):
 
 @pytest.mark.compiled
 @posix
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_signals_leave_nothing_behind(tmp_path, name):
     line = "run --method ds2 --trajectories 1 --threads 1 -o o.npz --steps"
     succeed(f"{line} 1000", tmp_path)  # compiles
@@ -475,29 +411,26 @@ def test_progress_on_a_terminal(tmp_path):
 
 
 @posix
-@pytest.mark.parametrize(
-    ("redirection", "status", "errors"),
-    [
-        (">&-", 0, ""),
-        ("2>&-", 0, ""),
-        ("| true", 0, ""),
-        ("> /dev/full", 1, "suslov-fast: standard output: No space left on device\n"),
-    ],
-)
-def test_streams(redirection, status, errors):
-    line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 {redirection}"
-    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (status, errors)
+def test_streams():
+    full = "suslov-fast: standard output: No space left on device\n"
+    for redirection, result in {
+        ">&-": (0, ""),
+        "2>&-": (0, ""),
+        "| true": (0, ""),
+        "> /dev/full": (1, full),
+    }.items():
+        line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 {redirection}"
+        done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == result, redirection
 
 
 @pytest.mark.compiled
 @posix
-@pytest.mark.parametrize("suffix", [".npz", ".nc"])
-def test_a_disk_that_is_full(tmp_path, suffix):
+def test_a_disk_that_is_full(tmp_path):
     """An old file stays, and nothing is left beside it."""
     import resource
 
-    path, line = tmp_path / f"o{suffix}", f"run --trajectories 2e4 --steps 3 --force -o o{suffix}"
+    path, line = tmp_path / "o.npz", "run --trajectories 2e4 --steps 3 --force -o o.npz"
     succeed(f"run --trajectories 100 --steps 3 -o {path}")
     before = path.read_bytes()
     done = subprocess.run(
@@ -508,8 +441,7 @@ def test_a_disk_that_is_full(tmp_path, suffix):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2**16, 2**16)),
     )
     assert done.returncode == 1
-    assert done.stderr.startswith("suslov-fast: ")
-    assert f"o{suffix}" in done.stderr
+    assert done.stderr.startswith("suslov-fast: o.npz")
     assert done.stderr.count("\n") == 1
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
+import warnings
 import xml.etree.ElementTree as ET
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -35,13 +36,10 @@ CASES = {
     "at": (PRESETS["t = 1"], "at", "SUPERCRITICAL"),
     "above": (JUMPS, "above", "SUPERCRITICAL"),
     "pole": (POLE, "above", "SINGULAR"),
-    "steady": (PICTURE_1._replace(I23=-0.25, Omega1=-0.5, Omega2=1.0), "steady", "OK"),
     "at rest": (PICTURE_1._replace(Omega1=0.0, Omega2=0.0), "steady", "OK"),
     "no products": (PICTURE_1._replace(I13=0.0, I23=0.0), "steady", "OK"),
     "no step": (PICTURE_1._replace(eps=0.0), "below", "OK"),
-    "huge": (PICTURE_1._replace(Omega1=1e300, Omega2=-1e300), None, None),
     "tiny": (PICTURE_1._replace(I1=1e-300, I13=1e-200), None, None),
-    "far apart": (PICTURE_1._replace(I1=1e250, I2=1e-250), None, None),
     "beyond": (PICTURE_1._replace(Omega1=1e308, Omega2=1e308, eps=1e308), None, None),
 }
 MOVING = ["below", "backwards", "matter", "above"]
@@ -61,19 +59,12 @@ def test_numbers_are_those_of_the_package(case):
     np.testing.assert_array_equal(rows(found["omega"]), run.omega)
     np.testing.assert_array_equal(rows(found["attitude"], 9).reshape(-1, 3, 3), run.attitude)
     assert len(found["flow"]) == len(found["time"]) == len(run.omega)
-    time = [each for each in found["time"] if each is not None]
-    np.testing.assert_array_equal(
-        rows(found["flow"])[: len(time)], sf.flow(body, omega0, np.array(time))
-    )
-    minus, plus = sf.limits(body, omega0, eps)
-    for quantity, value in {
-        "criticality": sf.criticality(body, omega0, eps),
-        "F": sf.first_integral(body, omega0, eps),
-        "energy": sf.energy(body, omega0),
-        "scattering_angle": sf.scattering_angle(body),
-        "omega_minus": minus,
-        "omega_plus": plus,
-    }.items():
+    time = np.array([each for each in found["time"] if each is not None])
+    np.testing.assert_array_equal(rows(found["flow"])[: len(time)], sf.flow(body, omega0, time))
+    quantities = {"criticality": sf.criticality, "F": sf.first_integral, "omega_plus": sf.limits}
+    for quantity, function in quantities.items():
+        value = function(body, omega0, eps)
+        value = value[1] if quantity == "omega_plus" else value
         expected = value.tolist() if np.isfinite(value).all() else None
         assert found["numbers"][quantity] == expected, quantity
     status = sf.Status(int(run.status))
@@ -85,7 +76,8 @@ def test_numbers_are_those_of_the_package(case):
 
 
 @pytest.mark.parametrize("case", MOVING)
-def test_curves_are_levels_and_the_line_is_steady(case):
+def test_what_is_drawn_is_what_it_says(case):
+    """Curves are levels, half lines are steady, orbits are of the map, the ellipsoid of inertia."""
     parameters = CASES[case][0]._replace(portrait=1)
     found, body, eps = scene(parameters), parameters.body, parameters.eps
     for branch in found["levels"]["F"]:
@@ -100,35 +92,25 @@ def test_curves_are_levels_and_the_line_is_steady(case):
         assert np.sign(np.prod(abs(multipliers)) - 1) == sign
     orbits = found["portrait"]["orbits"]
     assert len(orbits) == 20
-    for orbit in orbits:
-        after = sf.step(body, rows(orbit)[:-1], eps)
-        size = abs(rows(orbit)).max()
-        np.testing.assert_allclose(rows(orbit)[1:], after, atol=1e-4 * size)
-
-
-@pytest.mark.parametrize("case", ["below", "matter", "pole"])
-def test_the_ellipsoid_is_that_of_the_inertia_tensor(case):
-    parameters = CASES[case][0]
-    drawn = scene(parameters)["ellipsoid"]
-    I1, I2, I13, I23 = parameters[:4]
+    for orbit in map(rows, orbits):
+        after = sf.step(body, orbit[:-1], eps)
+        np.testing.assert_allclose(orbit[1:], after, atol=1e-4 * abs(orbit).max())
+    drawn, (I1, I2, I13, I23) = found["ellipsoid"], parameters[:4]
     tensor = np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, drawn["I3"]]])
     points = np.array(drawn["axes"]) * drawn["radii"]
     squares = np.einsum("ik,ij,jk->k", points, tensor, points)
     np.testing.assert_allclose(squares, squares[0], rtol=1e-13)
-    low, high = parameters.body.admissible_I3()
+    low, high = body.admissible_I3()
     assert drawn["matter"] == (low < drawn["I3"] < high)
-
-
-@pytest.mark.parametrize("case", MOVING)
-def test_the_lines_of_python_give_the_same_states(case):
-    found, names = scene(CASES[case][0]), {}
-    exec(found["python"], names)
-    np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
 
 
 def test_presets_are_what_they_say():
     for name, parameters in PRESETS.items():
-        found = scene(parameters)
+        found, names = scene(parameters), {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.SingularStepWarning)
+            exec(found["python"], names)
+        np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
         assert found["ellipsoid"]["matter"] == ("no body of matter" not in name)
         expected = {"t = 1": "at", "t > 1: jumps": "above", "A pole: no next state": "above"}
         assert found["regime"]["name"] == expected.get(name, "below")
@@ -161,16 +143,12 @@ def query(parameters, **other):
     return urlencode(parameters._asdict() | other)
 
 
-def test_scenes_and_settings_are_served(server):
+def test_the_page_is_served_and_refers_to_nothing_else(server):
     reply, body = ask(server, f"/scene?{query(POLE)}")
     assert (reply.status, reply.headers["Content-Type"]) == (200, "application/json")
     assert json.loads(body) == json.loads(json.dumps(scene(POLE)))
     settings = json.loads(ask(server, "/settings")[1])
-    assert settings["version"] == sf.__version__
     assert [each["name"] for each in settings["presets"]] == list(PRESETS)
-
-
-def test_the_page_is_served_and_refers_to_nothing_else(server):
     referred = set()
     for path in ("/", f"/?{query(PICTURE_1)}", "/style.css", "/explore.js"):
         reply, body = ask(server, path)
@@ -182,41 +160,33 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
         assert "url(" not in text.replace("url(#frame)", "")
     names = {"".join(pair) for pair in referred}
     assert names == {"/style.css", "/explore.js", "/scene", "/settings"}
-    assert ask(server, "/", "HEAD")[1] == b""
 
 
 BAD = [
     ({"I1": "0"}, "I1: expected a positive number, got 0", "I1"),
-    ({"I13": "nan"}, "I13: expected a number, got 'nan'", "I13"),
     ({"eps": "1e999"}, "eps: expected a number, got '1e999'", "eps"),
     ({"Omega2": "<b>"}, "Omega2: expected a number, got '<b>'", "Omega2"),
     ({"steps": "2.5"}, "steps: expected an integer from 1 to 5000, got 2.5", "steps"),
-    ({"steps": "1e9"}, "steps: expected an integer from 1 to 5000, got 1e9", "steps"),
-    ({"extent": "0"}, "extent: expected a positive number, got 0", "extent"),
     ({"I1": "1e300", "I2": "1e-300"}, "I1, I2: expected moments within a factor of", None),
 ]
 
 
-@pytest.mark.parametrize(("change", "message", "field"), BAD)
-def test_bad_values_are_answered_with_a_message(server, change, message, field):
-    reply, body = ask(server, f"/scene?{query(PICTURE_1, **change)}")
-    answer = json.loads(body)
-    assert reply.status == 200
-    assert answer["error"].startswith(message)
-    assert answer["field"] == field
+def test_bad_values_are_answered_with_a_message(server):
+    for change, message, field in BAD:
+        reply, body = ask(server, f"/scene?{query(PICTURE_1, **change)}")
+        answer = json.loads(body)
+        assert (reply.status, answer["field"]) == (200, field)
+        assert answer["error"].startswith(message)
 
 
 REFUSED = {
-    "/scene": 400,
     "/scene?I1=4": 400,
     f"/scene?{query(PICTURE_1)}&I1=4": 400,
     f"/scene?{query(PICTURE_1)}&other=4": 400,
     "/scene?" + "&".join(f"I{k}=1" for k in range(30)): 400,
     "/../pyproject.toml": 404,
-    "//etc/passwd": 404,
     "/%2e%2e/__init__.py": 404,
     "/page/explore.js": 404,
-    "/" + "x" * 3000: 414,
 }
 
 
@@ -249,13 +219,11 @@ def raw(server, text):
 def test_odd_requests(server, capfd):
     host = f"Host: 127.0.0.1:{server.server_port}\r\n"
     assert "403" in raw(server, f"GET / HTTP/1.1\r\n{host}Host: example.org\r\n\r\n")[:12]
-    assert "431" in raw(server, f"GET / HTTP/1.1\r\n{host}X: {'y' * 70000}\r\n\r\n")
     assert "400" in raw(server, "nonsense\r\n\r\n")
-    for path in ("http://[", "//[", "/scene?%ff=%00", "/?\x00", "*"):
+    for path in ("http://[", "/scene?%ff=%00", "/?\x00"):
         status = raw(server, f"GET {path} HTTP/1.1\r\n{host}\r\n")[9:12]
         assert status in ("200", "400", "404")
-    # Clients that leave before the answer.
-    for _ in range(3 if os.name == "posix" else 0):
+    if os.name == "posix":  # a client that leaves before the answer
         with socket.create_connection(("127.0.0.1", server.server_port)) as connection:
             connection.sendall(f"GET /scene?{query(PICTURE_1)} HTTP/1.1\r\n{host}\r\n".encode())
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
@@ -267,44 +235,25 @@ def test_odd_requests(server, capfd):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_signal_ends_the_command(name):
+def test_a_signal_ends_the_command(server):
     link = f"http://127.0.0.1:1/?{query(PICTURE_1)}&show=F"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "suslov_fast", "explore", "--no-browser", link],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
+    command = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*command, link], **pipes) as process:
         url = process.stdout.readline().strip()
         view = dict(parse_qsl(urlsplit(url).query))
         assert view.pop("show") == "F"
         assert read(view) == PICTURE_1
         with urllib.request.urlopen(url, timeout=60) as page:
             assert b"suslov_fast" in page.read()
-        process.send_signal(getattr(signal, name))
+        process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.communicate()
     assert (process.returncode, output, errors) == (0, "", "")
     Server(urlsplit(url).port).server_close()  # the port is free again
-
-
-def test_bad_options(server, capsys):
-    from suslov_fast._cli import main
-
-    for port, status, message in (
-        (server.server_port, 1, f"expected a port that is free, got {server.server_port}: "),
-        ("x", 2, "expected an integer of at least 0"),
-        (65536, 2, "below 65536, got '65536'"),
-    ):
-        with pytest.raises(SystemExit) as stopped:
-            main(["explore", "--no-browser", "--port", str(port)])
-        assert stopped.value.code == status
-        assert message in capsys.readouterr().err
+    taken = [*command, "--port", str(server.server_port)]
+    done = subprocess.run(taken, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert f"expected a port that is free, got {server.server_port}: " in done.stderr
 
 
 def test_links():
@@ -314,8 +263,6 @@ def test_links():
     )
     with pytest.raises(ValueError, match="expected each of I1, I2"):
         query_of_link("http://127.0.0.1:1/?I1=4")
-    with pytest.raises(ValueError, match="I1: expected a number, got 'x'"):
-        query_of_link(f"?{query(PICTURE_1, I1='x')}")
     with pytest.raises(ValueError, match="expected at most"):
         query_of_link(f"?{query(PICTURE_1)}&show={'x' * 5000}")
 
@@ -395,7 +342,6 @@ def test_regimes_in_the_browser(page, server):
         "at": ("t = 1 ", "SUPERCRITICAL", ""),
         "no products": ("Steady rotation", "OK", ""),
         "beyond": None,
-        "huge": None,
     }.items():
         show(page, server, CASES[case][0], show="F energy flow joined portrait")
         found = tuple(text(page, name) for name in ("regime-name", "status", "failure"))
@@ -409,39 +355,37 @@ def test_the_start_follows_mouse_and_keys(page):
             f"(({{x, y}}, [u, v]) => [x + u, y + v])"
             f"(byId('plane').getBoundingClientRect(), view().at({omega}))"
         )
-        page.mouse(kind, x, y)
+        where = {"x": x, "y": y, "button": "left", "buttons": int(kind != "mouseReleased")}
+        page.call("Input.dispatchMouseEvent", type=kind, clickCount=1, **where)
         settle(page)
         return page.value("scene.omega[0]")
+
+    def press_key(name):
+        for kind in ("keyDown", "keyUp"):
+            page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+        settle(page)
 
     assert press("mousePressed", [1.0, 0.5]) == pytest.approx([1.0, 0.5], abs=0.02)
     press("mouseMoved", [-1.5, 2.0])
     assert press("mouseReleased", [-1.5, 2.0]) == pytest.approx([-1.5, 2.0], abs=0.02)
     x, y = press("mouseMoved", [3.0, 3.0])
     assert [x, y] == pytest.approx([-1.5, 2.0], abs=0.02), "the button is released"
-    page.key("ArrowRight")
-    page.key("ArrowUp")
-    settle(page)
+    press_key("ArrowRight")
+    press_key("ArrowUp")
     moved = page.value("scene.omega[0]")
     assert moved[0] > x
     assert moved[1] > y
     extent = page.value("extent")
-    page.key("+")
+    press_key("+")
     assert page.value("extent") == pytest.approx(0.8 * extent)
 
 
 @pytest.mark.compiled
-def test_a_wrong_value_is_reported_and_corrected(page):
+def test_the_address_keeps_the_view(page):
     put(page, "I1", "0")
     assert text(page, "message") == "I1: expected a positive number, got 0"
-    assert page.value("inputs.I1.number.getAttribute('aria-invalid')") is not None
-    put(page, "I1", "3")
-    assert page.value("byId('message').hidden") is True
-    assert page.value("scene.parameters.I1") == 3
-
-
-@pytest.mark.compiled
-def test_the_address_keeps_the_view(page):
     put(page, "I1", "2.5")
+    assert page.value("byId('message').hidden") is True
     page.value("document.querySelector('#show input[value=portrait]').click()")
     settle(page)
     assert page.value("scene.portrait.orbits.length") == 20

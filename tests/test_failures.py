@@ -1,5 +1,6 @@
 """Poles, overflow, and what is said of them."""
 
+import itertools
 import pickle
 
 import naive
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import problem, threads
+from suslov_fast._engine import run, threads
 
 METHODS = ("auto", "canonical", "ds2")
 
@@ -47,30 +48,28 @@ def test_singular_steps(unit, method, save_every):
     assert (result.omega[:, 3] == healthy.omega).all()
 
 
+@pytest.mark.parametrize("x", [0.5, 1.0, 3.0, 10.0, 1e3, 1e5])
 @pytest.mark.parametrize("I1", [1.0, 2.0, 3.0, 5.0])
-@pytest.mark.parametrize("x", [0.5, 1.0, 2.0, 3.0, 10.0])
-@pytest.mark.parametrize("method", METHODS)
-def test_poles_of_exact_data(method, I1, x):
-    """The parabola y = 2a/eps + eps x**2, where sqrt(2a) is not exact."""
-    body = sf.Suslov3D(I1, 1, 1, 0)
-    omega = [x, -(2 * I1 + x * x)]
-    result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
-    assert result.status == sf.Status.SINGULAR
-    assert result.failed_at == 1
+def test_poles_of_exact_data(I1, x):
+    """The parabola y = 2a/eps + eps x**2, where sqrt(2a) is not exact.
 
-
-@pytest.mark.parametrize("x", [1.0, 1e3, 1e5])
-@pytest.mark.parametrize("method", METHODS)
-def test_poles_of_large_states(method, x):
-    """What is left of a difference by rounding is zero beside the terms of the difference."""
-    for I1 in (1.0, 3.0, 5.0):
-        body, omega = sf.Suslov3D(I1, 1, 1, 0), np.array([x, -(2 * I1 + x * x)])
+    What is left of a difference by rounding is zero beside the terms of the difference.
+    """
+    body, omega = sf.Suslov3D(I1, 1, 1, 0), [x, -(2 * I1 + x * x)]
+    for method in METHODS:
         result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
         assert result.status == sf.Status.SINGULAR
-        with pytest.warns(sf.SingularStepWarning):
-            assert np.isnan(sf.step_full(body, [*omega, 0.0], 1, 3)).all()
-        with pytest.warns(sf.SingularStepWarning):
-            assert np.isnan(sf.jacobian(body, omega, 1)).all()
+        assert result.failed_at == 1
+    assert_no_next_state(body, omega, 1, "singular step")
+
+
+def assert_no_next_state(body, omega, eps, message):
+    """Other functions of the map say so too."""
+    full = np.insert(omega, 2, 0.0, axis=-1)
+    with pytest.warns(sf.SingularStepWarning, match=message):
+        assert np.isnan(sf.step_full(body, full, eps, 3)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.jacobian(body, omega, eps)).all()
 
 
 @pytest.mark.parametrize("along", [1, 2])
@@ -91,11 +90,7 @@ def test_poles_of_rounded_states(rng, along):
         exact = naive.step(*parameters, 1, omega[k])
         assert naive.relative_error(result.omega[1, k], exact) < 0.5
     assert (result.failed_at[result.status < 0] == 1).all()
-    full = np.column_stack([omega, np.zeros(100)])
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.step_full(body, full, 1, 3)).all()
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.jacobian(body, omega, 1)).all()
+    assert_no_next_state(body, omega, 1, "singular step")
 
 
 @pytest.mark.parametrize("x", [1.0, 16.0])
@@ -112,28 +107,16 @@ def test_no_state_next_to_a_pole_is_lost(unit, x):
         assert np.isfinite(sf.jacobian(unit, omega, 1)).all()
 
 
-@pytest.mark.parametrize("method", ["auto", "canonical"])
-def test_steady_states_next_to_the_critical_one(unit, method):
+def test_steady_states_next_to_the_critical_one(unit):
     """1 - Y is as small there as rounding makes it, but nothing is divided by it."""
-    for k in (40, 50, 51, 52):
+    for k, method in itertools.product((40, 50, 51, 52), ("auto", "canonical")):
         omega = [0.0, -2.0 * (1 - 2.0**-k)]
         result = sf.iterate(unit, omega, 1, 5, method=method)
         assert result.status == sf.Status.OK
         assert (result.omega == omega).all()
 
 
-@pytest.mark.parametrize("save_every", [1, None])
-def test_a_later_singular_step(unit, save_every):
-    omega = before_the_pole(3)
-    result = sf.iterate(unit, omega, 1, 10, save_every=save_every, on_singular="ignore")
-    assert result.status == sf.Status.SINGULAR
-    assert result.failed_at == 4
-    if save_every:
-        assert np.isfinite(result.omega[:4]).all()
-        assert np.isnan(result.omega[4:]).all()
-
-
-@pytest.mark.parametrize("method", ["canonical", "ds2"])
+@pytest.mark.parametrize("method", METHODS)
 def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, method):
     """Numbers of missing states count from the start of the run."""
     omega = np.array([before_the_pole(3), HEALTHY, ON_THE_POLE, before_the_pole(1), [1e200, 0]])
@@ -141,9 +124,11 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, me
     whole = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
     assert whole.failed_at.tolist() == [4, -1, 1, 2, 1, 0]
     assert whole.status.tolist() == [-1, 0, -1, -1, -2, -2]
+    expected = (whole.failed_at >= 0) & (np.arange(10)[:, None] >= whole.failed_at)
+    assert (np.isnan(whole.omega).all(axis=-1) == expected).all()
     for steps in (1, 2, 3):
-        monkeypatch.setattr(problem, "_PART", 5 * steps)
-        cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
+        monkeypatch.setattr(run, "_PART", 5 * steps)
+        cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore", save_every=None)
         assert (cut.failed_at == whole.failed_at).all()
         assert (cut.status == whole.status).all()
 
@@ -215,61 +200,37 @@ def test_large_but_representable():
 
 
 def test_both_kinds_in_one_message(unit):
-    with pytest.warns(sf.SingularStepWarning) as caught:
-        sf.iterate(unit, [[1e200, 0], ON_THE_POLE, UNDEFINED], 1, 3, method="canonical")
-    assert str(caught[0].message) == (
-        "2 of 3 trajectories: singular step, first: 1 at step 1; "
-        "1 of 3 trajectories: non-finite step, first: 0 at step 1"
-    )
-
-
-def test_index_in_a_batch_of_two_axes(unit):
+    """Trajectories of a batch of several axes are named by their index."""
     omega = np.tile(HEALTHY, (3, 4, 1))
-    omega[1, 2] = ON_THE_POLE
-    omega[2, 0] = ON_THE_POLE
-    with pytest.warns(sf.SingularStepWarning, match=r"2 of 12 .* first: \(1, 2\) at step 1"):
-        result = sf.iterate(unit, omega, 1, 3)
-    assert (result.failed_at >= 0).sum() == 2
-    assert result.failed_at[1, 2] == result.failed_at[2, 0] == 1
+    omega[1, 2], omega[2, 0], omega[0, 3] = ON_THE_POLE, UNDEFINED, [1e200, 0]
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        result = sf.iterate(unit, omega, 1, 3, method="canonical")
+    assert str(caught[0].message) == (
+        "2 of 12 trajectories: singular step, first: (1, 2) at step 1; "
+        "1 of 12 trajectories: non-finite step, first: (0, 3) at step 1"
+    )
+    assert np.argwhere(result.failed_at == 1).tolist() == [[0, 3], [1, 2], [2, 0]]
 
 
-def test_overflow_on_the_way(unit):
-    """A state beyond float64 between others that are not: the orbit ends there all the same."""
-    # From these, Omega1 alone, both, or Omega2 alone leave the range of float64.
+def overflowing():
+    """States and steps to a next one beyond float64: in one component, the other, or both."""
     for omega in ([0.1, -2.01 + 3e-12], [1.0, -3.0 + 1e-11], [16.0, -258.0 + 2e-8]):
-        overflows_on_the_way(unit, np.array(omega) / 1e-298)
+        yield np.array(omega) / 1e-298, 1e-298
+    # Omega1 is a thousand times Omega2 there, or the other way round.
+    for omega, gap, eps in (([1e-3, -2 - 1e-6], 2e-14, 1e-298), ([1e3, -2 - 1e6], 2e-3, 1e-295)):
+        for side, sign1, sign2 in itertools.product((1, -1), repeat=3):
+            yield np.add(omega, [0, side * gap]) / eps * [sign1, sign2], eps * sign2
 
 
-def overflows_on_the_way(unit, omega):
-    for method in METHODS:
-        for save_every in (1, 2, None):
-            result = sf.iterate(
-                unit, omega, 1e-298, 5, method=method, save_every=save_every, on_singular="ignore"
-            )
-            assert result.status == sf.Status.NONFINITE
-            assert result.failed_at == 1
-            assert np.isnan(result.final).all()
-
-
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize(
-    ("omega", "gap", "eps"), [([1e-3, -2 - 1e-6], 2e-14, 1e-298), ([1e3, -2 - 1e6], 2e-3, 1e-295)]
-)
-@pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
-def test_overflow_of_one_component_next_to_a_pole(unit, omega, gap, eps, signs, side):
-    """Omega1 is a thousand times Omega2 there, or the other way round."""
-    far = np.add(omega, [0, side * gap]) / eps * signs
-    eps *= signs[1]
-    for method in METHODS:
-        for save_every in (1, None):
-            result = sf.iterate(
-                unit, far, eps, 3, method=method, save_every=save_every, on_singular="ignore"
-            )
-            assert result.status == sf.Status.NONFINITE
-            assert result.failed_at == 1
-            assert np.isnan(result.final).all()
-    with pytest.warns(sf.SingularStepWarning, match="non-finite step"):
-        assert np.isnan(sf.step_full(unit, [*far, 0.0], eps, 3)).all()
+@pytest.mark.parametrize(("omega", "eps"), list(overflowing()))
+def test_overflow_on_the_way(unit, omega, eps):
+    """A state beyond float64 between others that are not: the orbit ends there all the same."""
+    for method, save_every in itertools.product(METHODS, (1, 2, None)):
+        options = {"method": method, "save_every": save_every, "on_singular": "ignore"}
+        result = sf.iterate(unit, omega, eps, 5, **options)
+        assert result.status == sf.Status.NONFINITE
+        assert result.failed_at == 1
+        assert np.isnan(result.final).all()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -303,37 +264,22 @@ def test_overflow_of_one_component_on_the_way(method, swapped):
     assert np.array_equal(batch.omega[:, 0], alone.omega, equal_nan=True)
 
 
-def test_the_error_survives_pickling(unit):
-    """As it must, to come back from another process."""
-    with pytest.raises(sf.SingularStepError) as caught:
-        sf.iterate(unit, ON_THE_POLE, 1, 4, on_singular="raise")
-    again = pickle.loads(pickle.dumps(caught.value))
-    assert str(again) == str(caught.value)
-    assert again.trajectories.status == sf.Status.SINGULAR
-
-
 def test_raise(unit):
+    """The error carries the run, and comes back whole from another process."""
     with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
-    assert caught.value.trajectories.status.tolist() == [0, -1]
-    assert np.isfinite(caught.value.trajectories.omega[:, 0]).all()
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
+    assert again.trajectories.status.tolist() == [0, -1]
+    assert np.isfinite(again.trajectories.omega[:, 0]).all()
 
 
 def test_step(unit):
-    with pytest.warns(sf.SingularStepWarning) as caught:
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2 .* singular step, first: 0") as caught:
         result = sf.step(unit, [ON_THE_POLE, HEALTHY], 1)
     assert caught[0].filename == __file__
     assert np.isnan(result[0]).all()
     assert (result[1] == sf.step(unit, HEALTHY, 1)).all()
-
-
-def test_step_full(unit):
-    with pytest.warns(
-        sf.SingularStepWarning, match="1 of 2 trajectories: singular step, first: 0 at step 1"
-    ):
-        result = sf.step_full(unit, [[*ON_THE_POLE, 0], [*HEALTHY, 0.1]], 1, 3)
-    assert np.isnan(result[0]).all()
-    assert np.isfinite(result[1]).all()
 
 
 def test_status_messages():

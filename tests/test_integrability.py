@@ -1,7 +1,6 @@
 """Exact experiments on Kahan maps, against published facts and SymPy."""
 
 import math
-import pickle
 import random
 import re
 import subprocess
@@ -44,6 +43,7 @@ CUBIC = field_of(
     ),
     2,
 )
+PREY = kahan(field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), EPS)
 FORCED = field_of(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
 
 
@@ -60,6 +60,10 @@ def clebsch(x):
 CLEBSCH = kahan(field_of(clebsch, 6), 1)
 
 
+def as_sympy(polynomials):
+    return [sympy.sympify(str(each)) for each in polynomials]
+
+
 def random_field(n, seed=0):
     rng = np.random.default_rng(seed)
     return QuadraticField(*(rng.integers(-3, 4, (n,) * k) for k in (3, 2, 1)))
@@ -68,7 +72,7 @@ def random_field(n, seed=0):
 def symbolic(map):
     """Variables and image by SymPy, from Kahan's method as a Runge-Kutta method."""
     x, y = (sympy.symbols(f"{name}1:{map.dimension + 1}") for name in "xy")
-    f = map.field.components.as_sympy(x)
+    f = as_sympy(map.field.components)
     middle = [(a + b) / 2 for a, b in zip(x, y, strict=True)]
     eps, equations = sympy.Rational(str(map.eps)), []
     for a, b, rate in zip(x, y, f, strict=True):
@@ -86,10 +90,8 @@ def value(P, x):
 
 
 def assert_same_span(found, expected):
-    terms = [
-        sympy.Poly(each, *sympy.symbols("x1 x2")).as_dict()
-        for each in (*found.as_sympy(), *expected)
-    ]
+    x = sympy.symbols("x1 x2")
+    terms = [sympy.Poly(each, *x).as_dict() for each in (*as_sympy(found), *expected)]
     monomials = {e for each in terms for e in each}
     matrix = sympy.Matrix([[each.get(e, 0) for e in monomials] for each in terms])
     assert matrix.rank() == len(found) == len(expected)
@@ -115,18 +117,14 @@ def test_the_map_its_inverse_and_its_derivative(n):
 
 def test_bodies():
     """One step of reference states, known to 17 digits."""
-    four, after = (
-        SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
-        (0.0963301365636447737, 0.914131910759529574),
-    )
-    rotor, moved = (
-        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9),
-        (1.1380011603577656871, 0.043858910560513770418),
-    )
-    assert [*map(float, kahan(of(four), 0.4)((0.3, 0.9, -0.6)))][:2] == pytest.approx(
-        after, rel=1e-15
-    )
-    assert [*map(float, kahan(of(rotor), 0.35)((1.1, -0.4)))] == pytest.approx(moved, rel=1e-15)
+    four = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+    rotor = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+    for body, eps, state, after in (
+        (four, 0.4, (0.3, 0.9, -0.6), (0.0963301365636447737, 0.914131910759529574)),
+        (rotor, 0.35, (1.1, -0.4), (1.1380011603577656871, 0.043858910560513770418)),
+    ):
+        image = [float(a) for a in kahan(of(body), eps)(state)]
+        assert image[:2] == pytest.approx(after, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +232,7 @@ def test_integral_and_measure_of_lemma_1(body, k):
 def test_hirota_kimura_bases(map, monomials, dimension, independent):
     found = hk_bases(map, monomials)
     assert (found.dimension, found.independent) == (dimension, independent)
-    assert found == hk_bases(map, monomials) == pickle.loads(pickle.dumps(found))
+    assert found == hk_bases(map, monomials)
     x = y = found.point
     start = [F(k, 7) for k in range(2, 2 + map.dimension)]
     before, after = ([value(P, z) for P in found.integrals] for z in (start, map(start)))
@@ -256,7 +254,7 @@ def test_relations_without_a_quotient():
 
 def test_the_orbit_of_a_point():
     found = hk_bases(MAP, 2, point=[1, 2])
-    assert str(found.as_sympy()[0]) == "2052*x1**2 - 4*x1*x2 + 513*x2**2 - 4096"
+    assert str(found.polynomials[0]) == "2052*x1^2 - 4*x1*x2 + 513*x2^2 - 4096"
     assert hk_bases(MAP, 2, point=MAP([1, 2])).basis == found.basis
     assert hk_bases(MAP, 1, point=[1, -2]).dimension == 2  # a steady state
     with pytest.raises(ArithmeticError, match="points without an image"):
@@ -273,16 +271,11 @@ def test_generic_bodies_have_no_integral(n, degree):
 @pytest.mark.parametrize(
     ("map", "degree", "cofactor", "expected"),
     [
-        (MAP, 2, 1, "(1)"),
-        (MAP, 1, lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]), "(2*x1 + x2)"),
+        (MAP, 2, 1, "(1,)"),
+        (MAP, 1, lambda x: sum(np.multiply(MAP(x), (2, 1))) / F(2 * x[0] + x[1]), "(2*x1 + x2,)"),
         (MAP, 2, 2, "()"),
-        (kahan(FORCED, EPS), 3, None, "(x1^3 + 63*x1)"),
-        (
-            kahan(field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), EPS),
-            2,
-            None,
-            "(x1*x2)",
-        ),
+        (kahan(FORCED, EPS), 3, None, "(x1^3 + 63*x1,)"),
+        (PREY, 2, None, "(x1*x2,)"),
     ],
 )
 def test_darboux_polynomials(map, degree, cofactor, expected):
@@ -290,7 +283,7 @@ def test_darboux_polynomials(map, degree, cofactor, expected):
     assert repr(found) == expected
     x, image = symbolic(map)
     C = sympy.Matrix(image).jacobian(x).det() if cofactor is None else cofactor
-    for P in found.as_sympy(x) if not callable(C) else ():
+    for P in as_sympy(found) if not callable(C) else ():
         after = P.subs(dict(zip(x, image, strict=True)), simultaneous=True)
         assert sympy.cancel(after - C * P) == 0
 
@@ -314,12 +307,6 @@ def test_exceptional_primes_and_lines_are_drawn_again(monkeypatch):
     monkeypatch.setattr(_growth, "_degrees_on_a_line", lambda map, p, rng: iter([p]))
     with pytest.raises(ArithmeticError, match="do not agree"):
         degrees(MAP, 1)
-
-
-def test_progress():
-    calls = []
-    degrees(MAP, 3, progress=lambda *each: calls.append(each))
-    assert calls == [(k, 6) for k in range(1, 7)]
 
 
 def test_linear_and_trivial_fields():
@@ -347,11 +334,7 @@ class Quantity(float):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (
-            lambda: QuadraticField([[1, 2], [3, 4]]),
-            ValueError,
-            r"quadratic: .*\(D, D, D\).*\(2, 2\)",
-        ),
+        (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, r"quadratic: .*\(D, D, D\).*2, 2"),
         (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
         (lambda: QuadraticField([[[math.nan]]]), ValueError, "quadratic: .*finite.*got nan"),
         (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, r"linear: .*\(1, 1\), got \(2,\)"),
@@ -362,23 +345,19 @@ class Quantity(float):
         (lambda: kahan(BODY, 1), TypeError, "field: expected QuadraticField, got Suslov3D"),
         (lambda: kahan(CUBIC, None), TypeError, "eps: .*got NoneType"),
         (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without units, got Quantity"),
-        (
-            lambda: kahan(QuadraticField([[[0]]], [[2]]), 1),
-            ValueError,
-            "eps: .*singular everywhere",
-        ),
+        (lambda: kahan(QuadraticField([[[0]]], [[2]]), 1)([1]), ZeroDivisionError, "no image"),
         (lambda: MAP([1]), ValueError, r"point: .*\(2,\), got \(1,\)"),
         (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
         (lambda: degrees(BODY, 3), TypeError, "map: .*got Suslov3D"),
         (lambda: degrees(MAP, -1), ValueError, "n: .*got -1"),
         (lambda: growth([1, 2.5]), TypeError, "degrees: .*got float"),
+        (lambda: growth([1, -2]), ValueError, "degrees: .*got -2"),
         (lambda: hk_bases(MAP, 2.5), TypeError, "monomials: .*a degree or a list.*2.5"),
         (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials: .*none twice"),
         (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials: expected 2 .*\(1, 0, 0\)"),
         (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*got str"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor: .*got float"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
-        (lambda: MAP.field.components.as_sympy([1]), ValueError, "symbols: expected 2, got 1"),
     ],
 )
 def test_bad_input(call, error, message):

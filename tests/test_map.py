@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._engine import problem
+from suslov_fast._engine import run as engine
 from suslov_fast._formulas import canonical_map
 from suslov_fast._kernels import tiles
 from suslov_fast._kernels.iterate import LANES
@@ -456,7 +456,7 @@ def test_batches_of_many_axes(body):
 @given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
 def test_parts_are_alike(size, most, lanes):
     """As few as can be, but for whole lanes, and none of them much shorter than others."""
-    length = problem.alike(size, most, lanes)
+    length = engine.alike(size, most, lanes)
     count = -(-size // length)
     assert length % lanes == 0
     assert length < most + lanes

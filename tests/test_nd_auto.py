@@ -7,7 +7,8 @@ import pytest
 from naive import mpf
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form, jump_nd, threads
+from suslov_fast._engine import closed_form, jump, threads
+from suslov_fast._engine import run as engine
 from suslov_fast._formulas.reduction import as_product
 
 KINDS = ("equal", "axis")
@@ -221,7 +222,8 @@ def test_parts_and_threads(rng, monkeypatch, m):
     whole = run(*problem, 500, save_every=2)
     monkeypatch.setattr(threads, "CROSSOVER", 1)  # serial within one block
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
-    monkeypatch.setattr(jump_nd, "_TOGETHER", 2**12)
+    monkeypatch.setattr(jump, "_TOGETHER", 2**11)
+    monkeypatch.setattr(engine, "_TOGETHER", 2**12)
     seen = []
     cut = run(*problem, 500, save_every=2, progress=lambda *each: seen.append(each))
     assert seen == sorted(seen)

@@ -76,21 +76,17 @@ def test_axes_are_taken_and_returned(body):
         sf.plot_four_dimensions(ax=rest[:2])
 
 
-@pytest.mark.parametrize("kind", ["phase", "regimes"])
-def test_legends_and_letters_are_outside_the_axes(kind):
-    if kind == "phase":
-        panels = [sf.plot_phase(*PICTURES[1], levels=2, letter="a")]
-    else:
-        panels = sf.plot_regimes(letters="abc")
-    panels[0].figure.draw_without_rendering()
-    legends = [panel.get_legend() for panel in panels if panel.get_legend()]
-    assert len(legends) == 1
-    for panel in panels:
-        frame, labels = panel.get_window_extent(), panel.xaxis.label.get_window_extent()
-        assert panel.get_title(loc="left")
-        for legend in legends:
-            assert not legend.get_window_extent().overlaps(frame)
-            assert not legend.get_window_extent().overlaps(labels)
+def test_legends_and_letters_are_outside_the_axes():
+    for panels in (
+        [sf.plot_phase(*PICTURES[1], levels=2, letter="a")],
+        sf.plot_regimes(letters="abc"),
+    ):
+        panels[0].figure.draw_without_rendering()
+        [legend] = [panel.get_legend() for panel in panels if panel.get_legend()]
+        for panel in panels:
+            assert panel.get_title(loc="left")
+            for other in (panel, panel.xaxis.label):
+                assert not legend.get_window_extent().overlaps(other.get_window_extent())
 
 
 def test_convergence_has_order_2():
@@ -183,22 +179,14 @@ def test_style(family, fontset):
     assert fonts == {b"Serif" if family == "serif" else b"Sans"}
 
 
-def command(*arguments):
-    from suslov_fast._cli import main
-
-    with pytest.raises(SystemExit) as stopped:
-        main([*map(str, arguments)])
-    assert stopped.value.code == 0
-
-
 @pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_the_same_picture_is_the_same_file(tmp_path, monkeypatch, suffix, start):
-    from suslov_fast._cli import pictures
+    from suslov_fast._cli import main, pictures
 
-    drawings = {"picture1": pictures.DRAWINGS["picture1"]}
-    monkeypatch.setattr(pictures, "DRAWINGS", drawings)
+    monkeypatch.setattr(pictures, "DRAWINGS", {"picture1": pictures.DRAWINGS["picture1"]})
     for folder in ("first", "second"):
-        command("pictures", "-o", tmp_path / folder, "--format", suffix, "--letters")
+        with pytest.raises(SystemExit, match="0"):
+            main(["pictures", "-o", str(tmp_path / folder), "--format", suffix, "--letters"])
     first, second = (each.read_bytes() for each in tmp_path.rglob(f"picture1.{suffix}"))
     assert first == second
     assert first.startswith(start)

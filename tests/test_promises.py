@@ -13,7 +13,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form, states, states_nd, threads
+from suslov_fast._engine import closed_form, states, threads
 from suslov_fast._kernels import maps_3d
 from suslov_fast._kernels.iterate import LANES
 from suslov_fast._space import attitude as attitude_of
@@ -134,6 +134,7 @@ ROWS = {
     "criticality": of_steps(sf.criticality, "3D solved", (0, 0, 0)),
     "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
     "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
+    "from_xy": of_states(sf.from_xy, "3D", name="xy"),
     "vector_field": of_states(sf.vector_field, "3D gyrostat nD", (-1, 1, 2)),
     "reaction": of_states(sf.reaction, "3D nD", (1, None, 2)),
     "discrete reaction": of_steps(sf.reaction, "3D nD", (1, None, 2)),
@@ -275,7 +276,7 @@ def test_calls_are_cut_into_parts(rng, monkeypatch, small_parts, name, kind):
     same(name, kind, pieces, whole)
     for module, constant, value in (
         (states, "SLAB", 16), (states, "COPIES", 16), (states, "TASKS", 1),
-        (states_nd, "_COPIES", 4), (closed_form, "SLICE", 2**10), (lyapunov, "_SLICE", 2**12),
+        (closed_form, "SLICE", 2**10), (lyapunov, "_SLICE", 2**12),
         (attitude_of, "_SLICE", 2**10),
     ):  # fmt: skip
         monkeypatch.setattr(module, constant, value)
@@ -360,7 +361,7 @@ def test_any_memory(rng, name, kind):
 def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
     """Kernels find infinite states themselves where there are LARGE numbers."""
     if many:
-        for module in (_checks, states, states_nd):
+        for module in (_checks, states):
             monkeypatch.setattr(module, "LARGE", 64)
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (9,), (10, 9), ())
     omega[3, 2, 1] = -np.inf

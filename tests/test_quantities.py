@@ -7,7 +7,6 @@ import pytest
 from mpmath import mp
 
 import suslov_fast as sf
-from suslov_fast import _checks
 from suslov_fast._engine import states as engine
 
 
@@ -93,7 +92,7 @@ def test_in_n_dimensions(rng, m):
 
 
 def matrix_nd(J, I, eps, omega):
-    """The coefficients of the unknowns in (dsn), over J."""
+    """The coefficients of the unknowns in equation (15), over J."""
     J, I, omega, (eps,) = (naive.exactly(*v) for v in (J, I, omega, [eps]))
     m = len(J)
     zero = naive.dsn(J, I, eps, omega, [naive.mpf(0)] * m)
@@ -138,7 +137,6 @@ def test_coordinates(rng):
     with pytest.raises(ValueError, match="body: expected I13 or I23 other than 0, got both 0"):
         sf.from_xy(sf.Suslov3D(1, 2, [0, 1], 0), [1, 2])
     assert sf.to_xy(body, [0, 0]).tolist() == sf.from_xy(body, [0, 0]).tolist() == [0, 0]
-    assert np.isnan(sf.from_xy(body, [[1, 2], [1, np.nan]])).any(axis=1).tolist() == [False, True]
     np.testing.assert_allclose(sf.from_xy(body, [0, 1e-300]), sf.from_xy(body, [0, 1]) * 1e-300)
 
 
@@ -170,15 +168,10 @@ def test_criticality_agrees_with_the_status():
         assert (np.sign(t) == eps).all()
 
 
-def test_criticality_far_beyond_1(unit):
-    """On the line t = |eps y| / 2, of any size; off it t tends to the ratio of states."""
-    for y in (1e100, 1e200, 1e260):
-        assert sf.criticality(unit, [0.0, y], 1.0) == 0.5 * y
-        t = sf.criticality(unit, [y, 3 * y], 1.0)
-        assert abs(t / np.sqrt(10) - 1) < 1e-15
-
-
-@pytest.mark.parametrize("omega", [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305)])
+@pytest.mark.parametrize(
+    "omega",
+    [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305), (0.0, 1e100), (1e200, 3e200)],
+)
 @pytest.mark.parametrize("eps", [1.0, 1e-300, -1e250])
 def test_criticality_beyond_squares(omega, eps):
     """On the line and next to it t grows with the step; elsewhere it has a limit."""
@@ -258,32 +251,22 @@ def test_closed_form_of_special_cases(body, unit):
     assert sf.closed_form(unit, [0.0, 1.0], 0.5)[2] == -np.inf
     assert sf.closed_form(body, [0.0, 0.0], 0.5) == (0, 0, 0, 0)
     assert sf.closed_form(sf.Suslov3D(1, 2, 0, 0), [1.0, 2.0], 0.5) == (0, 0, 0, 0)
-    assert np.isnan(sf.closed_form(unit, [np.nan, 1.0], 0.5)).all()
-    found = sf.closed_form(unit, np.ones((3, 1, 2)), [0.1, 0.2])
-    assert [each.shape for each in found] == [(3, 2)] * 4
 
 
-@pytest.mark.parametrize("k", [-600, 600])
-def test_reaction_where_one_of_its_terms_is_far_below_the_other(rng, k):
-    """Products of inertia in another unit than moments, as the square of which the terms differ."""
-    for _ in range(5):
-        (I1, I2, I13, I23), _, omega = random_problem(rng)
-        parameters = (I1, I2, *np.ldexp([I13, I23], k))
-        state = np.ldexp(omega, -k // 2)
-        slope = naive.vector_field(*naive.exactly(*parameters), naive.exactly(*state))
-        exact = naive.reaction(*parameters, naive.exactly(*state), slope)
-        computed = sf.reaction(sf.Suslov3D(*parameters), state)
-        assert abs(float(computed / exact - 1)) < 3e-14
-
-
-def test_reaction(rng):
-    for _ in range(30):
-        parameters, eps, omega = random_problem(rng)
+@pytest.mark.parametrize("k", [-600, 0, 600])
+def test_reaction(rng, k):
+    """Also where products of inertia have another unit than moments, and terms differ as much."""
+    for _ in range(15):
+        (I1, I2, I13, I23), eps, omega = random_problem(rng)
+        parameters, omega = (I1, I2, *np.ldexp([I13, I23], k)), np.ldexp(omega, -k // 2)
         body, state = sf.Suslov3D(*parameters), naive.exactly(*omega)
         slope = naive.vector_field(*naive.exactly(*parameters), state)
-        exact = float(naive.reaction(*parameters, state, slope))
+        exact = naive.reaction(*parameters, state, slope)
+        if k:
+            assert abs(float(sf.reaction(body, omega) / exact - 1)) < 3e-14
+            continue
         size = max(parameters[:2]) * np.hypot(*omega) ** 2
-        assert abs(sf.reaction(body, omega) - exact) < 2e-15 * size
+        assert abs(sf.reaction(body, omega) - float(exact)) < 2e-15 * size
 
         following = naive.step(*parameters, eps, state)
         exact = float(naive.discrete_reaction(*parameters, eps, state, following))
@@ -296,18 +279,17 @@ def test_reaction_in_n_dimensions(rng, m):
     for _ in range(5):
         J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
         eps, body, state = rng.uniform(-0.5, 0.5), sf.SuslovND(J, I), naive.exactly(*omega)
-        slope = naive.vector_field_nd(J, I, omega)
-        exact = np.array(naive.reaction_nd(J, I, state, state, slope), float)
-        computed = sf.reaction(body, omega)
-        np.testing.assert_allclose(computed, exact, atol=1e-14 * np.linalg.norm(exact) + 1e-14)
-        assert (computed == -computed.T).all()
-
         following = naive.step_nd(J, I, eps, state)
         quotient = [(v - w) / naive.mpf(eps) for v, w in zip(following, state, strict=True)]
-        exact = np.array(naive.reaction_nd(J, I, state, following, quotient), float)
-        computed = sf.reaction(body, omega, eps)
-        np.testing.assert_allclose(computed, exact, atol=1e-13 * np.linalg.norm(exact) + 1e-14)
-        assert (computed == -computed.T).all()
+        for step, after, slope in (
+            ((), state, naive.vector_field_nd(J, I, omega)),
+            ((eps,), following, quotient),
+        ):
+            exact = np.array(naive.reaction_nd(J, I, state, after, slope), float)
+            computed = sf.reaction(body, omega, *step)
+            tolerance = 1e-14 + (1e-13 if step else 1e-14) * np.linalg.norm(exact)
+            np.testing.assert_allclose(computed, exact, atol=tolerance)
+            assert (computed == -computed.T).all()
 
 
 def test_the_discrete_reaction_tends_to_the_continuous_one(body):
@@ -329,27 +311,17 @@ def test_jacobian(rng):
         assert error(sf.jacobian(body, omega, eps), exact) < allowed
 
 
-@pytest.mark.parametrize("g", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])
-@pytest.mark.parametrize("eps", [1.0, -1.0])
-def test_jacobian_next_to_the_pole(unit, g, eps):
-    """X = eps Omega1 / sqrt(2), Y = -eps Omega2 / 2: the distance from the pole is 2 g."""
-    for sign in (1, -1):
-        omega = np.array([sign * np.sqrt(2 * g), -eps * 2 * (1 - g)])
-        exact = derivative_near_poles(omega, eps)
-        assert error(sf.jacobian(unit, omega, eps), exact) < 2e-15
-
-
-def derivative_near_poles(omega, eps):
-    return naive.derivative(
-        lambda state: naive.step(1, 1, 1, 0, eps, state),
-        naive.exactly(*omega),
-        30,
-    )
-
-
-def test_jacobian_far_beyond_the_poles(unit):
-    for omega in ([1e6, 3.0], [1e3, -1e9], [3e4, 5e8], [1e8, 1e8]):
-        assert error(sf.jacobian(unit, omega, 1.0), derivative_near_poles(omega, 1.0)) < 1e-14
+@pytest.mark.parametrize(
+    ("omega", "eps", "tolerance"),
+    # X = eps Omega1 / sqrt(2), Y = -eps Omega2 / 2: the distance from the pole is 2 g.
+    [((sign * np.sqrt(2 * g), -eps * 2 * (1 - g)), eps, 2e-15)
+     for g in (1e-3, 1e-6, 1e-9, 1e-12, 1e-15) for eps in (1.0, -1.0) for sign in (1, -1)]
+    + [(omega, 1.0, 1e-14) for omega in ((1e6, 3.0), (1e3, -1e9), (3e4, 5e8), (1e8, 1e8))],
+)  # fmt: skip
+def test_jacobian_next_to_the_pole_and_far_beyond(unit, omega, eps, tolerance):
+    state = naive.exactly(*omega)
+    exact = naive.derivative(lambda state: naive.step(1, 1, 1, 0, eps, state), state, 30)
+    assert error(sf.jacobian(unit, omega, eps), exact) < tolerance
 
 
 def test_jacobian_of_small_steps_is_the_identity_and_the_derivative_of_the_field(rng):
@@ -386,14 +358,11 @@ def test_multipliers_are_eigenvalues_of_the_jacobian(rng):
         np.testing.assert_allclose(np.sort(computed), np.sort(eigenvalues.real), rtol=1e-12)
 
 
-def test_multipliers_tell_which_half_attracts(body):
+def test_multipliers_of_either_half_at_the_pole_and_beyond(body, unit):
     towards, away = sf.multipliers(body, [-3.0, 3.0], 0.2)[:, 1]
     assert 0 < towards < 1 < away
     assert towards * away == pytest.approx(1, abs=1e-15)
     assert sf.multipliers(body, np.zeros((2, 1)), [0.1, 0.2, 0.3]).shape == (2, 3, 2)
-
-
-def test_multipliers_at_the_pole_and_beyond(unit):
     assert sf.multipliers(unit, 2.0, 1.0).tolist() == [1.0, np.inf]
     assert sf.multipliers(unit, 1e200, 1e200).tolist() == [1.0, -1.0]
 
@@ -430,23 +399,6 @@ def test_the_multiplier_of_the_line_is_1_however_stiff_the_body():
     assert computed[0] == 1
     np.testing.assert_allclose(computed, exact_multipliers(J, I, 1e3, 1e-9), rtol=1e-11)
     assert sf.multipliers(sf.SuslovND(J, I), 1e3, 0.2)[0] == 1
-
-
-def test_as_many_bodies_as_saved_states(rng):
-    """Bodies belong to the batch, never to time."""
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 11)), *rng.uniform(-1, 1, (2, 11)))
-    orbits = sf.iterate(body, rng.normal(size=(11, 2)), 0.1, 10)
-    F = sf.first_integral(body, orbits.omega, 0.1)
-    assert abs(F / F[0] - 1).max() < 1e-14
-
-
-@pytest.mark.compiled
-def test_an_infinite_state_among_very_many(rng, body):
-    many = rng.normal(size=(20_000, 2))
-    assert many.size > _checks.LARGE
-    many[12_345, 0] = np.inf
-    with pytest.raises(ValueError, match=r"xy: .* got inf at index \(12345, 0\)"):
-        sf.from_xy(body, many)
 
 
 @pytest.mark.parametrize(

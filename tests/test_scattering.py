@@ -141,5 +141,3 @@ def test_nothing_moves():
 def test_bad_input():
     with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
         sf.scattering_angle(sf.SuslovND([1, 2], [1, 2]))
-    with pytest.raises(ValueError, match="threads: expected"):
-        sf.scattering_angle(sf.Suslov3D(4, 1, 1, 1), threads=0)

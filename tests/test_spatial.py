@@ -7,24 +7,12 @@ from scipy.spatial.transform import Rotation
 import suslov_fast as sf
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
-ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-BODIES = {"3D": (THREE, [1.0, 0.5]), "nD": (ND, [0.3, 0.9, -0.6])}
-
-
-@pytest.fixture(params=BODIES)
-def case(request):
-    return BODIES[request.param]
 
 
 def inertia(rng, n=3):
     """A tensor that a body can have: that of a few masses."""
     points = rng.normal(size=(6, n))
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
-
-
-def from_mass_tensor(tensor, axis):
-    make = getattr(sf.SuslovND, "from_mass_tensor", None) or sf.SuslovND.from_inertia
-    return make(tensor, axis)
 
 
 def random_rotation(rng, n):
@@ -59,7 +47,7 @@ def test_back(case, rng):
     rotation = random_rotation(rng, len(omega0) + 1)
     given = sf.to_matrix(body, states, rotation=rotation)
     np.testing.assert_allclose(sf.from_matrix(body, given, rotation=rotation), states, atol=1e-14)
-    if body is THREE:
+    if len(omega0) == 2:
         vectors = sf.to_vector(body, states, rotation=rotation)
         np.testing.assert_allclose(
             sf.from_vector(body, vectors, rotation=rotation), states, atol=1e-14
@@ -84,7 +72,7 @@ def test_momentum_by_definition(rng):
         _, mass = inertia(rng, n)
         axis = rng.normal(size=n)
         axis /= np.linalg.norm(axis)
-        body, rotation = from_mass_tensor(mass, axis)
+        body, rotation = sf.SuslovND.from_mass_tensor(mass, axis)
         v = rng.normal(size=n)
         Omega = np.outer(v, axis) - np.outer(axis, v)
         state = sf.from_matrix(body, Omega, rotation=rotation)
@@ -104,7 +92,7 @@ def test_momentum_in_the_body_obeys_its_equation(case):
     )
     derivative = (forward - backward) / (2 * h)
     M = sf.momentum(body, omega0)
-    if body is THREE:
+    if len(omega0) == 2:
         expected = np.cross(M, sf.to_vector(body, omega0))
         expected[2] += sf.reaction(body, omega0)
     else:
@@ -122,7 +110,7 @@ def test_in_space(case):
     in_space = sf.to_matrix(body, run.omega, attitude=R)
     np.testing.assert_allclose(in_space, R @ sf.to_matrix(body, run.omega) @ Rt, atol=1e-14)
     M = sf.momentum(body, run.omega)
-    if body is THREE:
+    if len(omega0) == 2:
         expected = (R @ sf.to_vector(body, run.omega)[..., None])[..., 0]
         np.testing.assert_allclose(sf.to_vector(body, run.omega, attitude=R), expected, atol=1e-14)
         expected = (R @ M[..., None])[..., 0]
@@ -140,33 +128,22 @@ def test_in_space_the_momentum_changes_along_the_axis_alone():
     np.testing.assert_allclose(slope, [0, 0, sf.reaction(THREE, [1.0, 0.5])], atol=1e-9)
 
 
-def test_batches_and_nan(case, rng):
+def test_nan_in_any_basis(case, rng):
     body, omega0 = case
-    m = len(omega0)
-    bodies = type(body)(*(np.multiply.outer([1.0, 2.0, 3.0], each) for each in body.parameters))
-    states = rng.normal(size=(7, 1, m))
-    for function in (sf.to_matrix, sf.momentum):
-        result = function(bodies, states)
-        assert result.shape[:2] == (7, 3)
-        one = type(body)(*(each[2] for each in bodies.parameters))
-        assert (result[4, 2] == function(one, states[4, 0])).all()
-    states[2, 0, 0] = np.nan
+    states = rng.normal(size=(7, len(omega0)))
+    states[2, 0] = np.nan
+    rotation = random_rotation(rng, len(omega0) + 1)
     for result in (
-        sf.to_matrix(body, states),
-        sf.momentum(body, states),
-        sf.momentum(body, states, rotation=random_rotation(rng, m + 1)),
-        sf.from_matrix(body, sf.to_matrix(body, states)),
+        sf.momentum(body, states, rotation=rotation),
+        sf.from_matrix(body, sf.to_matrix(body, states, attitude=np.eye(len(rotation)))),
     ):
         assert np.isnan(result[2]).all()
         assert np.isfinite(np.delete(result, 2, axis=0)).all()
-    assert sf.to_matrix(body, np.empty((0, 4, m))).shape == (0, 4, m + 1, m + 1)
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sf.to_matrix(THREE, [1, 2, 3]), r"omega: expected shape \(..., 2\)"),
-        (lambda: sf.to_matrix(THREE, [1, np.inf]), "omega: expected finite"),
         (lambda: sf.to_matrix(THREE, [1, 2], rotation=np.eye(2)), r"rotation: expected shape"),
         (lambda: sf.to_matrix(THREE, [1, 2], attitude=np.ones(3)), r"attitude: expected shape"),
         (
@@ -180,10 +157,7 @@ def test_batches_and_nan(case, rng):
             "obey the constraint .* got 1",
         ),
         (lambda: sf.from_vector(THREE, [1, 2, 3]), "normal to the axis .* 3 along it"),
-        (
-            lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))),
-            "broadcast",
-        ),
+        (lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))), "broadcast"),
     ],
 )
 def test_bad_input(call, message):
@@ -194,4 +168,4 @@ def test_bad_input(call, message):
 def test_only_in_three_dimensions():
     for function in (sf.to_vector, sf.from_vector):
         with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
-            function(ND, [1, 2, 3])
+            function(sf.SuslovND([1, 2, 3], [1, 0, 0]), [1, 2, 3])

@@ -22,61 +22,48 @@ def in_child(code, **environment):
     return children.run(children.SETUP + textwrap.dedent(code), **environment)
 
 
-@pytest.fixture
-def big(rng):
-    return rng.uniform(-2, 2, (3 * LANES, 2))
-
-
 needs_two_threads = pytest.mark.skipif(
     numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads"
 )
-
-
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
 @needs_two_threads
 @pytest.mark.compiled
 @pytest.mark.parametrize("before", [1, 2])
-def test_threads_are_restored(body, big, before):
-    numba.set_num_threads(before)
-    try:
-        for threads in (1, 2, None):
-            sf.iterate(body, big, 0.2, 4000, threads=threads)
-            assert numba.get_num_threads() == before
-    finally:
-        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
-
-
-@needs_two_threads
-@pytest.mark.compiled
-def test_threads_are_restored_on_error(body, big, monkeypatch):
-    seen = []
+def test_threads_are_restored(body, rng, monkeypatch, before):
+    """After an error too."""
+    big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
     class Broken:
         def parallel(self, *arguments):
             seen.append(numba.get_num_threads())
             raise MemoryError
 
-    monkeypatch.setattr(loops, "canonical", Broken())
-    numba.set_num_threads(2)
-    with pytest.raises(MemoryError):
-        sf.iterate(body, big, 0.2, 4000, threads=2, method="canonical")
-    assert seen == [2]
-    assert numba.get_num_threads() == 2
-    assert not threads._owned()
+    numba.set_num_threads(before)
+    try:
+        for count in (1, 2, None):
+            sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
+            assert numba.get_num_threads() == before
+        monkeypatch.setattr(loops, "canonical", Broken())
+        with pytest.raises(MemoryError):
+            sf.iterate(body, big, 0.2, 4000, threads=2, method="canonical")
+        assert seen == [2]
+        assert numba.get_num_threads() == before
+        assert not threads._owned()
+    finally:
+        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
 
 
-@pytest.mark.parametrize("work", ["small batch", "one block"])
-def test_little_work_stays_serial(body, monkeypatch, work):
+def test_little_work_stays_serial(body, monkeypatch):
+    """A small batch, and one block of lanes however many steps it makes."""
+
     class SerialOnly:
         serial = staticmethod(loops.canonical.serial)
 
     monkeypatch.setattr(loops, "canonical", SerialOnly())
-    if work == "one block":
-        sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000)
-    else:
-        sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10)
+    sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10, method="canonical")
+    sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, method="canonical")
 
 
 @pytest.mark.compiled
@@ -109,13 +96,7 @@ def test_forks(layer):
         """,
         **children.layer(layer),
     )
-
-
-@needs_fork
-@pytest.mark.compiled
-@pytest.mark.parametrize("layer", children.LAYERS)
-def test_forks_while_another_thread_computes(layer):
-    children.run(children.FORKS, 20, **children.layer(layer))
+    children.run(children.FORKS, 20, **children.layer(layer))  # while another thread computes
 
 
 @needs_fork
@@ -254,23 +235,9 @@ def test_ctrl_c():
         assert steps < 2**33  # a second of the fastest machines
 
 
-def test_progress_callable(body):
+def test_progress(body, capsys):
     seen = []
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (10, 10)
-
-
-def test_progress_bar(body, capsys):
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
-
-
-def test_results_from_a_thread(body, big):
-    expected = sf.iterate(body, big, 0.2, 4000, save_every=None).final
-    results = []
-    thread = threading.Thread(
-        target=lambda: results.append(sf.iterate(body, big, 0.2, 4000, save_every=None).final)
-    )
-    thread.start()
-    thread.join()
-    assert (results[0] == expected).all()

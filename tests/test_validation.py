@@ -13,15 +13,15 @@ OMEGA = [[1.0, 0.5], [0.2, 0.3]]
 # A call with one bad argument, the error, and what its message says was received and expected.
 BAD_BODIES = [
     ({"I1": 0}, ValueError, "I1: expected a positive moment of inertia, got 0.0"),
-    ({"I2": -2}, ValueError, "I2: expected a positive moment of inertia, got -2.0"),
-    ({"I1": [1, 2, -3]}, ValueError, "I1: expected a positive .* got -3.0"),
+    ({"I2": [1, 2, -3]}, ValueError, "I2: expected a positive .* got -3.0"),
     ({"I1": NAN}, ValueError, "I1: expected finite real numbers, got nan"),
     ({"I13": [1, INF]}, ValueError, r"I13: expected finite real numbers, got inf at index \(1,\)"),
     ({"I23": 1j}, TypeError, "I23: expected real numbers, got 1j of dtype complex128"),
     ({"I23": "0.3"}, TypeError, "I23: expected real numbers, got '0.3' of dtype <U3"),
-    ({"I13": None}, TypeError, "I13: expected real numbers, got None of type NoneType"),
+    ({"k": None}, TypeError, "k: expected real numbers, got None of type NoneType"),
     ({"I1": True}, TypeError, "I1: expected real numbers, got True of dtype bool"),
     ({"I1": [1, 2], "I2": [1, 2, 3]}, ValueError, r"broadcast .* I1 \(2,\), I2 \(3,\)"),
+    ({"I1": 5e-324, "I2": 1.7e308}, ValueError, "I1, I2: expected moments within"),
 ]
 BAD_ARGUMENTS = [
     ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND or SuslovGyrostat, got tuple"),
@@ -29,26 +29,19 @@ BAD_ARGUMENTS = [
     ({"omega0": [[1, 2], [3, -INF]]}, ValueError, r"got -inf at index \(1, 1\)"),
     ({"omega0": [1, 2, 3]}, ValueError, r"omega0: expected shape \(..., 2\), got \(3,\)"),
     ({"omega0": 1.0}, ValueError, r"omega0: expected shape \(..., 2\), got \(\)"),
-    ({"omega0": []}, ValueError, r"omega0: expected shape \(..., 2\), got \(0,\)"),
-    ({"omega0": np.zeros((2, 5))}, ValueError, r"expected shape \(..., 2\), got \(2, 5\)"),
-    ({"omega0": [1 + 1j, 2]}, TypeError, "omega0: expected real numbers, got .* complex128"),
     ({"omega0": ["a", "b"]}, TypeError, r"omega0: expected real numbers, got \['a', 'b'\]"),
     ({"omega0": [[1, 2], [3]]}, ValueError, "omega0: expected a rectangular array"),
     ({"omega0": [None, 1]}, TypeError, "omega0: .* got None of type NoneType"),
     ({"omega0": {"x": 1}}, TypeError, "omega0: expected real numbers, got .* of type dict"),
     ({"omega0": [10**400, 1]}, ValueError, "omega0: expected numbers in the range of float64"),
-    ({"omega0": [True, False]}, TypeError, "omega0: expected real numbers, got .* dtype bool"),
     ({"omega0": np.array(["2020-01-01"] * 2, "M8[D]")}, TypeError, "omega0: expected real numbers"),
     ({"omega0": np.ma.masked_less([1.0, -1.0], 0)}, ValueError, "masked array with missing values"),
     ({"eps": NAN}, ValueError, "eps: expected finite real numbers, got nan"),
-    ({"eps": 0.1j}, TypeError, "eps: expected real numbers, got 0.1j"),
     ({"eps": "0.1"}, TypeError, "eps: expected real numbers, got '0.1'"),
     ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), omega0 \(2,\), eps \(3,\)"),
     ({"steps": -1}, ValueError, "steps: expected an integer of at least 0, got -1"),
     ({"steps": 10.0}, TypeError, "steps: expected an integer of at least 0, got 10.0 of type float"),
-    ({"steps": "10"}, TypeError, "steps: expected an integer of at least 0, got '10' of type str"),
     ({"steps": True}, TypeError, "steps: expected an integer of at least 0, got True of type bool"),
-    ({"steps": None}, TypeError, "steps: .* got None of type NoneType"),
     ({"steps": 2**64}, ValueError, r"steps: expected an integer below 2\*\*62, got 18446744073709"),
     ({"steps": 2**61, "out": None}, MemoryError, r"arrays that fit in memory, .* the states kept are \(2305843009213693953, 2, 2"),
     ({"steps": [10]}, TypeError, r"steps: .* got \[10\] of type list"),
@@ -65,11 +58,8 @@ BAD_ARGUMENTS = [
     ({"threads": 1.5}, TypeError, "threads: expected None or an integer from 1 to .* got 1.5"),
     ({"on_singular": "stop"}, ValueError, "on_singular: expected one of 'warn', .* got 'stop'"),
     ({"progress": 0}, TypeError, r"progress: expected True, False, None or a callable .* got int"),
-    ({"progress": np.ones(2)}, TypeError, r"progress: expected .* got ndarray"),
-    ({"progress": 3}, TypeError, r"progress: expected True, False, None or a callable .* got int"),
     ({"out": [[0, 0]]}, TypeError, "out: expected a NumPy array, got list"),
     ({"out": np.zeros((4, 2, 2), "f4")}, TypeError, "out: expected dtype float64, got float32"),
-    ({"out": np.zeros((4, 2, 2), ">f8")}, TypeError, "out: expected dtype float64, got >f8"),
     ({"out": np.zeros((3, 2, 2))}, ValueError, r"out: expected shape \(4, 2, 2\), got \(3, 2, 2\)"),
     ({"out": np.zeros((4, 2, 4))[..., ::2]}, ValueError, "out: expected a C-contiguous array, got one that is not"),
 ]  # fmt: skip
@@ -77,8 +67,12 @@ BAD_ARGUMENTS = [
 
 @pytest.mark.parametrize(("bad", "error", "message"), BAD_BODIES)
 def test_bodies(bad, error, message):
+    given = {"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3, **bad}
     with pytest.raises(error, match=message):
-        sf.Suslov3D(**{"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3, **bad})
+        sf.SuslovGyrostat(**{"k": 0.1, **given})
+    if "k" not in bad:
+        with pytest.raises(error, match=message):
+            sf.Suslov3D(**given)
 
 
 @pytest.mark.parametrize(("bad", "error", "message"), BAD_ARGUMENTS)
@@ -100,54 +94,9 @@ def test_out_that_cannot_be_written_to(body):
         sf.iterate(body, OMEGA, 0.2, 3, out=unaligned)
 
 
-@pytest.mark.parametrize("function", [sf.to_xy, sf.from_xy])
-def test_coordinates_check_states(body, function):
-    with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
-        function(body, [1, 2, 3])
-    with pytest.raises(ValueError, match="expected finite real numbers, got inf"):
-        function(body, [INF, 2])
-
-
-@pytest.mark.parametrize("function", [sf.to_xy, sf.from_xy])
-def test_coordinates_of_three_dimensions_only(function):
-    with pytest.raises(TypeError, match="body: expected Suslov3D, got SuslovND"):
-        function(sf.SuslovND([1, 2], [1, 2]), [1, 2])
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda body, omega: sf.step(body, omega, 0.2),
-        lambda body, omega: sf.first_integral(body, omega, 0.2),
-        lambda body, omega: sf.criticality(body, omega, 0.2),
-        sf.energy,
-        sf.vector_field,
-        sf.reaction,
-        lambda body, omega: sf.modified_energy(body, omega, 0.2),
-        lambda body, omega: sf.jacobian(body, omega, 0.2),
-        lambda body, omega: sf.limits(body, omega, 0.2),
-        lambda body, omega: sf.exact(body, omega, 0.2, 3),
-        lambda body, omega: sf.flow(body, omega, 3),
-    ],
-)
-def test_other_functions(body, call):
-    with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND.*, got NoneType"):
-        call(None, OMEGA)
-    with pytest.raises(ValueError, match=r"expected shape \(..., 2\), got \(3,\)"):
-        call(body, [1, 2, 3])
-    with pytest.raises(ValueError, match="expected finite real numbers, got -inf"):
-        call(body, [-INF, 2])
-    result = call(body, [NAN, 2])
-    assert np.isnan(result).all()
-    with pytest.raises(ValueError, match="expected batch shapes that broadcast"):
-        call(sf.Suslov3D([1, 2, 3], 1, 1, 1), OMEGA)
-
-
-@pytest.mark.parametrize(
-    "function",
-    [sf.step, sf.first_integral, sf.criticality, sf.modified_energy, sf.jacobian, sf.limits],
-)
+@pytest.mark.parametrize("function", [sf.step, sf.criticality, sf.jacobian, sf.limits])
 def test_eps_of_other_functions(body, function):
+    """Other arguments of other functions are tested in `test_promises.py`."""
     with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
         function(body, OMEGA, INF)
     with pytest.raises(ValueError, match=r"broadcast .* eps \(3,\)"):
@@ -155,12 +104,8 @@ def test_eps_of_other_functions(body, function):
 
 
 def test_step_full(body):
-    with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
-        sf.step_full(body, [1, 2], 0.1, 3)
     with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
         sf.step_full(body, [1, 2, 3], 0.1, 0)
-    with pytest.raises(TypeError, match="body: expected Suslov3D"):
-        sf.step_full(4, [1, 2, 3], 0.1, 3)
     with pytest.raises(ValueError, match=r"broadcast .* body \(2,\)"):
         sf.step_full(body, np.zeros((3, 3)), 0.1, [3, 3])
 

@@ -5,53 +5,42 @@ import numpy as np
 from native import call
 
 NUMBERS = tuple(map(float, (*formulas.BODY, formulas.EPS)))
+# One division per four steps; slower with FMA, each of which would wait longer for the one before.
+PROJECTIVE = "-ffp-contract=off"
 
 
-def _call(name, omega0, to, steps, threads, *flags):
-    sizes = len(omega0), int(steps)
-    call("peers/peers.c", name, omega0, to, *sizes, *NUMBERS, int(threads), flags=flags)
-    return to
+def saved_states(name, *flags):
+    """All states, (steps + 1, batch, 2), by a C function."""
+
+    def states(omega0, steps, threads, out):
+        sizes = len(omega0), int(steps)
+        call("peers/peers.c", name, omega0, out, *sizes, *NUMBERS, int(threads), flags=flags)
+        return out
+
+    return states
 
 
-def as_printed(omega0, steps, threads):
-    """(ds2) as printed, two divisions per step."""
-    return _call("as_printed", omega0, np.empty_like(omega0), steps, threads)
+def last_states(name, *flags):
+    """Last states by a C function."""
+    states = saved_states(name, *flags)
+    return lambda omega0, steps, threads: states(omega0, steps, threads, np.empty_like(omega0))
 
 
-def parameter_free(omega0, steps, threads):
-    """The parameter-free form, one division per step."""
-    return _call("parameter_free", omega0, np.empty_like(omega0), steps, threads)
+as_printed, parameter_free = last_states("as_printed"), last_states("parameter_free")
+projective = last_states("projective", PROJECTIVE)
+stored, stored_streaming = saved_states("stored"), saved_states("stored_streaming")
 
 
-def projective(omega0, steps, threads):
-    """The parameter-free form as a quotient, one division per four steps."""
-    # Slower with FMA: each would wait longer for the one before.
-    without = "-ffp-contract=off"
-    return _call("projective", omega0, np.empty_like(omega0), steps, threads, without)
+def in_n_dimensions(name):
+    """Last states in n dimensions by a C function, on one thread."""
+
+    def last(body, omega0, eps, steps):
+        final = np.empty_like(omega0)
+        J, I = np.ascontiguousarray(body.J), np.ascontiguousarray(body.I)
+        call("peers/peers.c", name, omega0, final, *omega0.shape, steps, J, I, float(eps))
+        return final
+
+    return last
 
 
-def stored(omega0, steps, threads, out):
-    """All states, (steps + 1, batch, 2), with plain stores."""
-    return _call("stored", omega0, out, steps, threads)
-
-
-def stored_streaming(omega0, steps, threads, out):
-    """All states, (steps + 1, batch, 2), with stores past the caches."""
-    return _call("stored_streaming", omega0, out, steps, threads)
-
-
-def _call_nd(name, body, omega0, eps, steps):
-    final = np.empty_like(omega0)
-    J, I = np.ascontiguousarray(body.J), np.ascontiguousarray(body.I)
-    call("peers/peers.c", name, omega0, final, *omega0.shape, steps, J, I, float(eps))
-    return final
-
-
-def eliminate(body, omega0, eps, steps):
-    """(dsn) by elimination with partial pivoting, one trajectory after the other, one thread."""
-    return _call_nd("eliminate", body, omega0, eps, steps)
-
-
-def rank2(body, omega0, eps, steps):
-    """(dsn) by sums over the components, 32 trajectories side by side, one thread."""
-    return _call_nd("rank2", body, omega0, eps, steps)
+eliminate, rank2 = in_n_dimensions("eliminate"), in_n_dimensions("rank2")

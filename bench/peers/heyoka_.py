@@ -1,4 +1,4 @@
-"""heyoka: the map as a compiled function, and the motion (s1) by its Taylor integrator."""
+"""heyoka: the motion by its Taylor integrator, to machine precision."""
 
 import copy
 import functools
@@ -8,29 +8,7 @@ import formulas
 import heyoka as hy
 import numpy as np
 
-FUSED, SIDE_BY_SIDE = 4, 16  # the fastest of those tried
-MAP = formulas.Formulas()
-
-
-@functools.cache
-def _compiled(fused):
-    X, Y = state = hy.make_vars("X", "Y")
-    for _ in range(fused):
-        state = formulas.advance(*state)
-    return hy.cfunc(list(state), [X, Y])
-
-
-def final(omega0, steps, threads):
-    """The parameter-free form: calls of several steps, then single ones."""
-    hy.set_nthreads(threads)
-    states = np.stack(MAP.enter(*omega0.T))
-    following = np.empty_like(states)
-    for fused, calls in ((FUSED, steps // FUSED), (1, steps % FUSED)):
-        function = _compiled(fused)
-        for _ in range(calls):
-            function(states, outputs=following)
-            states, following = following, states
-    return np.stack(MAP.leave(*states), axis=-1)
+SIDE_BY_SIDE = 16  # the fastest of those tried
 
 
 @functools.cache
@@ -52,7 +30,7 @@ def _integrate(integrator, omega0, time):
 
 
 def motion(omega0, time, threads):
-    """Batches of trajectories, an integrator for each thread; to machine precision.
+    """Batches of trajectories, an integrator for each thread.
 
     Its own ensembles copy the integrator for each batch, which takes longer than to integrate.
     """

@@ -29,12 +29,12 @@ def _stored(omega0, steps, out):
 
 
 def final(omega0, steps, threads):
-    """(ds2) as printed."""
+    """The map as printed."""
     return _final(omega0, steps)
 
 
 def stored(omega0, steps, threads, out):
-    """(ds2), all states into (batch, steps + 1, 2), the order in which this writes faster."""
+    """All states into (batch, steps + 1, 2), the order in which this writes faster."""
     out = out.reshape(len(omega0), steps + 1, 2)
     _stored(omega0, steps, out)
     return out.swapaxes(0, 1)

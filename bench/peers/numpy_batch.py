@@ -7,7 +7,7 @@ MAP = Formulas()
 
 
 def final_python(omega0, steps, threads):
-    """(ds2) as printed, without NumPy."""
+    """The map as printed, without NumPy."""
     result = []
     for p, q in omega0.tolist():
         for _ in range(steps):
@@ -17,7 +17,7 @@ def final_python(omega0, steps, threads):
 
 
 def final(omega0, steps, threads):
-    """(ds2) as printed."""
+    """The map as printed."""
     p, q = omega0.T.copy()
     for _ in range(steps):
         p, q = step_as_printed(p, q)
@@ -25,7 +25,7 @@ def final(omega0, steps, threads):
 
 
 def stored(omega0, steps, threads, out):
-    """(ds2), all states into (steps + 1, batch, 2)."""
+    """All states into (steps + 1, batch, 2)."""
     out[0] = omega0
     p, q = omega0.T.copy()
     for n in range(steps):
@@ -46,25 +46,9 @@ def jump(omega0, n):
 
 
 def solve(body, omega0, eps, steps):
-    """(dsn) by the batched solver."""
+    """The map in n dimensions by the batched solver."""
     omega = omega0
     for _ in range(steps):
         A = matrix_nd(body.J, body.I, eps, omega)
         omega = np.linalg.solve(A, omega[..., None])[..., 0]
-    return omega
-
-
-def rank2(body, omega0, eps, steps):
-    """(dsn) in O(n): alpha = Omega.Omega~ and beta = I.Omega~ solve two equations."""
-    omega, I, h = omega0, body.I, eps / (2 * body.J)
-    for _ in range(steps):
-        p = omega @ I
-        g = 1 / (1 - p[:, None] * h)
-        first, second = g * omega, g * h * omega
-        ww, wI = (first * omega).sum(-1), first @ I
-        wwh, wIh, IIh = (second * omega).sum(-1), second @ I, g @ (h * I * I)
-        determinant = (1 + 2 * wIh) * (1 - wIh) + 2 * IIh * wwh
-        alpha = (ww * (1 - wIh) + wwh * wI) / determinant
-        beta = ((1 + 2 * wIh) * wI - 2 * IIh * ww) / determinant
-        omega = first + second * beta[:, None] - 2 * g * (h * I) * alpha[:, None]
     return omega

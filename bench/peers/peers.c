@@ -30,7 +30,7 @@ static void unload(double *to, long first, long width, const double *u, const do
     }
 }
 
-/* Equation (ds2) as printed. */
+/* The map as Section 4 prints it. */
 void as_printed(ARGUMENTS)
 {
     const double k1 = eps * I13 / (2 * I1), k2 = eps * I23 / (2 * I2);
@@ -167,7 +167,7 @@ void stored(ARGUMENTS) { STORED(PLAIN) }
 void stored_streaming(ARGUMENTS) { STORED(STREAM) }
 #endif
 
-/* Equation (dsn): the matrix A, Gaussian elimination with partial pivoting, one trajectory. */
+/* The map in n dimensions: the matrix A, Gaussian elimination with partial pivoting, one trajectory. */
 void eliminate(const double *from, double *to, long batch, long m, long steps,
                const double *J, const double *I, double eps)
 {

@@ -50,11 +50,17 @@ class Body:
         """The parameters of the map, in order."""
         return tuple(getattr(self, name) for name in (*self._moments, *self._couplings))
 
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return 2
+
     def _set(self, **values: Any) -> None:
         """Check the parameters, and set copies that cannot be written to."""
-        left_out = [name for name in self._optional() if values[name] is None]
         arrays = {
-            name: real_array(name, value) for name, value in values.items() if name not in left_out
+            name: real_array(name, value)
+            for name, value in values.items()
+            if value is not None or name not in self._optional()
         }
         for name, array in arrays.items():
             if name not in self._couplings and not (array > 0).all():
@@ -101,13 +107,11 @@ class Body:
         )
         return f"<{name} of shape {self.shape}: {shown}>"
 
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th>{name}</th><td>{_brief(value)}</td></tr>"
-            for name, value in self._values.items()
-        )
-        shape = f", shape {self.shape}" if self.shape else ""
-        return f"<table><caption>{type(self).__name__}{shape}</caption>{rows}</table>"
+    def _repr_latex_(self) -> str:
+        """Return the parameters as a formula, for notebooks; of a batch the shape and ranges."""
+        shape = f" of shape {self.shape}" if self.shape else ""
+        shown = [f"{_symbol(name)} = {_brief(value)}" for name, value in self._values.items()]
+        return r",\quad ".join([rf"$\text{{{type(self).__name__}{shape}}}", *shown]) + "$"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the parameters as numbers and nested lists, which JSON can hold, without loss.
@@ -156,8 +160,14 @@ class Body:
         return cls(**parameters)
 
 
+def _symbol(name: str) -> str:
+    """Return the name of a parameter in LaTeX: `I_{13}`."""
+    return f"{name[0]}_{{{name[1:]}}}" if name[1:] else name
+
+
 def _brief(value: float | FloatArray) -> str:
     """Return a number or a few as they are, and of many the range."""
-    if np.size(value) <= _LINE // 10:
-        return repr(np.asarray(value).tolist())
-    return f"{np.min(value):g} ... {np.max(value):g}, shape {np.shape(value)}"
+    if np.size(value) > _LINE // 10:
+        return rf"{np.min(value):g} \ldots {np.max(value):g}"
+    shown = ", ".join(f"{each:g}" for each in np.ravel(value))
+    return f"({shown})" if np.ndim(value) else shown

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from .._checks import FloatArray
 from .base import Body
-from .three import check_apart
+from .three import Suslov3D, check_apart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,17 +56,8 @@ class SuslovGyrostat(Body):
 
     _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
     _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")
-    _meanings: ClassVar[dict[str, str]] = {
-        **dict.fromkeys(("I1", "I2"), "moment of inertia"),
-        **dict.fromkeys(("I13", "I23"), "product of inertia"),
-        "k": "momentum of the rotor",
-    }
+    _meanings: ClassVar[dict[str, str]] = {**Suslov3D._meanings, "k": "momentum of the rotor"}
 
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k)
         check_apart(self.I1, self.I2)
-
-    @property
-    def dimension(self) -> int:
-        """The number of components of a state."""
-        return 2

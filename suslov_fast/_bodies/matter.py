@@ -28,6 +28,21 @@ def check_triangles(name: str, tensor: FloatArray) -> None:
         )
 
 
+def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
+    """Return the rotations by the smallest angle that take unit axes (..., n) to e_n."""
+    n = axis.shape[-1]
+    # An axis that points down is first turned by pi in the plane of e_1 and e_n.
+    half_turn = np.eye(n)
+    half_turn[0, 0] = half_turn[-1, -1] = -1.0
+    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
+    first = np.where(down, half_turn, np.eye(n))
+    up = first @ axis[..., np.newaxis]
+    s = up + np.eye(n)[:, -1:]
+    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
+    rotation[..., -1, :] += 2.0 * up[..., 0]
+    return rotation @ first
+
+
 def ellipsoid_of_inertia(
     parameters: tuple[float, float, float, float], I3: float
 ) -> tuple[FloatArray, FloatArray]:

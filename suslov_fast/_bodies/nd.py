@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, inertia_matrix, real_array, unit_axis
 from .base import Body
+from .matter import shortest_rotation_to_last
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -111,36 +112,18 @@ class SuslovND(Body):
         n = len(matrix)
         if n < 2:
             raise ValueError(f"I: expected shape (n, n) with n > 1, got {matrix.shape}")
-        if a is None:
-            rotation = np.eye(n)
-        else:
-            axis = unit_axis("a", a, n)
-            if axis.ndim != 1:
-                raise ValueError(f"a: expected shape ({n},), got {axis.shape}")
-            rotation = _shortest_rotation_to_last(axis)
-        block = (matrix if a is None else rotation @ matrix @ rotation.T)[:-1, :-1]
+        axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
+        if axis.ndim != 1:
+            raise ValueError(f"a: expected shape ({n},), got {axis.shape}")
+        rotation = shortest_rotation_to_last(axis)
+        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
             turn = np.eye(n)
             turn[:-1, :-1] = _principal_axes(block)
             rotation = turn @ rotation
-        adapted = matrix if (rotation == np.eye(n)).all() else rotation @ matrix @ rotation.T
+        adapted = rotation @ matrix @ rotation.T
         diagonal = np.diag(adapted)
         return cls(diagonal[:-1] + diagonal[-1], adapted[:-1, -1]), rotation
-
-
-def _shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return the rotation by the smallest angle that takes a unit axis to e_n."""
-    n = len(axis)
-    e = np.eye(n)[-1]
-    half_turn = np.eye(n)
-    if axis[-1] < 0:  # first turn by pi in the plane of e_1 and e_n
-        half_turn[0, 0] = half_turn[-1, -1] = -1.0
-        axis = half_turn @ axis
-    s = axis + e
-    rotation: FloatArray = (
-        np.eye(n) - np.outer(s, s) / (1.0 + axis[-1]) + 2.0 * np.outer(e, axis)
-    ) @ half_turn
-    return rotation
 
 
 def _principal_axes(block: FloatArray) -> FloatArray:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .._checks import first_index, spell
+from .._checks import FloatArray, first_index, spell
 from .nd import SuslovND
 from .units import units_of
 
@@ -16,21 +17,26 @@ class NotIntegrableError(ValueError):
     """No closed form and no first integral is known for this body; `iterate` still works."""
 
 
-def check_solved(body: SuslovND, function: str) -> None:
-    """Raise an error that names the function unless J I = b I, and J = a orthogonal to I.
+def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np.bool_]:
+    """Return where J I = b I, and J = a orthogonal to I, but for `rounding`.
 
     All J may be equal, I may have one component that is not 0, or none; for n = 3 all is solved.
     """
-    if body.dimension == 2:
-        return
-    J, I = units_of(body).parameters
     J, size = np.broadcast_arrays(J, abs(I))
     largest = size.max(axis=-1, keepdims=True)
-    coupled = size > _ROUNDING * largest
+    coupled = size > rounding * largest
     left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved = (high <= low * (1.0 + _ROUNDING)) | (largest[..., 0] == 0.0)
+    solved: NDArray[np.bool_] = high <= low * (1.0 + rounding)
+    solved |= (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    return solved
+
+
+def check_solved(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless `is_solved` to rounding."""
+    J, I = units_of(body).parameters
+    solved = is_solved(J, I, _ROUNDING)
     if not solved.all():
         which = spell(first_index(~np.atleast_1d(solved)))
         raise NotIntegrableError(

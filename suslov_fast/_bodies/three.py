@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
 from .base import Body
-from .matter import admissible_I3, check_triangles
+from .matter import admissible_I3, check_triangles, shortest_rotation_to_last
 
 # Powers of two between I1 and I2: their products with each other and with states are in range.
 _APART = 1800
@@ -77,11 +77,6 @@ class Suslov3D(Body):
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)
         check_apart(self.I1, self.I2)
-
-    @property
-    def dimension(self) -> int:
-        """The number of components of a state."""
-        return 2
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the moments I3 that a body with these parameters can have.
@@ -150,7 +145,7 @@ class Suslov3D(Body):
         check_triangles("I", tensor)
         axis = unit_axis("a", a, 3)
         common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
-        to_e3 = _shortest_rotation_to_e3(axis)
+        to_e3 = shortest_rotation_to_last(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.
         I12 = turned[..., 0, 1]
@@ -160,20 +155,6 @@ class Suslov3D(Body):
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
         body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2], I[..., 2, 2])
         return body, rotation
-
-
-def _shortest_rotation_to_e3(axis: FloatArray) -> FloatArray:
-    """Return the rotation by the smallest angle that takes each unit axis to e3."""
-    # Half a turn about axis + e3, which exchanges the two, then half a turn about e3. An axis that
-    # points down is first turned by pi about e1.
-    down = axis[..., 2] < 0
-    half_turn = np.where(down[..., None, None], np.diag([1.0, -1.0, -1.0]), np.eye(3))
-    u = (half_turn @ axis[..., None])[..., 0]
-    s = u + np.array([0.0, 0.0, 1.0])
-    square = (s * s).sum(axis=-1)[..., None, None]
-    exchange = 2.0 * s[..., :, None] * s[..., None, :] / square - np.eye(3)
-    rotation: FloatArray = np.diag([-1.0, -1.0, 1.0]) @ exchange @ half_turn
-    return rotation
 
 
 def _about_e3(angle: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import sys
@@ -11,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-from .options import COMMANDS, INTERRUPTED, CommandError, parse
+from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -20,28 +19,25 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     The status is 0; 2 for a command line that makes no sense and 1 for other failures, with one
     line on stderr; 130 after a signal.
     """
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be text
-        sys.stdout.reconfigure(errors="backslashreplace")
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
     try:
         options = parse(sys.argv[1:] if arguments is None else arguments)
         # Only now: the modules import Numba, for which `--help` need not wait.
-        module = import_module(f".{COMMANDS[options.command].module}", __package__)
-        text = getattr(module, options.command.replace("-", "_"))(options)
-        if text:
+        module, function = COMMANDS[options.command].function.split(".")
+        if text := getattr(import_module(f".{module}", __package__), function)(options):
             print(text, flush=True)
     except CommandError as error:
         _fail(error.status, str(error))
     except (ImportError, MemoryError) as error:
-        _fail(1, str(error) or "not enough memory")
+        _fail(FAILURE, str(error) or "not enough memory")
     except KeyboardInterrupt as error:
         _fail(INTERRUPTED, str(error) or "interrupted")
     except OSError as error:  # of the output: those of other files are CommandErrors
         # Python could not write the rest of it at exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
-            sys.exit(1)
-        _fail(1, f"standard output: {error.strerror or error}")
+            sys.exit(FAILURE)
+        _fail(FAILURE, f"standard output: {error.strerror or error}")
     sys.exit(0)
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
@@ -19,6 +19,7 @@ FAILURE, USAGE, INTERRUPTED = 1, 2, 130
 TRAJECTORIES, EXTENT = 65_536, 2.0
 # The body of picture 2 can be made of matter, that of picture 1 cannot.
 DEFAULT_PICTURE = 2
+ENTRIES = "Ixx,Iyy,Izz,Ixy,Ixz,Iyz"
 
 
 class CommandError(Exception):
@@ -48,13 +49,6 @@ def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any
     return read
 
 
-def _finite(text: str, low: float = -math.inf) -> float:
-    value = float(text)
-    if not (math.isfinite(value) and value > low):
-        raise ValueError
-    return value
-
-
 def _integer(low: int, below: int = 2**62) -> Callable[[str], int]:
     def convert(text: str) -> int:
         value = int(text) if re.fullmatch(r"[+-]?\d{1,99}", text) else float(text)
@@ -75,33 +69,26 @@ def _file(*suffixes: str) -> Callable[[str], Path]:
     return _reader(f"the name of a {' or '.join(suffixes)} file", convert)
 
 
-def _sweep(text: str) -> tuple[str, float, float, int]:
-    match = re.fullmatch(r"(\w+)=([^:=]+):([^:=]+):([^:=]+)", text)
-    if match is None:
-        raise ValueError
-    return match[1], _finite(match[2]), _finite(match[3]), _integer(1)(match[4])
+def _split_sweep(text: str) -> tuple[str, float, float, int]:
+    name, _, values = text.partition("=")
+    low, high, count = values.split(":")
+    return name, float(low), float(high), _integer(1)(count)
 
 
-_number = _reader("a finite number", _finite)
-_positive = _reader("a positive number", lambda text: _finite(text, 0.0))
-_list = _reader(
-    "finite numbers separated by commas", lambda text: [_finite(part) for part in text.split(",")]
-)
+def _check_address(text: str) -> str:
+    int(text.rpartition(":")[2])  # the port; without one Dask would wait for ever
+    return text
+
+
+_SWEEP = "NAME=LOW:HIGH:COUNT"
+_sweep = _reader(_SWEEP, _split_sweep)
+_address = _reader("an address such as tcp://127.0.0.1:8786", _check_address)
+_list = _reader("numbers separated by commas", lambda text: [*map(float, text.split(","))])
 _table, _result = _file(".npy", ".csv"), _file(".npz", ".nc", ".zarr")
 
 
 def _list_or_table(text: str) -> Any:
     return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
-
-
-def _address_of(text: str) -> str:
-    if not re.fullmatch(r"(\w+://)?.+:\d+", text):  # Dask would not return
-        raise ValueError
-    return text
-
-
-_address = _reader("an address such as tcp://127.0.0.1:8786", _address_of)
-_picture = _reader("1, 2, 3 or 4", lambda text: ("1", "2", "3", "4").index(text) + 1)
 
 
 # ------------------------------------------------------------------ options
@@ -115,74 +102,62 @@ def _flag(help: str) -> dict[str, Any]:
     return {"help": help, "action": "store_true"}
 
 
-# By name. A default is added to the help. What `iterate` or `ensemble` takes has the name that it
+_repeated = partial(_option, action="append")
+# By name; a default is added to the help. What `iterate` or `ensemble` takes has the name that it
 # has there.
-_O = ("-o", "--output")
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
         f"picture of the paper; parameters beside it replace its own ({DEFAULT_PICTURE})",
-        _picture,
-        "1..4",
+        choices=tuple("1234"),
     ),
-    "inertia": _option(
-        "inertia tensor, entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or a file", _list_or_table, "TENSOR"
-    ),
-    "mass_tensor": _option(
-        "in n dimensions, a file: the I of M = I Omega + Omega I", _table, "FILE"
-    ),
+    "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
+    "mass_tensor": _option("for n dimensions, the I of M = I Omega + Omega I", _table, "FILE"),
     "axis": _option("with a tensor: the forbidden axis, in its basis (the last)", _list, "A1,..."),
-    "eps": _option("step size (that of the picture)", _number),
-    "omega0": _option("a start; may be repeated", _list, "OMEGA1,...", action="append"),
+    "eps": _option("step size (that of the picture)", float),
+    "omega0": _repeated("a start; may be repeated", _list, "OMEGA1,..."),
     "initial": _option("starts from a file, one per row", _table, "FILE"),
     "trajectories": _option(f"number of random starts ({TRAJECTORIES})", _integer(1), "N"),
-    "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", _positive),
+    "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", float),
     "seed": _option("seed of the random starts (0)", _integer(0)),
-    "orientation": _option(
-        "at the start: rotation vector X,Y,Z in degrees, or matrix in a file", _list_or_table, "R0"
-    ),
-    "steps": _option("number of steps", _integer(0), "N"),
+    "orientation": _option("X,Y,Z, a rotation vector in degrees, or a file", _list_or_table, "R0"),
+    "steps": _option("number of steps", _integer(0), "N", default=1000),
     "method": _option("method of iterate", default="auto"),
     "threads": _option("number of threads (all)", _integer(1), "N"),
     "save_every": _option("keep every K-th state (the last only)", _integer(1), "K"),
     "attitude": _flag("carry the orientation of the body along"),
-    "output": _option("where to write it", Path, "FILE", flags=_O),
+    "output": _option("where to write it", Path, "FILE"),
     "force": _flag("replace files that exist"),
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
     "scheduler": _option("Dask scheduler whose workers compute", _address, "ADDRESS"),
-    "sweep": _option(
-        "axis of step sizes (eps) or of a parameter (I13, J2); may be repeated",
-        _reader("NAME=LOW:HIGH:COUNT", _sweep),
-        "NAME=LOW:HIGH:COUNT",
-        action="append",
-    ),
+    "sweep": _repeated("axis of eps or of a parameter (I13); may be repeated", _sweep, _SWEEP),
     "compression": _option("compress what is written", choices=("lz4", "zstd")),
-    "reductions": _option(
-        "keep this of each trajectory: first_integral_drift, omega_max, ...; may be repeated",
-        metavar="NAME",
-        action="append",
-        flags=("--reduce",),
-    ),
+    "reductions": _repeated("keep first_integral_drift, ...; may be repeated", None, "NAME"),
     "verify": _flag("read what is stored, and compute again what is damaged"),
-    "file": _option("a .npz, .nc or .zarr", _result, "FILE", flags=("file",)),
-    "folder": _option("where to write them (this folder)", Path, "DIR", flags=_O, default=Path()),
+    "file": _option("a .npz, .nc or .zarr", _result, "FILE"),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch", _integer(1, 10_001), "N"),
+    "dpi": _option("dots per inch", _integer(1), "N", default=160),
     "letters": _flag("write the letters of panels, (a), (b) ..."),
-    "link": _option("a link copied from the page", None, "LINK", nargs="?", flags=("link",)),
-    "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), "N", default=0),
+    "link": _option("a link copied from the page", metavar="LINK", nargs="?"),
+    "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), default=0),
     "no_browser": _flag("print the address only"),
 }
+# Names on the command line, where they are not those of the table with two dashes.
+_NAMES = {"output": ["-o", "--output"], "reductions": ["--reduce"], "file": ["file"]}
+_NAMES |= {"link": ["link"]}
 
 
 class Command(NamedTuple):
-    """A subcommand: module, help, description, options in groups, and changes of their settings."""
+    """A subcommand: its function, text, options in groups, and changes of their settings.
 
-    module: str
-    help: str
-    description: str
-    groups: dict[str, str]
-    changes: dict[str, dict[str, Any]] = {}  # noqa: RUF012  (nobody writes to it)
+    The first sentence of the text stands in the list of commands. PARAMETERS stands for those of
+    all bodies.
+    """
+
+    function: str
+    text: str
+    groups: dict[str, str] = {}  # noqa: RUF012  (nobody writes to it)
+    changes: dict[str, dict[str, Any]] = {}  # noqa: RUF012
 
 
 # Options of runs that are larger than memory.
@@ -194,9 +169,8 @@ _BODY = {
 }
 COMMANDS = {
     "run": Command(
-        "run",
-        "iterate a batch of trajectories and print a summary",
-        "Iterate a batch of trajectories of the discrete Suslov problem. With no options: "
+        "run.run",
+        "Iterate a batch of trajectories and print a summary. With no options: "
         f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps. "
         "With --mass-tensor for n = 3, give trace(T)/2 - T of the inertia tensor T.",
         {
@@ -206,55 +180,47 @@ COMMANDS = {
             "output": "output save_every force json",
             "with -o FILE.zarr (computed and written in parts; the same command goes on)": STORE,
         },
-        {
-            "steps": {"default": 1000},
-            "output": {"type": _result, "help": "write the run to a .npz, .nc or .zarr"},
-        },
+        {"output": {"type": _result, "help": "write the run to a .npz, .nc or .zarr"}},
     ),
     "info": Command(
-        "others",
-        "print what a saved run is and what came of it",
-        "Print what a file of `suslov-fast run -o` or Trajectories.save holds. The drift is that "
-        "since state 0, where it was saved.",
+        "summary.info",
+        "Print what a saved run is and what came of it. FILE is one of `suslov-fast run -o` or "
+        "Trajectories.save. The drift is that since state 0, where it was saved.",
         {"": "file json"},
     ),
     "warm-up": Command(
-        "warm_up",
-        "compile everything, so that no later run has to",
-        "Compile everything, for every kind of body, for one thread and for all, into the cache "
-        "that later processes read.",
-        {},
+        "warm_up.warm_up",
+        "Compile everything, so that no later run has to. The code for every kind of body, for "
+        "one thread and for all, goes into the cache that later processes read.",
     ),
     "pictures": Command(
-        "pictures",
-        "draw the paper's four pictures, and four more",
-        "Draw the four pictures of the paper (picture1 ... picture4), an orbit in each regime with "
+        "pictures.pictures",
+        "Draw the paper's four pictures, and four more. These are an orbit in each regime with "
         "its closed form (regimes), the order of the map (convergence), motion for n = 4 "
         "(four_dimensions), and the scattering angle (scattering).",
-        {"": "folder format dpi letters force"},
-        {"dpi": {"default": 160}},
+        {"": "output format dpi letters force"},
+        {"output": {"metavar": "DIR", "help": "a folder (this one)", "default": Path()}},
     ),
     "animate": Command(
-        "pictures",
-        "draw a moving body in space",
-        "Draw the ellipsoid of inertia of a body, its axes e1 and e2, and the path of the axis a "
-        "about which it does not turn. By default it passes from one steady rotation to the "
-        "other. FILE ends in .gif, or in .mp4 where ffmpeg is installed.",
+        "pictures.animate",
+        "Draw a moving body in space. The picture shows the ellipsoid of inertia, its axes e1 and "
+        "e2, and the path of the axis a about which it does not turn. By default it passes from "
+        "one steady rotation to the other. FILE ends in .gif, or in .mp4 where ffmpeg is "
+        "installed.",
         {**_BODY, "motion": "omega0 orientation steps", "output": "output dpi force"},
         {
             "eps": {"help": "step size (0.05 with a picture)"},
             "omega0": {"action": "store", "help": "the start (one beside a steady rotation)"},
-            "steps": {"type": _integer(1), "default": 440},
+            "steps": {"default": 440},
             "output": {"required": True, "type": _file(".gif", ".mp4")},
             "dpi": {"default": 100},
         },
     ),
     "explore": Command(
-        "others",
-        "move a body, a step size and a start on a page in the browser",
-        "Serve a page to the browser of this machine, on which the body, the step size and the "
-        "start are moved, and the orbit, its regime and the body in space are seen at once. "
-        "Nothing is sent to or fetched from elsewhere. Ctrl-C ends it.",
+        "explore.explore",
+        "Move a body, a step size and a start on a page in the browser. The page shows the orbit, "
+        "its regime and the body in space; nothing is sent to or fetched from elsewhere. Ctrl-C "
+        "ends it.",
         {"": "link port no_browser"},
     ),
 }
@@ -271,8 +237,11 @@ def body_classes() -> list[Any]:
 
 def flag(name: str) -> str:
     """Return an option as it is written."""
-    default = (f"--{name.replace('_', '-')}",)
-    return str(OPTIONS.get(name, {}).get("flags", default)[-1])
+    return _flags(name)[-1]
+
+
+def _flags(name: str) -> list[str]:
+    return _NAMES.get(name) or [f"--{name.replace('_', '-')}"]
 
 
 # ------------------------------------------------------------------ parsing
@@ -299,7 +268,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         title="commands, each with a --help of its own", dest="command", metavar="COMMAND"
     )
     for name, command in COMMANDS.items():
-        _fill(parsers.add_parser(name, help=command.help, description=command.description), command)
+        first_sentence = command.text.partition(".")[0]
+        _fill(parsers.add_parser(name, help=first_sentence, description=command.text), command)
     expected = f"expected one of {', '.join(COMMANDS)}"
     if not words:
         raise UsageError(f"{expected}, got nothing")
@@ -316,7 +286,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def _hint(word: str, known: Any, otherwise: str) -> str:
+def _hint(word: str, known: Iterable[str], otherwise: str) -> str:
     close = difflib.get_close_matches(word, known, 1)
     return f"did you mean {close[0]}?" if close else otherwise
 
@@ -330,12 +300,11 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
                 _add_parameters(group)
                 continue
             settings = {**OPTIONS[name], **command.changes.get(name, {})}
-            flags = settings.pop("flags", (flag(name),))
             if settings.get("default") and "(" not in settings["help"]:
                 settings["help"] += " (%(default)s)"
-            if flags[0].startswith("-"):
+            if _flags(name)[0].startswith("-"):
                 settings["dest"] = name
-            group.add_argument(*flags, **settings)
+            group.add_argument(*_flags(name), **settings)
 
 
 def _add_parameters(group: Any) -> None:
@@ -349,6 +318,6 @@ def _add_parameters(group: Any) -> None:
         group.add_argument(
             f"--{name}",
             help=f"{kind._meanings[name]} ({bodies})",
-            type=_list if kind._own_axes else _number if name in kind._couplings else _positive,
+            type=_list if kind._own_axes else float,
             metavar=f"{name}1,..." if kind._own_axes else None,
         )

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._runs.replacing import replacing
@@ -14,7 +16,7 @@ from .._show import plots
 from .._show.style import style
 from .options import CommandError, UsageError
 from .problem import orientation_of, problem_of, start_of
-from .work import about, progress_bar, require_new
+from .terminal import about, progress_bar, require_new
 
 # The same picture is the same file, and text in it stays text.
 _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
@@ -22,45 +24,36 @@ _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Dat
 # Step size of animated pictures: those of the paper are too long for the eye.
 _EPS = 0.05
 
-
-def _phase(number: int, letters: bool) -> Any:
-    return plots.plot_phase(*PICTURES[number], letter="abcd"[number - 1] if letters else None)
-
-
-def _panels(plot: Callable[..., Any], names: str, letters: bool) -> Any:
-    return plot(letters=names if letters else None)[0]
-
-
-# Each takes True to write the letters of panels, and returns axes.
-DRAWINGS: dict[str, Callable[[bool], Any]] = {
-    **{f"picture{number}": partial(_phase, number) for number in PICTURES},
-    "regimes": partial(_panels, plots.plot_regimes, "abc"),
-    "convergence": lambda letters: plots.plot_convergence(),
-    "four_dimensions": partial(_panels, plots.plot_four_dimensions, "ab"),
-    "scattering": partial(_panels, plots.plot_scattering, "ab"),
+# What draws each picture, and the arguments that write the letters of its panels.
+DRAWINGS: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
+    **{
+        f"picture{number}": (partial(plots.plot_phase, *picture), {"letter": "abcd"[number - 1]})
+        for number, picture in PICTURES.items()
+    },
+    "regimes": (plots.plot_regimes, {"letters": "abc"}),
+    "convergence": (plots.plot_convergence, {}),
+    "four_dimensions": (plots.plot_four_dimensions, {"letters": "ab"}),
+    "scattering": (plots.plot_scattering, {"letters": "ab"}),
 }
 
 
 def pictures(options: argparse.Namespace) -> str:
     """Draw all pictures, and return their names."""
-    with style(), about(options.folder):
+    with style(), about(options.output):
         from matplotlib import rcParams
 
         rcParams.update(_SETTINGS)
-        options.folder.mkdir(parents=True, exist_ok=True)
-        paths = {name: options.folder / f"{name}.{options.format}" for name in DRAWINGS}
+        options.output.mkdir(parents=True, exist_ok=True)
+        paths = {name: options.output / f"{name}.{options.format}" for name in DRAWINGS}
         for path in paths.values():
             require_new(path, options.force)
+        saving = {"format": options.format, "dpi": options.dpi, "metadata": _DATES[options.format]}
         with progress_bar("drawing") as report:
-            for k, (name, draw) in enumerate(DRAWINGS.items()):
+            for k, (name, (draw, letters)) in enumerate(DRAWINGS.items()):
                 report(k, len(DRAWINGS))
                 with replacing(paths[name]) as new:
-                    draw(options.letters).figure.savefig(
-                        new,
-                        format=options.format,
-                        dpi=options.dpi,
-                        metadata=_DATES[options.format],
-                    )
+                    axes = draw(**letters if options.letters else {})
+                    np.ravel(axes)[0].figure.savefig(new, **saving)
     return "\n".join(map(str, paths.values()))
 
 
@@ -69,12 +62,12 @@ def animate(options: argparse.Namespace) -> str:
     body, eps, _ = problem_of(options, _EPS)
     if not isinstance(body, Suslov3D):
         raise UsageError(f"animate: expected a body of Suslov3D, got a {type(body).__name__}")
-    start = None if options.omega0 is None else start_of(options.omega0, body)
+    start = None if options.omega0 is None else start_of(options.omega0, 2)
     orientation = orientation_of(options, 3)
     path = options.output
-    suffix = path.suffix.lower()
     with style():  # which says what to do without Matplotlib
         from matplotlib import animation
+    suffix = path.suffix.lower()
     writer = animation.PillowWriter if suffix == ".gif" else animation.FFMpegWriter
     if not writer.isAvailable():
         raise CommandError(f"{path}: expected ffmpeg to write it with, got none; use .gif")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,53 +12,41 @@ from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, rotations, vectors
-from .._maps.registry import map_of
-from .options import DEFAULT_PICTURE, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
-from .work import about
+from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
+from .terminal import about
 
 
-class Problem(NamedTuple):
-    """A body, a step size, and the rotation to the adapted basis if a tensor was given."""
-
-    body: Any
-    eps: float
-    rotation: FloatArray | None
-
-
-def problem_of(options: argparse.Namespace, eps_of_pictures: float | None = None) -> Problem:
-    """Return the problem that options describe.
+def problem_of(
+    options: argparse.Namespace, eps_of_pictures: float | None = None
+) -> tuple[Any, float, FloatArray | None]:
+    """Return the body, the step size, and the rotation to the adapted basis of a tensor.
 
     The step size is that of the picture, or `eps_of_pictures`, unless the body is the user's own.
     """
-    parameters = {
-        name: getattr(options, name)
-        for kind in body_classes()
-        for name in kind._names()
-        if getattr(options, name) is not None
-    }
+    names = {name for kind in body_classes() for name in kind._names()}
+    own = {name: value for name, value in vars(options).items() if name in names}
+    own = {name: value for name, value in own.items() if value is not None}
     sources = [name for name in ("inertia", "mass_tensor", "picture") if getattr(options, name)]
     if len(sources) > 1:
         raise UsageError(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
     if options.axis is not None and sources not in (["inertia"], ["mass_tensor"]):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
     base, rotation, eps = None, None, options.eps
-    if sources == ["picture"] or not (sources or parameters):
-        picture = PICTURES[options.picture or DEFAULT_PICTURE]
+    if sources == ["picture"] or not (sources or own):
+        picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
         base, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
     elif sources:
-        base, rotation = _of_tensor(options, sources[0])
-    body = _with_parameters(base, parameters)
+        base, rotation = _of_tensor(options)
+    body = _with_parameters(base, own) if own else base
     if eps is None:
         raise UsageError(
             "expected a step size with a body of your own, got none; write --eps 0.1, for example"
         )
-    return Problem(body, eps, rotation)
+    return body, eps, rotation
 
 
 def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
     """Return the first body that has the user's own parameters, others being those of a base."""
-    if not own:
-        return base
     # A picture with --k is a gyrostat: it has all parameters of the base that may not be left out.
     needed = own.keys() | (set() if base is None else _required(type(base)))
     values = {**({} if base is None else base._values), **own}
@@ -70,61 +58,62 @@ def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
         if _required(kind) <= values.keys():
             with about("body", UsageError):
                 return kind(**{name: values[name] for name in kind._names() if name in values})
-    wanted = [flag(name) for name in kinds[0]._names() if name in _required(kinds[0])]
-    missing = [name for name in wanted if name.lstrip("-") not in values]
+    wanted = [name for name in kinds[0]._names() if name in _required(kinds[0])]
+    missing = " ".join(flag(name) for name in wanted if name not in values)
     hint = "; --picture N takes them from a picture" if kinds[0] is Suslov3D else ""
-    raise UsageError(f"expected all of {' '.join(wanted)}, got no {' '.join(missing)}{hint}")
+    raise UsageError(f"expected all of {' '.join(map(flag, wanted))}, got no {missing}{hint}")
 
 
 def _required(kind: Any) -> set[str]:
     return set(kind._names()) - set(kind._optional())
 
 
-def _of_tensor(options: argparse.Namespace, name: str) -> tuple[Any, FloatArray | None]:
-    source = getattr(options, name)
-    if isinstance(source, Path):
-        matrix, errors = _read_matrix(source), about(source)
-    elif len(source) == 6:
-        xx, yy, zz, xy, xz, yz = source
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        errors = about("argument --inertia", UsageError)
-    else:
-        raise UsageError(
-            "argument --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the name of a "
-            f".npy or .csv file, got {len(source)} numbers"
-        )
+def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
+    source = options.inertia or options.mass_tensor
+    in_file = isinstance(source, Path)
     body: Any
-    with errors:
-        if name == "mass_tensor":
-            body, rotation = SuslovND.from_mass_tensor(matrix, options.axis)
+    with about(source) if in_file else about("argument --inertia", UsageError):
+        tensor = read_table(source) if in_file else _symmetric(source)
+        if options.mass_tensor:
+            body, rotation = SuslovND.from_mass_tensor(tensor, options.axis)
         else:
-            body, rotation = Suslov3D.from_inertia(matrix, options.axis or [0.0, 0.0, 1.0])
+            body, rotation = Suslov3D.from_inertia(tensor, options.axis or [0.0, 0.0, 1.0])
     return body, None if (rotation == np.eye(len(rotation))).all() else rotation
 
 
-def starts_of(options: argparse.Namespace, body: Any) -> Any:
-    """Return the starts: an array, `RandomStarts`, or the name of a file."""
+def _symmetric(entries: list[float]) -> FloatArray:
+    if len(entries) != 6:
+        raise ValueError(
+            f"expected six entries {ENTRIES} or the name of a .npy or .csv file, "
+            f"got {len(entries)} numbers"
+        )
+    xx, yy, zz, xy, xz, yz = entries
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> Any:
+    """Return the starts: an array, which for a store may lie in its file, or `RandomStarts`."""
     sources = ("omega0", "initial", "trajectories", "seed", "extent")
     used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
         raise UsageError(f"expected either {flag(used[0])} or {flag(used[1])}, got both")
     if options.omega0 is not None:
-        return np.array([start_of(row, body) for row in options.omega0])
+        return np.array([start_of(row, dimension) for row in options.omega0])
     if options.initial is not None:
-        return options.initial
+        with about(options.initial):
+            table = np.atleast_2d(read_table(options.initial))
+            return table if in_store else vectors("states", table, dimension)
     from .._ensemble.starts import RandomStarts
 
-    count = options.trajectories or TRAJECTORIES
-    return RandomStarts(count, options.extent or EXTENT, options.seed or 0)
+    count, extent = options.trajectories or TRAJECTORIES, options.extent
+    with about("argument --extent", UsageError):
+        return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
 
 
-def start_of(row: list[float], body: Any) -> list[float]:
+def start_of(row: list[float], dimension: int) -> list[float]:
     """Return a start with as many components as the body has."""
-    names = map_of(body).components(body)
-    if len(row) != len(names):
-        raise UsageError(
-            f"argument --omega0: expected {len(names)} numbers, {', '.join(names)}, got {len(row)}"
-        )
+    if len(row) != dimension:
+        raise UsageError(f"argument --omega0: expected {dimension} numbers, got {len(row)}")
     return row
 
 
@@ -135,42 +124,20 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
         return None
     if isinstance(source, Path):
         with about(source):
-            return rotations("orientation", _read_matrix(source), n)
-    if len(source) != 3 or n != 3:
-        raise UsageError(
-            "argument --orientation: expected a rotation vector of three numbers for a "
-            f"three-dimensional body, or the name of a .npy or .csv file, got {len(source)} "
-            f"numbers for n = {n}"
-        )
+            return rotations("orientation", read_table(source), n)
     from scipy.spatial.transform import Rotation
 
-    matrix: FloatArray = Rotation.from_rotvec(source, degrees=True).as_matrix()
-    return matrix
+    with about("argument --orientation", UsageError):
+        vector = vectors("rotation vector", source, 3)
+        return rotations("orientation", Rotation.from_rotvec(vector, degrees=True).as_matrix(), n)
 
 
-def read_starts(path: Path, dimension: int) -> FloatArray:
-    """Read angular velocities from a .npy or .csv file, a column for each component."""
-    with about(path):
-        table = vectors("states", np.atleast_2d(_read_table(path)), dimension)
-        if not table.size:
-            raise ValueError("expected at least one state, got none")
-        return table.reshape(-1, dimension)
-
-
-def _read_matrix(path: Path) -> FloatArray:
-    with about(path):
-        table = _read_table(path)
-        if table.ndim != 2 or table.shape[0] != table.shape[1]:
-            raise ValueError(f"expected an n x n matrix, got an array of shape {table.shape}")
-        return table
-
-
-def _read_table(path: Path) -> FloatArray:
+def read_table(path: Path) -> FloatArray:
+    """Return the numbers in a .npy file, which are read where they are used, or in a .csv file."""
     if path.suffix.lower() == ".npy":
-        with open(path, "rb") as file:
-            array: FloatArray = np.lib.format.read_array(file, allow_pickle=False)
-            return array
-    # Spreadsheets begin files with a mark.
+        array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)
+        return array
+    # Spreadsheets begin files with a mark, and columns with a name.
     rows = [row for row in path.read_text(encoding="utf-8-sig").splitlines() if row.strip()]
     if rows and all(map(_is_name, rows[0].split(","))):
         del rows[0]

@@ -18,14 +18,13 @@ from numba.core import event
 
 import suslov_fast as sf
 
-from .._checks import FloatArray
 from .._engine.memory import require
 from .._runs.files import place_for
 from .._runs.schema import entries_of
 from .options import STORE, CommandError, UsageError, flag
-from .problem import orientation_of, problem_of, read_starts, starts_of
+from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, as_json, as_text, facts_of, facts_of_store
-from .work import about, announce, progress_bar, require_new
+from .terminal import about, announce, progress_bar, require_new
 
 # Seconds, without compilation, of a run that what is done once, such as to start threads, does not
 # delay much; shorter ones are timed when that is done.
@@ -35,7 +34,6 @@ _LONG = 0.5
 def run(options: argparse.Namespace) -> str:
     """Carry out the command, and return the summary."""
     body, eps, rotation = problem_of(options)
-    starts = starts_of(options, body)
     in_store = options.output is not None and options.output.suffix.lower() == ".zarr"
     for name in () if in_store else STORE.split():
         if getattr(options, name):
@@ -43,6 +41,7 @@ def run(options: argparse.Namespace) -> str:
     if options.threads is not None:
         with about("argument --threads", UsageError):
             numba.set_num_threads(options.threads)
+    starts = starts_of(options, body.dimension, in_store)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
     facts |= {
         "rotation": None if rotation is None else rotation.tolist(),
@@ -61,6 +60,10 @@ def _settings(function: Any, options: argparse.Namespace, body: Any) -> Facts:
     return settings if orientation is None else {**settings, "attitude": orientation}
 
 
+def _count(starts: Any) -> int:
+    return math.prod(starts.shape if isinstance(starts, sf.RandomStarts) else starts.shape[:-1])
+
+
 def _nbytes(options: argparse.Namespace, body: Any, count: int) -> int:
     """Return the number of bytes of the saved states."""
     rows = 1 if options.save_every is None else options.steps // options.save_every + 1
@@ -71,12 +74,9 @@ def _nbytes(options: argparse.Namespace, body: Any, count: int) -> int:
 
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Iterate and write a batch."""
-    path = options.output
+    path, count = options.output, _count(starts)
     if path is not None:
         require_new(path, options.force)
-    if isinstance(starts, Path):
-        starts = read_starts(starts, body.dimension)
-    count = math.prod(starts.shape) if isinstance(starts, sf.RandomStarts) else len(starts)
     nbytes = _nbytes(options, body, count)
     require(nbytes + 64 * count * body.dimension, "raise --save-every or lower --trajectories")
     if isinstance(starts, sf.RandomStarts):
@@ -104,28 +104,19 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
 
 def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Make, finish or lengthen a store."""
-    path = options.output
-    if isinstance(starts, Path):
-        if starts.suffix.lower() != ".npy":
-            starts = read_starts(starts, body.dimension)
-        else:  # read in parts
-            with about(starts):
-                starts = np.load(starts, mmap_mode="r", allow_pickle=False)
+    path, sweeps = options.output, options.sweep or []
     settings = {**_settings(sf.ensemble, options, body), "store": path}
-    body, eps_of_all, settings["dims"], settings["coords"] = _swept(body, eps, options.sweep or [])
+    settings["dims"] = (*(name for name, *_ in sweeps), "trajectory")
+    body, eps_of_all = _swept(body, eps, sweeps)
     if not path.exists() and (options.save_every or not options.reductions):
-        shape = starts.shape if isinstance(starts, sf.RandomStarts) else starts.shape[:-1]
-        announce(path, _nbytes(options, body, math.prod(shape) * math.prod(_lengths(options))))
+        count = _count(starts) * math.prod(count for *_, count in sweeps)
+        announce(path, _nbytes(options, body, count))
     begin = time.perf_counter()
     with about(path), progress_bar("iterating") as report:
         _ensemble(path, options.force, body, starts, eps_of_all, **settings, progress=report)
     seconds = time.perf_counter() - begin
     # A store may have been begun before: there is no rate of the whole.
     return {**facts_of_store(path), "seconds": seconds}
-
-
-def _lengths(options: argparse.Namespace) -> list[int]:
-    return [count for *_, count in options.sweep or []]
 
 
 def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None:
@@ -141,40 +132,16 @@ def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None
         sf.ensemble(*arguments, **settings)
 
 
-def _swept(
-    body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]
-) -> tuple[Any, Any, tuple[str, ...], dict[str, FloatArray]]:
-    """Return the body and the step sizes with an axis for each sweep, before that of the starts.
-
-    An axis has the name of what varies along it, and its values as coordinate.
-    """
-    coords = {}
+def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:
+    """Return the body and the step sizes with an axis for each sweep, before that of the starts."""
+    names = [] if body._own_axes else body._names()
     for k, (name, low, high, count) in enumerate(sweeps):
-        values = np.linspace(low, high, count)
-        column = values.reshape(-1, *(1,) * (len(sweeps) - k))
+        values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))
         with about("argument --sweep", UsageError):
             if name == "eps":
-                eps = column
-            elif not body._own_axes and name in body._names():
-                body = replace(body, **{name: column})
+                eps = values
+            elif name in names:
+                body = replace(body, **{name: values})
             else:
-                body, coords[name] = _with_entry(body, name, column), values
-    return body, eps, (*(name for name, *_ in sweeps), "trajectory"), coords
-
-
-def _with_entry(body: Any, name: str, values: FloatArray) -> Any:
-    """Return a body one entry of whose vectors, J2 for one, has other values."""
-    entries = {
-        f"{field}{k + 1}": (field, k)
-        for field in body._names() * bool(body._own_axes)
-        for k in range(body.dimension)
-    }
-    if name not in entries:
-        expected = ", ".join(entries or body._names())
-        raise ValueError(f"expected one of eps, {expected}, got {name}")
-    field, k = entries[name]
-    old = getattr(body, field)
-    batch = np.broadcast_shapes(values.shape, old.shape[:-1])
-    new = np.array(np.broadcast_to(old, (*batch, old.shape[-1])))
-    new[..., k] = values
-    return replace(body, **{field: new})
+                raise ValueError(f"expected one of {', '.join(['eps', *names])}, got {name}")
+    return body, eps

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,34 +15,39 @@ import numpy as np
 import suslov_fast as sf
 
 from .._checks import FloatArray
+from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
-from .work import progress_bar
+from .terminal import about, progress_bar
 
 Facts = dict[str, Any]
 
 # Numbers of the states that are compared at a time; a chunk of a store has as many.
 _SLAB = 2**21
+# Relative changes that are reported: of F if it is known for the body, otherwise of the energies.
+_DRIFTS = {"F": "first_integral_drift", "E": "energy_drift", "E_mod": "modified_energy_drift"}
+
+
+def info(options: argparse.Namespace) -> str:
+    """Return what a saved run is and what came of it: the command `suslov-fast info`."""
+    path = options.file
+    with about(path):
+        in_store = (path / "progress" / "zarr.json").exists()
+        facts = facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
+    return as_json(facts) if options.json else as_text(facts)
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
     """Return what a run in memory is and what came of it, since its first state or `start`."""
-    outcome = _Outcome()
-    outcome.add(orbits, start)
-    return {**_header(orbits), **outcome.facts()}
+    return {**_header(orbits), **_outcome([orbits], start)}
 
 
 def facts_of_store(path: Path) -> Facts:
     """Return the same of a store of `ensemble`, finished or not, which is read tile by tile."""
     dataset = open_dataset(resolved(path), chunks=None)
-    outcome, tiles = _Outcome(), list(_tiles(dataset))
-    with progress_bar("checking") as report:
-        for k, tile in enumerate(tiles):
-            outcome.add(_view(tile))
-            report(k + 1, len(tiles))
-    done = dataset.attrs["tiles_done"]
-    return {**_header(_view(dataset)), "tiles_done": done, **outcome.facts()}
+    done = {"tiles_done": dataset.attrs["tiles_done"]}
+    return {**_header(_view(dataset)), **done, **_outcome(_tiles(dataset))}
 
 
 def _view(dataset: Any) -> Any:
@@ -60,7 +66,7 @@ def _view(dataset: Any) -> Any:
         final=dataset.get("final"),
         n=dataset["n"].values if "n" in dataset.dims else np.array([-1]),
         attitude=dataset.get("attitude"),
-        drifts={name: dataset.get(f"{quantity}_drift") for name, quantity in _CONSERVED.items()},
+        reductions={name: dataset[name].values for name in _DRIFTS.values() if name in dataset},
         steps=int(dataset.attrs["steps"]),
         save_every=dataset.attrs.get("save_every"),
         method=dataset.attrs["method"],
@@ -72,9 +78,12 @@ def _tiles(dataset: Any) -> Iterator[Any]:
     """Cut a dataset along its batch, as it is stored."""
     status = dataset["status"]
     sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
-    for index in product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())):
-        where = zip(sizes.items(), index, strict=True)
-        yield dataset.isel({dim: slice(k, k + size) for (dim, size), k in where})
+    tiles = list(product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())))
+    with progress_bar("checking") as report:
+        for done, index in enumerate(tiles):
+            report(done, len(tiles))
+            where = zip(sizes.items(), index, strict=True)
+            yield _view(dataset.isel({dim: slice(k, k + size) for (dim, size), k in where}))
 
 
 def _header(run: Any) -> Facts:
@@ -99,66 +108,40 @@ def _brief(value: Any, own_axes: int = 0) -> Any:
     return {"min": float(array.min()), "max": float(array.max()), "shape": list(array.shape)}
 
 
-# ------------------------------------------------------------------ what came of it
+def _outcome(parts: Iterable[Any], start: FloatArray | None = None) -> Facts:
+    """Return statuses and largest relative changes, since state 0 or, where not saved, `start`."""
+    counts = dict.fromkeys(sf.Status, 0)
+    drift: dict[str, float] = {}
+    for part in parts:
+        for status in counts:
+            counts[status] += int((part.status == status).sum())
+        for name, changes in _changes(part, start):
+            # Where a trajectory has ended, or the quantity leaves float64, there is none.
+            largest = float(changes.max(initial=0.0, where=np.isfinite(changes)))
+            drift[name] = max(drift.get(name, 0.0), largest)
+    return {"drift": drift, "status": {each.name: n for each, n in counts.items() if n}}
 
 
-# F if it is known for the body, otherwise the energies. A store may hold their drifts instead of
-# states.
-_CONSERVED = {"F": "first_integral", "E": "energy", "E_mod": "modified_energy"}
+def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArray]]:
+    """Yield changes of conserved quantities, each with its name: those stored, and those found."""
+    stored = getattr(run, "reductions", {})
+    yield from ((name, stored[each]) for name, each in _DRIFTS.items() if each in stored)
+    if start is None and run.n[0] == 0:
+        start = np.asarray(run.omega[0])
+    if start is not None:
+        for name in _known(run):
+            for states in _slabs(run):
+                yield name, REDUCTIONS[_DRIFTS[name]].reduce(run.body, run.eps, states, start)
 
 
-class _Outcome:
-    """Statuses, and the largest relative changes of conserved quantities, of parts of a run."""
-
-    def __init__(self) -> None:
-        self._status = dict.fromkeys(sf.Status, 0)
-        self._drift: dict[str, float] = {}
-
-    def add(self, run: Any, start: FloatArray | None = None) -> None:
-        """Look at a part, of which `start` is state 0 if it is not saved."""
-        for status in self._status:
-            self._status[status] += int((run.status == status).sum())
-        for name, reduced in getattr(run, "drifts", {}).items():
-            if reduced is not None:
-                self._note(name, reduced.values)
-        if start is None and run.n[0] == 0:
-            start = np.asarray(run.omega[0])
-        if start is not None:
-            for name, quantity in _quantities(run).items():
-                first = quantity(start)
-                first = np.where(first > 0, first, np.nan)  # no relative change from 0
-                for states in _slabs(run):
-                    with np.errstate(all="ignore"):
-                        self._note(name, abs(quantity(states) / first - 1.0))
-
-    def _note(self, name: str, changes: FloatArray) -> None:
-        # Where a trajectory has ended, or the quantity leaves float64, there is none.
-        largest = float(changes.max(initial=0.0, where=np.isfinite(changes)))
-        self._drift[name] = max(self._drift.get(name, 0.0), largest)
-
-    def facts(self) -> Facts:
-        """Return what was found."""
-        counts = {status.name: count for status, count in self._status.items() if count}
-        return {"drift": self._drift, "status": counts}
-
-
-def _quantities(run: Any) -> dict[str, Callable[[FloatArray], FloatArray]]:
-    """Return the quantities to compare, as functions of states."""
-    body, eps = run.body, run.eps
-    functions: dict[str, Callable[[FloatArray], FloatArray]] = {
-        "F": lambda omega: sf.first_integral(body, omega, eps),
-        "E": lambda omega: sf.energy(body, omega),
-        "E_mod": lambda omega: sf.modified_energy(body, omega, eps),
-    }
-    known = {name: functions[name] for name, q in _CONSERVED.items() if q in run._map.quantities}
-    if "F" in known:
-        first_integral = known.pop("F")
-        try:
-            first_integral(np.zeros(body.dimension))
-            return {"F": first_integral}
-        except sf.NotIntegrableError:
-            pass
-    return known
+def _known(run: Any) -> list[str]:
+    """Return the names of the quantities to compare."""
+    known = [name for name in _DRIFTS if _DRIFTS[name][: -len("_drift")] in run._map.quantities]
+    try:
+        sf.first_integral(run.body, np.zeros(run.body.dimension), 1.0)
+    except sf.NotIntegrableError:
+        return known[1:]
+    return known[:1]
 
 
 def _slabs(run: Any) -> Iterator[FloatArray]:
@@ -181,25 +164,21 @@ def as_json(facts: Facts) -> str:
 def as_text(facts: Facts) -> str:
     """Return a line for each fact."""
     values = [f"{name} = {_spell(each)}" for name, each in facts["body"].items() if name != "type"]
-    lines = [
-        ("body", ", ".join(values)),
+    lines = [("body", ", ".join(values))]
+    if facts.get("rotation"):
+        lines.append(("rotation", "to the adapted basis of states; --json has it"))
+    lines += [
         ("step size", f"eps = {_spell(facts['eps'])}"),
         ("trajectories", f"{facts['trajectories']:,}"),
         ("steps", f"{facts['steps']:,}"),
     ]
-    if facts.get("rotation"):
-        lines.insert(1, ("rotation", "to the adapted basis of states; --json has it"))
     if "seconds" in facts:
-        lines.append(("threads", str(facts["threads"])))
-        lines.append(("wall time", f"{facts['seconds']:.4g} s"))
+        lines += [("threads", facts["threads"]), ("wall time", f"{facts['seconds']:.4g} s")]
     else:
-        lines.append(("saved states", f"{facts['saved_states']:,}"))
-        lines.append(("method", facts["method"]))
-    if "states_per_second" in facts:
-        rate = f"{facts['states_per_second']:.3g} states/s"
-        lines.append(("speed", f"{rate}, by the closed form where it is faster"))
-    elif "steps_per_second" in facts:
-        lines.append(("speed", f"{facts['steps_per_second']:.3g} steps/s"))
+        lines += [("saved states", f"{facts['saved_states']:,}"), ("method", facts["method"])]
+    for unit, how in (("states", ", by the closed form where it is faster"), ("steps", "")):
+        if f"{unit}_per_second" in facts:
+            lines.append(("speed", f"{facts[f'{unit}_per_second']:.3g} {unit}/s{how}"))
     for name, change in facts["drift"].items():
         lines.append((f"drift of {name}", f"{change:.2g}, largest relative"))
     for name, count in facts["status"].items():

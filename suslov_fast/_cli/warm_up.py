@@ -18,7 +18,7 @@ import suslov_fast as sf
 
 from .._maps.registry import map_of
 from .options import body_classes
-from .work import progress_bar
+from .terminal import progress_bar
 
 # Few trajectories are served by one thread, many by all.
 _COUNTS = (3, 2**15)
@@ -61,9 +61,9 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
     names = [name for name, each in parameters.items() if each.default is each.empty]
     if not known.keys() >= set(names):
         return 0
-    required = {name: known[name] for name in names}
+    arguments = {name: known[name] for name in names}
     if names == ["body"] and "I1" in body._names():
-        required["body"] = replace(body, I1=np.linspace(1.0, 2.0, count))
+        arguments["body"] = replace(body, I1=np.linspace(1.0, 2.0, count))
     choices = {
         "method": map_of(body).methods,
         "save_every": (1, None),
@@ -72,18 +72,16 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
         "n": (_STEPS, [0, 1, _STEPS]),
         "time": (0.5, [0.0, 0.5]),
     }
-    # A step size that must be there is not varied; of some functions `attitude` is an array.
-    varied = {
-        name: each
-        for name, each in choices.items()
-        if name in parameters
-        and not (name == "eps" and name in required)
-        and not (name == "attitude" and parameters[name].default is not False)
-    }
+    # The same name may stand for something else, with another default.
+    varied = [
+        [(name, value) for value in values]
+        for name, values in choices.items()
+        if name in parameters and parameters[name].default in (values[0], inspect.Parameter.empty)
+    ]
     calls = 0
-    for values in itertools.product(*varied.values()):
+    for chosen in itertools.product(*varied):
         try:
-            function(**{**required, **dict(zip(varied, values, strict=True))})
+            function(**{**arguments, **dict(chosen)})
             calls += 1
         except (sf.NotIntegrableError, TypeError):
             pass  # not of this body
@@ -95,15 +93,5 @@ def _arguments(body: Any, count: int, full: bool) -> dict[str, Any]:
     # In three dimensions half of them lie on a pole of the body, where orbits end.
     starts[1::2, :2] = 1.0, -3.0
     states = starts if full else sf.iterate(body, starts, 1.0, 8, on_singular="ignore").omega
-    return {
-        "body": body,
-        "omega": states,
-        "omega0": starts,
-        "eps": 1.0,
-        "steps": _STEPS,
-        "n": _STEPS,
-        "time": 0.5,
-        "t": 0.5,
-        "c": np.linspace(0.1, 1.0, 3),
-        "xy": states,
-    }
+    common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}
+    return {**common, "omega": states, "omega0": starts, "xy": states, "c": np.linspace(0.1, 1, 3)}

@@ -19,23 +19,20 @@ def check(
     numbers: dict[str, ArrayLike] | None = None,
     dimension: int | None = None,
     orientations: dict[str, ArrayLike] | None = None,
-    later: bool = False,
     kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
 ) -> tuple[list[Any], tuple[int, ...]]:
     """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
 
     The body is one of `kinds`. States, `given`, have its dimension unless another is asked for, and
-    may be NaN; with `later`, infinite ones among many are left to their reader. Single numbers
-    become floats.
+    may be NaN. Single numbers become floats.
     """
     instance("body", body, kinds)
-    size = dimension or body.dimension
     numbers, orientations = numbers or {}, orientations or {}
-    values = aligned({**given, **numbers, **orientations})
+    values = aligned(given | numbers | orientations)
     arrays: list[Any] = []
     shapes = {"body": body.shape}
     for name in given:
-        arrays.append(state := states(name, values[name], size, later))
+        arrays.append(state := states(name, values[name], dimension or body.dimension))
         shapes[name] = state.shape[:-1]
     for name in numbers:
         arrays.append(number := real_number(name, values[name]))

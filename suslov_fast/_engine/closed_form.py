@@ -4,64 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
+from .._jit import Kernel
 from .._kernels import closed_form as kernels
 from . import threads as _threads
-from .layout import flat_vectors
-from .problem import alike
-from .units import for_loops
+from .layout import flat_vectors, for_loops
+from .memory import require
+from .run import alike
 
 # States of one call of a kernel: some 10 ms. A quarter of them lost a twentieth to threads that
 # wait.
 SLICE = 2**24
-# Fewer times than these are not worth a run of equal steps.
+# Fewer times than these are not worth rows of equal steps.
 SHORTEST = 32
 # Rows of one call, if there are as many: to enter a trajectory costs some 100 states.
 _WORTH_ENTERING = 2**12
-# What it costs to enter an orbit, and a state of it at any time, in steps of the map.
-_ENTERING, _EVALUATING = 64, 8
+# What it costs to enter an orbit, and a state of it in equal steps or at any time, in steps of the
+# map.
+_ENTERING, _ROW, _ANY = 64, 1, 8
 
 Range = tuple[int, int]
 # Statuses, the numbers of the first missing states, and the last step.
 Ends = tuple[NDArray[np.int8], NDArray[np.int64], float]
-NO_ENDS: Ends = np.empty(0, np.int8), np.empty(0, np.int64), math.inf
+_NO_ENDS: Ends = np.empty(0, np.int8), np.empty(0, np.int64), math.inf
 
 
-def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
-    """Return the trajectories and rows of each of the calls that a long one is cut into.
+class Orbits(NamedTuple):
+    """Orbits of the map, or of the flow, as kernels take them; with `ends` they end at poles."""
 
-    Both begin at multiples of what kernels take together, LANES trajectories and GROUP rows. The
-    batch is cut first, as long as rows are worth that trajectories are entered.
-    """
-    if 0 < batch * rows <= SLICE:
-        return (((0, batch), (0, rows)),)
-    abreast = max(SLICE // max(min(rows, _WORTH_ENTERING), 1), 1)
-    width = alike(batch, abreast, kernels.LANES) if batch else 1
-    height = (SLICE // max(min(width, batch), 1) // kernels.GROUP + 1) * kernels.GROUP
-    return [
-        ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
-        for lane in range(0, batch, width)
-        for row in range(0, rows, height)
-    ]
+    parameters: tuple[FloatArray, ...]
+    omega: FloatArray
+    flow: bool
+    ends: Ends
+    threads: int | None
 
 
-def _new(shape: tuple[int, ...]) -> FloatArray:
-    """Return an array, or raise an error that says what does not fit."""
-    try:
-        if math.prod(shape) > 2**60:  # more than NumPy could even ask for
-            raise MemoryError
-        return np.empty(shape)
-    except MemoryError as error:
-        raise MemoryError(f"expected states that fit in memory, got shape {shape}") from error
-
-
-class Run(NamedTuple):
+class Rows(NamedTuple):
     """States at equal steps: sign (first + every i) for begin <= i < end, first and every >= 0.
 
     Row i of them goes to row origin + direction i of the result.
@@ -76,6 +60,25 @@ class Run(NamedTuple):
     direction: int
 
 
+def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Range, Range]]:
+    """Return the trajectories and rows of each of the calls that a long one is cut into.
+
+    Both begin at multiples of what kernels take together, LANES trajectories and GROUP rows. The
+    batch is cut first, as long as rows are worth that trajectories are entered.
+    """
+    most = most or SLICE
+    if 0 < batch * rows <= most:
+        return (((0, batch), (0, rows)),)
+    abreast = max(most // max(min(rows, _WORTH_ENTERING), 1), 1)
+    width = alike(batch, abreast, kernels.LANES) if batch else 1
+    height = (most // max(min(width, batch), 1) // kernels.GROUP + 1) * kernels.GROUP
+    return [
+        ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
+        for lane in range(0, batch, width)
+        for row in range(0, rows, height)
+    ]
+
+
 def states_at(
     body: Suslov3D,
     state: FloatArray,
@@ -88,97 +91,76 @@ def states_at(
     """Return states at times () or (N,), and how many are missing: at steps of the map, between
     two, and out of the range of float64.
     """
-    parameters, states = for_loops(body, eps, batch), flat_vectors(state, batch)
-    moments, missing = times.reshape(-1), np.zeros(3)
-    flat = _new((moments.size, len(states), 2))
-    if runs := runs_of(moments, flow):
-        for run in runs:
-            fill_rows(run, flow, parameters, states, flat, NO_ENDS, missing, threads)
+    parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
+    orbits = Orbits(parameters, omega, flow, _NO_ENDS, threads)
+    moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
+    require(16 * moments.size * len(omega), "the states are {}: ask for some at a time", shape)
+    states, missing = np.empty((moments.size, len(omega), 2)), np.zeros(3)
+    if runs := rows_of(moments, flow):
+        for rows in runs:
+            fill_rows(orbits, rows, states, missing)
     else:
-        for sign, places in _by_sign(moments):
-            some = abs(moments[places])
-            fill_states(
-                sign, some, places, flow, parameters, states, flat, NO_ENDS, missing, threads
-            )
-    return flat.reshape((*times.shape, *batch, 2)), missing
+        for sign, some, places in _by_sign(moments):
+            fill_states(orbits, sign, some, places, states, missing)
+    return states.reshape(shape), missing
 
 
-def _by_sign(moments: FloatArray) -> Sequence[tuple[float, NDArray[np.intp]]]:
-    """Return the places of times that are not negative, and of those that are."""
+def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
+    """Return the sizes and the places of times that are not negative, and of those that are."""
     if moments.size == 1:  # faster by the time of a call of the kernel
-        return ((-1.0 if moments.item() < 0.0 else 1.0, np.zeros(1, np.intp)),)
+        sign = -1.0 if moments.item() < 0.0 else 1.0
+        return ((sign, abs(moments), np.zeros(1, np.intp)),)
     negative = moments < 0.0
     places = ((1.0, np.flatnonzero(~negative)), (-1.0, np.flatnonzero(negative)))
-    return [each for each in places if each[1].size]
+    return [(sign, abs(moments[each]), each) for sign, each in places if each.size]
 
 
 def fill_states(
+    orbits: Orbits,
     sign: float,
     times: FloatArray,
     to: NDArray[np.intp],
-    flow: bool,
-    parameters: list[FloatArray],
-    states: FloatArray,
     out: FloatArray,
-    ends: Ends,
     missing: FloatArray,
-    threads: int | None,
 ) -> None:
     """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
-    for lanes, (begin, end) in slices(len(states), times.size):
-        count = np.zeros(3)
-        _threads.run(
-            kernels.states_of_flow if flow else kernels.states_of_map,
-            (lanes[1] - lanes[0]) * (_ENTERING + (end - begin) * _EVALUATING),
-            threads,
-            sign,
-            tuple(parameters),
-            states,
-            times[begin:end],
-            to[begin:end],
-            lanes,
-            out,
-            ends,
-            count,
-        )
-        missing += count
+    kernel = kernels.states_of_flow if orbits.flow else kernels.states_of_map
+    for lanes, (begin, end) in slices(len(orbits.omega), times.size):
+        which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
+        _call(kernel, orbits, sign, which, lanes, work, out, missing)
 
 
-def fill_rows(
-    run: Run,
-    flow: bool,
-    parameters: list[FloatArray],
-    states: FloatArray,
+def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray, missing: FloatArray) -> None:
+    """Fill rows of `out`, (N, B, 2)."""
+    kernel = kernels.rows_of_flow if orbits.flow else kernels.rows_of_map
+    low = rows.begin // kernels.GROUP * kernels.GROUP
+    for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
+        numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
+        which = (rows.first, rows.every), numbers
+        _call(kernel, orbits, rows.sign, which, lanes, (end - begin) * _ROW, out, missing)
+
+
+def _call(
+    kernel: Kernel,
+    orbits: Orbits,
+    sign: float,
+    which: tuple[Any, Any],
+    lanes: Range,
+    work: int,
     out: FloatArray,
-    ends: Ends,
     missing: FloatArray,
-    threads: int | None,
 ) -> None:
-    """Fill the rows of `out`, (N, B, 2), that belong to a run."""
-    low = run.begin // kernels.GROUP * kernels.GROUP
-    for lanes, (upper, lower) in slices(len(states), run.end - low):
-        top, bottom, count = max(low + upper, run.begin), low + lower, np.zeros(3)
-        _threads.run(
-            kernels.rows_of_flow if flow else kernels.rows_of_map,
-            (lanes[1] - lanes[0]) * (_ENTERING + bottom - top),
-            threads,
-            run.sign,
-            tuple(parameters),
-            states,
-            (run.first, run.every),
-            (top, bottom, run.origin, run.direction),
-            lanes,
-            out,
-            ends,
-            count,
-        )
-        missing += count
+    """Call a kernel for some lanes, and add up how many states are missing."""
+    parameters, omega, _, ends, threads = orbits
+    work, found = (lanes[1] - lanes[0]) * (_ENTERING + work), np.zeros(3)
+    _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, found)
+    missing += found
 
 
-def runs_of(times: FloatArray, flow: bool) -> list[Run]:
-    """Return the runs of equal steps that times make up, one for each sign; none if they do not.
+def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
+    """Return the rows of equal steps that times make up, for each sign; none if they do not.
 
-    Runs of steps of the map begin where n is smaller than the step, so that a state does not depend
+    Rows of steps of the map begin where n is smaller than the step, so that a state does not depend
     on which others are asked for.
     """
     size = times.size
@@ -189,13 +171,13 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
         return []
     if every < 0.0:
         return [
-            run._replace(origin=size - 1 - run.origin, direction=-run.direction)
-            for run in runs_of(times[::-1], flow)
+            rows._replace(origin=size - 1 - rows.origin, direction=-rows.direction)
+            for rows in rows_of(times[::-1], flow)
         ]
     if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
         return []
     negative = int(np.searchsorted(times, 0.0))
-    runs = []
+    found = []
     for sign, outward, origin in (
         (-1, -times[:negative][::-1], negative - 1),
         (1, times[negative:], negative),
@@ -208,5 +190,5 @@ def runs_of(times: FloatArray, flow: bool) -> list[Run]:
             whole = not flow and nearest == math.floor(nearest)
             skipped = int(nearest // every) if whole else 0
             first, end = nearest - skipped * every, skipped + outward.size
-            runs.append(Run(sign, first, every, skipped, end, origin - sign * skipped, sign))
-    return runs
+            found.append(Rows(sign, first, every, skipped, end, origin - sign * skipped, sign))
+    return found

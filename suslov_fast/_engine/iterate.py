@@ -1,48 +1,141 @@
-"""Runs that a kernel iterates step by step."""
+"""Runs that kernels iterate step by step."""
 
 from __future__ import annotations
 
+import math
+from functools import partial
+from typing import Any
+
+import numba
 import numpy as np
 
+from .._checks import FloatArray
 from .._jit import Kernel
-from .._kernels.iterate import LANES
+from .._kernels import iterate as kernels
+from .._kernels import map_nd
+from .._kernels.codes import NEEDS_ELIMINATION
+from .._kernels.elimination import WIDTH
 from . import threads
-from .problem import Outcome, Problem, check_computed, never, not_computed
+from .memory import require
+from .run import Results, Run, not_computed, run_some, worst
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
+# Lanes of a block of the n-dimensional map are a multiple of this: whole vectors.
+_VECTOR = 8
 
 
-def iterate(problem: Problem, kernel: Kernel, numbers: int = 2, work: float = 1.0) -> Outcome:
-    """Iterate a problem by a kernel of `block_loop`, which holds a state in so many `numbers`.
+def iterate(run: Run, kernel: Kernel, numbers: int = 2, work: float = 1.0) -> Results:
+    """Iterate by a kernel of `block_loop`, which holds a state in so many `numbers`.
 
     `work` is that of a step, in steps of the canonical map.
     """
-    size, resume, turning = problem.size, {}, None
-    if problem.start:
-        resume = {name: array.copy() for name, array in problem.resume.items()}
-    else:
-        resume["status"], resume["failed_at"] = not_computed(size), np.empty(size, np.int64)
-        resume["state"] = np.empty((0 if problem.single else size, numbers))
-        if problem.orientation is not None:
-            resume["turn"] = np.tile(_NO_TURN, (size, 1))
-    status, failed_at, state = resume["status"], resume["failed_at"], resume["state"]
-    if problem.orientation is not None:
-        turning = (problem.eps, problem.orientation, resume["turn"], problem.turns)
-    final = problem.saved[-1] if problem.saves_last else np.empty(problem.omega.shape)
-    for part in problem.parts(work, LANES):
+    resume, turning = _resume(run), None
+    if not run.start:
+        resume["state"] = np.empty((0 if run.single else run.size, numbers))
+    if run.orientation is not None:
+        if not run.start:
+            resume["turn"] = np.tile(_NO_TURN, (run.size, 1))
+        turning = run.time_step, run.orientation, resume["turn"], run.turns
+    kept = resume["status"], resume["failed_at"], resume["state"]
+    before = run.parameters, run.omega0
+    final = _make_steps(run, kernel, work, kernels.LANES, before, turning, kept)
+    return Results(final, resume["status"], resume["failed_at"], resume)
+
+
+def iterate_nd(run: Run) -> Results:
+    """Iterate the n-dimensional map; trajectories that need it are iterated with elimination.
+
+    Raises
+    ------
+    MemoryError
+        If there is no room for elimination where that is needed.
+    """
+    if run.method == "gauss":
+        return _iterate_nd(run, map_nd.iterate_by_elimination)
+    results = _iterate_nd(run, map_nd.iterate)
+    if worst(results.status) == NEEDS_ELIMINATION:
+        eliminate = partial(_iterate_nd, kernel=map_nd.iterate_with_elimination)
+        run_some(run, np.flatnonzero(results.status == NEEDS_ELIMINATION), eliminate, results)
+    return results
+
+
+def _iterate_nd(run: Run, kernel: Kernel) -> Results:
+    size, m = run.omega0.shape
+    work, plain = 8.0 * m, kernel is map_nd.iterate
+    if not plain:  # if every step in O(n) needs elimination, the first part takes some 0.3 s
+        by_elimination = kernel is map_nd.iterate_by_elimination
+        work = m**3 / 3.0 if by_elimination else max(work, m**3 / 48.0)
+    tasks, lanes = _tasks_and_lanes(size, run.threads)
+    resume, turning = _resume(run), None
+    if not run.start:
+        resume["state"], resume["exponent"] = np.empty((size, m)), np.empty(size)
+    if run.orientation is not None:
+        if not run.start:  # transposed, and turned in place
+            resume["columns"] = run.orientation.swapaxes(1, 2).copy()
+        room_of_turns = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
+        turning = run.time_step, resume["columns"], run.turns, *room_of_turns
+    kept = tuple(resume[name] for name in ("status", "failed_at", "state", "exponent"))
+    M = m + m % 2
+    of_body = (lanes,) if max(len(each) for each in run.parameters[:2]) > 1 else ()
+    room = (
+        np.empty((tasks, 2, M, *of_body)),
+        np.empty((tasks, 2, M, lanes)),
+        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m),
+    )
+    before = ((*run.parameters, run.omega0),)
+    final = _make_steps(run, kernel, work, map_nd.LANES, before, turning, kept, room)
+    if turning and len(run.turns) and not len(run.saved):
+        run.turns[-1] = resume["columns"].swapaxes(1, 2)
+    return Results(final, resume["status"], resume["failed_at"], resume)
+
+
+def _resume(run: Run) -> dict[str, Any]:
+    """Return status and failed_at for kernels to fill, or copies of all that a run goes on from."""
+    if run.start:
+        return {name: array.copy() for name, array in run.resume.items()}
+    return {"status": not_computed(run.size), "failed_at": np.empty(run.size, np.int64)}
+
+
+def _make_steps(
+    run: Run,
+    kernel: Kernel,
+    work: float,
+    lanes: int,
+    before: tuple[Any, ...],
+    turning: tuple[FloatArray, ...] | None,
+    kept: tuple[Any, ...],
+    *room: tuple[FloatArray, ...],
+) -> FloatArray:
+    """Call the kernel for one part after another; return the last states."""
+    final = run.saved[-1] if run.saves_last else np.empty(run.omega0.shape)
+    for part in run.parts(work, lanes):
         threads.run(
             kernel,
-            part.work(LANES, work),
-            problem.threads,
-            tuple(problem.parameters),
-            problem.omega,
-            (*part, problem.every, problem.first_row),
-            problem.saved,
+            part.work(lanes, work),
+            run.threads,
+            *before,
+            (*part, run.every, run.rows_before),
+            run.saved,
             turning,
-            (final, status, failed_at, state),
+            (final, *kept),
+            *room,
         )
-    if check_computed(status):
-        failed_at[status >= 0] = -1  # kernels write it where a state is missing
-    else:
-        resume["failed_at"] = failed_at = never(size)
-    return Outcome(final, status, failed_at, resume)
+    return final
+
+
+def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
+    """Return the number of tasks that share the trajectories, and of lanes their blocks have."""
+    blocks = max(-(-size // map_nd.LANES), 1)
+    tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
+    # Of several tasks each has as many blocks, and these about the same size.
+    blocks = -(-blocks // tasks) * tasks
+    lanes = -(-max(size, 1) // (blocks * _VECTOR)) * _VECTOR
+    return tasks, lanes
+
+
+def _matrices(tasks: int, m: int) -> FloatArray:
+    """Return room for elimination."""
+    shape = tasks, m + 4, m + 2, WIDTH
+    advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
+    require(8 * math.prod(shape), advice, shape)
+    return np.empty(shape)

@@ -1,83 +1,152 @@
-"""Runs of the 3D map: step by step, or, with the method "auto", by the closed form."""
+"""Runs whose states are taken from the closed form, with the method "auto", where they can be."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
+import numpy as np
+
+from .._bodies.reduction import is_solved
 from .._checks import FloatArray
-from .._kernels import maps_3d
+from .._kernels import codes, maps_3d
 from .._kernels.closed_form import NOT_FOUND
-from . import closed_form as closed
-from .iterate import iterate
-from .problem import Outcome, Problem, check_computed, never, not_computed, worst
+from .closed_form import Ends, Orbits, Rows, fill_rows, fill_states, slices
+from .iterate import iterate, iterate_nd
+from .layout import for_kernel
 from .progress import reporter
+from .reduction import Reduced, of_n_3, reduce
+from .run import Results, Run, not_computed, run_some, worst
 
 # From so many steps on the closed form is faster than they are, where only the last state counts.
 JUMP = 32
-# So many states of orbits that must be iterated at a time, in arrays of their own.
-_TOGETHER = 2**20
+# Three-dimensional states of a run in n dimensions that are held at a time.
+_TOGETHER = 2**19
 
 
-def run(problem: Problem) -> Outcome:
+def run_3d(run: Run) -> Results:
     """Find the last states, and how each trajectory ends; fill saved states."""
-    return _jump(problem) if jumps(problem) else _iterate(problem)
+    if not _jumps(run):
+        return _iterate(run)
+    results = _jump(run)
+    _report_all(run)
+    return results
 
 
-def _iterate(problem: Problem) -> Outcome:
-    return iterate(problem, maps_3d.printed if problem.method == "ds2" else maps_3d.canonical)
+def run_nd(run: Run) -> Results:
+    """Make a run in n dimensions, as `run_3d` does.
+
+    A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
+    """
+    J, I, _ = run.parameters
+    if not (run.size and _jumps(run)) or not (solved := is_solved(J, I)).any():
+        return iterate_nd(run)
+    reduced = reduce(run.parameters, run.omega0, run.threads)
+    jumping = reduced.fits & solved
+    if jumping.all():
+        results = _jump_nd(run, reduced)
+        _report_all(run)
+        return results
+    if not jumping.any():
+        return iterate_nd(run)
+    size = run.size
+    ends = np.empty(size, np.int8), np.empty(size, np.int64)
+    results = Results(np.empty(run.omega0.shape), *ends, {})
+    steps, done = run.steps - run.start, 0
+    with reporter(run.progress, steps) as report:
+        for driver, chosen in ((_jump_nd, jumping), (iterate_nd, ~jumping)):
+            some = np.flatnonzero(chosen)
+
+            def progress(made: int, before: int = done, count: int = some.size) -> None:
+                report((before * steps + made * count) // size)
+
+            reports = progress if run.progress else None
+            run_some(run, some, driver, results, report=reports)
+            done += some.size
+    return results
 
 
-def jumps(problem: Problem) -> bool:
-    """Return True if states are taken from the closed form, where they can be."""
-    if problem.method != "auto" or problem.orientation is not None or problem.stop > 2**53:
+def _jumps(run: Run) -> bool:
+    """Return True if states are taken from the closed form, where they can be.
+
+    A run that keeps states has the same last one wherever it is cut.
+    """
+    if run.method != "auto" or run.orientation is not None or run.steps > 2**53:
         return False
-    return problem.stop >= (1 if problem.keeps else JUMP)
+    return run.steps >= (JUMP if run.save_every is None else 1)
 
 
-def _jump(problem: Problem) -> Outcome:
+def _report_all(run: Run) -> None:
+    if run.progress:
+        steps = run.steps - run.start
+        with reporter(run.progress, steps) as report:
+            report(steps)
+
+
+def _iterate(run: Run) -> Results:
+    return iterate(run, maps_3d.printed if run.method == "ds2" else maps_3d.canonical)
+
+
+def _jump(run: Run) -> Results:
     """Evaluate all states; orbits that leave the range of the closed form are iterated."""
-    saved, size = problem.saved, problem.size
-    status, failed_at = not_computed(size), never(size).copy()
-    ends, missing = (status, failed_at, float(problem.stop)), np.zeros(3)
-    if len(saved):
-        first = problem.first_row
-        rows = closed.Run(1.0, 0.0, float(problem.every), first, first + len(saved), -first, 1)
-        closed.fill_rows(
-            rows, False, problem.parameters, problem.omega, saved, ends, missing, problem.threads
-        )
-    final = saved[-1] if problem.saves_last else _last(problem, ends)
-    failed = check_computed(status)
-    if failed and worst(status) == NOT_FOUND:
-        _iterate_others(problem, final, status, failed_at)
-    if problem.progress:
-        with reporter(problem.progress, problem.stop - problem.start) as report:
-            report(problem.stop - problem.start)
-    return Outcome(final, status, failed_at if failed else never(size), {})
+    status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
+    ends: Ends = status, failed_at, float(run.steps)
+    orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), np.zeros(3)
+    if len(run.saved):
+        first = run.rows_before
+        rows = Rows(1.0, 0.0, float(run.every), first, first + len(run.saved), -first, 1)
+        fill_rows(orbits, rows, run.saved, missing)
+    if run.saves_last:
+        final = run.saved[-1]
+    else:
+        last = np.empty((1, run.size, 2))
+        fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last, missing)
+        final = last[0]
+    results = Results(final, status, failed_at, {})
+    if worst(status) == NOT_FOUND:
+        run_some(run, np.flatnonzero(status == NOT_FOUND), _iterate, results, anew=True)
+    return results
 
 
-def _iterate_others(
-    problem: Problem, final: FloatArray, status: NDArray[np.int8], failed_at: NDArray[np.int64]
+def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
+    """Evaluate all states by those in three dimensions; all trajectories must fit."""
+    J, I, eps = run.parameters
+    size, m = run.omega0.shape
+    if m == 2:
+        three = *map(for_kernel, of_n_3(J, I)), eps
+        results = _jump(replace(run, parameters=three))
+    else:
+        reduced = reduced or reduce(run.parameters, run.omega0, run.threads)
+        ends = np.empty(size, np.int8), np.empty(size, np.int64)
+        results = Results(np.empty((size, m)), *ends, {})
+        for lanes, rows in slices(size, max(len(run.saved), 1), _TOGETHER):
+            _jump_some(run, reduced, lanes, rows, results)
+        if len(run.saved) and run.start == 0:  # state 0 as it was given
+            exists = (results.status >= 0) | (results.failed_at != 0)
+            np.copyto(run.saved[0], run.omega0, where=exists[:, np.newaxis])
+    # In n dimensions t >= 1 is no status: most bodies have no t.
+    np.minimum(results.status, codes.OK, out=results.status)
+    return results
+
+
+def _jump_some(
+    run: Run, reduced: Reduced, lanes: tuple[int, int], rows: tuple[int, int], results: Results
 ) -> None:
-    """Iterate the trajectories whose status is NOT_FOUND from step 0, some at a time."""
-    left, first = np.flatnonzero(status == NOT_FOUND), problem.first_row
-    count = first + len(problem.saved) if len(problem.saved) else 0
-    together = max(_TOGETHER // (count + 1), 1)
-    for begin in range(0, left.size, together):
-        some = left[begin : begin + together]
-        rows = np.empty((count, some.size, 2))
-        found = _iterate(problem.some(some, problem.stop, rows))
-        final[some], status[some], failed_at[some], _ = found
-        if count:
-            problem.saved[:, some] = rows[first:]
-
-
-def _last(problem: Problem, ends: closed.Ends) -> FloatArray:
-    """Return the last states, and write how trajectories end."""
-    final = np.empty((1, *problem.omega.shape))
-    n, row, parameters = np.array([float(problem.stop)]), np.zeros(1, np.intp), problem.parameters
-    closed.fill_states(
-        1.0, n, row, False, parameters, problem.omega, final, ends, np.zeros(3), problem.threads
+    """Fill some rows of the saved states of some trajectories, and their last states."""
+    (begin, end), (row, stop) = lanes, rows
+    stop = min(stop, len(run.saved))
+    # The rows before belong to steps before the part.
+    before, last = run.rows_before - 1, stop == len(run.saved)
+    states: FloatArray = np.empty((stop - row, end - begin, 2))
+    part = replace(
+        run,
+        batch=(end - begin,),
+        omega0=reduced.state[begin:end],
+        parameters=tuple(for_kernel(each) for each in reduced.three[begin:end].T),
+        start=(row + before) * run.every if row else run.start,
+        steps=run.steps if last else (stop + before) * run.every,
+        saved=states,
     )
-    states: FloatArray = final[0]
-    return states
+    final, results.status[begin:end], results.failed_at[begin:end] = _jump(part)[:3]
+    if len(states):
+        reduced.expand(states, run.saved[row:stop], begin, run.threads)
+    reduced.expand(final[np.newaxis], results.final[np.newaxis], begin, run.threads)

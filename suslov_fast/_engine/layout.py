@@ -2,45 +2,67 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
+from .._bodies.base import Body
+from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
-from .._checks import first_index as first_index
-from .._checks import spell as spell
 
 
-def flat_parameter(value: float | FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return a parameter as one number that serves all trajectories, or one for each."""
-    if type(value) is float:
-        return np.array([value])
-    array = np.asarray(value)
-    return for_kernel((array if array.size == 1 else np.broadcast_to(array, batch)).reshape(-1))
+def for_kernel(array: FloatArray) -> FloatArray:
+    """Return the array as the one type that kernels are compiled for; a copy only if it must be."""
+    return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
 
 
-def flat_rows(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return vectors as one row (1, D) that serves all trajectories, or one for each."""
-    D = array.shape[-1]
-    if array.size != D:
-        array = np.broadcast_to(array, (*batch, D))
-    return for_kernel(array.reshape(-1, D))
-
-
-def flat_vectors(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return vectors as a (B, D) array."""
-    D = array.shape[-1]
-    if array.shape[:-1] != batch:
-        array = np.broadcast_to(array, (*batch, D))
-    return for_kernel(array.reshape((-1, D)))
+def flat_vectors(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
+    """Return vectors, or arrays of so many axes, as (B, D): one for each trajectory."""
+    split = array.ndim - axes
+    own = array.shape[split:]
+    if array.shape[:split] != batch:
+        array = np.broadcast_to(array, (*batch, *own))
+    return for_kernel(array.reshape((-1, *own)))
 
 
 def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Return matrices as a (B, n, n) array."""
-    n = array.shape[-1]
-    if array.shape[:-2] != batch:
-        array = np.broadcast_to(array, (*batch, n, n))
-    return for_kernel(array.reshape((-1, n, n)))
+    return flat_vectors(array, batch, 2)
+
+
+def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
+    """Return a parameter (..., D) as (1, D), which serves all trajectories, or as (B, D).
+
+    The number of axes behind those of the batch is 1 for vectors and 0 for numbers.
+    """
+    if type(value) is float:
+        return np.array([value])
+    array = np.asarray(value)
+    own = array.shape[array.ndim - axes :]
+    if array.size == math.prod(own):
+        return for_kernel(array.reshape((1, *own)))
+    return flat_vectors(array, batch, axes)
+
+
+def flat_body(body: Body, batch: tuple[int, ...], units: bool = True) -> tuple[FloatArray, ...]:
+    """Return the parameters of a body, with `units` taken out; a single body keeps them."""
+    name = "_flat" if units else "_flat_own"
+    flat: tuple[FloatArray, ...] | None = vars(body).get(name)
+    if flat is None:
+        parameters = units_of(body).parameters if units else body.parameters
+        flat = tuple(flat_parameter(each, batch, body._own_axes) for each in parameters)
+        if not body.shape:
+            vars(body)[name] = flat
+    return flat
+
+
+def for_loops(
+    body: Body, eps: float | FloatArray, batch: tuple[int, ...], units: bool = True
+) -> tuple[FloatArray, ...]:
+    """Return the parameters of a body and eps, with `units` taken out."""
+    eps = scaled_eps(body, eps) if units else eps
+    return *flat_body(body, batch, units), flat_parameter(eps, batch)
 
 
 def own_parameter(value: float | FloatArray) -> float | FloatArray:
@@ -50,15 +72,7 @@ def own_parameter(value: float | FloatArray) -> float | FloatArray:
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Return states (B, D) that nobody else writes to."""
-    shape = -1, state.shape[-1]
-    if state.shape[:-1] == batch and state.flags.c_contiguous:
-        return state.reshape(shape).copy()
-    return np.array(np.broadcast_to(state, (*batch, shape[1])), order="C").reshape(shape)
-
-
-def for_kernel(array: FloatArray) -> FloatArray:
-    """Return the array as the one type that kernels are compiled for; a copy only if it must be."""
-    return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
+    return flat_vectors(state, batch).copy()
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
@@ -69,10 +83,8 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
         raise TypeError(f"out: expected dtype float64, got {out.dtype}")
     if out.shape != shape:
         raise ValueError(f"out: expected shape {shape}, got {out.shape}")
-    for fits, expected in (
-        (out.flags.c_contiguous, "a C-contiguous array"),
-        (out.flags.writeable and out.flags.aligned, "a writeable, aligned array"),
-    ):
-        if not fits:
-            raise ValueError(f"out: expected {expected}, got one that is not")
+    if not out.flags.c_contiguous:
+        raise ValueError("out: expected a C-contiguous array, got one that is not")
+    if not out.flags.carray:
+        raise ValueError("out: expected a writeable, aligned array, got one that is not")
     return out

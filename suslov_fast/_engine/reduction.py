@@ -12,8 +12,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._kernels import reduction
 from . import threads as _threads
-from .layout import flat_vectors, for_kernel
-from .units import for_loops
+from .layout import flat_vectors, for_kernel, for_loops
 
 # What reducing a trajectory costs, in steps of the 3D map.
 _REDUCING = 30
@@ -40,13 +39,12 @@ class Reduced(NamedTuple):
         _threads.run(reduction.expand, work, threads, *arguments)
 
 
-def reduce(parameters: list[FloatArray], omega: FloatArray, threads: int | None) -> Reduced:
+def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int | None) -> Reduced:
     """Reduce flat trajectories."""
     size, m = omega.shape
     three, state = np.empty((size, 5)), np.empty((size, 2))
     reduced = Reduced(three, state, np.empty((size, m)), np.empty((size, m)), np.empty(size, bool))
-    work = size * (_REDUCING + 8 * m)
-    _threads.run(reduction.reduce, work, threads, tuple(parameters), omega, *reduced)
+    _threads.run(reduction.reduce, size * (_REDUCING + 8 * m), threads, parameters, omega, *reduced)
     return reduced
 
 

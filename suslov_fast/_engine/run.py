@@ -1,37 +1,53 @@
-"""From a checked run to its results: memory, the flat problem, and what a run is continued from."""
+"""A run of a map: its arguments, the parts that it is computed in, and its results."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
+from .._kernels import codes
 from .arguments import Body
 from .layout import flat_parameter
 from .memory import require
-from .problem import Outcome, Problem
-from .progress import Progress
+from .progress import Progress, reporter
+
+if TYPE_CHECKING:
+    from .._maps.record import Map
+
+# Work of the first part, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
+# looks for Ctrl-C between parts.
+_PART = 2**27
+# Parts that take less or more seconds than these are followed by longer or shorter ones.
+_SHORT, _LONG = 0.05, 0.2
+# Work of saving a state, in steps.
+_SAVING = 8
+# Least numbers of trajectories and of steps of a part, if there are as many, each divided by the
+# work of a step: entering a trajectory costs some 30 steps of the 3D map.
+_ABREAST, _LENGTH = 2**13, 2**8
+# Numbers of states of trajectories that `run_some` copies at a time.
+_TOGETHER = 2**20
+# A copy of an array takes less time than a new one that is filled.
+_ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
+# Arrays that are set before they are used.
+_UNSET: Any = None
 
 
-class Map(Protocol):
-    """The fields of a map that a run needs; `_maps.record.Map` has them."""
-
-    @property
-    def parameters(
-        self,
-    ) -> Callable[[Any, float | FloatArray, tuple[int, ...]], list[FloatArray]]: ...
-    @property
-    def run(self) -> Callable[[Problem], Outcome]: ...
+@lru_cache
+def _no_rows(*shape: int) -> FloatArray:
+    return np.empty((0, 0, *shape))
 
 
 @dataclass(slots=True)  # not frozen: that would take longer than a short run
 class Run:
-    """The arguments of a run, checked; `Problem` is what becomes of them.
+    """A run over a batch of B trajectories, from state `start` to state `steps`.
 
     Attributes
     ----------
@@ -46,6 +62,13 @@ class Run:
         The number of steps made before, and `Results.resume` of them.
     single
         True for a single step that nobody goes on from.
+    parameters
+        What `Map.parameters` returns: parameters of the body and eps, (B, ...) or (1, ...).
+    time_step
+        eps in the unit of time of omega, (B,) or (1,); used with an orientation.
+    saved, turns
+        (rows, B, D) and (rows, B, n, n), filled by the map: states and orientations from `start`
+        on, state 0 included, state `start` > 0 not; no rows if only the last ones are wanted.
     """
 
     map: Map
@@ -62,6 +85,20 @@ class Run:
     start: int = 0
     resume: dict[str, NDArray[Any]] = field(default_factory=dict)
     single: bool = False
+    parameters: tuple[FloatArray, ...] = ()
+    time_step: FloatArray = _UNSET
+    saved: FloatArray = _UNSET
+    turns: FloatArray = _UNSET
+
+    @property
+    def size(self) -> int:
+        """The number of trajectories."""
+        return len(self.omega0)
+
+    @property
+    def every(self) -> int:
+        """The number of steps between saved states, more than all if none are saved."""
+        return self.save_every or self.steps + 1
 
     @property
     def rows(self) -> int:
@@ -69,31 +106,180 @@ class Run:
         return 1 if self.save_every is None else self.steps // self.save_every + 1
 
     @property
+    def rows_before(self) -> int:
+        """The number of states that were kept before `start`."""
+        return self.start // self.save_every + 1 if self.save_every and self.start else 0
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """The shape of the states that are kept."""
         return (self.rows, *self.batch, self.omega0.shape[1])
 
     @property
-    def rows_before(self) -> int:
-        """The number of states that were kept before `start`."""
-        return self.start // self.save_every + 1 if self.save_every and self.start else 0
+    def saves_last(self) -> bool:
+        """True if the last row of `saved` holds the last states."""
+        return len(self.saved) > 0 and self.steps % self.every == 0
+
+    def some(self, chosen: NDArray[np.intp], anew: bool = False) -> Run:
+        """Return the run of some of the trajectories, into new arrays; with `anew` from step 0."""
+
+        def of(array: FloatArray) -> FloatArray:
+            return array if len(array) == 1 else array[chosen]
+
+        def room(array: FloatArray) -> FloatArray:
+            rows = len(array) + anew * self.rows_before if len(array) else 0
+            return np.empty((rows, chosen.size, *array.shape[2:]))
+
+        return replace(
+            self,
+            batch=chosen.shape,
+            omega0=self.omega0[chosen],
+            orientation=None if self.orientation is None else self.orientation[chosen],
+            progress=None,
+            start=0 if anew else self.start,
+            resume={} if anew else {name: array[chosen] for name, array in self.resume.items()},
+            parameters=tuple(map(of, self.parameters)),
+            time_step=self.time_step if self.orientation is None else of(self.time_step),
+            saved=room(self.saved),
+            turns=room(self.turns),
+        )
+
+    def parts(self, work: float, lanes: int) -> Iterable[Part]:
+        """Return the parts to compute one after another: some trajectories and some of their steps.
+
+        `work` is that of a step of one trajectory, in steps of the 3D map; a thread takes `lanes`
+        trajectories at a time. The batch is cut first, so that what a part works on stays in the
+        caches; time is only where few trajectories take long.
+        """
+        size, steps = len(self.omega0), self.steps - self.start
+        if len(self.saved):
+            work += _SAVING / self.every
+        room = _PART / work
+        if (not self.progress and size * steps <= room) or not size * steps:
+            return (Part(0, size, self.start, self.steps),)
+        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
+        return self._parts_of(room, lanes, abreast, max(1, int(_LENGTH / work)))
+
+    def _parts_of(self, room: float, lanes: int, abreast: int, length: int) -> Iterator[Part]:
+        """Yield parts of about `room` steps; where steps turn out cheap or dear, `room` adapts."""
+        size, steps = len(self.omega0), self.steps - self.start
+        with reporter(self.progress, steps) as report:
+            end = 0
+            while end < size:
+                begin = end
+                end += min(alike(size - end, max(abreast, int(room / steps)), lanes), size - end)
+                stop = self.start
+                while stop < self.steps:
+                    start = stop
+                    stop = min(stop + max(length, int(room / (end - begin))), self.steps)
+                    clock = time.perf_counter()
+                    yield Part(begin, end, start, stop)
+                    seconds = time.perf_counter() - clock
+                    room *= 2.0 if seconds < _SHORT else 0.5 if seconds > _LONG else 1.0
+                    report((begin * steps + (end - begin) * (stop - self.start)) // size)
 
 
-@dataclass(slots=True)
-class Results:
-    """Arrays over the batch, see `Trajectories`; `resume` also has omega0, and R0 if it turns."""
+def alike(size: int, most: int, lanes: int) -> int:
+    """Return the length of parts of about the same length, at most `most`, in whole lanes.
 
-    omega: FloatArray
-    attitude: FloatArray | None
+    A short part at the end would leave threads idle.
+    """
+    parts = -(-size // most)
+    return -(-size // (parts * lanes)) * lanes
+
+
+class Part(NamedTuple):
+    """Trajectories `begin` to `end`, from state `start` to state `stop`."""
+
+    begin: int
+    end: int
+    start: int
+    stop: int
+
+    def work(self, lanes: int, step: float) -> int:
+        """Return the lane-steps that threads can share: none within one block of lanes."""
+        count = self.end - self.begin
+        return int(count * (self.stop - self.start) * step) if count > lanes else 0
+
+
+class Results(NamedTuple):
+    """Results of a run. A map returns the first four, flat, and `execute` all, over the batch.
+
+    Attributes
+    ----------
+    final
+        (B, D), state `steps`; NaN if it does not exist.
+    status, failed_at
+        (B,), a code, and where that is negative, the number of the first state that does not exist.
+    resume
+        Arrays from which the run can be continued, by name; of `execute` with omega0, and R0 if it
+        turns.
+    omega, attitude
+        States and orientations that are kept.
+    """
+
     final: FloatArray
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     resume: dict[str, NDArray[Any]]
+    omega: FloatArray = _UNSET
+    attitude: FloatArray | None = None
+
+
+def not_computed(size: int) -> NDArray[np.int8]:
+    """Return statuses that a kernel is to fill."""
+    return _ONE_NOT_COMPUTED.copy() if size == 1 else np.full(size, codes.NOT_COMPUTED, np.int8)
+
+
+@lru_cache
+def _never(size: int) -> NDArray[np.int64]:
+    """Return `failed_at` where nothing failed: -1, read-only and in no memory."""
+    return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
+
+
+def worst(status: NDArray[np.int8]) -> int:
+    """Return the least of statuses, negative if a trajectory failed; at most 0."""
+    return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
 
 
 def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     """Return the numbers of all states that a run keeps."""
     return np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
+
+
+def run_some(
+    run: Run,
+    chosen: NDArray[np.intp],
+    driver: Callable[[Run], Results],
+    results: Results,
+    anew: bool = False,
+    report: Callable[[int], object] | None = None,
+) -> None:
+    """Make the steps of some trajectories, some at a time, and put what is found in its place.
+
+    What is made `anew`, from step 0, is not continued. `report` takes the number of steps made.
+    """
+    together = max(_TOGETHER // (run.omega0.shape[1] * (len(run.saved) + 1)), 1)
+    for begin in range(0, chosen.size, together):
+        some = chosen[begin : begin + together]
+
+        def progress(done: int, total: int, before: int = begin, size: int = some.size) -> None:
+            if report:
+                report((before * total + size * done) // chosen.size)
+
+        part = run.some(some, anew)
+        part.progress = progress if report else None
+        found = driver(part)
+        progress(run.steps - run.start, run.steps - run.start)
+        for whole, rows in ((run.saved, part.saved), (run.turns, part.turns)):
+            if len(whole):
+                whole[:, some] = rows[len(rows) - len(whole) :]
+        results.final[some], results.status[some] = found.final, found.status
+        results.failed_at[some] = found.failed_at
+        for name, array in {} if anew else found.resume.items():
+            if name not in results.resume:
+                results.resume[name] = np.zeros((run.size, *array.shape[1:]), array.dtype)
+            results.resume[name][some] = array
 
 
 def execute(
@@ -111,12 +297,12 @@ def execute(
         for kept, array in zip(before, (saved, turns), strict=True):
             if array is not None and kept is not None:
                 array[:begin] = kept[:begin]
-    return _results(run, saved, turns, begin)
+    return _fill(run, saved, turns, begin)
 
 
 def go_on(run: Run) -> Results:
     """Make the steps of a run since its start; of the states that are kept, only those since."""
-    return _results(run, *_room(run, run.rows - run.rows_before), 0)
+    return _fill(run, *_room(run, run.rows - run.rows_before), 0)
 
 
 def _room(
@@ -134,49 +320,35 @@ def _room(
     return np.empty(shape) if saves else out, turns
 
 
-def _results(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
+def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
     """Make the steps, and fill what is kept from row `begin` on."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
-    parameters = run.map.parameters(run.body, run.eps, batch)
-    eps, rows, turned = parameters[-1], _no_rows(D), _no_rows(D + 1, D + 1)
+    run.parameters = run.map.parameters(run.body, run.eps, batch)
+    run.saved, run.turns = _no_rows(D), _no_rows(D + 1, D + 1)
     if saved is not None and every is not None:
-        rows = saved.reshape((len(saved), size, D))[begin:]
+        run.saved = saved.reshape((len(saved), size, D))[begin:]
     if turns is not None:
-        eps = flat_parameter(run.eps, batch)
-        turned = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
-    final, status, failed_at, resume = run.map.run(
-        Problem(
-            run.method,
-            run.omega0,
-            parameters,
-            eps,
-            run.start,
-            run.steps,
-            every or run.steps + 1,
-            every is not None,
-            rows,
-            turned,
-            run.orientation,
-            run.resume,
-            run.threads,
-            run.progress,
-            run.single,
-        )
-    )
+        run.time_step = flat_parameter(run.eps, batch)
+        run.turns = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
+    found = run.map.run(run)
+    final, status, failed_at, resume = found.final, found.status, found.failed_at, found.resume
+    least = worst(status)
+    if least == codes.NOT_COMPUTED:
+        raise RuntimeError("a loop ended before its last trajectory; please report this")
+    if least < 0:
+        failed_at[status >= 0] = -1
+    else:
+        failed_at = _never(size)
+    if "status" in resume:
+        resume["status"], resume["failed_at"] = status, failed_at
+    resume["omega0"] = run.omega0
+    if run.orientation is not None:
+        resume["R0"] = run.orientation
     if saved is not None and every is not None and len(saved) and run.steps % every == 0:
         final = saved[-1]
-    else:
-        final = final.reshape((*batch, D))
+    final = final.reshape((*batch, D))
     if saved is None:
         saved = final[np.newaxis]
     elif every is None:
         saved[0] = final
-    resume["omega0"] = run.omega0
-    if run.orientation is not None:
-        resume["R0"] = run.orientation
-    return Results(saved, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)
-
-
-@lru_cache
-def _no_rows(*shape: int) -> FloatArray:
-    return np.empty((0, 0, *shape))
+    return Results(final, status.reshape(batch), failed_at.reshape(batch), resume, saved, turns)

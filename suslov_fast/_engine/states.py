@@ -9,23 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import LARGE, FloatArray, real_array
+from .._checks import LARGE, FloatArray, real_array, spell
 from .._jit import Kernel
-from .._kernels.states import INFINITE, LANES
+from .._kernels import states as kernels
+from .._kernels import states_nd as kernels_nd
 from . import threads as _threads
-from .layout import flat_parameter, for_kernel, spell
+from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
 
 # More than the threads of any machine that this is likely to meet.
 TASKS = 64
-# The cost of a state, in steps of the map.
+# The cost of a state, or of a component in n dimensions, in steps of the map.
 WORK = 4
+# States that one task takes at least in n dimensions.
+_TOGETHER = 64
 # States that NumPy works on at a time, and numbers that are copied at a time for a kernel.
 SLAB, COPIES = 2**15, 2**20
 # Bodies that repeat at each time of a run are repeated until they are so many: whole blocks.
-REPEATED = 8 * LANES
+REPEATED = 8 * kernels.LANES
 
 Index = tuple[Any, ...]
+# For one call of a kernel: the number of the first state; parameters, the last of them eps; states
+# (count, D); and the period with which bodies repeat. A parameter is (1, ...) or (period, ...).
 _Part = tuple[int, tuple[FloatArray, ...], FloatArray, int]
 
 
@@ -50,16 +55,45 @@ def of_state(
     missing: list[tuple[int, int]] = []
     for begin, parameters, states, period in _parts(body, eps, omega, batch):
         count = len(states)
-        blocks = -(-period // LANES) * -(-count // period)
-        report = np.zeros((min(blocks, TASKS), 3), np.int64)
+        tasks = min(-(-period // kernels.LANES) * -(-count // period), TASKS)
+        report = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
         _threads.run(kernel, WORK * count, threads, parameters, states, out_part, period, report)
-        if omega.size > LARGE and report[:, INFINITE].any():
+        if omega.size > LARGE and report[:, kernels.INFINITE].any():
             real_array(name, omega, allow_nan=True)
         if warn:
             missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
     if missing:
         warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch, stacklevel=5)
+    return out[()]
+
+
+def of_state_nd(
+    quantity: int,
+    body: Any,
+    omega: FloatArray,
+    eps: float | FloatArray | None,
+    batch: tuple[int, ...],
+    threads: int | None,
+    result: tuple[int, ...] = (),
+    following: FloatArray | None = None,
+) -> FloatArray:
+    """Return a quantity (..., *result) of states in n dimensions.
+
+    `following` are the next states where they are needed, C-contiguous.
+    """
+    out, m = np.empty((*batch, *result)), body.dimension
+    results = out.reshape(-1, math.prod(result))
+    for begin, parameters, states, _ in _parts(body, eps, omega, batch):
+        end = begin + len(states)
+        after = states if following is None else following.reshape(-1, m)[begin:end]
+        tasks = min(-(-len(states) // _TOGETHER), TASKS)
+        scratch, infinite = np.empty((tasks, kernels_nd.ROWS, m)), np.zeros(tasks, np.int8)
+        arguments = parameters, states, after, results[begin:end], scratch, infinite
+        work = WORK * len(states) * max(m, results.shape[1])
+        _threads.run(kernels_nd.evaluate, work, threads, quantity, *arguments)
+        if omega.size > LARGE and infinite.any():
+            real_array("omega", omega, allow_nan=True)
     return out[()]
 
 
@@ -79,10 +113,12 @@ def by_slabs(
     real_array("omega", omega, allow_nan=True)
     out = np.empty((*batch, *result))
     full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
+    vectors = [np.broadcast_to(each, (*batch, each.shape[-1])) for each in body.parameters]
     lost = np.zeros(batch, bool)
     for part in _slabs(batch, SLAB):
         some = full[part]
-        out[part] = values = function(_part_of_body(body, batch, part), some, steps[part])
+        bodies = type(body)(*(each[part] for each in vectors)) if body.shape else body
+        out[part] = values = function(bodies, some, steps[part])
         if warn:
             absent = np.isnan(values.reshape((*some.shape[:-1], -1))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
@@ -104,68 +140,59 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: 
 def _parts(
     body: Any, eps: float | FloatArray | None, omega: FloatArray, batch: tuple[int, ...]
 ) -> Iterator[_Part]:
-    """Yield the first state, parameters, states (count, 2) and the period of each kernel call.
+    """Yield the parts of a batch; eps is 1 where none is needed.
 
-    The last parameter is eps, or 1 where none is needed. One call takes all states if few numbers
-    must be copied for it, else slab after slab.
+    One call takes all states if few numbers must be copied for it, else slab after slab.
     """
     eps = 1.0 if eps is None else eps
     if not batch:  # one state: most of the time of a call would go into what follows
-        yield 0, (*_one(body), flat_parameter(eps, ())), for_kernel(omega).reshape(1, -1), 1
+        parameters = *flat_body(body, (), units=False), flat_parameter(eps, ())
+        yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
-    size = math.prod(batch)
-    if not size:
-        return
-    given = [np.asarray(each) for each in (*body.parameters, eps)]
-    varying = [each for each in given if each.size > 1]
-    # Behind these axes of the batch the bodies repeat.
-    depth = max((_depth(each.shape) for each in varying), default=len(batch))
-    axes = batch[len(batch) - depth :]
-    period = math.prod(axes)
-    copies = sum(period for each in varying if each.shape != axes or not each.flags.carray)
-    if omega.shape[:-1] != batch:
-        omega = np.broadcast_to(omega, (*batch, omega.shape[-1]))
-    if not omega.flags.carray:
-        copies += 2 * size
-    if copies <= max(COPIES, size // 4):
-        parameters = _flat(given, axes, ...)
-        if varying and period < min(REPEATED, size):
-            times = min(REPEATED, size) // period + 1
+    ndim, own, D = len(batch), body._own_axes, omega.shape[-1]
+    whole = np.broadcast_to(omega, (*batch, D))
+    given = [
+        np.broadcast_to(each, (*batch, *np.shape(each)[np.ndim(each) - own :]))
+        for each in body.parameters
+    ]
+    given.append(np.broadcast_to(eps, batch))
+    depths = [_depth(each, ndim) for each in given]
+    period = math.prod(batch[ndim - max(depths) :])
+    copies = period * sum(
+        math.prod(e.shape[ndim:]) for e, depth in zip(given, depths, strict=True) if depth
+    )
+    if not whole.flags.carray:
+        copies += whole.size
+    most = whole.size if copies <= max(COPIES, whole.size // 4) else max(COPIES // (2 * D), 1)
+    begin = 0
+    for part in _slabs(batch, most) if whole.size else ():
+        states = for_kernel(whole[part]).reshape(-1, D)
+        parameters = _flat([each[part] for each in given], whole[part].ndim - 1)
+        period = max(map(len, parameters))
+        if period == 1:  # one body
+            period = len(states)
+        elif own == 0 and period < min(REPEATED, len(states)):
+            times = min(REPEATED, len(states)) // period + 1
             parameters = tuple(np.tile(p, times) if p.size > 1 else p for p in parameters)
             period *= times
-        yield 0, parameters, for_kernel(omega).reshape(size, -1), period
-        return
-    begin = 0
-    for part in _slabs(batch, COPIES // 4):
-        states = for_kernel(omega[part]).reshape(-1, omega.shape[-1])
-        yield begin, _flat(given, batch, part), states, len(states)
+        yield begin, parameters, states, period
         begin += len(states)
 
 
-def _one(body: Any) -> tuple[FloatArray, ...]:
-    """Return the parameters of a single body as kernels take them."""
-    parameters: tuple[FloatArray, ...] | None = vars(body).get("_one")
-    if parameters is None:
-        parameters = tuple(flat_parameter(each, ()) for each in body.parameters)
-        vars(body)["_one"] = parameters
-    return parameters
+def _depth(array: FloatArray, ndim: int) -> int:
+    """Return the number of axes, of the first `ndim`, from the first that varies on."""
+    axes = range(ndim)
+    return next((ndim - k for k in axes if array.shape[k] > 1 and array.strides[k]), 0)
 
 
-def _depth(shape: tuple[int, ...]) -> int:
-    """Return the number of axes from the first that varies on."""
-    return next(len(shape) - k for k, length in enumerate(shape) if length != 1)
-
-
-def _flat(given: list[FloatArray], batch: tuple[int, ...], part: Any) -> tuple[FloatArray, ...]:
-    """Return one number of each parameter that does not vary, and those of a part of the others."""
-    flat = []
-    for each in given:
-        if each.size > 1:
-            shape = each.shape[max(each.ndim - len(batch), 0) :]
-            each = each.reshape(shape)
-            each = each[part] if shape == batch else np.broadcast_to(each, batch)[part]
-        flat.append(for_kernel(each).reshape(-1))
-    return tuple(flat)
+def _flat(given: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
+    """Return parameters of a batch of `ndim` axes as (1, ...) or (period, ...)."""
+    depths = [_depth(each, ndim) for each in given]
+    first = (0,) * (ndim - max(depths))
+    return tuple(
+        for_kernel(each[first if depth else (0,) * ndim]).reshape((-1, *each.shape[ndim:]))
+        for each, depth in zip(given, depths, strict=True)
+    )
 
 
 def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
@@ -181,11 +208,3 @@ def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
         for i in range(batch[0]):
             for part in _slabs(batch[1:], most):
                 yield (i, *part)
-
-
-def _part_of_body(body: Any, batch: tuple[int, ...], part: Index) -> Any:
-    """Return the bodies of a part of a batch; their parameters are vectors."""
-    if not body.shape:
-        return body
-    vectors = (np.broadcast_to(each, (*batch, each.shape[-1])) for each in body.parameters)
-    return type(body)(*(each[part] for each in vectors))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
-    from .._engine.problem import Outcome, Problem
+    from .._engine.run import Results, Run
 
 
 class Kept(NamedTuple):
@@ -49,7 +49,7 @@ class Map:
     parameters
         (body, eps, batch) to the flat arrays that kernels take, units taken out.
     run
-        Fill a checked, flat problem.
+        Make the steps of a run.
     kept
         Arrays that a run needs to go on, beside `ENDS`.
     quantities
@@ -62,8 +62,8 @@ class Map:
     body: type[Any]
     components: Callable[[Any], tuple[str, ...]]
     methods: tuple[str, ...]
-    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], list[FloatArray]]
-    run: Callable[[Problem], Outcome]
+    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
+    run: Callable[[Run], Results]
     kept: tuple[Kept, ...]
     quantities: frozenset[str]
     carries_attitude: bool = True

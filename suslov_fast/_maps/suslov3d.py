@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from .._bodies.three import Suslov3D
-from .._engine.jump import run
-from .._engine.units import for_loops
+from .._engine.jump import run_3d
+from .._engine.layout import for_loops
 from .record import Kept, Map
 
 MAP = Map(
@@ -13,7 +13,7 @@ MAP = Map(
     components=lambda body: ("Omega1", "Omega2"),
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
-    run=run,
+    run=run_3d,
     kept=(
         Kept("state", ("flat", 2)),
         Kept("turn", ("flat", 4), attitude=True),

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.iterate import iterate
-from .._engine.layout import flat_parameter
-from .._engine.problem import Outcome, Problem
+from .._engine.layout import flat_body, flat_parameter
 from .._kernels.full import full
 from .record import Kept, Map
 
 
 def _parameters(
     body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]
-) -> list[FloatArray]:
+) -> tuple[FloatArray, ...]:
     assert body.I3 is not None
-    return [flat_parameter(each, batch) for each in (*body.parameters, eps, body.I3)]
-
-
-def _run(problem: Problem) -> Outcome:
-    return iterate(problem, full, numbers=3, work=2.0)
+    others = (flat_parameter(each, batch) for each in (eps, body.I3))
+    return *flat_body(body, batch, units=False), *others
 
 
 MAP = Map(
@@ -28,7 +26,7 @@ MAP = Map(
     components=lambda body: ("Omega1", "Omega2", "Omega3"),
     methods=("auto",),
     parameters=_parameters,
-    run=_run,
+    run=partial(iterate, kernel=full, numbers=3, work=2.0),
     kept=(Kept("state", ("flat", 3)),),
     quantities=frozenset(),
     carries_attitude=False,

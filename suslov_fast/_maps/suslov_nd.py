@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from .._bodies.nd import SuslovND
-from .._engine.jump_nd import run
-from .._engine.units import for_loops
+from .._engine.jump import run_nd
+from .._engine.layout import for_loops
 from .record import Kept, Map
 
 MAP = Map(
@@ -13,7 +13,7 @@ MAP = Map(
     components=lambda body: tuple(f"Omega{i + 1}n" for i in range(body.dimension)),
     methods=("auto", "gauss", "rank2"),
     parameters=for_loops,
-    run=run,
+    run=run_nd,
     kept=(
         Kept("state", ("flat", "component")),
         Kept("exponent", ("flat",)),

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, first_index, integer, one_of, spell
 from .._docs import filled
 from .._engine.arguments import Body
-from .._engine.problem import worst
 from .._engine.progress import Progress, check_progress
-from .._engine.run import Results, Run, execute, numbers_of_saved
+from .._engine.run import Results, Run, execute, numbers_of_saved, worst
 from .._engine.status import SingularStepWarning, Status
 from .._engine.threads import thread_count
 from .._maps.record import Map

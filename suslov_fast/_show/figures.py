@@ -1,55 +1,64 @@
-"""Axes, legends and panel letters of all pictures."""
+"""Axes, legends and panel letters of all pictures, and curves around bodies."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from .._checks import FloatArray
 
-def new_figure(size: tuple[float, float]) -> Any:
-    """Return a figure, width and height in inches, that no window shows."""
-    from .picture import Picture
-
-    return Picture(figsize=size, layout="constrained")
+# Distance of a legend from the axes, in units of its font size: the label of the axis is between.
+_BELOW = 4.2
 
 
 def axes_for(
-    ax: Any, size: tuple[float, float], projections: tuple[str | None, ...] = (None,)
+    ax: Any,
+    size: tuple[float, float],
+    projections: Sequence[str | None] = (None,),
+    letters: Sequence[str] | None = None,
 ) -> list[Any]:
-    """Return the axes passed, checked, or those of a new figure: one for each projection."""
-    if ax is None:
-        figure, count = new_figure(size), len(projections)
-        return [
-            figure.add_subplot(1, count, k + 1, projection=projection)
-            for k, projection in enumerate(projections)
-        ]
+    """Return the axes passed, checked, or those of a new figure: one for each projection.
+
+    The figure, width and height in inches, is one that no window shows. Letters are written above
+    the panels, where no data and no legend are.
+    """
     from matplotlib.axes import Axes
 
+    from .picture import Picture
+
+    count = len(projections)
+    if ax is None:
+        figure = Picture(figsize=size, layout="constrained")
+        ax = [figure.add_subplot(1, count, k + 1, projection=projections[k]) for k in range(count)]
     panels = list(np.ravel(np.asarray(ax, dtype=object)))
-    if len(panels) != len(projections):
-        raise ValueError(f"ax: expected {len(projections)} axes, got {len(panels)}")
+    if len(panels) != count:
+        raise ValueError(f"ax: expected {count} axes, got {len(panels)}")
     for panel, projection in zip(panels, projections, strict=True):
         if not isinstance(panel, Axes) or (projection == "3d") != (panel.name == "3d"):
             kind = "axes with projection='3d'" if projection else "plane axes of Matplotlib"
             raise TypeError(f"ax: expected {kind}, got {panel!r}")
+    for panel, letter in zip(panels, letters or "", strict=bool(letters)):
+        panel.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
     return panels
-
-
-def letter_panels(panels: list[Any], letters: Any) -> None:
-    """Write the letters above the panels, where no data and no legend are."""
-    for panel, letter in zip(panels, letters or [None] * len(panels), strict=True):
-        if letter is not None:
-            panel.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
 
 
 def legend_below(axes: Any, columns: int) -> None:
     """Draw the legend below the label of the horizontal axis."""
-    axes.legend(
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0.0),
-        borderaxespad=4.2,
-        ncols=columns,
-        frameon=False,
-        fontsize="small",
-    )
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": _BELOW}
+    axes.legend(**place, ncols=columns, frameon=False, fontsize="small")
+
+
+def towards_eye(axes: Any) -> FloatArray:
+    """Return the unit vector from axes in three dimensions to the eye."""
+    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+
+
+def plot_around(axes: Any, points: FloatArray, in_front: Any, alpha: float, **look: Any) -> None:
+    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it with `alpha`."""
+    for order, hidden, opacity in ((1, in_front, alpha), (3, ~in_front, 1.0)):
+        part = np.where(hidden[:, np.newaxis], np.nan, points)
+        axes.plot(*part.T, zorder=order, alpha=opacity, **look)

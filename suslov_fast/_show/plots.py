@@ -19,10 +19,10 @@ from .._states.conserved import criticality, energy, modified_energy
 from .._states.continuous import vector_field
 from .._states.coordinates import from_xy, to_xy
 from .ellipsoid import sphere
-from .figures import axes_for, legend_below, letter_panels
+from .figures import axes_for, legend_below, plot_around, towards_eye
 from .plane import conic, level_curves, repelling_direction
 from .style import styled
-from .turning import TurningBody, towards_eye
+from .turning import turning_body
 
 # Lines differ in style and not in colour alone.
 _LINE, _ACCENT = "crimson", "steelblue"
@@ -56,12 +56,9 @@ def plot_phase(
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
         Number of level curves.
-    letter : str, optional
-        Letter of the panel, written above it.
     legend : bool
         Draw a legend below the axes.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; by default those of a new figure.
+    %(panel)s
 
     Returns
     -------
@@ -87,7 +84,7 @@ def plot_phase(
             "extent: expected one in which orbits follow the continuous motion, got t = "
             f"{in_corners:.3g} in the corners"
         )
-    [axes] = axes_for(ax, (5.2, 5.6))
+    [axes] = axes_for(ax, (5.2, 5.6), letters=letter)
     colours = _colours(levels)
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
         starts, t, steps = _orbit_through(body, eps, level * farthest * direction)
@@ -105,7 +102,6 @@ def plot_phase(
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    letter_panels([axes], letter and [letter])
     if legend:
         legend_below(axes, 2)
     return axes
@@ -127,10 +123,7 @@ def plot_regimes(
         A single body. In these coordinates orbits do not depend on it.
     eps : float
         Step size, on which they do not depend either.
-    letters : sequence of str, optional
-        Letters of the three panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Three axes to draw on; by default those of a new figure.
+    %(panels)s
 
     Returns
     -------
@@ -149,12 +142,11 @@ def plot_regimes(
     """
     body = _BODY if body is None else body
     instance("body", body, Suslov3D)
-    panels = axes_for(ax, (11.0, 4.6), (None,) * 3)
+    panels = axes_for(ax, (11.0, 4.6), (None,) * 3, letters)
     _draw_regime(panels[0], body, eps, [(0.06, 0.4), (-0.06, 0.4)], 9, (0.8, 0.6))
     _draw_regime(panels[1], body, eps, [(0.75, 1.0), (-1.6, 1.0), (-2.4, -1.0)], 2, (3.2, 2.2))
     _draw_regime(panels[2], body, eps, [(0.33, 1.53)], 5, (3.2, 3.6))
     panels[0].set_ylabel(r"$Y = \epsilon y / (2 I_1 I_2)$")
-    letter_panels(panels, letters)
     legend_below(panels[1], 2)
     return panels
 
@@ -178,10 +170,7 @@ def plot_convergence(
         Initial angular velocity.
     time : float
         Time at which the errors are taken, in the inverse unit of omega0.
-    letter : str, optional
-        Letter of the panel, written above it.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw on; by default those of a new figure.
+    %(panel)s
 
     Returns
     -------
@@ -200,7 +189,7 @@ def plot_convergence(
     """
     body = _BODY if body is None else body
     instance("body", body, Suslov3D)
-    [axes] = axes_for(ax, (5.2, 3.9))
+    [axes] = axes_for(ax, (5.2, 3.9), letters=letter)
     steps = 2 ** np.arange(3, 13)
     eps = time / steps
     finest = _orientation(body, omega0, time, 2**15)
@@ -214,7 +203,6 @@ def plot_convergence(
     axes.set(xlabel=r"step size $\epsilon$", ylabel=f"error at time {time:g}")
     axes.legend(frameon=False, loc="upper left")
     axes.grid(alpha=0.3)
-    letter_panels([axes], letter and [letter])
     return axes
 
 
@@ -227,15 +215,13 @@ def plot_four_dimensions(
 ) -> list[Any]:
     """Draw motion for n = 4 on the ellipsoid of energy, and the drift of two energies.
 
+    The first of the two panels has ``projection="3d"``.
+
     Parameters
     ----------
     body : SuslovND, optional
         A single body with n = 4.
-    letters : sequence of str, optional
-        Letters of the two panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Two axes to draw on, the first one with ``projection="3d"``; by default those of a new
-        figure.
+    %(panels)s
 
     Returns
     -------
@@ -256,11 +242,10 @@ def plot_four_dimensions(
     instance("body", body, SuslovND)
     if body.dimension != 3 or body.shape:
         raise ValueError(f"body: expected a single one with n = 4, got {body}")
-    panels = axes_for(ax, (10.4, 4.6), ("3d", None))
+    panels = axes_for(ax, (10.4, 4.6), ("3d", None), letters)
     starts = _around_the_pole(body)
     _draw_ellipsoid(panels[0], body, starts)
     _draw_drift(panels[1], body, starts[0])
-    letter_panels(panels, letters)
     return panels
 
 
@@ -281,10 +266,7 @@ def plot_scattering(
     extent : float, optional
         Distance from 0 that the products of inertia reach, in units of sqrt(I1 I2); by default as
         far as those of bodies do.
-    letters : sequence of str, optional
-        Letters of the panels, written above them.
-    ax : sequence of matplotlib.axes.Axes, optional
-        Axes to draw on, one for each ratio; by default those of a new figure.
+    %(panels)s
 
     Returns
     -------
@@ -307,7 +289,7 @@ def plot_scattering(
     """
     from matplotlib.colors import BoundaryNorm
 
-    panels = axes_for(ax, (1.2 + 3.6 * len(ratios), 4.2), (None,) * len(ratios))
+    panels = axes_for(ax, (1.2 + 3.6 * len(ratios), 4.2), (None,) * len(ratios), letters)
     angles = [_angles(ratio, extent) for ratio in ratios]
     bounds = np.array([0.01, 0.03, 0.1, 0.3, 1, 3, 10, 20, 30, 45, 60, 90, 120, 150, 180])
     largest = max(float(np.nanmax(degrees)) for _, _, degrees in angles)
@@ -326,7 +308,6 @@ def plot_scattering(
     panels[0].set_ylabel(r"$I_{23} / \sqrt{I_1 I_2}$")
     bar = panels[0].figure.colorbar(shades, ax=panels, ticks=bounds, format="%g")
     bar.set_label("scattering angle (degrees)")
-    letter_panels(panels, letters)
     return panels
 
 
@@ -386,10 +367,8 @@ def animate_body(
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
     omega = iterate(body, omega0, eps, steps).omega
-    turning = TurningBody(body, attitude(body, omega, eps, R0))
-    return FuncAnimation(
-        turning.figure, turning.draw, frames=range(0, steps + 1, every), interval=1000.0 / fps
-    )
+    figure, draw = turning_body(body, attitude(body, omega, eps, R0))
+    return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=1000.0 / fps)
 
 
 def _colours(count: int) -> Any:
@@ -497,11 +476,10 @@ def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
     look = {"color": "0.95", "edgecolor": "0.8", "linewidth": 0.3, "alpha": 0.5, "shade": False}
     axes.plot_surface(*surface, rcount=17, ccount=33, zorder=2, **look)
     orbits = iterate(body, starts, 0.2, 150).omega
-    away = orbits * body.J @ eye < 0
+    in_front = orbits * body.J @ eye >= 0
     for k, colour in enumerate(_colours(len(starts))):
-        for order, hidden in ((1, ~away[:, k]), (3, away[:, k])):
-            part = np.where(hidden[:, None], np.nan, orbits[:, k])
-            axes.plot(*part.T, ".-", color=colour, markersize=3.5, linewidth=0.6, zorder=order)
+        look = {"marker": ".", "color": colour, "markersize": 3.5, "linewidth": 0.6}
+        plot_around(axes, orbits[:, k], in_front[:, k], 1.0, **look)
     pole = body.I * np.sqrt(E / energy(body, body.I))
     for sign, text in ((1, "$+cI$"), (-1, "$-cI$")):
         order = 3 if sign * (body.J * pole) @ eye > 0 else 1

@@ -7,6 +7,8 @@ from contextlib import AbstractContextManager
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from .._docs import filled
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -29,9 +31,9 @@ def style() -> AbstractContextManager[None]:
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Let a function draw in the style of all pictures."""
+    """Let a function draw in the style of all pictures, and fill in its docstring."""
 
-    @wraps(draw)
+    @wraps(filled(draw))
     def drawn(*arguments: P.args, **keywords: P.kwargs) -> T:
         with style():
             return draw(*arguments, **keywords)

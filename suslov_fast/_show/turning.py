@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
-from .figures import new_figure
+from .figures import axes_for, plot_around, towards_eye
 from .style import styled
 
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
@@ -17,56 +18,42 @@ _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 _BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 
-def towards_eye(axes: Any) -> FloatArray:
-    """Return the unit vector from axes in three dimensions to the eye."""
-    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
-    flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-
-
-class TurningBody:
-    """A figure that shows the body at one state; `draw` draws another one."""
-
-    def __init__(self, body: Suslov3D, rotations: FloatArray) -> None:
-        radii, axes, I3, _ = ellipsoid(body)
-        self.rotations = rotations
-        self.radii = _BODY * radii
-        self.principal = axes
-        self.surface = np.einsum("ij,j,jkl->ikl", axes, self.radii, sphere())
-        self.path = _PATH * rotations[:, :, 2]
-        self.figure = new_figure((4.8, 4.8))
-        self.axes = self.figure.add_subplot(projection="3d", computed_zorder=False)
-        self.axes.set_proj_type("ortho")
-        self.title = f"ellipsoid of inertia with $I_3$ = {I3:.3g}, path of the axis $a$"
+def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[int], list[Any]]]:
+    """Return a figure, and a function that draws the body at a state into it."""
+    radii, principal, I3, _ = ellipsoid(body)
+    radii = _BODY * radii
+    surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere())
+    path = _PATH * rotations[:, :, 2]
+    [axes] = axes_for(None, (4.8, 4.8), ("3d",))
+    axes.computed_zorder = False
+    axes.set_proj_type("ortho")
 
     @styled
-    def draw(self, number: int) -> list[Any]:
-        """Draw the body at a state."""
+    def draw(number: int) -> list[Any]:
         from matplotlib.colors import LightSource
 
-        axes, R = self.axes, self.rotations[number]
         axes.clear()
-        eye, light = towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
+        R, eye, light = rotations[number], towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
         # A convex body hides what leaves it where its surface is turned away, and, of what lies
         # outside the sphere around it, what is farther away than its centre.
-        surface = np.einsum("ij,jkl->ikl", R, self.surface)
         look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
-        axes.plot_surface(*surface, rcount=65, ccount=65, zorder=2, **look)
-        for k, (shade, name) in enumerate(_AXES):
-            along = R[:, k]
-            normal = self.principal / self.radii**2 @ (self.principal.T[:, k])
+        turned = np.einsum("ij,jkl->ikl", R, surface)
+        axes.plot_surface(*turned, rcount=65, ccount=65, zorder=2, **look)
+        for k, (colour, name) in enumerate(_AXES):
+            normal = principal / radii**2 @ (principal.T[:, k])
             reach = 1.0 / np.sqrt(normal[k])
             order = 3 if R @ normal @ eye > 0 else 1
-            axes.plot(*np.outer([reach, _TIP], along).T, color=shade, linewidth=2.2, zorder=order)
-            axes.text(*(_NAME * along), name, color=shade, ha="center", va="center", zorder=order)
-        path = self.path[: number + 1]
-        hidden = path @ eye < 0
-        for order, part in ((1, ~hidden), (3, hidden)):
-            visible = np.where(part[:, np.newaxis], np.nan, path)
-            style = {"linewidth": 1.2, "alpha": 0.45 if order == 1 else 1.0}
-            axes.plot(*visible.T, color="crimson", zorder=order, **style)
+            ends = np.outer([reach, _TIP], R[:, k]).T
+            axes.plot(*ends, color=colour, linewidth=2.2, zorder=order)
+            centred = {"color": colour, "ha": "center", "va": "center", "zorder": order}
+            axes.text(*(_NAME * R[:, k]), name, **centred)
+        past = path[: number + 1]
+        plot_around(axes, past, past @ eye >= 0, 0.45, color="crimson", linewidth=1.2)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
-        axes.set_title(self.title, y=0.0, fontsize="small")
+        title = f"ellipsoid of inertia with $I_3$ = {I3:.3g}, path of the axis $a$"
+        axes.set_title(title, y=0.0, fontsize="small")
         return []
+
+    return axes.figure, draw

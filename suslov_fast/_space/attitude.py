@@ -10,12 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
-from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
+from .._checks import (
+    FloatArray,
+    aligned,
+    common_shape,
+    first_index,
+    real_array,
+    rotations,
+    spell,
+    vectors,
+)
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.layout import first_index, for_kernel, spell
+from .._engine.layout import for_kernel, for_loops
 from .._engine.states import TASKS
-from .._engine.units import for_loops
 from .._kernels import attitude as kernels
 
 # Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
@@ -166,5 +174,6 @@ def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> 
         J, I = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in ((I1, I2), (I23, -I13)))
     with np.errstate(all="ignore"):
         h = step[:, np.newaxis] / J
-    root, h, I, k = np.broadcast_arrays(np.sqrt(J), h, I, k[:, np.newaxis])
-    return [for_kernel(each) for each in (root, h, I, k[:, 0])]
+    shape = np.broadcast_shapes(h.shape, I.shape, (len(k), 1))
+    rows = (for_kernel(np.broadcast_to(each, shape)) for each in (np.sqrt(J), h, I))
+    return [*rows, for_kernel(np.broadcast_to(k, shape[0]))]

@@ -1,6 +1,8 @@
-"""The paper's coordinates (x, y)."""
+"""The paper's coordinates (x, y), and the constants of its solution in them (Section 4)."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,3 +80,65 @@ def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatA
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
     return find("from_xy", body, xy, None, threads, "xy")
+
+
+class ClosedForm(NamedTuple):
+    """Constants h, k1, k2 and t of :func:`closed_form`, each of shape (...)."""
+
+    h: FloatArray
+    k1: FloatArray
+    k2: FloatArray
+    t: FloatArray
+
+
+@filled
+def closed_form(
+    body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, threads: int | None = None
+) -> ClosedForm:
+    """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
+
+    In the coordinates of :func:`to_xy` state n of the orbit is
+    x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
+    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2.
+
+    Parameters
+    ----------
+    %(body_3d)s
+    omega0 : array_like(float, shape=(..., 2))
+        State 0. Where it is NaN, so are the results.
+    %(eps)s
+        0 gives the constants of the continuous motion.
+    %(threads)s
+
+    Returns
+    -------
+    ClosedForm
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
+        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
+        -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
+        0 at rest.
+
+    Raises
+    ------
+    %(invalid)s
+
+    Notes
+    -----
+    h is the integral of equation (9), and k1 = -(2 / eps) artanh t solves equation (12). k2 is that
+    of Theorem 1 for t_0 = 0. Theorem 1 as printed must be corrected: its prefactor is
+    2 sqrt(h I1 I2), its denominator I23**2 I1 + I13**2 I2, and it holds for positive x.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, closed_form, iterate, to_xy
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> h, k1, k2, t = closed_form(body, [1.0, 0.5], eps=0.2)
+    >>> states = iterate(body, [1.0, 0.5], eps=0.2, steps=3).omega
+    >>> to_xy(body, states)[:, 1].round(6)
+    array([-0.95    , -1.030413, -1.102959, -1.167933])
+    >>> (2 * np.sqrt(4 * h) * np.tanh(k1 * 0.2 * np.arange(4) + k2)).round(6)
+    array([-0.95    , -1.030413, -1.102959, -1.167933])
+    """
+    constants = find("closed_form", body, omega0, eps, threads, "omega0")
+    return ClosedForm(*(constants[..., k][()] for k in range(4)))

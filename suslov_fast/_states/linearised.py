@@ -76,8 +76,8 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
     Notes
     -----
     The matrix that the paper inverts before equation (5), and in equation (16): the identity minus
-    eps / 2 times the derivative of the vector field. :func:`iterate` uses it only with the method
-    "gauss".
+    eps / 2 times the derivative of the vector field. The method "gauss" of :func:`iterate`
+    eliminates in it.
 
     Examples
     --------

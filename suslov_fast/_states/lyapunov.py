@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._bodies.units import scaled_eps, units_of
-from .._checks import FloatArray, integer
+from .._checks import FloatArray, first_index, integer, spell
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import Body, check
-from .._engine.layout import first_index, flat_vectors, for_kernel, spell
+from .._engine.layout import flat_vectors, for_kernel
 from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
 from .._jit import Kernel
@@ -74,9 +74,11 @@ def lyapunov_exponents(
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
     steps = integer("steps", steps, 1, "an integer of at least 1")
     threads = _threads.thread_count(threads)
-    arguments = body, flat_vectors(state, batch).copy(), step_size, batch, steps, threads
-    of_body = _growth if isinstance(body, Suslov3D) else _growth_nd
-    products, exponents = of_body(*arguments)
+    arguments = flat_vectors(state, batch).copy(), step_size, batch, steps, threads
+    if isinstance(body, Suslov3D):
+        products, exponents = _growth(body, *arguments)
+    else:
+        products, exponents = _growth_nd(body, *arguments)
     logarithms = np.empty(products.shape)
     _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
     if isinstance(body, Suslov3D):

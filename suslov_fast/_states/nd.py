@@ -14,8 +14,7 @@ from .._bodies.units import units_of
 from .._checks import FloatArray
 from .._engine import reduction
 from .._engine.run import Run, execute
-from .._engine.states import by_slabs, of_state
-from .._engine.states_nd import of_state_nd
+from .._engine.states import by_slabs, of_state, of_state_nd
 from .._jit import Kernel
 from .._kernels import states as kernels_3d
 from .._kernels import states_nd as kernels

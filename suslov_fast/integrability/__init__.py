@@ -1,8 +1,8 @@
 """Exact experiments on the integrability of Kahan maps.
 
-A quadratic vector field and a step size define a birational map. Four computations tell whether it
-may be integrable: the degrees of its iterates and their growth, Hirota-Kimura bases, which give
-first integrals, and Darboux polynomials, which give invariant measures and first integrals::
+A quadratic vector field and a step size define a birational map. Its degrees and their growth,
+Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
+measures and first integrals, tell whether it may be integrable::
 
     from suslov_fast import Suslov3D
     from suslov_fast.integrability import *
@@ -26,14 +26,12 @@ except ImportError as error:
 
 from ._growth import Growth, degrees, growth
 from ._maps import KahanMap, QuadraticField, kahan
-from ._polynomials import Polynomials
 from ._relations import HKBasis, darboux_polynomials, hk_bases
 
 __all__ = [
     "Growth",
     "HKBasis",
     "KahanMap",
-    "Polynomials",
     "QuadraticField",
     "darboux_polynomials",
     "degrees",

@@ -1,11 +1,10 @@
-"""Exact numbers, and results modulo random primes that are taken back to the rationals."""
+"""Exact numbers and polynomials, and results modulo primes taken back to the rationals."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import random
-import textwrap
 from collections.abc import Callable
 from fractions import Fraction
 from numbers import Rational
@@ -19,24 +18,26 @@ from .._checks import wrong
 Point = tuple[Fraction, ...]
 Matrix = tuple[Point, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
+Exponents = tuple[tuple[int, ...], ...]
+Polynomials = tuple[Any, ...]  # of python-flint, in the variables x1, ..., xD
 
 DRAWS = 8  # of primes with points or lines, of which two must agree
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
 def exact_array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
-    """Array of fractions; floats are refused if `exact`."""
+    """Return an array of fractions; floats are refused if `exact`."""
     if hasattr(value, "unit") or hasattr(value, "units"):
         raise wrong(name, "numbers without units", type(value).__name__, TypeError)
     array = np.array(value, dtype=object)
     if shape is not None and array.shape != shape:
         raise wrong(name, f"the shape {shape}", array.shape)
+    kinds = "integers or fractions" if exact else "integers, fractions or floats"
     for index, each in np.ndenumerate(array):
         number = each.item() if isinstance(each, np.generic) else each
         if not isinstance(number, Rational if exact else Rational | float):
-            expected = "integers or fractions" if exact else "integers, fractions or floats"
-            raise wrong(name, expected, type(each).__name__, TypeError)
-        if isinstance(number, float) and not math.isfinite(number):
+            raise wrong(name, kinds, type(each).__name__, TypeError)
+        if not math.isfinite(number):
             raise wrong(name, "finite numbers", number)
         a = Fraction(number)
         array[index] = Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
@@ -51,8 +52,43 @@ def fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
 
 
-def shortened(text: str) -> str:
-    return textwrap.shorten(text, 300, placeholder=" ...")
+def polynomial_ring(n: int, context: Any, **modulus: Any) -> Any:
+    return context.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex", **modulus)
+
+
+def polynomials_with(rows: Matrix | None, exponents: Exponents) -> Polynomials:
+    """Return polynomials with the same span whose integer coefficients are short and coprime."""
+    if not rows:
+        return ()
+    integers = []
+    for row in rows:
+        numerators = flint.fmpq_mat([[fmpq(a) for a in row]]).numer_denom()[0].entries()
+        divisor = math.gcd(*(int(a) for a in numerators))
+        integers.append([a // divisor for a in numerators])
+    ring = polynomial_ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
+    polynomials = []
+    for short in flint.fmpz_mat(integers).lll().tolist():
+        P = ring.from_dict(dict(zip(exponents, short, strict=True))).primitive()[1]
+        polynomials.append(-P if P.leading_coefficient() < 0 else P)
+    return tuple(polynomials)
+
+
+def monomial_values(exponents: Exponents, x: Any) -> Any:
+    """Return the monomials at a point, whose coordinates may be of any type of numbers."""
+    values = np.ones(len(exponents), object)
+    for a, e in zip(x, np.array(exponents).T, strict=True):
+        values *= np.array([a**k for k in range(int(e.max()) + 1)], object)[e]
+    return values
+
+
+def null_space(matrix: Any) -> Residues:
+    """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
+    columns, dimension = matrix.nullspace()
+    return integer_rows(columns.transpose())[:dimension]
+
+
+def integer_rows(matrix: Any) -> Residues:
+    return [[int(a) for a in row] for row in matrix.tolist()]
 
 
 def random_prime(rng: random.Random) -> int:
@@ -63,7 +99,7 @@ def random_prime(rng: random.Random) -> int:
 
 
 def confirmed(rng: random.Random, compute: Callable[[int], Any]) -> Any:
-    """The first result on which two primes agree, with points or lines of their own."""
+    """Return the first result on which two primes agree, each with points or lines of its own."""
     found: list[Any] = []
     for _ in range(DRAWS):
         with contextlib.suppress(ZeroDivisionError):
@@ -76,12 +112,12 @@ def confirmed(rng: random.Random, compute: Callable[[int], Any]) -> Any:
 
 
 def over_rationals(rng: random.Random, matrix: Callable[[int], Residues]) -> Matrix | None:
-    """The rational matrix with these residues modulo primes; None if its entries are too long."""
+    """Return the rational matrix with these residues modulo primes; None if it is too long."""
     height = confirmed(rng, lambda p: len(matrix(p)))
     if height == 0:
         return ()
     modulus, used = 1, 0
-    residues: list[int] = []
+    residues: Any = 0
     candidate: list[Fraction] = []
     for _ in range(_PRIMES):
         p = random_prime(rng)
@@ -89,31 +125,17 @@ def over_rationals(rng: random.Random, matrix: Callable[[int], Residues]) -> Mat
             rows = matrix(p)
             if len(rows) != height:
                 continue
-            new = [a for row in rows for a in row]
-            if candidate and [int(flint.nmod(fmpq(a), p)) for a in candidate] == new:
-                width = len(rows[0])
-                return tuple(tuple(candidate[i : i + width]) for i in range(0, len(new), width))
-            old, inverse = residues or [0] * len(new), pow(modulus, -1, p)
-            residues = [
-                r + modulus * ((a - r) * inverse % p) for r, a in zip(old, new, strict=True)
-            ]
+            new = np.array(rows, object)
+            if candidate and [int(flint.nmod(fmpq(a), p)) for a in candidate] == [*new.flat]:
+                return tuple(map(tuple, np.reshape(np.array(candidate, object), new.shape)))
+            residues = residues + modulus * ((new - residues) * pow(modulus, -1, p) % p)
             modulus, used = modulus * p, used + 1
             if used & (used - 1) == 0:  # a power of two
-                candidate = [_reconstructed(r, modulus) for r in residues]
+                candidate = [_reconstructed(r, modulus) for r in residues.flat]
     return None
 
 
 def _reconstructed(residue: int, modulus: int) -> Fraction:
-    """The simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
+    """Return the simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
-
-
-def null_space(rows: Any, p: Any) -> Residues:
-    """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
-    columns, dimension = flint.nmod_mat(rows, p).nullspace()
-    return integer_rows(columns.transpose())[:dimension]
-
-
-def integer_rows(matrix: Any) -> Residues:
-    return [[int(a) for a in row] for row in matrix.tolist()]

@@ -12,12 +12,11 @@ import flint
 import numpy as np
 
 from .._checks import instance, integer, wrong
-from .._engine.progress import Progress, check_progress, reporter
 from ._exact import confirmed
 from ._maps import Arithmetic, KahanMap, evaluate
 
 
-def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) -> list[int]:
+def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of the numerators and the common denominator, after cancelling common
@@ -32,8 +31,6 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
         Number of iterates.
     seed : int, optional
         Seed of the random primes and lines.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``.
 
     Returns
     -------
@@ -42,8 +39,10 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
 
     Raises
     ------
-    TypeError, ValueError, ArithmeticError
-        If an argument is not as above; if every line runs into points without an image.
+    TypeError, ValueError
+        If an argument has a wrong type, or n is negative.
+    ArithmeticError
+        If every line runs into points without an image.
 
     Examples
     --------
@@ -53,22 +52,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0, progress: Progress = None) 
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
     instance("map", map, KahanMap)
-    n = integer("n", n, 0)
-    check_progress(progress)
-    rng = random.Random(seed)
-    done = 0
-    with reporter(progress, 2 * n) as report:
-
-        def along_a_line(p: int) -> list[int]:
-            nonlocal done
-            found = []
-            for degree in islice(_degrees_on_a_line(map, p, rng), n):
-                found.append(degree)
-                report(min(done + len(found), 2 * n))
-            done = n
-            return found
-
-        return list(confirmed(rng, along_a_line))
+    n, rng = integer("n", n, 0), random.Random(seed)
+    return list(confirmed(rng, lambda p: list(islice(_degrees_on_a_line(map, p, rng), n))))
 
 
 def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
@@ -105,7 +90,7 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 
 
 class Growth(NamedTuple):
-    """Growth of a sequence of degrees, which `growth` returns."""
+    """Growth of a sequence of degrees, as `growth` returns it."""
 
     kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
     entropy: float  # the log of the limit of d_(k+1) / d_k
@@ -113,11 +98,11 @@ class Growth(NamedTuple):
 
 
 def growth(degrees: Sequence[int]) -> Growth:
-    """Classify the growth of a sequence of degrees.
+    """Growth of a sequence of degrees, and its entropy.
 
-    If all degrees obey a linear recurrence with integer coefficients, and are at least two more
-    than those that determine it, then the result is that of its characteristic polynomial: exact,
-    if the recurrence goes on. Otherwise it is a fit to the last half of the sequence.
+    If all degrees satisfy a linear recurrence with integer coefficients, and there are at least two
+    more of them than are needed to find it, the result follows from its characteristic polynomial:
+    it is exact if the recurrence goes on. Otherwise it is a fit to the last half of the sequence.
 
     Parameters
     ----------
@@ -181,7 +166,7 @@ def growth(degrees: Sequence[int]) -> Growth:
 
 
 def _recurrence(d: list[int]) -> Any:
-    """Characteristic polynomial of the shortest recurrence; None if none is certain."""
+    """Return the characteristic polynomial of the shortest recurrence; None if none is certain."""
     for order in range(len(d) // 2):
         hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
         reduced, rank = flint.fmpq_mat(hankel).rref()

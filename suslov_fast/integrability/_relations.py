@@ -5,71 +5,57 @@ from __future__ import annotations
 import contextlib
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import combinations_with_replacement
 from typing import Any
 
 import flint
 import numpy as np
 
-from .._checks import instance, integer
+from .._checks import instance, integer, wrong
+from . import _exact
 from ._exact import (
-    DRAWS,
+    Exponents,
     Matrix,
     Point,
+    Polynomials,
     Residues,
     confirmed,
     exact_array,
-    integer_rows,
+    monomial_values,
     null_space,
     over_rationals,
-    random_prime,
-)
-from ._maps import Arithmetic, KahanMap
-from ._polynomials import (
-    Exponents,
-    Polynomials,
-    exponents_of,
-    monomial_values,
-    polynomial_ring,
     polynomials_with,
 )
+from ._maps import Arithmetic, KahanMap
 
 _MORE = 10  # equations more than unknowns
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class HKBasis:
-    """Linear relations between `monomials` along orbits, which `hk_bases` returns.
+    """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
 
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
-    too long to reconstruct. On random orbits `independent` of the coefficients are independent
-    first integrals. So are quotients of the polynomials `integrals`, which the fewest monomials
-    give: with more there are none, as the relations of one orbit have multiples.
+    too long to reconstruct. On random orbits, `independent` of the coefficients are independent
+    first integrals. The quotients of the polynomials `integrals` are first integrals too. There are
+    such polynomials only for the smallest set of monomials that has relations: with more monomials
+    the multiples of a relation are relations of the same orbit.
     """
 
-    monomials: Exponents
+    monomials: Exponents = field(repr=False)
     dimension: int
     independent: int
     integrals: Polynomials
-    point: Point
-    basis: Matrix | None
+    point: Point = field(repr=False)
+    basis: Matrix | None = field(repr=False)
 
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
         return polynomials_with(self.basis, self.monomials)
-
-    def as_sympy(self, symbols: Sequence[Any] | None = None) -> list[Any]:
-        """Return `polynomials` as SymPy expressions."""
-        return self.polynomials.as_sympy(symbols)
-
-    def __repr__(self) -> str:
-        return (
-            f"<HKBasis of dimension {self.dimension} among {len(self.monomials)} monomials, "
-            f"independent={self.independent}, integrals={self.integrals}>"
-        )
 
 
 def hk_bases(
@@ -91,8 +77,8 @@ def hk_bases(
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` and `dimension` belong to; by default one with small integers
-        whose orbit has as many relations as a random one.
+        Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
+        100.
     seed : int, optional
         Seed of the random primes and points.
 
@@ -104,8 +90,10 @@ def hk_bases(
 
     Raises
     ------
-    TypeError, ValueError, ArithmeticError
-        If an argument is not as above; if the orbit of `point`, or of most points, ends at a pole.
+    TypeError, ValueError
+        If an argument has a wrong type, length or sign.
+    ArithmeticError
+        If the orbit of `point`, or of most points, ends at a pole.
 
     Examples
     --------
@@ -118,61 +106,71 @@ def hk_bases(
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     instance("map", map, KahanMap)
-    exponents, rng = exponents_of(monomials, map.dimension), random.Random(seed)
+    exponents, rng = _exponents("monomials", monomials, map.dimension), random.Random(seed)
 
     def relations(p: int, point: Any = None) -> Residues:
         modular = Arithmetic(map, p)
         x = modular.random_point(rng) if point is None else [modular.number(a) for a in point]
         return _relations(modular, exponents, x)
 
-    def ordinary_point() -> Any:
-        p = random_prime(rng)
-        for _ in range(DRAWS):
-            x = exact_array("point", rng.choices(range(-9, 10), k=map.dimension))
-            with contextlib.suppress(ZeroDivisionError):
-                if len(relations(p, x)) == dimension:
-                    return x
-        raise ArithmeticError("the orbits of small integers are exceptional: pass `point`")
-
     def span(p: int) -> Residues:
         rows = [row for _ in range(3) for row in relations(p)]
         reduced, rank = flint.nmod_mat(rows, p).rref()
-        return integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+        return _exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 
-    start = None if point is None else exact_array("point", point, (map.dimension,))
+    small = rng.sample(range(2, 100), map.dimension)
+    start = exact_array("point", small if point is None else point, (map.dimension,))
     dimension = of_point = confirmed(rng, lambda p: len(relations(p)))
     basis: Matrix | None = ()
-    if start is None:
-        start = ordinary_point()
     if dimension > 0 or point is not None:
         basis = over_rationals(rng, lambda p: relations(p, start))
         of_point = dimension if basis is None else len(basis)
-    independent, integrals = 0, Polynomials()
+    independent, integrals = 0, ()
     if dimension > 0:
         independent = confirmed(rng, lambda p: _independent(Arithmetic(map, p), exponents, rng))
         integrals = polynomials_with(over_rationals(rng, span), exponents)
     return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
 
 
+def _exponents(name: str, monomials: Any, n: int) -> Exponents:
+    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
+    if isinstance(monomials, int | np.integer):
+        return tuple(
+            tuple(chosen.count(i) for i in range(n))
+            for degree in range(integer(name, monomials, 0) + 1)
+            for chosen in combinations_with_replacement(range(n), degree)
+        )
+    try:
+        exponents = tuple(tuple(integer(name, e, 0) for e in each) for each in monomials)
+    except TypeError:
+        raise wrong(name, "a degree or a list of exponents", monomials, TypeError) from None
+    for each in exponents:
+        if len(each) != n:
+            raise wrong(name, f"{n} exponents for each monomial", each)
+    if not exponents or len({*exponents}) < len(exponents):
+        raise wrong(name, "at least one monomial, and none twice", monomials)
+    return exponents
+
+
 def _relations(modular: Arithmetic, exponents: Exponents, x: Sequence[Any]) -> Residues:
-    """Relations along the orbit of a point, in the form of `HKBasis.basis`."""
+    """Return the relations along the orbit of a point, in the form of `HKBasis.basis`."""
     steps, before = len(exponents) + _MORE, None
     while True:
         rows = [list(monomial_values(exponents, y)) for y in modular.orbit(x, steps)]
-        relations = null_space(rows, modular.p)
+        relations = null_space(modular.matrix(rows))
         if len(relations) in (0, before):
             return relations
         before, steps = len(relations), 2 * steps
 
 
 def _independent(modular: Arithmetic, exponents: Exponents, rng: random.Random) -> int:
-    """Rank of the derivatives of the coefficients of the relations with respect to the orbit.
+    """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
 
     For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
     """
     n, x = modular.dimension, modular.random_point(rng)
     relations = _relations(modular, exponents, x)
-    ring = polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=modular.p)
+    ring = _exact.polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=modular.p)
     polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
     gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
     derivative = modular.matrix(np.eye(n, dtype=int).tolist())  # of x_k
@@ -210,15 +208,17 @@ def darboux_polynomials(
 
     Returns
     -------
-    Polynomials
-        A basis of these polynomials: a tuple of ``flint.fmpz_mpoly`` in x1, ..., xD, whose
-        coefficients have no common factor. `as_sympy()` converts them.
+    tuple of flint.fmpz_mpoly
+        A basis of these polynomials in x1, ..., xD, whose coefficients have no common factor.
+        ``sympy.sympify(str(P))`` converts one of them to SymPy.
 
     Raises
     ------
-    TypeError, ValueError, ArithmeticError
-        If an argument, or what `cofactor` returns, is not as above; if the coefficients have more
-        than 1000 digits, or the map or the cofactor is undefined at most points.
+    TypeError, ValueError
+        If an argument, or what `cofactor` returns, is not as above.
+    ArithmeticError
+        If the coefficients have more than 1000 digits, or if the map or the cofactor is undefined
+        at most points.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def darboux_polynomials(
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
     instance("map", map, KahanMap)
-    exponents = exponents_of(integer("degree", degree, 0), map.dimension)
+    exponents = _exponents("degree", integer("degree", degree, 0), map.dimension)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
         constant = exact_array("cofactor", cofactor, ()).item()
@@ -256,7 +256,7 @@ def darboux_polynomials(
         for x, image, c in equations:
             before, after = (monomial_values(exponents, [number(a) for a in y]) for y in (x, image))
             rows.append(list(after - number(c) * before))
-        return null_space(rows, p)
+        return null_space(flint.nmod_mat(rows, p))
 
     basis = over_rationals(rng, solutions)
     if basis is None:

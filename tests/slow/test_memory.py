@@ -11,15 +11,11 @@ pytestmark = [
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space"),
 ]
 SCRIPT = Path(__file__).with_name("scarce.py")
+# Its problems.
 PROBLEMS = (
-    "3D, all states",
-    "3D, last states",
-    "3D, closed form",
-    "3D, as printed",
-    "n = 9, all states",
-    "n = 201, elimination",
-    "n = 201",
-)
+    "3D, all states", "3D, last states", "3D, closed form", "3D, as printed",
+    "n = 9, all states", "n = 201, elimination", "n = 201",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("layer", [None, *children.LAYERS])

@@ -11,11 +11,10 @@ from socketserver import TCPServer
 from typing import Any
 
 from ... import __version__
-from .parameters import PRESETS, STEPS, WrongValue, read, split
+from .parameters import PRESETS, STEPS, read, split
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
-_LONGEST = 2048
 # Seconds; browsers open connections ahead that they may never use.
 _PATIENCE = 10.0
 _ASSETS = {
@@ -82,18 +81,16 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer with a file of the page or with numbers for it."""
         if not self._from_own_page():
             self._send(403, b"suslov-fast: requests of other pages are refused\n")
-        elif len(self.path) > _LONGEST:
-            self._send(414, b"suslov-fast: the address is too long\n")
+            return
+        path, _, query = self.path.partition("?")
+        if path in self.server.assets:
+            self._send(200, *self.server.assets[path])
+        elif path == "/settings":
+            self._send_json(200, settings())
+        elif path == "/scene":
+            self._send_json(*answer(query))
         else:
-            path, _, query = self.path.partition("?")
-            if path in self.server.assets:
-                self._send(200, *self.server.assets[path])
-            elif path == "/settings":
-                self._send_json(200, settings())
-            elif path == "/scene":
-                self._send_json(*answer(query))
-            else:
-                self._send(404, b"suslov-fast: no such page\n")
+            self._send(404, b"suslov-fast: no such page\n")
 
     do_HEAD = do_GET
 
@@ -139,13 +136,9 @@ def settings() -> dict[str, Any]:
 
 def answer(query: str) -> tuple[int, dict[str, Any]]:
     """Return the HTTP status and the numbers for a query, or a message that the page shows."""
+    status = 400
     try:
-        texts = split(query)
+        texts, status = split(query), 200
+        return status, scene(read(texts))
     except ValueError as error:
-        return 400, {"error": str(error), "field": None}
-    try:
-        return 200, scene(read(texts))
-    except WrongValue as error:
-        return 200, {"error": str(error), "field": error.field}
-    except ValueError as error:
-        return 200, {"error": str(error), "field": None}
+        return status, {"error": str(error), "field": getattr(error, "field", None)}

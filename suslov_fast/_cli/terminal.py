@@ -1,4 +1,4 @@
-"""Parts that commands share: a bar on a terminal, errors in one line, new files."""
+"""What commands share: a progress bar, errors in one line, names of new files."""
 
 from __future__ import annotations
 
@@ -18,13 +18,11 @@ _LARGE, _INTERVAL = 10**8, 0.1
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a function of (done, total) that draws a bar where stderr is a terminal."""
-    terminal = sys.stderr is not None and sys.stderr.isatty()
     begin = shown = time.monotonic()
 
     def show(text: str) -> None:
-        if terminal:
-            sys.stderr.write(f"\r\x1b[K{text}")
-            sys.stderr.flush()
+        if sys.stderr is not None and sys.stderr.isatty():
+            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
     def report(done: int, total: int) -> None:
         nonlocal shown

@@ -71,5 +71,5 @@ def test_a_signal_says_how_to_go_on(tmp_path, number):
         child.send_signal(number)
         errors = child.communicate(timeout=120)[1]
     assert child.returncode == 130
-    assert "goes on from there" in errors
+    assert "repeat the call to resume" in errors
     assert open_ensemble(tmp_path / "o.zarr").attrs["tiles_done"].endswith("of 2000")

@@ -111,7 +111,7 @@ def test_presets_are_what_they_say():
             warnings.simplefilter("ignore", sf.SingularStepWarning)
             exec(found["python"], names)
         np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
-        assert found["ellipsoid"]["matter"] == ("no body of matter" not in name)
+        assert found["ellipsoid"]["matter"] == ("no rigid body" not in name)
         expected = {"t = 1": "at", "t > 1: jumps": "above", "A pole: no next state": "above"}
         assert found["regime"]["name"] == expected.get(name, "below")
         assert (found["status"]["name"] == "SINGULAR") == ("pole" in name)
@@ -253,7 +253,7 @@ def test_a_signal_ends_the_command(server):
     taken = [*command, "--port", str(server.server_port)]
     done = subprocess.run(taken, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
-    assert f"expected a port that is free, got {server.server_port}: " in done.stderr
+    assert f"expected a free port, got {server.server_port}: " in done.stderr
 
 
 def test_links():

@@ -142,7 +142,7 @@ def test_animation(body):
     np.testing.assert_allclose(length[np.isfinite(length)], 1.15, rtol=1e-12)
     with pytest.raises(ValueError, match="I3: expected one with a positive definite"):
         sf.animate_body(sf.Suslov3D(4, 1, -0.5, -0.3, I3=0.01))
-    # No body of matter has the parameters of the first picture, but there is an ellipsoid.
+    # No rigid body has the parameters of the first picture, but there is an ellipsoid.
     sf.animate_body(body, steps=1)._draw_was_started = True
 
 

@@ -43,7 +43,7 @@ BAD_ARGUMENTS = [
     ({"steps": 10.0}, TypeError, "steps: expected an integer of at least 0, got 10.0 of type float"),
     ({"steps": True}, TypeError, "steps: expected an integer of at least 0, got True of type bool"),
     ({"steps": 2**64}, ValueError, r"steps: expected an integer below 2\*\*62, got 18446744073709"),
-    ({"steps": 2**61, "out": None}, MemoryError, r"arrays that fit in memory, .* the states kept are \(2305843009213693953, 2, 2"),
+    ({"steps": 2**61, "out": None}, MemoryError, r"arrays that fit in memory, .* the saved states are \(2305843009213693953, 2, 2"),
     ({"steps": [10]}, TypeError, r"steps: .* got \[10\] of type list"),
     ({"save_every": 0}, ValueError, "save_every: expected None or an integer of at least 1, got 0"),
     ({"save_every": 1.5}, TypeError, "save_every: expected None or an integer .* got 1.5"),

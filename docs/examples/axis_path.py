@@ -1,5 +1,5 @@
 """
-Path of the forbidden axis
+Path of the constrained axis
 ==========================
 
 The axis about which the body cannot turn, seen from space, while the body passes from one steady

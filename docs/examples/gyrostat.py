@@ -2,7 +2,7 @@
 The gyrostat
 ============
 
-A rotor along the forbidden axis moves the line of steady states off the origin. Orbits whose
+A rotor along the constrained axis moves the line of steady states off the origin. Orbits whose
 ellipse of energy meets the line go from its repelling (dashed) to its attracting (solid) half, on
 both sides of it; orbits on smaller ellipses are periodic. Symbols are states of the map, thin lines
 the levels of its first integral.

@@ -21,13 +21,13 @@ def explore(options: argparse.Namespace) -> None:
         server = Server(options.port)
     except OSError as error:
         raise CommandError(
-            f"argument --port: expected a port that is free, got {options.port}: {error.strerror}"
+            f"argument --port: expected a free port, got {options.port}: {error.strerror}"
         ) from error
     try:
         with server:
             print(server.url + query, flush=True)
             if sys.stderr is not None and sys.stderr.isatty():
-                print("suslov-fast: Ctrl-C ends it", file=sys.stderr, flush=True)
+                print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
             if not options.no_browser:  # which may stay in the foreground of its thread
                 address = (server.url + query,)
                 threading.Thread(target=webbrowser.open, args=address, daemon=True).start()

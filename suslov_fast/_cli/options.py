@@ -103,46 +103,46 @@ def _flag(help: str) -> dict[str, Any]:
 
 
 _repeated = partial(_option, action="append")
-# By name; a default is added to the help. What `iterate` or `ensemble` takes has the name that it
-# has there.
+# Settings by name; a default is added to the help. Arguments of `iterate` and `ensemble` have the
+# same names there.
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
-        f"picture of the paper; parameters beside it replace its own ({DEFAULT_PICTURE})",
+        f"picture of the paper; other options override its parameters ({DEFAULT_PICTURE})",
         choices=tuple("1234"),
     ),
     "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
-    "mass_tensor": _option("for n dimensions, the I of M = I Omega + Omega I", _table, "FILE"),
-    "axis": _option("with a tensor: the forbidden axis, in its basis (the last)", _list, "A1,..."),
+    "mass_tensor": _option("in n dimensions: I of M = I Omega + Omega I", _table, "FILE"),
+    "axis": _option("with a tensor: constrained axis, in its basis (last axis)", _list, "A1,..."),
     "eps": _option("step size (that of the picture)", float),
-    "omega0": _repeated("a start; may be repeated", _list, "OMEGA1,..."),
-    "initial": _option("starts from a file, one per row", _table, "FILE"),
-    "trajectories": _option(f"number of random starts ({TRAJECTORIES})", _integer(1), "N"),
-    "extent": _option(f"random components lie in [-EXTENT, EXTENT) ({EXTENT:g})", float),
-    "seed": _option("seed of the random starts (0)", _integer(0)),
-    "orientation": _option("X,Y,Z, a rotation vector in degrees, or a file", _list_or_table, "R0"),
+    "omega0": _repeated("initial state; may be repeated", _list, "OMEGA1,..."),
+    "initial": _option("file of initial states, one per row", _table, "FILE"),
+    "trajectories": _option(f"number of random initial states ({TRAJECTORIES})", _integer(1), "N"),
+    "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", float),
+    "seed": _option("seed of the random initial states (0)", _integer(0)),
+    "orientation": _option("rotation vector X,Y,Z in degrees, or a file", _list_or_table, "R0"),
     "steps": _option("number of steps", _integer(0), "N", default=1000),
     "method": _option("method of iterate", default="auto"),
     "threads": _option("number of threads (all)", _integer(1), "N"),
-    "save_every": _option("keep every K-th state (the last only)", _integer(1), "K"),
-    "attitude": _flag("carry the orientation of the body along"),
-    "output": _option("where to write it", Path, "FILE"),
-    "force": _flag("replace files that exist"),
+    "save_every": _option("save every K-th state (only the last)", _integer(1), "K"),
+    "attitude": _flag("compute the orientation of the body"),
+    "output": _option("output file", Path, "FILE"),
+    "force": _flag("replace existing files"),
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
-    "scheduler": _option("Dask scheduler whose workers compute", _address, "ADDRESS"),
+    "scheduler": _option("address of a Dask scheduler", _address, "ADDRESS"),
     "sweep": _repeated("axis of eps or of a parameter (I13); may be repeated", _sweep, _SWEEP),
-    "compression": _option("compress what is written", choices=("lz4", "zstd")),
-    "reductions": _repeated("keep first_integral_drift, ...; may be repeated", None, "NAME"),
-    "verify": _flag("read what is stored, and compute again what is damaged"),
-    "file": _option("a .npz, .nc or .zarr", _result, "FILE"),
+    "compression": _option("compression of the store", choices=("lz4", "zstd")),
+    "reductions": _repeated("store first_integral_drift, ...; may be repeated", None, "NAME"),
+    "verify": _flag("verify the store and recompute damaged data"),
+    "file": _option(".npz, .nc or .zarr file", _result, "FILE"),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
     "dpi": _option("dots per inch", _integer(1), "N", default=160),
-    "letters": _flag("write the letters of panels, (a), (b) ..."),
-    "link": _option("a link copied from the page", metavar="LINK", nargs="?"),
+    "letters": _flag("label the panels (a), (b) ..."),
+    "link": _option("link copied from the page", metavar="LINK", nargs="?"),
     "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), default=0),
-    "no_browser": _flag("print the address only"),
+    "no_browser": _flag("print the address, open no browser"),
 }
-# Names on the command line, where they are not those of the table with two dashes.
+# Names on the command line that differ from those of the table with two dashes.
 _NAMES = {"output": ["-o", "--output"], "reductions": ["--reduce"], "file": ["file"]}
 _NAMES |= {"link": ["link"]}
 
@@ -150,8 +150,8 @@ _NAMES |= {"link": ["link"]}
 class Command(NamedTuple):
     """A subcommand: its function, text, options in groups, and changes of their settings.
 
-    The first sentence of the text stands in the list of commands. PARAMETERS stands for those of
-    all bodies.
+    The list of commands shows the first sentence of the text. PARAMETERS stands for the parameters
+    of all bodies.
     """
 
     function: str
@@ -170,33 +170,34 @@ _BODY = {
 COMMANDS = {
     "run": Command(
         "run.run",
-        "Iterate a batch of trajectories and print a summary. With no options: "
-        f"{TRAJECTORIES:,} random starts of the paper's picture {DEFAULT_PICTURE}, 1000 steps. "
-        "With --mass-tensor for n = 3, give trace(T)/2 - T of the inertia tensor T.",
+        "Iterate a batch of trajectories and print a summary. The default is "
+        f"{TRAJECTORIES:,} random initial states, the body and step size of the paper's picture "
+        f"{DEFAULT_PICTURE}, and 1000 steps. For n = 3, the --mass-tensor of a body with the "
+        "inertia tensor T is trace(T)/2 - T.",
         {
             **_BODY,
-            "starts (random ones, or your own)": "trajectories extent seed omega0 initial",
+            "initial states (random or given)": "trajectories extent seed omega0 initial",
             "run": "steps method threads attitude orientation",
             "output": "output save_every force json",
-            "with -o FILE.zarr (computed and written in parts; the same command goes on)": STORE,
+            "with -o FILE.zarr (written in parts; repeat the command to resume)": STORE,
         },
         {"output": {"type": _result, "help": "write the run to a .npz, .nc or .zarr"}},
     ),
     "info": Command(
         "summary.info",
-        "Print what a saved run is and what came of it. FILE is one of `suslov-fast run -o` or "
-        "Trajectories.save. The drift is that since state 0, where it was saved.",
+        "Print a summary of a saved run. FILE was written by `suslov-fast run -o` or "
+        "Trajectories.save. The drift is the change since state 0, if that was saved.",
         {"": "file json"},
     ),
     "warm-up": Command(
         "warm_up.warm_up",
-        "Compile everything, so that no later run has to. The code for every kind of body, for "
-        "one thread and for all, goes into the cache that later processes read.",
+        "Compile all kernels in advance. The cache on disk then holds the serial and parallel "
+        "kernels for every kind of body, and later processes need not compile.",
     ),
     "pictures": Command(
         "pictures.pictures",
-        "Draw the paper's four pictures, and four more. These are an orbit in each regime with "
-        "its closed form (regimes), the order of the map (convergence), motion for n = 4 "
+        "Draw the paper's four pictures, and four others. The others show an orbit in each regime "
+        "with its closed form (regimes), the order of the map (convergence), motion for n = 4 "
         "(four_dimensions), and the scattering angle (scattering).",
         {"": "output format dpi letters force"},
         {"output": {"metavar": "DIR", "help": "a folder (this one)", "default": Path()}},
@@ -204,13 +205,12 @@ COMMANDS = {
     "animate": Command(
         "pictures.animate",
         "Draw a moving body in space. The picture shows the ellipsoid of inertia, its axes e1 and "
-        "e2, and the path of the axis a about which it does not turn. By default it passes from "
-        "one steady rotation to the other. FILE ends in .gif, or in .mp4 where ffmpeg is "
-        "installed.",
+        "e2, and the path of the constrained axis a. By default the body passes from one steady "
+        "rotation to the opposite one. FILE ends in .gif, or in .mp4 if ffmpeg is installed.",
         {**_BODY, "motion": "omega0 orientation steps", "output": "output dpi force"},
         {
             "eps": {"help": "step size (0.05 with a picture)"},
-            "omega0": {"action": "store", "help": "the start (one beside a steady rotation)"},
+            "omega0": {"action": "store", "help": "initial state (near a steady rotation)"},
             "steps": {"default": 440},
             "output": {"required": True, "type": _file(".gif", ".mp4")},
             "dpi": {"default": 100},
@@ -218,9 +218,9 @@ COMMANDS = {
     ),
     "explore": Command(
         "explore.explore",
-        "Move a body, a step size and a start on a page in the browser. The page shows the orbit, "
-        "its regime and the body in space; nothing is sent to or fetched from elsewhere. Ctrl-C "
-        "ends it.",
+        "Vary a body, a step size and an initial state on a browser page. The page shows the "
+        "orbit, its regime and the body in space, and makes no other network requests. Ctrl-C "
+        "ends the server.",
         {"": "link port no_browser"},
     ),
 }

@@ -70,7 +70,7 @@ def animate(options: argparse.Namespace) -> str:
     suffix = path.suffix.lower()
     writer = animation.PillowWriter if suffix == ".gif" else animation.FFMpegWriter
     if not writer.isAvailable():
-        raise CommandError(f"{path}: expected ffmpeg to write it with, got none; use .gif")
+        raise CommandError(f"{path}: expected ffmpeg on the PATH, got none; use .gif")
     require_new(path, options.force)
     with about(path), replacing(path) as new, progress_bar("drawing") as report:
         with about("animate", UsageError):

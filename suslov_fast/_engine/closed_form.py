@@ -94,7 +94,7 @@ def states_at(
     parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
     orbits = Orbits(parameters, omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
-    require(16 * moments.size * len(omega), "the states are {}: ask for some at a time", shape)
+    require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
     states, missing = np.empty((moments.size, len(omega), 2)), np.zeros(3)
     if runs := rows_of(moments, flow):
         for rows in runs:

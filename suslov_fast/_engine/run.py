@@ -315,7 +315,7 @@ def _room(
     numbers = (4 + rows * saves) * size * D  # arrays of the size of a state beside them
     if turned is not None:
         numbers += rows * turned.size
-    require(8 * numbers, "the states kept are {}: raise save_every or cut the batch", shape)
+    require(8 * numbers, "the saved states are {}: raise save_every or divide the batch", shape)
     turns = None if turned is None else np.empty((*shape[:-1], *turned.shape[1:]))
     return np.empty(shape) if saves else out, turns
 
@@ -334,7 +334,7 @@ def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: i
     final, status, failed_at, resume = found.final, found.status, found.failed_at, found.resume
     least = worst(status)
     if least == codes.NOT_COMPUTED:
-        raise RuntimeError("a loop ended before its last trajectory; please report this")
+        raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
     if least < 0:
         failed_at[status >= 0] = -1
     else:

@@ -200,7 +200,7 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
     if left := int((done != job.steps).sum()):
         raise KeyboardInterrupt(
             f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
-            "the same call goes on from there"
+            "repeat the call to resume"
         )
 
 

@@ -215,7 +215,7 @@ def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -
     ]
     if differing:
         raise ValueError(
-            f"store: expected a new one or one that holds this run, got {store} of another run, "
+            f"store: expected a new store or that of this run, got {store} of another run, "
             f"with {'; '.join(differing)}"
         )
 

@@ -111,7 +111,7 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
     if notes.get("layout") != _LAYOUT:
         source = group.attrs.get("source", "") if "run" in notes else ""
         raise ValueError(
-            "store: expected a new name or a store that ensemble of this version made, "
+            "store: expected a new name or a store written by ensemble of this version, "
             f"got another{f', of {source}' if source else ''}: {store}"
         )
     return notes
@@ -291,10 +291,10 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
 
     group = _group(store)
     if group is None and _stranger(store):
-        raise ValueError(f"store: expected one that ensemble made, got another: {store}")
+        raise ValueError(f"store: expected a store written by ensemble, got another one: {store}")
     notes = {} if group is None else _notes(group, store)
     if group is None or "steps" not in group.attrs:
-        raise FileNotFoundError(f"store: expected one that ensemble made, got nothing at {store}")
+        raise FileNotFoundError(f"store: expected a store written by ensemble, got none at {store}")
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
         refuse_codecs(store)
@@ -326,6 +326,6 @@ def advice(store: Any) -> Iterator[None]:
         yield
     except (ValueError, RuntimeError, KeyError) as error:
         raise ValueError(
-            f"store: expected an undamaged one, got {store}: {error}; "
-            "ensemble with verify=True mends it"
+            f"store: expected an undamaged store, got {store}: {error}; "
+            "ensemble with verify=True repairs it"
         ) from error

@@ -1,4 +1,4 @@
-"""The Suslov gyrostat: a body with a rotor of constant momentum along the forbidden axis."""
+"""The Suslov gyrostat: a body with a rotor of constant momentum along the constrained axis."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def _read_dataset(path: PathLike, suffix: str) -> Entries:
         resume = {RESUME + str(name): each.values for name, each in opened.data_vars.items()}
     entries = labelled.entries_of_dataset(dataset) | resume
     if int(dataset.attrs.get("crc32", -1)) != _checksum(entries):
-        raise ValueError("its checksum is another: it was damaged or edited since")
+        raise ValueError("its checksum differs: the file was damaged or edited")
     return entries
 
 

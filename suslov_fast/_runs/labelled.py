@@ -99,7 +99,7 @@ def batch_names(
     if len(names) != axes or len(set(names)) != axes or clashing:
         but = f", of which {', '.join(clashing)} is taken" if clashing else ""
         raise ValueError(
-            f"dims: expected a name of its own for each of the {axes} axes of the batch, "
+            f"dims: expected a distinct name for each of the {axes} axes of the batch, "
             f"got {dims!r}{but}"
         )
     return names
@@ -133,7 +133,7 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
         )
     taken = [str(name) for name in coords if name in dataset.variables or name in _TAKEN]
     if taken:
-        raise ValueError(f"coords: expected names of their own, got {', '.join(taken)}")
+        raise ValueError(f"coords: expected names not in use, got {', '.join(taken)}")
     try:
         labelled = dataset.assign_coords(coords)
     except ValueError as error:
@@ -156,7 +156,7 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
     missing = [n for n, e in schema.items() if not e.optional and n not in dataset.variables]
     if missing:
         raise ValueError(
-            f"dataset: expected one that Trajectories.to_xarray made, got one without "
+            f"dataset: expected one from Trajectories.to_xarray, got one without "
             f"{', '.join(missing)}"
         )
     entries = {name: np.asarray(value) for name, value in header.items()}

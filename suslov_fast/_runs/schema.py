@@ -185,12 +185,12 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the header as numbers and strings; ValueError if it is not that of this version."""
     if "format" not in values:
         raise ValueError(
-            "expected a run that Trajectories.save or to_xarray wrote, got something without format"
+            "expected a run from Trajectories.save or to_xarray, got one without a format"
         )
     written = str(values["format"])
     if written != str(FORMAT):
         version = values.get("version", "unknown")
-        old = ": runs of version 0.2 cannot be read, compute them again" if written == "1" else ""
+        old = ": runs of version 0.2 cannot be read; recompute them" if written == "1" else ""
         raise ValueError(
             f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
             f"{version}{old}"

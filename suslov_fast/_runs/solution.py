@@ -17,7 +17,7 @@ from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
 
-_BEYOND = "out of the range of float64, or on the way there"
+_BEYOND = "the state or an intermediate result exceeds the range of float64"
 
 
 @filled

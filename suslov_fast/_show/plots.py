@@ -29,7 +29,7 @@ _LINE, _ACCENT = "crimson", "steelblue"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2 = 0$"
 # Orbits start and end at this angle from the line, seen where levels of the energy are circles.
 _NEAR = 0.03
-# A body of matter: admissible_I3() is (2.27, 5.68).
+# A realizable body: admissible_I3() is (2.27, 5.68).
 _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 
@@ -81,8 +81,8 @@ def plot_phase(
     in_corners = float(criticality(body, farthest * direction, eps))
     if not in_corners < 1:
         raise ValueError(
-            "extent: expected one in which orbits follow the continuous motion, got t = "
-            f"{in_corners:.3g} in the corners"
+            "extent: expected a criticality t < 1 in the corners of the picture, got t = "
+            f"{in_corners:.3g}"
         )
     [axes] = axes_for(ax, (5.2, 5.6), letters=letter)
     colours = _colours(levels)
@@ -322,14 +322,14 @@ def animate_body(
     every: int = 2,
     fps: int = 25,
 ) -> Any:
-    """Animate the body in space: its ellipsoid of inertia, and the path of the forbidden axis.
+    """Animate the body in space: its ellipsoid of inertia, and the path of the constrained axis.
 
     Parameters
     ----------
     body : Suslov3D, optional
         A single body, drawn with its I3; by default one with I1 = 4, I2 = 2, I13 = -0.5,
         I23 = -0.3 and I3 = 3. Where a body has no I3, the middle of ``body.admissible_I3()`` is
-        drawn or, where no body of matter has these parameters, an I3 with a positive definite
+        drawn or, where no rigid body has these parameters, an I3 with a positive definite
         inertia tensor.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one that passes from one steady rotation to the other.

@@ -155,9 +155,9 @@ def _check_that_states_follow(
     where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""
     number = stray[np.argmax(stray >= 0)]
     raise ValueError(
-        "omega: expected states that follow each other by one step of the map with this eps, got "
-        f"states {number - 1} and {number}{where} that do not; if they are every k-th state of a "
-        "run, save each one"
+        "omega: expected consecutive states of the map with this eps, got states "
+        f"{number - 1} and {number}{where} that are not; if the run was saved with save_every > 1, "
+        "save every state"
     )
 
 

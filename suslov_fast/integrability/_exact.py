@@ -107,7 +107,7 @@ def confirmed(rng: random.Random, compute: Callable[[int], Any]) -> Any:
             if found.count(found[-1]) > 1:
                 return found[-1]
     if not found:
-        raise ArithmeticError("the iterates run into points without an image")
+        raise ArithmeticError("the iterates reach poles of the map")
     raise ArithmeticError(f"results modulo primes do not agree: {found}")
 
 

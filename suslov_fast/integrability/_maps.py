@@ -88,7 +88,7 @@ class QuadraticField:
         field = cls(q, l, c)
         x = [Fraction(k, 7) for k in random.Random(0).sample(range(100, 10_000), n)]
         if tuple(at(x)) != field(x):
-            raise ValueError("f: expected polynomials of degree 2 or less, computed exactly")
+            raise ValueError("f: expected polynomials of degree at most 2, evaluated exactly")
         return field
 
     @classmethod

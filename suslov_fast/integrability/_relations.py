@@ -264,5 +264,5 @@ def darboux_polynomials(
     for x, image, c in samples(3):
         defect = monomial_values(exponents, image) - c * monomial_values(exponents, x)
         if any(np.array(row) @ defect for row in basis):
-            raise ArithmeticError("the polynomials fail at fresh points")
+            raise ArithmeticError("the polynomials fail at test points")
     return polynomials_with(basis, exponents)

@@ -104,7 +104,7 @@ PRESETS = {
     "t = 1": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -8.0, 5, 14.0),
     "t > 1: jumps": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -16.0, 60, 30.0),
     "A pole: no next state": Parameters(1.0, 1.0, 0.25, 0.0, 1.0, 2.0, -9.0, 20, 14.0),
-    "Paper, picture 1 (no body of matter)": _of_picture(1, -0.8, 1.3, 300),
+    "Paper, picture 1 (no rigid body)": _of_picture(1, -0.8, 1.3, 300),
     "Paper, picture 2": _of_picture(2, -2.5, 5.5, 300),
     "Paper, picture 3": _of_picture(3, -60.0, 3.0, 300),
     "Paper, picture 4": _of_picture(4, -1.5, 1.4, 100),

@@ -28,7 +28,7 @@ _REACH = 12.0
 _LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.05, 6
 
 REGIMES = {
-    "steady": "This state is a steady rotation: it does not move.",
+    "steady": "This state is a steady rotation: a fixed point of the map.",
     "below": (
         "The orbit follows the continuous motion on a level curve of F, from the repelling half of "
         "the line of steady states to the attracting one."

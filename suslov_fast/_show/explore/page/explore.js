@@ -223,7 +223,7 @@ function describe() {
   }));
   byId("matter").textContent = ellipsoid === null ? ""
     : `Ellipsoid of inertia with I₃ = ${short(ellipsoid.I3, 4)}` +
-      (ellipsoid.matter ? "." : ". No rigid body of matter has these parameters.");
+      (ellipsoid.matter ? "." : ". No rigid body has these parameters.");
 }
 
 // ---------------------------------------------------------------- the plane

@@ -12,7 +12,7 @@ from .three import Suslov3D, check_apart
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(Body):
-    """A rigid body with a rotor along the constrained axis, or a batch of them: the Suslov gyrostat.
+    """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
 
     In the adapted basis the constraint is Omega3 = 0, and the angular momentum is that of
     :class:`Suslov3D` with the constant k along e3.

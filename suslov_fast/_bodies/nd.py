@@ -35,7 +35,7 @@ class SuslovND(Body):
 
     Notes
     -----
-    Section 5 of Dragovic and Gajic, equation (nsus). For n = 3 this is :class:`Suslov3D` with
+    Section 5 of Dragovic and Gajic, equation (13). For n = 3 this is :class:`Suslov3D` with
     (Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1) and I = (-I13, -I23).
 
     Examples

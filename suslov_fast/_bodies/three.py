@@ -50,7 +50,7 @@ class Suslov3D(Body):
 
     Notes
     -----
-    Section 2 of Dragovic and Gajic, equation (s1).
+    Section 2 of Dragovic and Gajic, equation (2).
 
     Examples
     --------

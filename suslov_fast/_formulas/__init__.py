@@ -1,1 +1,1 @@
-"""Formulas: scalars in, scalars out. No loops, nothing about memory or threads."""
+"""Formulas: functions of scalars without loops, memory or threads."""

@@ -1,23 +1,23 @@
-"""The n-th state of the 3D map, and the state of the flow at a time, without iterating.
+"""State n of the 3D map, and the state of the flow at a time, without iteration.
 
-Section 4 of the paper, in forms that cancel nowhere: next to the line X = 0, next to t = 1 and on
-it. All is in the dimensionless coordinates (X, Y) of `coordinates`, and for n >= 0: the inverse map
-is the map with Y reversed.
+These are the solutions of Section 4 of the paper, in forms without cancellation near the line X = 0
+and near t = 1, in the dimensionless coordinates (X, Y) of `coordinates`, and for n >= 0: a change
+of the sign of Y gives the inverse map.
 
 An orbit of the map has T = t, its `level`, and r = (1 - T)/(1 + T). On it
 w_n = X / (T - Y) (1 + T) / 2 = (T + Y) / X / r / (1 + T) is a geometric sequence of ratio r, and
 
 X_n = 4 T / (1 + T) A,   Y_n = T B,   A = w / (1 + k w**2),   B = (k w**2 - 1) / (k w**2 + 1),
 
-where k = 2 r. Only where r < 0 and |k| w**2 is near 1 may 1 + k w**2 cancel: next to a pole, and
+where k = 2 r. 1 + k w**2 can cancel only if r < 0 and |k| w**2 is near 1: near a pole, and
 where |Y| is much larger than T. There, with R = r**(2 n) and h = Y_0 / T,
 
 A = X_0 (1 + T) / (2 T) r**n / D,   B = (h (1 + R) - (1 - R)) / D,   D = (1 + R) - h (1 - R)
 
-cancels at poles only. Orbits of the flow obey the same with K = sqrt(X**2 / 2 + Y**2) for T,
+cancels at poles only. Orbits of the flow satisfy the same with K = sqrt(X**2 / 2 + Y**2) for T,
 exp(-2 K) for the ratio, and 1 for r and 1 + T elsewhere.
 
-log r is held as a sum of two numbers: n log r is large where an orbit comes from next to X = 0.
+log r is stored as a sum of two numbers: n log r is large if an orbit starts near X = 0.
 """
 
 from typing import NamedTuple
@@ -55,8 +55,8 @@ from .integrals import level
 NO_POWER = -1e5
 # |Y| beyond so many T is far from both limits, which only orbits with t > 1 can be.
 FAR_OUT = 1.5
-# Times in the unit of an orbit, and numbers of steps, that are as good as infinite: a step that
-# changes a state at all does so by 1e-150 of it.
+# Times in the unit of an orbit, and numbers of steps, that are effectively infinite: a step that
+# changes a state at all changes it by at least 1e-150 of its size.
 LONG_TIME = 2.0**900
 # Squares of larger X or Y leave the range of float64.
 LARGEST = 2.0**500
@@ -73,8 +73,8 @@ class Orbit(NamedTuple):
     omega = (a1 A + b1 B, a2 A + b2 B) 2**power, where A and B follow from
     w_n = v 2**k r**(n - lag), or where h is not 0 from X_0 (1 + T) / (2 T) = g and Y_0 / T = h.
 
-    fate   one of the constants below, or 1 more than a real number next to which the number of a
-           state that does not exist may be.
+    fate   one of the constants below, or 1 more than a real number near which the index of a
+           nonexistent state may lie.
     """
 
     a1: float
@@ -93,10 +93,10 @@ class Orbit(NamedTuple):
     fate: float
 
 
-# Fates of orbits: out of the range of float64, unknown because state 0 is NaN, at the point (0, 1)
-# that has no next state, below t = 1, and above it with no pole ahead.
+# Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is the pole (0, 1);
+# t < 1; and t >= 1 without a pole in later states.
 OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 0.5
-# What the coordinates of a state are beside these: it does not move.
+# Additional value of the coordinates of a state: a fixed point.
 RESTS = 1.0
 
 
@@ -104,7 +104,7 @@ RESTS = 1.0
 def level_in_two(size, correction, Y, lost, least):
     """Return T or K as a sum, from its rounded value and a correction, nearly size - |Y|.
 
-    A correction that is less than half of `least` adds digits to |Y|.
+    A correction below half of `least` extends the digits of |Y|.
     """
     more = correction + select(Y > 0.0, lost, -lost)
     small = 2.0 * abs(correction) <= least
@@ -117,7 +117,7 @@ def logarithm_of_ratio(T, T_lost, r):
     k = halvings(abs(r))
     d, d_lost = two_sum(1.0, -T)
     d, d_lost = sum_of_ordered(d, d_lost - T_lost)
-    # Next to t = 1 only r knows the digits of 1 - T, unless T does.
+    # Near t = 1 only r has the digits of 1 - T, unless T has them.
     near = (T_lost == 0.0) & (abs(d) < 0.5)
     d, d_lost = select(near, r * (1.0 + T), d), select(near, 0.0, d_lost)
     s, s_lost = two_sum(1.0, T)
@@ -158,8 +158,8 @@ def first_of_sequence(X, Y, T, one, lag):
 
 @formula
 def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
-    """Return X, Y and what rounding lost of Y, with back = -1 for the inverse map; the power of two
-    that the states have as a factor; that of time; and a fate or `RESTS`.
+    """Return X, Y and the rounding error of Y, with back = -1 for the inverse map; the power of two
+    that scales the states; that of time; and a fate or `RESTS`.
     """
     power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
     body = canonical_body(I1, I2, I13, I23)
@@ -177,7 +177,7 @@ def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
 
 @formula
 def coordinates_of_flow(back, I1, I2, I13, I23, eps, omega1, omega2):
-    """Return the same for the flow, in the unit of the orbit; eps is the unit of time."""
+    """Return the coordinates for the flow, in the unit of the orbit; eps is the unit of time."""
     power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
     body = canonical_body(I1, I2, I13, I23)
     own, inverse = eps * two_to_the(-power), two_to_the(-o)
@@ -265,7 +265,7 @@ def coefficients(of_x, of_y, power, kind, back, I1, I2, I13, I23, eps, omega1, o
     a1, b1, a2, b2 = m11 * of_x, m12 * of_y, m21 * of_x, m22 * of_y
     fits = abs(a1) + abs(a2) + abs(b1) + abs(b2) < LARGEST
     ends = ends | moves & (~fits)
-    # A state that does not move is what its b alone makes.
+    # A fixed point is given by b alone.
     return (
         select(moves, a1, 0.0),
         select(ends, np.nan, select(moves, b1, -omega1)),
@@ -279,7 +279,7 @@ def coefficients(of_x, of_y, power, kind, back, I1, I2, I13, I23, eps, omega1, o
 def power_of_ratio(n, r, log_r, log_lost):
     """Return p, k and the sign s for which r**n = s (1 + p) 2**k, k an integer.
 
-    s is NaN where there is no such number: between two states of t >= 1.
+    s is NaN if no such number exists: between two states of t >= 1.
     """
     x, lost = two_product(n, log_r)
     lost = lost + n * log_lost
@@ -301,15 +301,15 @@ def growth(n, orbit):
 
 @formula
 def square(w):
-    """Return w**2 beside a square of 1, where what is subnormal is slow and does not count."""
+    """Return w**2, or 0 if it is subnormal and negligible relative to 1."""
     w = select(abs(w) > 1e-100, w, 0.0)
     return w * w
 
 
 @formula
 def near_point(f, k, kappa):
-    """Return A and B of w = f 2**k, whatever its size; NaN at a pole."""
-    # Both w and 1 times a power of two, so that the larger one is of the order of 1.
+    """Return A and B of w = f 2**k of any size; NaN at a pole."""
+    # Scale w and 1 by a power of two that brings the larger one to the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
     in_range, power = abs(k) <= 1000.0, smaller(abs(k), 1000.0)
     factor = select(in_range, two_to_the(-power), 0.0)
@@ -324,10 +324,10 @@ def near_point(f, k, kappa):
 
 @formula
 def far_point(n, orbit):
-    """Return A and B by the second form of the two."""
+    """Return A and B by the second of the two forms."""
     p, k, sign = power_of_ratio(smaller(n, LONG_TIME), orbit.r, orbit.log_r, orbit.log_lost)
     power, h = scaled(1.0 + p, larger(k, -2000.0)), orbit.h
-    # Next to 1 its distance from 1 has digits that it lacks.
+    # Near 1 the distance from 1 is more precise.
     rest = select(k == 0.0, -p, 1.0 - power)
     rest = rest * (2.0 - rest)
     R = square(power)
@@ -338,7 +338,7 @@ def far_point(n, orbit):
 
 @formula
 def near_state(half, kappa, a1, b1, a2, b2):
-    """Return the angular velocity at a w neither so large that its square overflows, nor next to a
+    """Return the angular velocity at a w whose square does not overflow and that is not near a
     pole.
 
     half    w / 2.
@@ -350,7 +350,7 @@ def near_state(half, kappa, a1, b1, a2, b2):
 
 @formula
 def state_at(n, orbit):
-    """Return state n >= 0 of any orbit, which is infinite or NaN where there is none."""
+    """Return state n >= 0 of any orbit; infinite or NaN if it does not exist."""
     f, k = growth(n, orbit)
     A, B = near_point(f, k, 2.0 * orbit.r)
     far_A, far_B = far_point(n, orbit)

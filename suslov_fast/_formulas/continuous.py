@@ -1,4 +1,4 @@
-"""The continuous problem in 3D, equation (s1), and the reaction of its constraint.
+"""The continuous problem in 3D, equation (2), and the reaction of its constraint.
 
 In n dimensions: one component at a time. M, P, E and W are logarithms of units: see `units`.
 """
@@ -13,7 +13,7 @@ from .units import fraction, moderate, normal_state, scaled
 
 @formula
 def vector_field(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """Equation (s1) solved for the derivatives of Omega1 and Omega2."""
+    """Derivatives of Omega1 and Omega2, from equation (2)."""
     omega1, omega2, W = normal_state(omega1, omega2)
     x = sum_of_products(I13, omega1, I23, omega2)
     k = 2 * W + P - M
@@ -22,17 +22,17 @@ def vector_field(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def polarised_reaction(I1, I2, I13, I23, M, P, omega1, omega2, next1, next2):
-    """The multiplier of (s1), made discrete as its other terms are, and the logarithm of its unit.
+    """Discretized multiplier of equation (2), and the logarithm of its unit.
 
-    For next = omega it is (s1)'s. The difference quotient of x = I13 Omega1 + I23 Omega2 is taken
-    by equation (xy1), whose right side neither cancels nor is divided by eps.
+    For next = omega it is the continuous one. Equation (8) gives the difference quotient of
+    x = I13 Omega1 + I23 Omega2 without cancellation and without a division by eps.
     """
     x = sum_of_products(I13, omega1, I23, omega2)
     x_next = sum_of_products(I13, next1, I23, next2)
     slope1 = -0.5 * (next2 * x + omega2 * x_next) / I1
     slope2 = 0.5 * (next1 * x + omega1 * x_next) / I2
     gyration = 0.5 * (I1 - I2) * (omega1 * next2 + next1 * omega2)
-    # Of the units of the two terms the larger.
+    # The larger of the units of the two terms.
     first, second = 2 * P - M, M
     unit = select(first > second, first, second)
     value = fraction(first - unit) * (I13 * slope1 + I23 * slope2)
@@ -41,7 +41,7 @@ def polarised_reaction(I1, I2, I13, I23, M, P, omega1, omega2, next1, next2):
 
 @formula
 def reaction(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The multiplier of equation (s1)."""
+    """Multiplier of equation (2)."""
     omega1, omega2, W = normal_state(omega1, omega2)
     value, unit = polarised_reaction(I1, I2, I13, I23, M, P, omega1, omega2, omega1, omega2)
     return scaled(value, unit + 2 * W)
@@ -49,7 +49,7 @@ def reaction(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def discrete_reaction(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The multiplier between a state and the next; NaN where there is none."""
+    """Multiplier between a state and the next; NaN if there is none."""
     omega1, omega2, W = normal_state(omega1, omega2)
     eps_W = moderate(eps, E + W + P - M)
     X, Y, lost = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)

@@ -1,4 +1,4 @@
-"""The coordinates (x, y) of equation (xy), and the same made dimensionless: (X, Y)."""
+"""Coordinates (x, y) of equation (7), and their dimensionless form (X, Y)."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ MOTIONLESS = 1e-150
 
 @formula
 def two_sum(v, w):
-    """v + w, rounded, and what the rounding lost (Knuth)."""
+    """Rounded sum v + w, and its rounding error (Knuth)."""
     total = v + w
     t = total - v
     return total, (v - (total - t)) + (w - t)
@@ -27,7 +27,7 @@ def sum_of_ordered(v, w):
 
 @formula
 def sum_of_products(v1, w1, v2, w2):
-    """v1*w1 + v2*w2 to a few ulps of the sum, however much of it cancels.
+    """v1*w1 + v2*w2 to a few ulps of the sum, despite cancellation.
 
     Near the steady-state line x is a small difference, and the map amplifies its relative error.
     """
@@ -39,7 +39,7 @@ def sum_of_products(v1, w1, v2, w2):
 
 @formula
 def to_xy(I1, I2, I13, I23, omega1, omega2):
-    """Equation (xy)."""
+    """Coordinates x and y of equation (7)."""
     x = sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
     return x, y
@@ -47,7 +47,7 @@ def to_xy(I1, I2, I13, I23, omega1, omega2):
 
 @formula
 def from_xy(I1, I2, I13, I23, x, y):
-    """The inverse of equation (xy)."""
+    """Inverse of `to_xy`."""
     D = I13 * I13 * I2 + I23 * I23 * I1
     return (I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D
 
@@ -68,13 +68,13 @@ def canonical_body(I1, I2, I13, I23):
 def canonical_state(
     I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
 ):
-    """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and what rounding lost of Y.
+    """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and the rounding error of Y.
 
-    No parameter is left in the map. Next to Y = 1 it amplifies the relative error of 1 - Y, which
+    In (X, Y) the map has no parameter. Near Y = 1 it amplifies the relative error of 1 - Y, which
     is (1 - Y) - lost to a few ulps.
     """
     x = sum_of_products(I13, omega1, I23, omega2)
-    # y in 160 digits of 2: in bodies of few decimal digits all of the first 53 may cancel.
+    # y in 160 bits: all of the first 53 may cancel for parameters of few decimal digits.
     y1, y1_lost = two_product(c1, omega1)
     y2, y2_lost = two_product(c2, omega2)
     z1, z1_lost = two_product(c1_lost, omega1)
@@ -113,7 +113,7 @@ def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
-    """The inverse of `xy_of_state`."""
+    """Inverse of `xy_of_state`."""
     W, of_y = exponent(x) - P, exponent(y) - P - M
     W = select(of_y < W, W, of_y)
     omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
@@ -122,13 +122,13 @@ def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
 
 @formula
 def at_rest(I13, I23, eps, X, Y):
-    """Test that the map is the identity, or does not move this state by any digit."""
+    """Test that the map is the identity, or changes this state by less than rounding."""
     return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
 
 
 @formula
 def from_canonical(I1, I2, I13, I23, eps):
-    """The matrix (m11, m12, m21, m22) that takes (X, Y) back to (Omega1, Omega2)."""
+    """Matrix (m11, m12, m21, m22) from (X, Y) to (Omega1, Omega2)."""
     a2 = 2.0 * I1 * I2
     m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(a2) / eps, 0.0)
     m12, m22 = from_xy(I1, I2, I13, I23, 0.0, a2 / eps)

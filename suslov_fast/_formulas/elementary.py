@@ -1,15 +1,15 @@
-"""Elementary functions as plain arithmetic: a call of the C library keeps loops scalar.
+"""Elementary functions as plain arithmetic: calls to the C library keep loops scalar.
 
-To a few ulps where the closed form needs them. Integers are held as floats where they are used
-with floats.
+They are accurate to a few ulps on the ranges that the closed form needs. Integers that are combined
+with floats are stored as floats.
 """
 
 from .._jit import bits_of, formula, number_of_bits, select
 
 LOG2_E = 1.4426950408889634
-# log 2 as two numbers, the first of so few bits that its products with integers are exact.
+# log 2 as two numbers; the first has few bits, and its products with integers are exact.
 LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
-# Adding this rounds to an integer and leaves it in the last bits of the sum.
+# Adding this rounds to an integer, which the last bits of the sum hold.
 TO_INTEGER = 1.5 * 2.0**52
 BITS_OF_TO_INTEGER = 0x4338000000000000
 BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
@@ -17,13 +17,13 @@ BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
 
 @formula
 def larger(a, b):
-    """Return the larger number; b where one is NaN."""
+    """Return the larger number; b if one is NaN."""
     return select(a > b, a, b)
 
 
 @formula
 def smaller(a, b):
-    """Return the smaller number; b where one is NaN."""
+    """Return the smaller number; b if one is NaN."""
     return select(a < b, a, b)
 
 
@@ -48,7 +48,7 @@ def scaled(v, k):
 
 @formula
 def within(v, bound):
-    """The number next to v that is no larger than a bound."""
+    """v limited to the range from -bound to bound."""
     return larger(smaller(v, bound), -bound)
 
 
@@ -64,8 +64,8 @@ def exponential(x, lost):
     """p and k, an integer, for which exp(x + lost) = (1 + p) 2**k, |x| <= 1e6."""
     k = (x * LOG2_E + TO_INTEGER) - TO_INTEGER
     z = ((x - k * LN2_HIGH) - k * LN2_LOW) + lost
-    # (exp(z) - 1 - z) / z**2 by Taylor's series, |z| <= log(2)/2, summed in pairs and pairs of
-    # them: one after the other, terms would wait for each other.
+    # (exp(z) - 1 - z) / z**2 by Taylor's series, |z| <= log(2)/2, summed pairwise, which
+    # shortens the chain of dependent operations.
     z2 = z * z
     z4 = z2 * z2
     low = (1.0 / 2.0 + z * (1.0 / 6.0)) + z2 * (1.0 / 24.0 + z * (1.0 / 120.0))
@@ -97,7 +97,7 @@ def logarithm_beyond(s):
 
 @formula
 def logarithm(value, distance):
-    """log(value) for 0 < value <= 1, where distance = 1 - value has digits that value lacks."""
+    """log(value) for 0 < value <= 1, where distance = 1 - value is more precise near 1."""
     k = halvings(value)
     m = value * two_to_the(-k)
     near = k == 0.0

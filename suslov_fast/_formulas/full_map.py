@@ -9,7 +9,7 @@ from .units import fraction, scaled
 
 
 class Coefficients(NamedTuple):
-    """Numbers through which the body and the step size enter the scheme.
+    """Coefficients of the scheme, from the body and the step size.
 
     Each equation is divided by its own moment of inertia, and in units of a power of two in which 1
     is `one1` or `one2` and no coefficient is above 1.
@@ -42,7 +42,7 @@ def row(I_1, product1, product2, difference, eps, E):
     along, of_along = ratio(product1, I_1, 0.0)
     across, of_across = ratio(product2, I_1, E)
     turning, of_turning = ratio(difference, I_1, E - 1.0)
-    # No exponent of a 0 is taken: `exponent` of it is the least one.
+    # `exponent` of 0 is the least one, and is not used.
     unit = larger(larger(of_along + 1.0, of_along + E), larger(of_across, of_turning))
     unit = larger(unit + 1.0, 0.0)
     return (
@@ -56,7 +56,7 @@ def row(I_1, product1, product2, difference, eps, E):
 
 @formula
 def full_coefficients(I1, I2, I13, I23, eps, I3, W):
-    """The coefficients for states in the unit 2**W."""
+    """Coefficients for states in the unit 2**W."""
     E = exponent(eps)
     eps, E = eps * two_to_the(-E), E + W
     one1, k1, k3, k5, k7 = row(I1, I13, I23, I3 - I2, eps, E)
@@ -66,7 +66,7 @@ def full_coefficients(I1, I2, I13, I23, eps, I3, W):
 
 @formula
 def full_matrix(k, omega1, omega2, omega3):
-    """The matrix (m11, m12; m21, m22) of the equations for Omega1 and Omega2, and its determinant,
+    """Matrix (m11, m12; m21, m22) of the equations for Omega1 and Omega2, and its determinant,
     NaN where that is zero to rounding.
     """
     k1_omega2, k2_omega1 = k.k1 * omega2, k.k2 * omega1
@@ -82,7 +82,7 @@ def full_matrix(k, omega1, omega2, omega3):
 def full_step(k, omega1, omega2, omega3):
     """One step: Omega3 changes sign, and Omega1, Omega2 solve two linear equations.
 
-    NaN, all three, where there is no next state.
+    All three are NaN if there is no next state.
     """
     m11, m12, m21, m22, det = full_matrix(k, omega1, omega2, omega3)
     r1 = k.one1 * omega1 + omega3 * (k.k7 + (k.k5 * omega2 - k.k3 * omega3))

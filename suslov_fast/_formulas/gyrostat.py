@@ -1,18 +1,17 @@
-"""The Suslov gyrostat: a rotor of constant momentum k along the axis about which the body may not
-turn.
+"""The Suslov gyrostat: a body with a rotor of constant momentum k along the constrained axis.
 
 With l = I13 Omega1 + I23 Omega2 + k its equations are I1 Omega1' = -l Omega2 and
-I2 Omega2' = l Omega1. The discrete ones have products polarised as in equation (4) of the paper,
-and k (Omega_i + Omega_i_next) / 2 for k Omega_i. With h = eps / 2, L = h l, K = h k and
-Y = h (I23 Omega1 / I2 - I13 Omega2 / I1) they give
+I2 Omega2' = l Omega1. The discrete equations have polarised products as in equation
+(4) of the paper, and k (Omega_i + Omega_i_next) / 2 for k Omega_i. With h = eps / 2, L = h l,
+K = h k and Y = h (I23 Omega1 / I2 - I13 Omega2 / I1) they give
 
 L_next = L (1 + Y + K L / (I1 I2)) / (1 - Y + L (2 L - K) / (I1 I2)),
 Y_next = Y - (2 L L_next - K (L + L_next)) / (I1 I2),
 
 and, given L_next, two linear equations for Omega_next, whose determinant 1 + L**2 / (I1 I2) has no
-zero. So l keeps its digits next to the steady states, l = 0, and poles are those of the first line.
+zero. So l is accurate near the steady states l = 0, and the poles are those of the first line.
 
-Y is held as Z = c - Y as in `canonical_map`. M, P, Q, E and W are logarithms of units, those of the
+Y is stored as Z = c - Y as in `canonical_map`. M, P, Q, E and W are logarithms of the units of the
 moments, the products of inertia, k, eps and the state.
 """
 
@@ -25,8 +24,8 @@ from .elementary import exponent, larger, smaller, two_to_the
 from .integrals import density, integral
 from .units import fraction, normal_body, normal_state, scaled
 
-# Steps longer than this power of two in the unit of the motion are taken for it: their products are
-# in range, and the next state is the same to rounding.
+# Longer steps are replaced by this power of two in the unit of the motion: products are then in
+# range, and the next state is the same to rounding.
 LONGEST = 400.0
 
 
@@ -41,7 +40,7 @@ def normal_gyrostat(I1, I2, I13, I23, k, eps):
 
 @formula
 def with_rotor(I13, I23, k, P, Q, W, omega1, omega2):
-    """l, to a few ulps however much of it cancels, and the logarithm of its unit; then I13, I23 and
+    """l, to a few ulps despite cancellation, and the logarithm of its unit; then I13, I23 and
     k in that unit.
     """
     unit = larger(P + W, Q)
@@ -56,7 +55,7 @@ def with_rotor(I13, I23, k, P, Q, W, omega1, omega2):
 
 @formula
 def vector_field(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
-    """The derivatives of Omega1 and Omega2."""
+    """Derivatives of Omega1 and Omega2."""
     omega1, omega2, W = normal_state(omega1, omega2)
     l, unit, _, _, _ = with_rotor(I13, I23, k, P, Q, W, omega1, omega2)
     return scaled(-omega2 * l / I1, unit + W - M), scaled(omega1 * l / I2, unit + W - M)
@@ -72,7 +71,7 @@ def first_integral(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
 
 @formula
 def invariant_density(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
-    """1 / (l (4 I1 I2 + eps**2 l**2))."""
+    """Density 1 / (l (4 I1 I2 + eps**2 l**2)) of the invariant measure."""
     omega1, omega2, W = normal_state(omega1, omega2)
     l, unit, _, _, _ = with_rotor(I13, I23, k, P, Q, W, omega1, omega2)
     return density(I1, I2, eps, M, E, l, unit)
@@ -94,7 +93,7 @@ def enter(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
 
 @formula
 def denominator(b1, b2, K, c, L, Z):
-    """The denominator of L_next; NaN where it is 0 to rounding."""
+    """Denominator of L_next; NaN if it is 0 to rounding."""
     first, second = (1.0 - c) + Z, (b1 * L) * (b2 * (2.0 * L - K))
     size = abs(first) + (b1 * abs(L)) * (b2 * (2.0 * abs(L) + abs(K)))
     d = first + second
@@ -103,11 +102,11 @@ def denominator(b1, b2, K, c, L, Z):
 
 @formula
 def step(b1, b2, K, c, L, Z, omega1, omega2):
-    """The next state (L, Z, Omega1, Omega2); NaN where there is none."""
+    """Next state (L, Z, Omega1, Omega2); NaN if there is none."""
     below = denominator(b1, b2, K, c, L, Z)
     next_L = L * (((1.0 + c) - Z + (b1 * L) * (b2 * K)) / below)
     next_Z = Z + b1 * (2.0 * (b2 * L) * next_L - (b2 * K) * (L + next_L))
-    # The second of the equations put into the first.
+    # The second equation inserted into the first.
     p, q, next_p, next_q = b1 * L, b2 * L, b1 * next_L, b2 * next_L
     inverse = 1.0 / (1.0 + p * q)
     right1, right2 = omega1 - next_p * omega2, omega2 + next_q * omega1
@@ -116,7 +115,7 @@ def step(b1, b2, K, c, L, Z, omega1, omega2):
 
 @formula
 def jacobian(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
-    """The entries (11, 12, 21, 22) of A(omega; eps)**-1 A(omega_next; -eps), A = Id - h f'."""
+    """Entries (11, 12, 21, 22) of A(omega; eps)**-1 A(omega_next; -eps), A = Id - h f'."""
     b1, b2, K, c, L, Z, omega1, omega2, h13, h23, _ = enter(
         I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2
     )

@@ -1,4 +1,4 @@
-"""Quantities that the 3D flow and the 3D map conserve, and the terms of that in n dimensions.
+"""Conserved quantities of the 3D flow and the 3D map, and terms of those in n dimensions.
 
 Arguments that are called M, P, E and W are the logarithms of units: see `units`.
 """
@@ -12,7 +12,7 @@ from .units import above_one, normal_state, scaled
 
 @formula
 def energy(I1, I2, omega1, omega2):
-    """The energy, conserved by equation (s1)."""
+    """Energy, conserved by equation (2)."""
     return 0.5 * I1 * omega1 * omega1 + 0.5 * I2 * omega2 * omega2
 
 
@@ -26,7 +26,7 @@ def canonical_x(I1, I2, eps, x, k):
 
 @formula
 def integral(I1, I2, eps, M, E, W, omega1, omega2, x, of_x):
-    """First integral F, equation (6), divided above and below by I1 I2; x is in units 2**of_x."""
+    """First integral F, equation (6), reduced by the factor I1 I2; x is in units 2**of_x."""
     X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
     above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
     return scaled(above / (4.0 * one * one + 2.0 * X * X), 2.0 * W - M - 2.0 * k)
@@ -34,7 +34,7 @@ def integral(I1, I2, eps, M, E, W, omega1, omega2, x, of_x):
 
 @formula
 def density(I1, I2, eps, M, E, x, of_x):
-    """1 / (x (4 I1 I2 + eps**2 x**2))."""
+    """Density 1 / (x (4 I1 I2 + eps**2 x**2)) of the invariant measure."""
     X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
     value = 1.0 / (x * (I1 * I2) * (4.0 * one * one + 2.0 * X * X))
     return scaled(value, -of_x - 2.0 * M - 2.0 * k)
@@ -60,7 +60,7 @@ def modified_energy(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 @formula
 def level(X, Y):
     """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) = |eps| sqrt(h / (I1 I2)), conserved by the map."""
-    # In units in which the sums of squares are in range.
+    # Units in which the sums of squares are in range.
     size = abs(X) + abs(Y) + 1e-300
     above, below = 1.0 / size, 1.0 / (abs(X) + 1.0)
     X1, Y1, X2 = X * above, Y * above, X * below
@@ -68,14 +68,14 @@ def level(X, Y):
     return size * below * np.sqrt(squares)
 
 
-# X and Y are computed for steps of at most this power of two in the units of body and state: no
-# product is out of range then, however far apart moments are.
+# X and Y are computed for steps of at most this power of two in the units of body and state; then
+# no product is out of range, even if the moments are far apart.
 LONGEST = 64.0
 
 
 @formula
 def level_of_longer_step(T, X, j):
-    """T where both X and Y are 2**j times as large, j >= 0; T itself where j is 0."""
+    """T for X and Y multiplied by 2**j, j >= 0."""
     unit = 1.0 / (abs(X) + 1.0)
     ones, X1 = 2.0 * unit * unit, abs(X) * unit
     longer = scaled(X1, j)
@@ -99,7 +99,7 @@ def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     k = select(K < LONGEST, K, LONGEST)
     X, Y, _ = to_canonical(I1, I2, I13, I23, scaled(eps, k), omega1, omega2)
     T, Y = level_of_longer_step(level(X, Y), X, K - k), scaled(Y, K - k)
-    # Rounding must not carry an orbit across the border: T < 1 exactly where |Y| < 1.
+    # Rounding must not move an orbit to the other regime: T < 1 exactly if |Y| < 1.
     below = select(T > 1.0, T, 1.0)
     below = select(T != T, T, below)
     T = select(abs(Y) < 1.0, select(T < 1.0, T, BELOW_ONE), below)
@@ -108,6 +108,6 @@ def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def invariant_density(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The density of the invariant measure."""
+    """Density of the invariant measure."""
     omega1, omega2, W = normal_state(omega1, omega2)
     return density(I1, I2, eps, M, E, sum_of_products(I13, omega1, I23, omega2), P + W)

@@ -12,13 +12,13 @@ from .elementary import exponent, larger, two_to_the
 from .printed_map import printed_coefficients
 from .units import moderate, normal_state, scaled
 
-# |X| + |Y| below this: the derivative is the identity and a small matrix, found as such.
+# |X| + |Y| below this: the derivative is the identity plus a small matrix, computed separately.
 NEAR_IDENTITY = 0.25
 
 
 @formula
 def canonical_jacobian(X, Z, c):
-    """The derivative of `canonical_step` by X and Y, less the number that comes last: 0 or 1.
+    """Derivative of `canonical_step` by X and Y, minus the last result (0 or 1) times the identity.
 
     With d = 1 - Y + X**2 its rows are
     ((1 + Y)(1 - Y - X**2), X (2 + X**2)) / d**2,
@@ -42,7 +42,7 @@ def canonical_jacobian(X, Z, c):
 
 @formula
 def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The entries (11, 12, 21, 22) of the derivative of the map; NaN where that has a pole."""
+    """Entries (11, 12, 21, 22) of the derivative of the map; NaN at its poles."""
     omega1, omega2, W = normal_state(omega1, omega2)
     eps_W = moderate(eps, E + W + P - M)
     X, Y, lost = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
@@ -60,7 +60,7 @@ def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
     a12 = (I13 * I2 * right12 + I23 * right22) * inverse
     a21 = (I23 * I1 * right11 - I13 * right21) * inverse
     a22 = identity + (I23 * I1 * right12 - I13 * right22) * inverse
-    # A NaN in any entry or in the state is one in all.
+    # A NaN in an entry or in the state makes all entries NaN.
     poison = 0.0 * (a11 + a12 + a21 + a22)
     poison = select(regular, poison, np.nan)
     poison = select(rests, 0.0 * (omega1 + omega2), poison)
@@ -74,11 +74,11 @@ def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
 
 @formula
 def matrix(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """The entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
+    """Entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
     omega1, omega2, W = normal_state(omega1, omega2)
     k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
     K = E + W + P - M
-    # A NaN in the state is one in all entries.
+    # A NaN in the state makes all entries NaN.
     poison = 0.0 * (omega1 + omega2)
     return (
         1.0 + scaled(k1 * omega2 + poison, K),

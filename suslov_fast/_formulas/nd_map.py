@@ -10,17 +10,17 @@ from .elementary import larger, smaller
 # The O(n) step loses less than two digits where all |d_i| / J_i are above this, and the determinant
 # of its two equations is above the square of this in units of its terms.
 FAR = 0.25
-# The same for the second smallest |d_i| / J_i, where the smallest is a third unknown.
+# Bound of the second smallest |d_i| / J_i if the component of the smallest is a third unknown.
 FAR_ENOUGH = 0.1
 # A pivot of the three equations this much smaller than those before it costs three digits.
 TOO_SMALL = 1e-3
-# Steps are small where eps |I| |omega| / min J is below this: then increments do not cancel omega
-# by more.
+# A step is small if eps |I| |omega| / min J is below this, which limits cancellation between omega
+# and its increment.
 SMALL = 64.0
-# Units serve while |omega|**2 lies between the inverse of this and this: products of four of its
+# A unit remains valid while |omega|**2 lies between the inverse of this and this: products of four
 # components are in range.
 SPREAD = 2.0**200
-# States whose |omega| is below this are finite.
+# Bound of |omega| below which states are finite.
 LARGEST = 2.0**1023
 
 
@@ -54,7 +54,7 @@ def solve2(eps, p, square, alpha, beta, gamma):
 def solve_bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
     """Solve for I.delta, omega.delta and delta_k; component k, whose d may be 0, is in no sum.
 
-    Returns the factors as `solve2`, delta_k, and True if no pivot is too small.
+    Returns the factors like `solve2`, delta_k, and True if no pivot is too small.
     """
     h = 0.5 * eps
     a = 1.0 - h * alpha, eps * beta, -I_k, eps * (p * alpha - square * beta)
@@ -86,7 +86,7 @@ def solve_bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
 
 @formula
 def bounds(smallest_J, I_square, eps, square, unit):
-    """Bounds of |omega|**2: of small steps from above, of units that serve from both sides."""
+    """Bounds of |omega|**2: the upper one of small steps, and both of a valid unit."""
     longest, largest = SMALL * smallest_J / eps, LARGEST / unit
     low = select(square > 0.0, 1.0 / SPREAD, -1.0)
     return longest * longest / I_square, low, smaller(largest * largest, SPREAD)

@@ -8,7 +8,7 @@ from .canonical_map import ZERO_TO_ROUNDING
 
 @formula
 def printed_coefficients(I1, I2, I13, I23, eps):
-    """The four numbers through which the body and the step size enter equation (5)."""
+    """The four coefficients of equation (5), from the body and the step size."""
     return (
         eps * I13 / (2.0 * I1),
         eps * I23 / (2.0 * I2),
@@ -29,7 +29,7 @@ def printed_denominator(k1, k2, k3, k4, omega1, omega2):
 
 @formula
 def printed_step(k1, k2, k3, k4, omega1, omega2, bound):
-    """Next state by equation (5); NaN where there is no next state or it is beyond a bound."""
+    """Next state by equation (5); NaN if it does not exist or exceeds a bound."""
     delta, regular = printed_denominator(k1, k2, k3, k4, omega1, omega2)
     next1 = omega1 - k2 * omega1 * omega1 - k1 * omega1 * omega2 - k3 * omega2 * omega2
     next2 = omega2 + k1 * omega2 * omega2 + k2 * omega1 * omega2 + k4 * omega1 * omega1

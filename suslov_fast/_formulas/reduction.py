@@ -1,4 +1,4 @@
-"""A body in n dimensions whose problem is solved, as one in three.
+"""Reduction of a body in n dimensions with a closed form to one in three.
 
 With J I = b I, J = a on the vectors orthogonal to I, and across = that part of omega, the 3D body
 I1 = b, I2 = a, I13 = 0 has x = |I| |across|, y = b I.omega if I23 Omega1 = I.omega and
@@ -11,13 +11,13 @@ from .._jit import formula, select, two_product
 from .coordinates import two_sum
 from .elementary import TO_INTEGER, exponent, larger, scaled
 
-# What a unit in the last place is from 2 to 4.
+# The unit in the last place of numbers from 2 to 4.
 _LAST_PLACE = 2.0**-51
 
 
 @formula
 def sum_in_two(total, lost, v, w):
-    """Return total + lost + v w: the rounded sum, and what rounding lost."""
+    """Return total + lost + v w as the rounded sum and its rounding error."""
     product, of_product = two_product(v, w)
     total, of_sum = two_sum(total, product)
     return total, lost + (of_product + of_sum)
@@ -27,10 +27,9 @@ def sum_in_two(total, lost, v, w):
 def as_product(p, lost):
     """Return A and B, 1 <= B < 2 or nearly, whose product is p + lost to 76 bits; p is finite.
 
-    Next to Y = 1, and from next to X = 0, more digits of y count than one number has, and it is as
-    a product of two that the 3D map takes them: (S + i u)(S + j u) = S**2 + (i + j) S u + i j u**2
-    for a rounded root S and u in its last place. i + j makes up for what one number holds, i j for
-    the rest.
+    Near Y = 1, and for orbits that start near X = 0, y must be more precise than float64. The 3D
+    map takes y as a product: (S + i u)(S + j u) = S**2 + (i + j) S u + i j u**2 with the rounded
+    root S and u one unit in its last place. i + j determines the leading digits, i j the rest.
     """
     half = 2.0 * np.floor(0.5 * exponent(p))
     whole = scaled(abs(p), -half)

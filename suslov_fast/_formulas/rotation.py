@@ -1,33 +1,33 @@
-"""Rotations: in three dimensions unit quaternions (w, x, y, z), in n matrices row by row.
+"""Rotations: unit quaternions (w, x, y, z) in three dimensions, rows of matrices in n.
 
 A turn between two states is cay(S) = (Id - S/2)**-1 (Id + S/2), where S is eps times the matrix of
-their mean angular velocity. It is held as (unit, b), b the vector of S/2 in units in which 1 is
-`unit`: 1, or 0 where nothing is left of 1 beside b.
+their mean angular velocity. It is stored as (unit, b): b is the vector of S/2 in a unit in which 1
+is `unit`, which is 1, or 0 if 1 is negligible relative to b.
 """
 
 import numpy as np
 
 from .._jit import formula, select
 
-# Below this the square of b is in range; beyond it 1 + b**2 is b**2, and the turn half a turn.
+# Below this the square of b is in range; above it 1 + b**2 rounds to b**2, a half-turn.
 LARGE = 2.0**500
 
 
 @formula
 def mean(omega, following):
-    """The mean of two components, without overflow."""
+    """Mean of two components, without overflow."""
     return 0.5 * omega + 0.5 * following
 
 
 @formula
 def is_large(total):
-    """Test that a turn is half a turn to rounding, from the sum of all |b_i|; NaN is large too."""
+    """Test that a turn is a half-turn to rounding, from the sum of all |b_i|; True for NaN."""
     return not total < LARGE
 
 
 @formula
 def unit_of_large(largest):
-    """A power of two that brings components of up to this, of large turns, into range."""
+    """Power of two that brings components up to `largest`, of large turns, into range."""
     return select(largest > 2.0**300, 2.0**-600, select(largest < 2.0**-300, 2.0**600, 1.0))
 
 
@@ -61,7 +61,7 @@ def turned(w, x, y, z, unit, b1, b2):
 
 @formula
 def matrix(w, x, y, z):
-    """The rotation matrix of a unit quaternion, row by row."""
+    """Rotation matrix of a unit quaternion, row by row."""
     return (
         1.0 - 2.0 * (y * y + z * z),
         2.0 * (x * y - w * z),
@@ -77,7 +77,7 @@ def matrix(w, x, y, z):
 
 @formula
 def row_times_matrix(r1, r2, r3, w, x, y, z):
-    """A row times the matrix of a unit quaternion."""
+    """Product of a row and the matrix of a unit quaternion."""
     m11, m12, m13, m21, m22, m23, m31, m32, m33 = matrix(w, x, y, z)
     return (
         r1 * m11 + r2 * m21 + r3 * m31,
@@ -87,16 +87,16 @@ def row_times_matrix(r1, r2, r3, w, x, y, z):
 
 
 # In n dimensions S/2 = b e_n^T - e_n b^T, and cay(S) = Id + 2 (S/2 + (S/2)**2) / (1 + |b|**2): each
-# row of R is turned by itself.
+# row of R is multiplied separately.
 
 
 @formula
 def turned_last(last, image, scale, unit, square):
-    """The last number of a row; image = row.b over the others, scale = 2 / (unit**2 + |b|**2)."""
+    """Last number of a row; image = row.b over the others, scale = 2 / (unit**2 + |b|**2)."""
     return last + scale * (unit * image - square * last)
 
 
 @formula
 def turned_component(component, last, image, unit, scaled_b_i):
-    """Any other number of a row; scaled_b_i = scale b_i."""
+    """Another number of a row; scaled_b_i = scale b_i."""
     return component - (unit * last + image) * scaled_b_i

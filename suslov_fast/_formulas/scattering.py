@@ -1,20 +1,20 @@
-"""The angle by which the angular velocity turns in space, from time -infinity to infinity.
+"""Angle in space between the angular velocities at time -infinity and infinity.
 
-In the body it runs, in the time tau = C t / a, through
+In the body frame, with tau = C t / a, the angular velocity is
 
     omega = (alpha tanh(tau) + gamma sech(tau)) e + beta sech(tau) e',
 
 where e points along the line of steady states, e' is normal to it, and alpha, beta, gamma are the
-numbers below. A spinor psi that is carried along obeys 2 i psi' = (omega . sigma) psi. In
-z = exp(tau) this equation has four regular singular points, 0, i, -i and infinity, and it keeps its
-form under z -> -z (if beta and gamma change sign) and under z -> 1 / z (if gamma does). So the loop
-around i consists of the way from 0 to infinity, taken twice, and of two half-turns about its ends,
-whose effect is known: if U is the unitary matrix of the whole way and
+numbers below. The spinor form of R' = R Omega is 2 i psi' = (omega . sigma) psi. In z = exp(tau) it
+has four regular singular points, 0, i, -i and infinity. It is invariant under z -> -z with
+a change of sign of beta and gamma, and under z -> 1 / z with that of gamma. So the loop around i
+consists of the path from 0 to infinity, traversed twice, and of half-turns about 0 and infinity,
+whose effect is known. Let U be the unitary matrix of the path from 0 to infinity and
 G = diag(exp(pi alpha / 2), exp(-pi alpha / 2)),
 
     trace (G U)**2 = 2 cosh(pi kappa),  kappa = sqrt((alpha - i gamma)**2 - beta**2),
 
-from the exponents at i. With U = (S, F; -F*, S*) this is a linear equation for S:
+by the exponents at i. With U = (S, F; -F*, S*) this is a linear equation for S:
 
     cosh(pi alpha / 2) Re S + i sinh(pi alpha / 2) Im S = cosh(pi kappa / 2),
 
@@ -29,11 +29,11 @@ from .._jit import formula, select
 from .elementary import exponential, scaled
 from .trigonometric import arctangent, of_quarter_turns
 
-# Sines of more than so many quarter turns mean nothing.
+# Sines of more quarter turns than this have no correct digits.
 FAR = 1e15
-# exp(-pi v) is 0 for v above this, and in the range of `scaled`.
+# Above this v, exp(-pi v) is 0; below it, in the range of `scaled`.
 VANISHING = 450.0
-# Moments over products of inertia: where they are less, an angle differs from pi by less.
+# Bound of moments over products of inertia below which the angle is pi to rounding.
 NEAR = 2.0**-60
 
 
@@ -55,7 +55,7 @@ def less(v):
 
 @formula
 def kappa(alpha, beta, gamma):
-    """p, |q| of kappa = p + i q, and alpha - p, of numbers up to the order of 1."""
+    """p, |q| of kappa = p + i q, and alpha - p, for coefficients up to the order of 1."""
     near = np.sqrt((alpha - beta) * (alpha - beta) + gamma * gamma)
     far = np.sqrt((alpha + beta) * (alpha + beta) + gamma * gamma)
     size, square = near * far, (alpha - beta) * (alpha + beta) - gamma * gamma  # of kappa**2
@@ -71,7 +71,7 @@ def kappa(alpha, beta, gamma):
 
 @formula
 def scattering_angle(I1, I2, I13, I23, unit):
-    """2 arcsin |S|, for moments over products of inertia that are `unit` times those given.
+    """Angle 2 arcsin |S|; moments over products of inertia are `unit` times the arguments.
 
     |S|**2 and 1 - |S|**2 are sums of positive terms: with A, P, Q = pi/2 times alpha, p, q
 
@@ -81,11 +81,11 @@ def scattering_angle(I1, I2, I13, I23, unit):
     alpha, beta, gamma = coefficients(I1, I2, I13, I23)
     largest = max(max(alpha, beta), abs(gamma))
     p, q, gap = kappa(alpha / largest, beta / largest, gamma / largest)
-    # Below the least of these the angle is pi to rounding.
+    # Below the least of these moments the angle is pi to rounding.
     unit = max(unit, NEAR) * largest
     A, P, gap = unit * (alpha / largest), unit * p, unit * gap
     sine, cosine = of_quarter_turns(min(unit * q, FAR))
-    # Everything over the exponential of A.
+    # All terms divided by exp(A).
     p, k = exponential(-0.5 * math.pi * min(gap, 2.0 * VANISHING), 0.0)
     decay = scaled(1.0 + p, k)
     cosine, sine = cosine / (2.0 - less(A)), sine / less(A)

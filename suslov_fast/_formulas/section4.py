@@ -18,7 +18,7 @@ LARGE = 1e8
 def inverse_hyperbolic_sine(s):
     size = abs(s)
     root = select(size > LARGE, size, np.sqrt(1.0 + size * size))
-    # log(size + root), as that of the inverse, which is 1 less a number that has all its digits.
+    # log(size + root), as minus the log of the inverse, which is 1 minus an accurate number.
     inverse = 1.0 / (root + size)
     less = select(size > LARGE, size, size + size * size / (root + 1.0))
     value = -logarithm(inverse, less * inverse)
@@ -28,7 +28,7 @@ def inverse_hyperbolic_sine(s):
 
 @formula
 def constants(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """h, k1, k2 and t; k1 and k2 are NaN where t is not between -1 and 1.
+    """Constants h, k1, k2 and t; k1 and k2 are NaN unless -1 < t < 1.
 
     With T = |t| and r = (1 - T) / (1 + T),
     k1 = -(2 / eps) artanh(t) = sqrt(h / (I1 I2)) log(r) / T,

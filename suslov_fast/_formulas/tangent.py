@@ -3,7 +3,7 @@
 from .._jit import formula, select
 from .elementary import LN2_HIGH, LN2_LOW, larger, logarithm
 
-# Products are brought back into range by this, often enough that none overflows.
+# Products are rescaled by this, often enough to prevent overflow.
 UNIT = 2.0**300
 LOG2_OF_UNIT = 300.0
 # X**2 is in range below this.
@@ -12,7 +12,7 @@ FAR = 2.0**500
 
 @formula
 def complement(X, Y, lost):
-    """1 - t**2 of an orbit, which loses no digits next to t = 1."""
+    """1 - t**2 of an orbit, accurate near t = 1."""
     # In the unit of |X| if that is above 1: its square is in range.
     unit = 1.0 / larger(abs(X), 1.0)
     X1 = X * unit
@@ -22,11 +22,11 @@ def complement(X, Y, lost):
 
 @formula
 def canonical_derivative(X, Z, c, G):
-    """The entries (XX, XY, YX, YY) of the derivative of the canonical map, its determinant, and the
+    """Entries (XX, XY, YX, YY) of the derivative of the canonical map, its determinant, and the
     next X.
 
-    The determinant follows from the invariant density 1 / (X (2 + X**2)); nothing cancels in it,
-    nor in the entries but where they vanish. Next to Y = -1, which orbits with t next to 1 reach,
+    The determinant follows from the invariant density 1 / (X (2 + X**2)); it has no cancellation,
+    and the entries only where they vanish. Near Y = -1, which orbits with t near 1 reach,
     1 + Y follows from G = 1 - t**2 = 2 (1 - Y**2) / (2 + X**2).
     """
     above, below = (1.0 + c) - Z, (1.0 - c) + Z  # 1 + Y and 1 - Y
@@ -47,7 +47,7 @@ def canonical_derivative(X, Z, c, G):
 
 @formula
 def times_matrix(h_i, I_i, omega_i, v_i, p, I_v, omega_v):
-    """Component i of A(omega) v, for the matrix A below (dsn).
+    """Component i of A(omega) v, for the matrix A of equation (16).
 
     h_i = eps / (2 J_i), p = I.omega, I_v = I.v and omega_v = omega.v.
     """
@@ -56,7 +56,7 @@ def times_matrix(h_i, I_i, omega_i, v_i, p, I_v, omega_v):
 
 @formula
 def multiplied(product, exponent, factor):
-    """A product |factor| UNIT**exponent times larger, its first number kept in range."""
+    """Product multiplied by |factor| UNIT**exponent, its first number kept in range."""
     product = product * abs(factor)
     large, small = product > UNIT, product < 1.0 / UNIT
     scaled = product * (select(large, 1.0 / UNIT, select(small, UNIT, 1.0)))

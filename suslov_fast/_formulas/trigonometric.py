@@ -1,6 +1,6 @@
-"""Sine, cosine and arctangent as plain arithmetic, the same on every machine.
+"""Sine, cosine and arctangent as plain arithmetic, bit-identical on all machines.
 
-To a few ulps; they serve numbers, not arrays.
+They are accurate to a few ulps, and serve scalars.
 """
 
 import math
@@ -15,7 +15,7 @@ TO_INTEGER = 1.5 * 2.0**52
 
 @formula
 def of_quarter_turns(q):
-    """sin(pi q / 2) and cos(pi q / 2) for 0 <= q < 2**51, with one sign or the other for both."""
+    """sin(pi q / 2) and cos(pi q / 2) for 0 <= q < 2**51, up to a common sign."""
     whole = (q + TO_INTEGER) - TO_INTEGER
     z = (0.5 * math.pi) * (q - whole)  # of a difference without error; |z| <= pi/4
     s = z * z
@@ -32,13 +32,13 @@ def of_quarter_turns(q):
 
 @formula
 def half_tangent(t):
-    """The tangent of half the angle whose tangent is t."""
+    """Tangent of half the angle whose tangent is t."""
     return t / (1.0 + np.sqrt(1.0 + t * t))
 
 
 @formula
 def arctangent(y, x):
-    """The angle of the point (x, y), x and y >= 0 and not both 0: from 0 to pi/2."""
+    """Angle from 0 to pi/2 of the point (x, y), for x, y >= 0, not both 0."""
     z = half_tangent(half_tangent(min(x, y) / max(x, y)))
     # Four times Taylor's series of the arctangent, |z| < 0.2, in pairs and pairs of them.
     q = -z * z

@@ -1,8 +1,8 @@
-"""Powers of two taken out of numbers, so that no product of them leaves the range of float64.
+"""Scaling by powers of two, which keeps products in the range of float64.
 
-Parameters and states may be given in any unit. Quantities are computed from numbers of the order
-of 1, and the power of two that is due is put back last: exactly, unless the result is subnormal.
-Logarithms of units are integers, held as floats.
+Parameters and states may have any unit. Quantities are computed from numbers of the order of 1, and
+the result is scaled last: exactly, unless it is subnormal. Logarithms of units are integers, stored
+as floats.
 """
 
 from .._jit import formula, select
@@ -26,8 +26,8 @@ def fraction(k):
 def normal_body(I1, I2, I13, I23, eps):
     """A body and a step size in units of powers of two, and the logarithms of the units.
 
-    The moments have the unit 2**M, the products of inertia 2**P and the step size 2**E. All is of
-    the order of 1, unless moments differ by orders of magnitude, or products do.
+    The moments have the unit 2**M, the products of inertia 2**P and the step size 2**E. All are of
+    the order of 1, unless the moments, or the products, differ by orders of magnitude.
     """
     # Rounded down.
     M = ((0.5 * (exponent(I1) + exponent(I2)) - 0.25) + TO_INTEGER) - TO_INTEGER
@@ -57,8 +57,8 @@ def normal_state(omega1, omega2):
 
 @formula
 def moderate(v, k):
-    """v 2**k for v of the order of 1, or 2**900 in its place: far enough, and no square of a
-    ratio of such numbers leaves the range.
+    """v 2**min(k, 900) for v of the order of 1, which keeps squares of ratios of such numbers in
+    range.
     """
     return scaled(v, smaller(k, 900.0))
 

@@ -1,8 +1,8 @@
 """Numba's cache on disk, safe against stale and unreadable files.
 
-Numba compares a cache file with the source file of its kernel alone. Here the name of a kernel
-carries a digest of all sources that kernels are compiled from, so that an edit or an upgrade of any
-of them makes a new file. A cache folder must be trusted as the code itself.
+Numba checks a cache file only against the source file of its kernel. Here the name of a kernel
+contains a digest of all sources that kernels are compiled from, so every edit or upgrade makes a
+new file. A cache folder must be as trusted as the code itself.
 """
 
 import functools
@@ -31,7 +31,7 @@ def digest_of_sources():
 
 
 def enable_cache(function, compile_with):
-    """Compile a function when it is called, with Numba's cache where there is a place for it."""
+    """Compile a function on its first call, with Numba's cache if a cache folder exists."""
     name = function.__name__
     function.__qualname__ = f"{name}_{digest_of_sources()}"
     compiled = compile_with(function)
@@ -42,7 +42,7 @@ def enable_cache(function, compile_with):
 
 
 def _tolerate_unusable_files(compiled, name):
-    """Compile anew where a cache file cannot be read; go on where none can be written."""
+    """Recompile if a cache file cannot be read; continue if none can be written."""
     cache = getattr(compiled, "_cache", None)
     if not all(hasattr(cache, method) for method in ("load_overload", "save_overload")):
         return  # a Numba whose cache is organised in another way

@@ -1,4 +1,4 @@
-"""Instructions of LLVM that Numba has no word for, each with a Python twin for interpreted runs.
+"""LLVM instructions that Numba lacks, each with a Python equivalent for interpreted runs.
 
 Only the documented extension API is used: numba.extending.intrinsic, numba.types, numba.carray.
 """
@@ -73,7 +73,7 @@ def _stack(typing, size):
 
 
 def _place(context, builder, signature, arguments, k):
-    """Return a pointer to a vector in array k of the arguments, whose indices come next to it."""
+    """Return a pointer to a vector in array k of the arguments, whose indices follow it."""
     array = context.make_array(signature.args[k])(context, builder, arguments[k])
     number, index = array.data, arguments[k + 1]
     if isinstance(signature.args[k + 1], types.UniTuple):
@@ -131,15 +131,15 @@ def _expect_store(typing, target, i):
 # The reasons, measured on AVX2 with the closed form (entering an orbit takes 26 ns):
 #
 # select        a ternary is a branch, which prevents SIMD: 110 ns
-# two_product   the error of a product takes one FMA, or 16 operations without it
-# bits_of       exponents and powers of two without a call of the C library, which prevents SIMD
-# stack         LLVM knows that rows on the stack do not overlap; of other arrays it compares each
-#               pair at run time, and gives up at eight: 110 ns
-# stream_line   stores past the caches: 15 GB/s in place of 9 where every state is saved
-# expect_store  a store to a line that is not in the caches holds up those after it
+# two_product   the error of a product takes one FMA, or 16 other operations
+# bits_of       exponents and powers of two without calls to the C library, which prevent SIMD
+# stack         LLVM knows that rows on the stack do not overlap; other arrays it compares in pairs
+#               at run time, and does not vectorize with eight: 110 ns
+# stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
+# expect_store  a store to a line that is not in the caches delays those after it
 # copy_line, subtract_product
-#               elimination, of 64 equations, in half the time: a loop that LLVM makes for a few
-#               numbers spends as long on its first and last turns as on the others
+#               elimination of 64 equations in half the time: a loop that LLVM makes for a few
+#               numbers spends half its time on the first and last iterations
 if config.DISABLE_JIT:
 
     def select(condition, first, second):
@@ -167,7 +167,7 @@ if config.DISABLE_JIT:
         return np.int64(bits).view(np.float64)
 
     def stack(size):
-        """Return uninitialised memory for so many floats; `carray` makes an array of it."""
+        """Return uninitialised memory for `size` floats; `carray` converts it to an array."""
         return np.empty(size)
 
     def carray(memory, shape):
@@ -175,11 +175,11 @@ if config.DISABLE_JIT:
         return memory.reshape(shape)
 
     def stream_line(target, i, source, j):
-        """Copy source[j:j+8] to target[i:i+8], which must be a cache line, past the caches."""
+        """Copy source[j:j+8] to the cache line target[i:i+8] with non-temporal stores."""
         target[i : i + _LINE] = source[j : j + _LINE]
 
     def copy_line(target, i, source, j):
-        """Copy eight numbers, from source[j] on, to target[i] and the next ones."""
+        """Copy source[j:j+8] to target[i:i+8]."""
         target[_line(i)] = source[_line(j)]
 
     def subtract_product(target, i, factor, j, source, k):
@@ -190,7 +190,7 @@ if config.DISABLE_JIT:
         return (*index[:-1], slice(index[-1], index[-1] + _LINE))
 
     def expect_store(target, i):
-        """Fetch the cache line of target[i], which is to be written soon."""
+        """Prefetch the cache line of target[i] for writing."""
 
 else:
     select, bits_of, number_of_bits = _select, _bits_of, _number_of_bits

@@ -29,15 +29,15 @@ def inner(function):
 
 
 def formula(function):
-    """Compile a formula: LLVM inlines it, so that a loop over lanes that calls it becomes SIMD."""
+    """Compile a formula: LLVM inlines it, so a loop over lanes that calls it becomes SIMD."""
     return numba.njit(forceinline=True, **_INNER)(_distinct(function))
 
 
 def _distinct(function):
-    """Name a function that a factory defines after what it closes over.
+    """Name a function defined by a factory after its free variables.
 
-    Numba tells functions of one name apart by a counter in the process. Those of two processes,
-    loaded from the cache by a third, could have one symbol, and LLVM would link only one of them.
+    Numba distinguishes functions of one name by a counter in the process. Those of two processes,
+    loaded from the cache by a third, could have the same symbol, and LLVM would link only one.
     """
     if function.__closure__:
         parts = [
@@ -50,7 +50,7 @@ def _distinct(function):
 
 
 class Kernel:
-    """A loop over `prange` that Python calls, compiled twice from one body.
+    """A loop over `prange` called from Python, compiled twice: serial and parallel.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Loops over trajectories, steps and states: plain njit, numbers only."""
+"""Numba loops over trajectories, steps and states."""

@@ -1,8 +1,8 @@
-"""Orientations along given states, and the test that each state follows the one before.
+"""Orientations along given states, and the test that states are consecutive.
 
-omega   (N + 1, B, m), the states, the first of which was dealt with before
+omega   (N + 1, B, m), the states; the first was processed in the previous call
 eps     (B,), the step size
-out     (N, B, n, n), the orientations at the others; NaN from the first state on that is NaN
+out     (N, B, n, n), the orientations at the other states; NaN from the first NaN state on
 """
 
 import numpy as np
@@ -15,14 +15,14 @@ from .tiles import lead_of, write_row
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 LANES = 128
-# Rows of a block: the quaternion, the step size, the state before, and R0.
+# Rows of a block: the quaternion, the step size, the previous state, and R0.
 EPS, BEFORE, START, ROWS = 4, 5, 7, 16
 _ROOM, _TILE = ROWS * LANES, 9 * LANES
 
 
 @formula
 def turn_lane(s, l, omega1, omega2):
-    """Turn a body on to its next state."""
+    """Rotate a body to its next state."""
     unit, b1, b2 = turn_between(s[EPS, l], s[BEFORE, l], s[BEFORE + 1, l], omega1, omega2)
     s[0, l], s[1, l], s[2, l], s[3, l] = turned(s[0, l], s[1, l], s[2, l], s[3, l], unit, b1, b2)
     s[BEFORE, l], s[BEFORE + 1, l] = omega1, omega2
@@ -64,7 +64,7 @@ def turn_block(block, omega, eps, R0, carried, out):
 
 @kernel
 def reconstruct(omega, eps, R0, carried, out):
-    """Fill orientations R0 R, where R began as the identity.
+    """Fill orientations R0 R, where R is the identity at the first state.
 
     R0 (B, 3, 3); carried (B, 4), the quaternions of R, is read and written.
     """
@@ -74,7 +74,7 @@ def reconstruct(omega, eps, R0, carried, out):
 
 @inner
 def turn_some(task, omega, eps, number, before, out, scratch):
-    """Fill the orientations of the trajectories of a task."""
+    """Fill the orientations for the trajectories of a task."""
     batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
     n, room = m + 1, scratch[task]
     columns, gram, cleaned = room[:n], room[n : 2 * n], room[2 * n : 3 * n]
@@ -98,7 +98,7 @@ def turn_some(task, omega, eps, number, before, out, scratch):
 def reconstruct_nd(omega, eps, number, before, out, scratch):
     """Fill orientations in n dimensions.
 
-    `number` is that of the first state; before (B, n, n), the orientations there;
+    `number` is the index of the first state; before (B, n, n), the orientations there;
     scratch (tasks, 3 n + 2, n).
     """
     for task in prange(len(scratch)):
@@ -107,8 +107,8 @@ def reconstruct_nd(omega, eps, number, before, out, scratch):
 
 @formula
 def follows(equations, row, omega, k, i):
-    """Test that state k + 1 of trajectory i follows state k by the implicit equations."""
-    # Indices throughout: each slice of an array would count references.
+    """Test by the implicit equations that state k + 1 of trajectory i is the image of state k."""
+    # Indices instead of slices, which would count references.
     root, h, I, rotor = equations
     m, largest = omega.shape[2], 0.0
     for j in range(m):
@@ -137,7 +137,7 @@ def follows(equations, row, omega, k, i):
 
 @inner
 def follow_block(block, equations, number, omega, stray):
-    """Fill the first stray state of each trajectory of a block."""
+    """Fill the index of the first inconsistent state of each trajectory of a block."""
     for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
         row = min(i, len(equations[1]) - 1)
         k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
@@ -149,13 +149,13 @@ def follow_block(block, equations, number, omega, stray):
 
 @kernel
 def follow(root, h, I, rotor, number, omega, stray):
-    """Find states that do not follow the one before by the map.
+    """Find states that are not the image of the previous state.
 
     root     (B, m) or (1, m), the weights of the components: the roots of J
     h, I     (B, m) or (1, m): eps / J, and I, which is of the order of 1
     rotor    (B,) or (1,), the momentum of a rotor in the unit of I; 0 unless m = 2
-    number   of the first state in `omega`
-    stray    (B,), the number of the first state that does not, or -1; read and written
+    number   index of the first state in `omega`
+    stray    (B,), the index of the first such state, or -1; read and written
     """
     for block in prange((omega.shape[1] + LANES - 1) // LANES):
         follow_block(np.int64(block), (root, h, I, rotor), number, omega, stray)

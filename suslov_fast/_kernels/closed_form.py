@@ -1,22 +1,22 @@
-"""States by the closed form: rows of equal steps, and states at any times.
+"""States by the closed form, in rows of equal steps or at arbitrary times.
 
-The lanes of a block are trajectories or, where these are few, trajectories at several rows or
-times, row by row. In rows of equal steps the geometric sequence begins anew from an exact power
-every GROUP rows, and is multiplied twice in between: a state depends on its orbit and its number
-alone.
+The lanes of a block are trajectories or, if these are few, trajectories at several rows or
+times, row by row. In rows of equal steps the geometric sequence restarts every GROUP rows from a
+power computed directly, and is multiplied twice in between: a state depends only on its orbit and
+its index.
 
 Arguments of kernels, over a batch of B trajectories:
 
-sign         1, or -1 for the inverse map and the flow back in time; all times are >= 0
-parameters   I1, I2, I13, I23 and eps: (B,) each, or (1,) if all share it; for the flow eps is the
+sign         1, or -1 for the inverse map and the flow backward in time; all times are >= 0
+parameters   I1, I2, I13, I23 and eps: (B,) each, or (1,) if common to all; for the flow eps is the
              unit of times
 omega        (B, 2), the states at time 0
-lanes        the first trajectory wanted, and the one after the last
-out          (N, B, 2), the states; NaN where there is none
+lanes        the first trajectory to compute, and the one after the last
+out          (N, B, 2), the states; NaN if a state does not exist
 ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
-             empty arrays the closed form goes on beyond it
-missing      (3,), to which is added how many states are NaN though state 0 is not: at a step,
-             between two steps, and out of the range of float64
+             empty arrays the closed form continues past it
+missing      (3,), incremented by the numbers of NaN states of orbits whose state 0 is not NaN: at a
+             step, between two steps, and out of the range of float64
 """
 
 import numpy as np
@@ -48,21 +48,21 @@ from .iterate import body_at
 from .tiles import lead_of, missing_of_first_block, write_row
 
 LANES, EIGHT, GROUP = 128, 8, 64
-# Rows of a block: the fields of an orbit, and what is known of the lanes of some rows.
+# Rows of a block: the fields of an orbit, and time-independent data of the lanes for some rows.
 A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
 OMEGA1, OMEGA2, NUMBER, FAILS, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
 # r**(8 a every), and r**(a every), a = 0 ... 7.
 EIGHTHS, ROWS = SLOW + 1, SLOW + 9
 FIELDS = ROWS + 8
-# Rows from SEED on while orbits are entered. Loops over lanes become SIMD for up to 16 rows.
+# Rows from SEED on, used while orbits are entered. Loops over lanes become SIMD for up to 16 rows.
 I1_, I2_, I13_, I23_, EPS_, X_, Y_, LOST, UNIT, TIME, KIND, T_ = range(SEED, SEED + 12)
 ROOM, WIDE = FIELDS * LANES, 2 * LANES
 TILE = EIGHT * WIDE
 # States of one task.
 TASK = 2**16
-# Seeds w so large are taken one by one, as are those so near a pole: |k| w**2 above 1/4.
+# Seeds w above this, and those near a pole, |k| w**2 above 1/4, are computed one by one.
 LARGE_SEED, NEAR_POLE = 200.0, 0.25
-# A w so small becomes 0, as subnormal numbers are slow, and its square does earlier.
+# A w below this becomes 0, and its square earlier, since subnormal numbers are slow.
 NEGLIGIBLE, NO_SQUARE = 2.0**-960, 2.0**-300
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
@@ -87,17 +87,16 @@ def body_and_state_of(r, l):
 
 @formula
 def not_negligible(v):
-    """Return v, or 0 in the place of what would soon be subnormal."""
+    """Return v, or 0 if it would soon be subnormal."""
     return select(abs(v) < NEGLIGIBLE, 0.0, v)
 
 
 @formula
 def plan_of(lanes, out, count, length):
-    """Return how blocks and times are shared: the number of tasks, how many a block has, how many
-    of `count` rows or times a task has and a block holds side by side, and by how much the first
-    block is shorter.
+    """Return the numbers of tasks, of tasks per block, of rows or times (of `count`) per task, of
+    groups of lanes in a block, and by how much the first block is shorter.
 
-    length   of what is side by side.
+    length   number of rows or times of a group.
     """
     batch, shift = lanes[1] - lanes[0], 0
     groups = max(min(LANES // max(batch, 1), (count + length - 1) // length), 1)
@@ -112,7 +111,7 @@ def plan_of(lanes, out, count, length):
 
 @formula
 def repeat(room, width, lanes, row, stop):
-    """Repeat what the first lanes of some rows hold."""
+    """Repeat the first lanes of some rows."""
     for k in range(row, stop):
         for l in range(width, lanes):
             room[k, l] = room[k, l - width]
@@ -120,13 +119,13 @@ def repeat(room, width, lanes, row, stop):
 
 @inner
 def state_of_lane(room, l, n):
-    """Return state n of the orbit in a lane, whichever it is."""
+    """Return state n of the orbit in a lane, by either form."""
     return state_at(n, orbit_of(room, l))
 
 
 @inner
 def end_of(room, l, stop):
-    """Return how an orbit ends up to a step, and the number of the first state that it lacks."""
+    """Return the status of an orbit at a step, and the index of its first missing state."""
     orbit = orbit_of(room, l)
     if orbit.fate <= OUT_OF_RANGE:
         return NOT_FOUND, np.inf
@@ -150,7 +149,7 @@ def end_of(room, l, stop):
 
 @inner
 def write_ends(room, first, width, lanes, ends):
-    """Find how trajectories end; return True if any does before the last step."""
+    """Write statuses of trajectories; return True if any ends before the last step."""
     status, failed_at, stop = ends
     any_fails = False
     for l in range(width):
@@ -166,7 +165,7 @@ def write_ends(room, first, width, lanes, ends):
 
 @inner
 def mend(room, l, n, tile, i, missing):
-    """Mend state n of lane l at tile[i:]: where it is slow, out of range, the first, or missing."""
+    """Correct state n of lane l at tile[i:] if it is slow, out of range, the first, or missing."""
     omega1, omega2 = tile[i], tile[i + 1]
     if room[SLOW, l] != 0.0:
         omega1, omega2 = state_of_lane(room, l, n)
@@ -186,13 +185,13 @@ def mend(room, l, n, tile, i, missing):
 
 @inner
 def end_rows(room, l, n, tile, i):
-    """Let no state follow a pole."""
+    """Set the states after a pole to NaN."""
     if n >= room[FAILS, l]:
         tile[i], tile[i + 1] = np.nan, np.nan
 
 
 def entering(of_map):
-    """Make what enters the orbits of a block, of the map or the flow."""
+    """Build the function that enters the orbits of a block, for the map or the flow."""
     coordinates, sequence = coordinates_of_flow, sequence_of_flow
     if of_map:
         coordinates, sequence = coordinates_of_map, sequence_of_map
@@ -243,7 +242,7 @@ def finish_block(room, first, width, groups, ends):
 
 @inner
 def enter_ratios(room, lanes, every):
-    """Fill the powers of r from one row to another, and the numbers of rows of groups of lanes."""
+    """Fill the powers of r between rows, and the row indices of groups of lanes."""
     for a in range(2 * EIGHT):
         steps = (8.0 * a if a < EIGHT else a - 8.0) * every
         for l in range(lanes):
@@ -253,7 +252,7 @@ def enter_ratios(room, lanes, every):
 
 @inner
 def enter_seeds(room, lanes, first_number, every, top):
-    """Fill the numbers w of the rows from which the geometric sequence begins anew."""
+    """Fill the numbers w of the rows from which the geometric sequence restarts."""
     for l in range(lanes):
         f, k = growth(first_number + every * (top + room[NUMBER, l]), orbit_of(room, l))
         w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
@@ -279,7 +278,7 @@ def enter_eighth(room, lanes, a):
 
 
 def row_loop(of_map):
-    """Make the loop over the rows of a task, of the map or the flow."""
+    """Build the loop over the rows of a task, for the map or the flow."""
     enter = entering(of_map)
 
     @inner
@@ -347,7 +346,7 @@ def row_loop(of_map):
 
 
 def time_loop(of_map):
-    """Make the loop over the times of a task, of the map or the flow."""
+    """Build the loop over the times of a task, for the map or the flow."""
     enter = entering(of_map)
 
     @inner

@@ -5,17 +5,17 @@ import numpy as np
 from .._formulas.elementary import larger
 from .._jit import carray, copy_line, formula, inner, select, stack, subtract_product
 
-# Systems side by side, and those that one instruction takes. 32 are no faster.
+# Number of systems side by side, and of those in one vector. 32 are no faster.
 WIDTH, LINE = 16, 8
 SIZE, LARGEST, INVERSE, SUM = range(4)
 ROOM = (SUM + 2) * WIDTH
-# A pivot this much smaller than those before it, times the number of equations, is 0 to rounding.
+# A pivot is 0 to rounding if it is below the previous ones times this and the number of equations.
 ZERO_TO_ROUNDING = 2.0**-50
 
 
 @inner
 def exchange_rows(matrix, k, width):
-    """Bring the largest number of column k, from row k on, into row k, system by system."""
+    """Exchange rows in each system: the largest number of column k, from row k on, goes to row k."""
     m = matrix.shape[0] - 1
     for l in range(width):
         pivot = k
@@ -29,8 +29,8 @@ def exchange_rows(matrix, k, width):
 
 @formula
 def reduce(matrix, i, j, further, count, s):
-    """Subtract from number (i, j) the first `count` products of numbers of row i and column j, and
-    the same for the number that is `further` on.
+    """Subtract from entry (i, j) the first `count` products of entries of row i and column j, and
+    likewise for the entry `further` columns to the right.
     """
     i2, j2 = i + further[0], j + further[1]
     for l in range(0, WIDTH, LINE):
@@ -47,10 +47,11 @@ def reduce(matrix, i, j, further, count, s):
 
 @inner
 def eliminate(matrix):
-    """Solve some systems, in Crout's order: each number takes all its products at once.
+    """Solve some systems in Crout's order: all products of an entry are subtracted together.
 
     matrix    (m + 1, m + 2, WIDTH), the coefficients, and right sides as column m, which become the
-              solutions, NaN where a matrix is singular. The last row and column are room for pairs.
+              solutions, NaN if a matrix is singular. The last row and column are padding for
+              pairs.
     """
     m, width = matrix.shape[0] - 1, matrix.shape[2]
     s = carray(stack(ROOM), (SUM + 2, WIDTH))
@@ -63,12 +64,12 @@ def eliminate(matrix):
             s[LARGEST, l] = abs(matrix[k, k, l])
         for i in range(k + 1, m):
             for l in range(width):
-                # LLVM would store this masked, which is slow, but for the sum.
+                # The sum avoids masked stores, which are slow.
                 s[LARGEST, l] = larger(abs(matrix[i, k, l]), s[LARGEST, l]) + 0.0
         smaller_pivots = 0.0
         for l in range(width):
             smaller_pivots += select(abs(matrix[k, k, l]) < s[LARGEST, l], 1.0, 0.0)
-        # Most often no rows are exchanged: A is near the identity.
+        # Usually no rows are exchanged: A is near the identity.
         if smaller_pivots > 0.0:
             exchange_rows(matrix, k, width)
         for l in range(width):

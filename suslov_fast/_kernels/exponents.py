@@ -1,6 +1,6 @@
-"""Lyapunov exponents: steps of orbits and of small displacements from them.
+"""Lyapunov exponents: steps of orbits and of their tangent vectors.
 
-Growth is a product of factors, held as (product, exponent) in the sense of `multiplied`.
+Growth is a product of factors, stored as (product, exponent) like in `multiplied`.
 """
 
 import numpy as np
@@ -24,14 +24,14 @@ LANES = 128
 # the matrix that takes it to omega, up to a factor; the growth of its length and that of the area.
 X_, Z_, C_, G_, V1, V2, M11, M12, M21, M22, LENGTH, OF_LENGTH, AREA, OF_AREA, ROWS = range(15)
 _ROOM = ROWS * LANES
-# A pivot this much smaller than those before it, times m, is zero to rounding.
+# A pivot smaller than the previous ones by this factor times m is zero to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
 
 
 @inner
 def enter_orbit(i, parameters, omega, carried):
-    """Fill the rows of an orbit; its displacement is along Omega1, or if that is lost in the first
-    step along Omega2.
+    """Fill the rows of an orbit; its displacement is along Omega1, or along Omega2 if the first
+    step annihilates the former.
     """
     I1, I2, I13, I23, eps, M, P, E = normal_body(
         parameters[0][i], parameters[1][i], parameters[2][i], parameters[3][i], parameters[4][i]
@@ -75,12 +75,12 @@ def advance(s, l):
     u1, u2 = s[M11, l] * v1 + s[M12, l] * v2, s[M21, l] * v1 + s[M22, l] * v2
     length = np.sqrt(u1 * u1 + u2 * u2)
     s[V1, l], s[V2, l] = v1 / length, v2 / length
-    # A derivative exists where a next state does.
+    # The derivative exists if the next state does.
     exists, Z_next = guarded_step(X, Z, c, np.inf)
     poison = 0.0 * exists
     s[LENGTH, l], s[OF_LENGTH, l] = multiplied(s[LENGTH, l], s[OF_LENGTH, l], length + poison)
     s[AREA, l], s[OF_AREA, l] = multiplied(s[AREA, l], s[OF_AREA, l], det + poison)
-    # Subnormal squares are slow, and 0 beside 1.
+    # Subnormal squares are slow, and negligible relative to 1.
     rests = (abs(X_next) < SMALLEST_SQUARED) & (Z_next > c)
     s[X_, l], s[Z_, l] = select(rests, 0.0, X_next) + poison, Z_next
 
@@ -136,7 +136,7 @@ def factorise(matrix, order):
 
 @inner
 def solve(matrix, order, v):
-    """Replace v by the solution for it of the system that `factorise` left."""
+    """Replace v by the solution for the right side v of the factorised system."""
     m = matrix.shape[0]
     for k in range(m):
         other = v[order[k]]
@@ -165,7 +165,7 @@ def multiply(h, I, omega, sign, rows, k, result):
 
 @inner
 def orthonormalise(frame, products, exponents):
-    """Gram and Schmidt's method on the rows of a frame; their lengths multiply the products."""
+    """Apply the Gram-Schmidt method to the rows of a frame; their lengths multiply the products."""
     m = frame.shape[0]
     for k in range(m):
         square = 0.0
@@ -185,7 +185,7 @@ def orthonormalise(frame, products, exponents):
 
 @inner
 def step(h, I, omega, frame, matrix, v, order):
-    """Make one step of a state, NaN where there is no next one, and of a frame."""
+    """Make one step of a state, NaN if there is no next one, and of a frame."""
     m = omega.size
     p = 0.0
     for j in range(m):

@@ -1,4 +1,4 @@
-"""The three-component scheme, in which Omega3 need not vanish."""
+"""The three-component scheme, in which Omega3 may be nonzero."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from .iterate import map_kernel
 
 # Rows of a block: the coefficients, a bound of the state, and the unit of omega.
 _BOUND, _UNIT = 10, 11
-# States that are shown are finite where their largest component is below this.
+# Bound of the largest component below which states are finite.
 _LARGEST = 1e307
 
 

@@ -10,7 +10,7 @@ from .iterate import map_kernel
 
 # Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
 _BOUND, _UNIT = 4, 5
-# States that are shown are finite where their components are below this.
+# Bound of the components below which states are finite.
 _LARGEST = 1e307
 
 

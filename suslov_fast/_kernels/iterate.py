@@ -1,9 +1,9 @@
-"""The loop over steps that all maps in three dimensions share.
+"""The loop over steps, common to all maps in three dimensions.
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
-inside, so that LLVM puts lanes side by side in vector registers. The constants of each trajectory
-stand in the rows of `c`, its state in those of `s`. `map_kernel` makes the kernel of a map from
-formulas of one lane l:
+inside, and LLVM places lanes side by side in vector registers. The constants of each trajectory
+are in the rows of `c`, its state in those of `s`. `map_kernel` builds the kernel of a map from
+formulas for one lane l:
 
 enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
                                        its steps must be guarded, else 0.
@@ -15,23 +15,23 @@ and, for maps with steps of several kinds,
 
 careful(c, s, l)                       Make the same step without slow subnormal numbers.
 guarded(c, s, l)                       Make one step of any trajectory: NaN where no next state
-                                       exists, else equal to `advance` bit for bit.
+                                       exists, else bit-identical to `advance`.
 settle(c, s, l, rounds)                Return 1 if steps must be careful, else 0. With `rounds`,
-                                       replace numbers that do not count any more by 0.
+                                       replace negligible numbers by 0.
 
-The arithmetic of a trajectory depends neither on its block nor on how its steps are cut into calls.
+The arithmetic of a trajectory does not depend on its block or on the division of steps into calls.
 Arguments of a kernel, over a batch of B trajectories:
 
-parameters   arrays (B,) or (1,): those of the body, and the step size
+parameters   arrays (B,) or (1,): parameters of the body, and the step size
 omega        (B, D), the states at step 0
 span         begin, end, start, stop, every, first_row: trajectories begin to end are taken from
-             state start to state stop, states whose number is a multiple of `every` are saved, the
-             first of them is number first_row * every
-saved        (rows, B, D); no rows if states are not wanted
+             state start to state stop, states whose index is a multiple of `every` are saved,
+             starting with index first_row * every
+saved        (rows, B, D); no rows if no states are saved
 turning      None, or time_step (B,) or (1,); R0 (B, 3, 3); quaternions (B, 4), the rotations since
-             then; turns (rows, B, 3, 3), the orientations at the saved states, or the last alone
+             then; turns (rows, B, 3, 3), the orientations at the saved states, or only the last
 kept         final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
-             fails; state (B, S), from which a run goes on, or (0, S)
+             fails; state (B, S), from which a run is resumed, or (0, S)
 """
 
 import numpy as np
@@ -42,14 +42,14 @@ from .._jit import Kernel, carray, formula, inner, select, stack
 from . import codes
 from .tiles import lead_of, missing_of_first_block, write_row
 
-# 64 lanes lose a quarter to the loop around them, 256 gain nothing.
+# 64 lanes lose a quarter to the outer loop; 256 are no faster.
 LANES = 128
-# Rows of a block: constants of a trajectory at most, and numbers that hold its state.
+# Rows of a block: the largest numbers of constants and of state variables of a trajectory.
 CONSTANTS, STATE = 12, 4
 # Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
 _TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
 _C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
-# Trajectories are tested for failure every so many steps; steps since then are then repeated.
+# Number of steps between tests for failure; after a failure the last of them are repeated.
 CHECK_EVERY = 256
 
 
@@ -75,7 +75,7 @@ def blocks_of(span, saved):
 
 @formula
 def whole(width):
-    """Return the lanes in use: whole vectors."""
+    """Return the number of lanes in use, rounded up to whole vectors."""
     return (width + 7) // 8 * 8
 
 
@@ -86,11 +86,11 @@ def nothing_to_settle(c, s, l, rounds):
 
 
 def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle):
-    """Make the loop over the steps of a block from the formulas of a map."""
+    """Build the loop over the steps of a block from the formulas of a map."""
 
     @formula
     def show_before(c, s, r, tile, lanes):
-        """Fill the angular velocities before the next step, of a run that is gone on with."""
+        """Fill the angular velocities before the next step of a resumed run."""
         for l in range(lanes):
             show(c, s, l, tile, 2 * l)
         for l in range(lanes):
@@ -214,7 +214,7 @@ def all_blocks(parameters, omega, span, saved, turning, kept):
 def map_kernel(
     name, D, numbers, enter, advance, show, cause, careful=None, guarded=None, settle=None
 ):
-    """Make the kernel of a map whose states have D components and are held as so many numbers."""
+    """Build the kernel of a map whose states have D components, stored as `numbers` variables."""
     formulas = enter, advance, show, cause, careful or advance, guarded or advance
     loop = block_loop(D, numbers, *formulas, settle or nothing_to_settle)
     return Kernel(all_blocks, name, run_block=loop)
@@ -244,7 +244,7 @@ def enter_turns(turning, omega, first, width, lanes, r):
 
 @formula
 def turn_on(tile, r, lanes):
-    """Turn the bodies from the angular velocities before the step to those in the tile."""
+    """Rotate the bodies by one step, from the previous angular velocities to those in the tile."""
     for l in range(lanes):
         next1, next2 = tile[2 * l], tile[2 * l + 1]
         unit, b1, b2 = turn_between(
@@ -270,7 +270,7 @@ def write_turns(turning, r, row, first, width):
 
 @formula
 def leave_turns(turning, r, first, width):
-    """Write the quaternions from which a run goes on."""
+    """Write the quaternions from which a run is resumed."""
     for l in range(width):
         for k in range(4):
             turning[2][first + l, k] = r[k, l]

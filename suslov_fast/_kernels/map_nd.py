@@ -1,12 +1,12 @@
 """Iteration of the n-dimensional map.
 
 A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
-A step in O(n) solves for the increment by `solve2`; lanes where that is not accurate take
+A step in O(n) solves for the increment by `solve2`; lanes where this is inaccurate use
 `solve_bordered` or, in `iterate_with_elimination`, elimination. The arithmetic of a lane never
 depends on the other lanes.
 
-Lanes hold omega in a unit, a power of two, in which it is of the order of 1; they get a new unit
-when omega has left that range. Lanes that have ended rest at 0 in a unit that is NaN.
+Lanes store omega in a unit, a power of two, in which it is of the order of 1; the unit changes when
+omega leaves that range. Lanes that have ended have the state 0 in the unit NaN.
 """
 
 import numpy as np
@@ -20,23 +20,23 @@ from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
-# Trajectories of a block: enough for sums over components not to wait for the memory they were
-# just written to.
+# Trajectories of a block: enough to prevent sums over components from stalling on memory just
+# written.
 LANES = 64
 
 # A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
 # (M, lanes), where work holds 1/d; and of numbers of each lane, in rows:
 (
     EPS_INPUT,
-    EPS,  # in the unit of omega; 0 where nothing moves
+    EPS,  # in the unit of omega; 0 for fixed states
     EXPONENT,  # of the unit of omega
     UNIT,
     LOW,  # bounds of |omega|**2, see `bounds`
     HIGH,
     LONGEST,
     NEAR,  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
-    RESTS,  # 1 where eps or I is 0, else 0
-    STATUS,  # of trajectories that have ended, else OK
+    RESTS,  # 1 if eps or I is 0, else 0
+    STATUS,  # status of trajectories that have ended, else OK
     P,
     SQUARE,
     HALF,  # eps p / 2
@@ -45,25 +45,25 @@ LANES = 64
     GAMMA,
     OF_OMEGA,  # factors in delta, see `solve2`
     OF_I,
-    ACCURATE,  # 1 where the step by `solve2` is accurate, 0.5 where that depends on d, else 0
-    CHOSEN,  # the numbers of lanes that are eliminated
+    ACCURATE,  # 1 if the step by `solve2` is accurate, 0.5 if this depends on d, else 0
+    CHOSEN,  # the indices of lanes that need elimination
 ) = range(20)
 FIELDS = 20
 ROOM, ROOM_OF_ROW = FIELDS * LANES, 5 * LANES
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
-# and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i whether rows
-# that are written overlap others: the pairs must lie in two halves, not side by side.)
+# and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
+# overlap of written rows with others: the pairs must lie in two halves, not side by side.)
 
 
 @formula
 def at(values, i, l):
-    """Return a number of J or I."""
+    """Return an entry of J or I."""
     return values[i] if values.ndim == 1 else values[i, l]
 
 
 @formula
 def put(values, i, l, number):
-    """Set a number of J or I."""
+    """Set an entry of J or I."""
     if values.ndim == 1:
         values[i] = number
     else:
@@ -83,7 +83,7 @@ def norms(I, omega, l):
 
 @formula
 def units_serve(lane, lanes):
-    """Return True if the units of all lanes serve."""
+    """Return True if the units of all lanes remain valid."""
     left = 0.0
     for l in range(lanes):
         square = lane[SQUARE, l]
@@ -126,7 +126,7 @@ def solve_lanes(J, I, omega, lane, chosen, room):
 
 @inner
 def leave_out(J, I, omega, lane, chosen, room):
-    """End trajectories that take an elimination, for another kernel to begin them anew."""
+    """End trajectories that need elimination; another kernel restarts them."""
     for k in range(chosen):
         l = int(lane[CHOSEN, k])
         lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
@@ -145,9 +145,9 @@ def step_gauss(J, I, omega, work, lane, count, room):
 
 @inner
 def step_bordered(J, I, omega, work, lane, l):
-    """Take the step in a lane, the increment of one component as an unknown; return the success.
+    """Take the step in a lane by the bordered system; return True if it is accurate.
 
-    If no d is small after all, the step by `solve2` stands.
+    If no d is small, the step by `solve2` remains.
     """
     eps, half, p, square = lane[EPS, l], lane[HALF, l], lane[P, l], lane[SQUARE, l]
     k, smallest, second = 0, np.inf, np.inf
@@ -229,11 +229,11 @@ def add_increment(I, omega, work, lane):
 
 
 def rank2_step(solve):
-    """Make the step in O(n); `solve` is what takes the lanes that are left for elimination."""
+    """Build the step in O(n); `solve` handles the lanes that need elimination."""
 
     @inner
     def step_with_care(J, I, omega, work, lane, room):
-        """Take the step in lanes where that by `solve2` is not accurate; let its increment be 0."""
+        """Take the step in lanes where `solve2` is inaccurate; set its increment to 0."""
         left = 0
         for l in range(omega.shape[1]):
             if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
@@ -245,7 +245,7 @@ def rank2_step(solve):
                 lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
                 for i in range(omega.shape[0]):
                     work[i, l] = 0.0
-                    if abs(omega[i, l]) == np.inf:  # which an increment of 0 makes NaN
+                    if abs(omega[i, l]) == np.inf:  # which becomes NaN by an increment of 0
                         lane[HALF, l] = np.inf
 
     @formula
@@ -259,14 +259,14 @@ def rank2_step(solve):
 
 @formula
 def unit_of(largest, before):
-    """Return the exponent of the unit for numbers up to this one in a unit of 2**before."""
+    """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
     size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
     return larger(smaller(size + before, 1023.0), -1022.0)
 
 
 @inner
 def take_unit(J, I, omega, lane, l, size):
-    """Go over to the unit 2**size in a lane, or to rest where the trajectory has ended."""
+    """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
     change, ended = lane[EXPONENT, l] - size, lane[STATUS, l] != OK
     smallest, I_square = np.inf, 0.0
     for i in range(omega.shape[0]):
@@ -286,7 +286,7 @@ def take_unit(J, I, omega, lane, l, size):
 
 @inner
 def renew_units(J, I, omega, lane, begin, end, n, failed_at):
-    """After the step to state n end the lanes that are not finite, and find units where needed."""
+    """After the step to state n, end lanes that are not finite, and renew units if needed."""
     for l in range(omega.shape[1]):
         if not (lane[LOW, l] < lane[SQUARE, l] < lane[HIGH, l]):
             largest, undefined, infinite = 0.0, False, False
@@ -305,7 +305,7 @@ def renew_units(J, I, omega, lane, begin, end, n, failed_at):
 
 @inner
 def enter(parameters, start, kept, begin, end, block):
-    """Take trajectories up at state start; lanes beyond the last repeat it."""
+    """Enter trajectories at state `start`; lanes beyond the last repeat it."""
     (all_J, all_I, eps, initial), (J, I, omega, lane) = parameters, block
     _, status, failed_at, state, exponents = kept
     m, lanes = initial.shape[1], omega.shape[1]
@@ -326,7 +326,7 @@ def enter(parameters, start, kept, begin, end, block):
         lane[EPS_INPUT, l] = eps[b if eps.size > 1 else 0]
         lane[RESTS, l] = 1.0 if lane[EPS_INPUT, l] == 0.0 or coupled == 0.0 else 0.0
         if start == 0:
-            # NaN is no state: such a trajectory ends before it begins.
+            # A trajectory whose state 0 is NaN ends at step 0.
             status[b], failed_at[b] = (NONFINITE, 0) if undefined else (OK, -1)
         lane[STATUS, l] = status[b] if failed_at[b] >= 0 else OK
         lane[EXPONENT, l] = 0.0 if start == 0 else exponents[b]
@@ -336,7 +336,7 @@ def enter(parameters, start, kept, begin, end, block):
 
 @inner
 def write(initial, omega, lane, begin, end, n, target):
-    """Write the states n of a block; those that never move, and the first, as they were given."""
+    """Write the states n of a block; fixed states and the first are copies of the input."""
     for l in range(end - begin):
         b = begin + l
         as_given = (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK
@@ -350,7 +350,7 @@ def write(initial, omega, lane, begin, end, n, target):
 
 @inner
 def leave(initial, omega, lane, begin, end, stop, kept):
-    """Write the last states, in the unit of the user and in those of the lanes."""
+    """Write the last states, in the unit of the input and in those of the lanes."""
     final, status, _, state, exponents = kept
     write(initial, omega, lane, begin, end, stop, final)
     for l in range(end - begin):
@@ -362,7 +362,7 @@ def leave(initial, omega, lane, begin, end, stop, kept):
 
 @inner
 def orient(omega, lane, turning, task, begin, end, n, start):
-    """Turn the orientations to state n; `before` holds the states before it."""
+    """Rotate the orientations to state n; `before` holds the previous states."""
     time_step, columns, _, before, room = turning
     size = columns.shape[1]
     middle, image = room[task, 2 * size], room[task, 2 * size + 1]
@@ -393,7 +393,7 @@ def save_turns(turning, begin, end, row):
 
 
 def block_loop(step):
-    """Make the loop over the steps of blocks."""
+    """Build the loop over the steps of blocks."""
 
     @inner
     def iterate_blocks(parameters, span, saved, turning, kept, room, task):
@@ -443,7 +443,7 @@ def all_blocks(parameters, span, saved, turning, kept, room):
         orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
         (tasks, 2 n + 2, n)
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
-        exponent (B,). Those but `final` are read where start is not 0.
+        exponent (B,). All but `final` are read if start is not 0.
     room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
         (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
     """
@@ -455,8 +455,8 @@ def _kernel(name, step):
     return Kernel(all_blocks, name, iterate_blocks=block_loop(step))
 
 
-# In O(n) steps, those that need elimination ending with NEEDS_ELIMINATION, or being eliminated; and
-# by elimination alone.
+# Steps in O(n), where trajectories that need elimination end with NEEDS_ELIMINATION or are
+# eliminated; and steps by elimination only.
 iterate = _kernel("iterate", rank2_step(leave_out))
 iterate_with_elimination = _kernel("iterate_with_elimination", rank2_step(solve_lanes))
 iterate_by_elimination = _kernel("iterate_by_elimination", step_gauss)

@@ -1,4 +1,4 @@
-"""The map in three dimensions: in its canonical coordinates, and as the paper prints it."""
+"""The map in three dimensions: in canonical coordinates, and by equation (5) as printed."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from .._jit import formula, select
 from . import codes
 from .iterate import body_at, map_kernel
 
-# omega is finite where |X| + |Z| is below this over the largest number of the matrix from (X, Z):
+# omega is finite if |X| + |Z| is below this over the largest entry of the matrix from (X, Z):
 # float64 ends at 1.8e308, and omega is a sum of three products.
 _LARGEST = 1e307
 
@@ -51,7 +51,7 @@ def enter_canonical(parameters, omega, b, c, s, l):
     step, state1, state2, unit = own_unit(eps, omega1, omega2)
     X, Y, lost = coordinates.to_canonical(I1, I2, I13, I23, step, state1, state2)
     m11, m12, m21, m22 = coordinates.from_canonical(I1, I2, I13, I23, step)
-    # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state stays as it is.
+    # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state does not change.
     rests = coordinates.at_rest(I13, I23, step, X, Y)
     m11, m12 = select(rests, 0.0, m11), select(rests, 0.0, m12)
     m21, m22 = select(rests, 0.0, m21), select(rests, 0.0, m22)

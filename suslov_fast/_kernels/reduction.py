@@ -1,4 +1,4 @@
-"""Bodies in n dimensions whose problem is solved, as bodies in three: see `_formulas.reduction`."""
+"""Reduction of solved bodies from n to three dimensions: see `_formulas.reduction`."""
 
 import numpy as np
 from numba import prange
@@ -8,8 +8,8 @@ from .._formulas.elementary import exponent, larger, scaled, within
 from .._formulas.reduction import as_product, sum_in_two
 from .._jit import inner, kernel
 
-# The largest exponents of states, of step sizes and of J over J for which no number comes near the
-# ends of float64, at poles neither.
+# The largest exponents of states, step sizes and ratios of J for which all numbers are far from the
+# limits of float64, also at poles.
 LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
 
 
@@ -24,7 +24,7 @@ def split(I, omega, k, own, along, across):
     for i in range(I.size):
         w = scaled(omega[i], -own)
         p, lost = sum_in_two(p, lost, I[i], w)
-        # Accurate next to the steady states, where all of these differences vanish.
+        # Accurate near the steady states, where all of these differences vanish.
         across[i] = sum_of_products(I[k], w, -I[i], w_k)
         square += I[i] * I[i]
         total += I[i] * across[i]
@@ -61,11 +61,11 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
     step = scaled(eps, within(own, 1000.0))
     of_k, of_others = J[k], J[0 if k > 0 else m - 1]
     three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
-    if m != 2:  # n = 3 needs other names alone
+    if m != 2:  # for n = 3 only names change
         I23, omega1, omega2, on_line, p = split(I, omega, k, own, along, across)
         rests = I[k] == 0.0 or on_line or step == 0.0
         three[3], state[0], state[1] = I23, omega1, omega2
-        if rests:  # the state that does not move is `along` as it is
+        if rests:  # a fixed state is `along` itself
             three[3], state[0], state[1] = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
             for i in range(m):
                 along[i], across[i] = omega[i], 0.0
@@ -78,7 +78,7 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
 
 @kernel
 def reduce(parameters, omega, three, state, along, across, fits):
-    """Find the 3D problems of trajectories of bodies whose problem is solved; of n = 3 only `fits`.
+    """Find the 3D problems of trajectories of solved bodies; for n = 3 only `fits`.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
     omega : (B, m), the states at step 0
@@ -87,7 +87,7 @@ def reduce(parameters, omega, three, state, along, across, fits):
     state : (B, 2), the states of these bodies
     along, across : (B, m); omega is along times the first component of a state of the 3D body, plus
         across times the second
-    fits : (B,), 1 where a trajectory is in the range that is taken here, else 0
+    fits : (B,), 1 if a trajectory is in the range of this reduction, else 0
     """
     J, I, eps = parameters
     for b in prange(len(omega)):
@@ -107,7 +107,7 @@ def expand_row(states, along, across, out):
 
 @kernel
 def expand(states, along, across, out, begin):
-    """Make states out (rows, B, m), from `begin` on, of those of the 3D bodies (rows, lanes, 2)."""
+    """Fill states out (rows, B, m), from `begin` on, from 3D states (rows, lanes, 2)."""
     lanes = states.shape[1]
     for r in prange(len(states)):
         row = out[r, begin : begin + lanes]

@@ -1,13 +1,13 @@
-"""Quantities of states: one loop over states, which takes a formula.
+"""Quantities of states: one loop over states for all formulas.
 
-States stand one after the other. Those of a whole run repeat the batch at each time, and with it
-the bodies. A task takes blocks of LANES bodies, and of each block all times: what depends on the
-bodies alone is computed once. Arguments of a kernel:
+States are contiguous. Those of a run repeat the batch, and with it the bodies, at each time. A task
+processes blocks of LANES bodies, and for each block all times, so that data of the bodies are
+computed once. Arguments of a kernel:
 
-parameters   those of the body, and eps: arrays of `period` numbers each, or of one that serves all
+parameters   parameters of the body, and eps: arrays of `period` numbers each, or of one for all
 omega        (count, 2), the states
 out          (count, size), the results
-period       after how many states the bodies repeat
+period       number of states after which the bodies repeat
 report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
@@ -22,7 +22,7 @@ LANES = 128
 GIVEN, BODY, STATE, RESULT = 6, 10, 3, 4
 _GIVEN, _BODY, _STATE, _RESULT = GIVEN * LANES, BODY * LANES, STATE * LANES, RESULT * LANES
 LARGEST = 2
-# The number of states that are not NaN and have no result, the first of them, and 1 if a state is
+# The number of states without a result that are not NaN, the first of them, and 1 if a state is
 # infinite.
 MISSING, FIRST, INFINITE = range(3)
 
@@ -34,7 +34,7 @@ def spread(parameter, first, width, row):
         for l in range(width):
             row[l] = parameter[0]
     else:
-        # Of indices from 0 on LLVM knows that they do not count from the end.
+        # LLVM knows that indices from 0 on are not negative.
         numbers = parameter[first : first + width]
         for l in range(width):
             row[l] = numbers[l]
@@ -53,7 +53,7 @@ def enter_states(flat, first, width, s):
 
 @formula
 def count_missing(r, s, width):
-    """Return how many states have no result, and the lane of the first."""
+    """Return the number of states without a result, and the lane of the first."""
     count = 0
     for l in range(width):
         total = s[0, l] + s[1, l]
@@ -109,7 +109,7 @@ def put_matrix(r, l, values):
 
 
 def evaluation(enter, at_lane, size):
-    """Make the loop of a task from the formulas of a body and of a quantity at a lane."""
+    """Build the loop of a task from the formulas of a body and of a quantity in a lane."""
     put = {1: put_one, 2: put_pair, 4: put_matrix}[size]
 
     @inner
@@ -155,7 +155,7 @@ def all_states(parameters, omega, out, period, report):
 
 
 def quantity(name, enter, at_lane, size=1):
-    """Make the kernel of a quantity of `size` numbers."""
+    """Build the kernel of a quantity of `size` numbers."""
     return Kernel(all_states, name, evaluate=evaluation(enter, at_lane, size))
 
 
@@ -177,7 +177,7 @@ def enter_body(g, b, l):
 
 
 def of_body(name, quantity_of, size=1):
-    """Make the kernel of a formula of a body in 3D and a state."""
+    """Build the kernel of a formula of a body in 3D and a state."""
 
     @formula
     def at_lane(b, s, l):
@@ -196,7 +196,7 @@ def enter_gyrostat(g, b, l):
 
 
 def of_gyrostat(name, quantity_of, size=1):
-    """Make the kernel of a formula of a gyrostat and a state."""
+    """Build the kernel of a formula of a gyrostat and a state."""
 
     @formula
     def at_lane(b, s, l):

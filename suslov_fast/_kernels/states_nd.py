@@ -10,14 +10,14 @@ from .._formulas.units import above_one, fraction, moderate, scaled
 from .._jit import inner, kernel
 
 ENERGY, MODIFIED_ENERGY, VECTOR_FIELD, REACTION, MATRIX = range(5)
-# Rows of scratch, (ROWS, m): the body and the states in units of powers of two, and what `slope`
-# finds on the way.
+# Rows of scratch, (ROWS, m): the body and the states in units of powers of two, and intermediate
+# results of `find_slope`.
 J_, I_, OMEGA, NEXT, OFF, OFF_NEXT, SLOPE, ROWS = range(8)
 
 
 @inner
 def take_unit(values, row, default):
-    """Fill a row with numbers over a power of two; return its exponent, of zeros the default."""
+    """Fill a row with scaled numbers; return the exponent of the unit, the default for zeros."""
     largest = 0.0
     for i in range(values.size):
         largest = larger(abs(values[i]), largest)
@@ -30,9 +30,9 @@ def take_unit(values, row, default):
 
 @inner
 def find_slope(s, k):
-    """Fill the row SLOPE with the right side of (dsn) over J_i and eps; I_k is the largest.
+    """Fill the row SLOPE with the right side of (15) over J_i and eps; I_k is the largest.
 
-    With d_i = I_k Omega_i - I_i Omega_k, which are accurate next to the line Omega = c I, where all
+    With d_i = I_k Omega_i - I_i Omega_k, which are accurate near the line Omega = c I, where all
     of them vanish, p Omega_i - I_i |Omega|**2 = (p d_i - I_i Omega.d) / I_k; products of a state
     and the next are polarised.
     """
@@ -76,7 +76,7 @@ def find_reaction(s, M, P, W, out):
 
 @inner
 def find_matrix(s, eps, out):
-    """Fill A(omega; eps) of (dsn)."""
+    """Fill the matrix A(omega; eps) of equation (16)."""
     m, p = s.shape[1], 0.0
     for i in range(m):
         p += s[I_, i] * s[OMEGA, i]
@@ -84,7 +84,7 @@ def find_matrix(s, eps, out):
     for i in range(m):
         c, g = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps)
         for j in range(m):
-            # A NaN in the state is one in all entries.
+            # A NaN in the state makes all entries NaN.
             diagonal = 1.0 - half / s[J_, i] if i == j else 0.0 * half
             out[i * m + j] = diagonal - c * s[OMEGA, j] - g * s[I_, j]
 
@@ -148,7 +148,7 @@ def evaluate(quantity, parameters, omega, following, out, scratch, infinite):
     omega, following : (count, m), the states; the next ones, or omega itself
     out : (count, 1), (count, m) or (count, m * m)
     scratch : (tasks, ROWS, m)
-    infinite : (tasks,), 1 where a task has met an infinite number, else 0
+    infinite : (tasks,), 1 if a task has found an infinite number, else 0
     """
     for task in prange(len(scratch)):
         find_some(quantity, parameters, omega, following, out, np.int64(task), scratch, infinite)

@@ -1,19 +1,19 @@
-"""Rows of states that leave a block: written past the caches where they do not fit in them.
+"""Output of rows of states, with non-temporal stores if they do not fit in the caches.
 
-A result (rows, B, D) is written as a flat array. A block of trajectories makes its part of a row in
-a tile, which stays in the first cache.
+A result (rows, B, D) is written as a flat array. A block of trajectories computes its part of a row
+in a tile, which stays in the L1 cache.
 """
 
 from .._jit import expect_store, formula, stream_line
 
 LINE = 8  # numbers of a cache line
-# Results of at least so many numbers leave past the caches.
+# Results of at least this many numbers are written with non-temporal stores.
 _LARGE = 2**21
 
 
 @formula
 def lead_of(out):
-    """Return how many numbers of `out` lie before its first cache line, -1 if it is small."""
+    """Return the number of elements of `out` before its first cache line, -1 if it is small."""
     return -(out.ctypes.data // 8) % LINE if out.size >= _LARGE else -1
 
 
@@ -38,6 +38,6 @@ def write_row(tile, flat, start, size, stride, lead):
 
 @formula
 def missing_of_first_block(lead, batch, D):
-    """Return by how many trajectories the first block is shorter, for others to begin on lines."""
+    """Return the number of lanes missing in the first block, so that others start on cache lines."""
     fits = (lead >= 0) & (batch * D % LINE == 0) & (lead % D == 0) & (LINE % D == 0)
     return -(lead // D) % (LINE // D) if fits else 0

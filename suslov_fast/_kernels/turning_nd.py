@@ -8,7 +8,7 @@ import numpy as np
 from .._formulas.rotation import is_large, turned_component, turned_last, unit_of_large
 from .._jit import inner
 
-# Rounding errors are removed at each state whose number is a multiple of this.
+# Rounding errors are removed at each state whose index is a multiple of this.
 CLEAN_EVERY = 16
 
 

@@ -1,4 +1,4 @@
-"""Checks of what a user passes in; each message says what was expected and what was received."""
+"""Checks of arguments; each message states what was expected and what was received."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-# Arrays beyond this size take longer to look through than to compute with.
+# Arrays larger than this take longer to check than to compute with.
 LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
-# Two calls of NumPy take as long as the sum of so many numbers in Python.
+# Up to this size the sum in Python is faster than two calls of NumPy.
 _FEW = 64
-# Integers below are floats too.
+# Integers below this are exact as floats.
 _EXACT = 2**53
 # Types without labels and units.
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
-# Axes of our datasets behind those of the batch.
+# Axes of the package's datasets after those of the batch.
 _OWN_AXES = ("component", "space", "body")
 
 
@@ -41,7 +41,7 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
-    """Return a finite real number as a float, which is faster by far, or an array of them."""
+    """Return a finite real number as a float, or an array; floats are much faster."""
     if type(value) is int and abs(value) < _EXACT:
         return float(value)
     if type(value) is not float:
@@ -60,10 +60,10 @@ def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False
 
 
 def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
-    """Return states, with NaN in all components where one is NaN: there is no such state.
+    """Return states; if one component is NaN, set all components of that state to NaN.
 
-    With `later`, a LARGE array is left to its reader, who calls `real_array` if it finds infinite
-    numbers.
+    With `later`, a LARGE array is not checked here; the caller calls `real_array` if it finds
+    infinite numbers.
     """
     array = _vectors(name, value, dimension)
     if (later and array.size > LARGE) or _all_finite(name, array, allow_nan=True):
@@ -81,7 +81,7 @@ def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
 
 
 def _floats(name: str, value: Any) -> FloatArray:
-    """Return any array-like of real numbers as float64, infinite ones and NaN included."""
+    """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value
     _refuse_units(name, value)
@@ -89,7 +89,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         array = np.asarray(value)
     except ValueError as error:
         raise wrong(name, "a rectangular array of real numbers", _short(value)) from error
-    # `numpy.ma` is imported where something may be of it.
+    # `numpy.ma` is imported only if the array may be masked.
     if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
         raise wrong(name, "real numbers", "a masked array with missing values")
     if array.dtype is _FLOAT64:
@@ -111,7 +111,7 @@ def _floats(name: str, value: Any) -> FloatArray:
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
-    """Return True if all numbers are finite; False may mean that their sum overflows, or NaN."""
+    """Return True if all numbers are finite; False if there are NaN or the sum overflows."""
     if array.size <= _FEW:
         if math.isfinite(sum(array.ravel().tolist())):
             return True
@@ -138,7 +138,7 @@ def _refuse_units(name: str, value: Any) -> None:
         how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
         raise wrong(name, "an array", how, TypeError)
     if _is_xarray(value):
-        value = getattr(value, "data", None)  # the attributes are notes, as those of our datasets
+        value = getattr(value, "data", None)  # its attributes are annotations only
     for attribute in ("unit", "units"):
         if hasattr(value, attribute):
             number = "magnitude" if hasattr(value, "magnitude") else "value"
@@ -154,7 +154,7 @@ def _is_xarray(value: Any) -> bool:
 
 
 def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return arguments of which labelled ones broadcast along axes of the same names."""
+    """Return arguments, the labelled ones aligned by the names of their axes."""
     labelled = {
         name: [dim for dim in value.dims if dim not in _OWN_AXES]
         for name, value in arguments.items()
@@ -179,7 +179,7 @@ def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def _check_labels(name: str, value: Any) -> None:
-    """Refuse components that are not on the last axis, or not in order."""
+    """Raise ValueError if components are not on the last axis, or not in order."""
     if _is_xarray(value):
         dims = [str(dim) for dim in value.dims]
         own = [dim for dim in _OWN_AXES if dim in dims]
@@ -205,7 +205,7 @@ def _check_labels(name: str, value: Any) -> None:
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatArray:
-    """Return symmetric, positive definite matrices (..., n, n), or without n a single one."""
+    """Return symmetric positive definite matrices (..., n, n), or a single one if n is None."""
     matrix = real_array(name, value)
     side = matrix.shape[-1] if n is None and matrix.ndim else n
     if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
@@ -224,7 +224,7 @@ def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatAr
 
 
 def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return axes (..., n) of any length but 0, divided by their length."""
+    """Return nonzero axes (..., n), normalized."""
     axis = vectors(name, value, n)
     largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
     if not (largest > 0).all():
@@ -255,7 +255,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return ()
     try:
         return np.broadcast_shapes(*shapes.values())
-    except (ValueError, RuntimeError) as error:  # the second where there are too many axes
+    except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         raise ValueError(
             f"expected batch shapes that broadcast against each other, got {received}"
@@ -289,7 +289,7 @@ def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
 
 
 def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
-    """Check that an object is of one class, or of one of several."""
+    """Check the class of an object."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else (expected,)
         names = " or ".join(each.__name__ for each in classes)
@@ -307,5 +307,5 @@ def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
 
 
 def spell(index: tuple[int, ...]) -> str:
-    """Return an index as users write it: `3`, `(1, 2)`, or `0` where there is only one."""
+    """Return an index as users write it: `3`, `(1, 2)`, or `0` for a single trajectory."""
     return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

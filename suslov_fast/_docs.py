@@ -1,4 +1,4 @@
-"""Paragraphs that the docstrings of several public functions share."""
+"""Paragraphs shared by the docstrings of several public functions."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ body : Suslov3D
     The body, or a batch of them.""",
     "omega": """\
 omega : array_like(float, shape=(..., D))
-    Angular velocities. Where one is NaN, so is the result.""",
+Angular velocities. The result is NaN for states that are NaN.""",
     "omega_3d": """\
 omega : array_like(float, shape=(..., 2))
-    Angular velocities (Omega1, Omega2). Where one is NaN, so is the result.""",
+    Angular velocities (Omega1, Omega2). The result is NaN for states that are NaN.""",
     "eps": """\
 eps : array_like(float, shape=(...))
     Step size, in the unit of time of the angular velocities.""",
@@ -37,14 +37,14 @@ steps : int
     Number of steps, 0 or more.""",
     "save_every": """\
 save_every : int or None
-    Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last.""",
+    Save the states 0, k, 2k, ... up to `steps`; None saves only the last.""",
     "out": """\
 out : ndarray(float64, shape=(n_saved, ..., D)), optional
     C-contiguous array that receives the saved states, instead of a new one.""",
     "on_singular": """\
 on_singular : {"warn", "raise", "ignore"}
-    What to do if trajectories came to an end: one :class:`SingularStepWarning` for all, a
-    :class:`SingularStepError` that carries the result, or nothing.""",
+    Action if trajectories fail: one :class:`SingularStepWarning` for all, a
+    :class:`SingularStepError` that holds the result, or none.""",
     "progress": """\
 progress : bool or callable, optional
     True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.""",
@@ -94,24 +94,24 @@ MemoryError
 ImportError
     If `progress` is True and tqdm is not installed.
 SingularStepError
-    If `on_singular` is "raise" and a trajectory came to an end.""",
+    If `on_singular` is "raise" and a trajectory fails.""",
     "needs_xarray": """\
 ImportError
-    If what it needs is not installed: ``pip install 'suslov_fast[xarray]'``.""",
+    If a required library is not installed: ``pip install 'suslov_fast[xarray]'``.""",
     "needs_large": """\
 ImportError
     If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.""",
     "not_solved": """\
 NotIntegrableError
-    If no closed form is known for the body; all in three dimensions have one.""",
+    If no closed form is known for the body; in three dimensions there always is one.""",
     "next_states": """\
-The next states; NaN where omega is, and, with one :class:`SingularStepWarning`, where there
-is none.""",
+The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`, at
+poles.""",
     "poles": """\
 At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-status SINGULAR. The closed form goes on beyond it, as the birational map does: :func:`exact`
-and :func:`limits` have what lies beyond a pole, and only the one state that would follow the
-pole is NaN.""",
+status SINGULAR. The closed form continues past the pole, as the birational map does:
+:func:`exact` and :func:`limits` return the states after it, and only the state directly after
+the pole is NaN.""",
     "not_integrable": """\
 NotIntegrableError
     If no first integral is known for the body.""",
@@ -119,7 +119,7 @@ NotIntegrableError
 
 
 def filled(function: F) -> F:
-    """Replace each line ``%(name)s`` of a docstring by the paragraph of that name."""
+    """Replace each line ``%(name)s`` of a docstring with the paragraph of that name."""
     if function.__doc__:  # None with `python -OO`
         function.__doc__ = re.sub(
             r"^( *)%\((\w+)\)s$",

@@ -1,4 +1,4 @@
-"""The base class of all bodies: parameters that cannot change, equality, text and plain data."""
+"""Base class of all bodies: immutable parameters, equality, text and conversion to plain data."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from .._checks import FloatArray, common_shape, real_array
 
-# Characters of a line that a body is shown in.
+# Length of a line of text that represents a body.
 _LINE = 100
 
 Kind = TypeVar("Kind", bound="Body")
@@ -23,10 +23,10 @@ class Body:
 
     # The number of axes of a parameter that are not axes of the batch.
     _own_axes: ClassVar[int] = 0
-    # Names of the parameters of the map: moments of inertia, and what couples the components.
+    # Names of the parameters of the map: moments of inertia, and couplings of the components.
     _moments: ClassVar[tuple[str, ...]] = ()
     _couplings: ClassVar[tuple[str, ...]] = ()
-    # All parameters in words; those that are not couplings are positive.
+    # Meanings of all parameters; those that are not couplings are positive.
     _meanings: ClassVar[dict[str, str]] = {}
 
     @classmethod
@@ -56,7 +56,7 @@ class Body:
         return 2
 
     def _set(self, **values: Any) -> None:
-        """Check the parameters, and set copies that cannot be written to."""
+        """Check the parameters, and set read-only copies."""
         arrays = {
             name: real_array(name, value)
             for name, value in values.items()
@@ -70,7 +70,7 @@ class Body:
         shapes = {name: array.shape for name, array in arrays.items()}
         common_shape({name: shape[: len(shape) - self._own_axes] for name, shape in shapes.items()})
         for name, array in arrays.items():
-            # Memory of bytes can never be made writeable.
+            # Memory of a bytes object can never be made writeable.
             frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
             object.__setattr__(self, name, frozen if array.ndim else float(array))
 
@@ -89,7 +89,7 @@ class Body:
         )
 
     def __hash__(self) -> int:
-        # Adding 0 makes one of the two zeros, which are equal.
+        # Adding 0 makes equal zeros hash equal.
         arrays = [np.asarray(value) + 0.0 for value in self._values.values()]
         return hash(tuple((array.shape, array.tobytes()) for array in arrays))
 
@@ -99,22 +99,22 @@ class Body:
     def __repr__(self) -> str:
         name, values = type(self).__name__, self._values.items()
         if sum(np.size(value) for _, value in values) <= _LINE // 4:
-            shown = ", ".join(f"{each}={np.asarray(value).tolist()!r}" for each, value in values)
-            if len(shown) < _LINE:
-                return f"{name}({shown})"
-        shown = ", ".join(
+            text = ", ".join(f"{each}={np.asarray(value).tolist()!r}" for each, value in values)
+            if len(text) < _LINE:
+                return f"{name}({text})"
+        text = ", ".join(
             f"{each}={value if np.ndim(value) == 0 else np.shape(value)}" for each, value in values
         )
-        return f"<{name} of shape {self.shape}: {shown}>"
+        return f"<{name} of shape {self.shape}: {text}>"
 
     def _repr_latex_(self) -> str:
         """Return the parameters as a formula, for notebooks; of a batch the shape and ranges."""
         shape = f" of shape {self.shape}" if self.shape else ""
-        shown = [f"{_symbol(name)} = {_brief(value)}" for name, value in self._values.items()]
-        return r",\quad ".join([rf"$\text{{{type(self).__name__}{shape}}}", *shown]) + "$"
+        terms = [f"{_symbol(name)} = {_brief(value)}" for name, value in self._values.items()]
+        return r",\quad ".join([rf"$\text{{{type(self).__name__}{shape}}}", *terms]) + "$"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters as numbers and nested lists, which JSON can hold, without loss.
+        """Return the parameters as numbers and nested lists, without loss, for JSON.
 
         Returns
         -------
@@ -166,8 +166,8 @@ def _symbol(name: str) -> str:
 
 
 def _brief(value: float | FloatArray) -> str:
-    """Return a number or a few as they are, and of many the range."""
+    """Return the text of one or a few numbers, or the range of many."""
     if np.size(value) > _LINE // 10:
         return rf"{np.min(value):g} \ldots {np.max(value):g}"
-    shown = ", ".join(f"{each:g}" for each in np.ravel(value))
-    return f"({shown})" if np.ndim(value) else shown
+    text = ", ".join(f"{each:g}" for each in np.ravel(value))
+    return f"({text})" if np.ndim(value) else text

@@ -1,4 +1,4 @@
-"""Inertia tensors that a body can have, and their ellipsoids."""
+"""Inertia tensors of physically realizable bodies, and their ellipsoids."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 from .._checks import FloatArray
 
-# Newton's method at least doubles the digits of a root each time, once it is near; far from it, it
-# gains a bit at a time.
+# Each iteration of Newton's method at least doubles the number of digits near a root, and gains one
+# bit far from it.
 _ITERATIONS = 80
-# What rounding may take from a triangle inequality of a flat body, which holds with equality.
+# Rounding tolerance of the triangle inequality, which is an equality for flat bodies.
 _ROUNDING = 1e-14
 
 
@@ -29,9 +29,9 @@ def check_triangles(name: str, tensor: FloatArray) -> None:
 
 
 def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return the rotations by the smallest angle that take unit axes (..., n) to e_n."""
+    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
     n = axis.shape[-1]
-    # An axis that points down is first turned by pi in the plane of e_1 and e_n.
+    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
     half_turn = np.eye(n)
     half_turn[0, 0] = half_turn[-1, -1] = -1.0
     down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
@@ -48,7 +48,7 @@ def ellipsoid_of_inertia(
 ) -> tuple[FloatArray, FloatArray]:
     """Return semi-axes of the points r with r.I r constant, the largest 1, and their directions.
 
-    The parameters are I1, I2, I13 and I23; ValueError where there is no ellipsoid.
+    The parameters are I1, I2, I13 and I23; ValueError if there is no ellipsoid.
     """
     I1, I2, I13, I23 = parameters
     moments, directions = np.linalg.eigh(
@@ -71,15 +71,15 @@ def admissible_I3(
 
     f(s) = m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) > 0,
 
-    A being the product of inertia beside the larger of I1 and I2. f is concave: it has no root or
-    two, which Newton's method approaches from outside.
+    where A is the product of inertia that belongs to the larger of I1 and I2. f is concave: it has
+    no root or two, which Newton's method approaches from outside.
     """
     I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
     _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
     I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
     d, m = abs(I1 - I2), np.minimum(I1, I2)
     A, B = np.where(I1 > I2, I13, I23), np.where(I1 > I2, I23, I13)
-    # Where d = 0 the two are alike: B alone would have its pole where A has none.
+    # For d = 0 the two terms have the same pole, and are combined.
     A, B = np.where(d == 0, np.hypot(A, B), abs(A)), np.where(d == 0, 0.0, abs(B))
 
     def f(s: FloatArray) -> FloatArray:
@@ -106,7 +106,7 @@ def admissible_I3(
 
 
 def _over(v: FloatArray, w: FloatArray) -> FloatArray:
-    """Return v / w, or 0 where v is."""
+    """Return v / w, or 0 where v is 0."""
     return np.where(v == 0, 0.0, v / w)
 
 
@@ -115,7 +115,7 @@ def _newton(
     derivative: Callable[[FloatArray], FloatArray],
     s: FloatArray,
 ) -> FloatArray:
-    """Return a root that is approached from one side, or the start if it is one."""
+    """Return a root approached from one side, or the start if it is a root."""
     for _ in range(_ITERATIONS):
         value = function(s)
         following = s - np.where(value == 0, 0.0, value / derivative(s))

@@ -17,8 +17,8 @@ from .matter import shortest_rotation_to_last
 class SuslovND(Body):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
-    In that basis Omega_ij = 0 for i, j < n, and the inertia matrix vanishes off the diagonal but
-    for its last row and column. The state is omega = (Omega_1n, ..., Omega_(n-1)n).
+    In that basis Omega_ij = 0 for i, j < n, and the inertia matrix is diagonal except for its last
+    row and column. The state is omega = (Omega_1n, ..., Omega_(n-1)n).
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class SuslovND(Body):
 
 def _principal_axes(block: FloatArray) -> FloatArray:
     """Return the rotation that makes a symmetric matrix diagonal, near the identity if one is."""
-    from scipy.optimize import linear_sum_assignment  # where it is needed: imports take time
+    from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
 
     _, vectors = np.linalg.eigh(block)
     _, order = linear_sum_assignment(-(vectors**2))

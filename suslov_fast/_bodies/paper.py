@@ -8,7 +8,7 @@ from .three import Suslov3D
 
 
 class Picture(NamedTuple):
-    """A body, a step size, and the reach of the axes from 0, which the paper does not state."""
+    """A body, a step size, and the extent of the axes, which the paper does not state."""
 
     body: Suslov3D
     eps: float

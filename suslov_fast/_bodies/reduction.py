@@ -1,4 +1,4 @@
-"""The n-dimensional bodies whose problem is solved: those that move as a body in three does."""
+"""Solved bodies: those in n dimensions whose motion reduces to that of a body in three."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from .._checks import FloatArray, first_index, spell
 from .nd import SuslovND
 from .units import units_of
 
-# What rounding of J and I may come to: from_mass_tensor turns matrices.
+# Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
 
 
 class NotIntegrableError(ValueError):
-    """No closed form and no first integral is known for this body; `iterate` still works."""
+    """No closed form or first integral is known for this body; use `iterate`."""
 
 
 def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np.bool_]:
-    """Return where J I = b I, and J = a orthogonal to I, but for `rounding`.
+    """Return a mask of the bodies with J I = b I, and J = a orthogonal to I, up to `rounding`.
 
-    All J may be equal, I may have one component that is not 0, or none; for n = 3 all is solved.
+    All J are equal, or at most one component of I is not 0; for n = 3 every body is solved.
     """
     J, size = np.broadcast_arrays(J, abs(I))
     largest = size.max(axis=-1, keepdims=True)

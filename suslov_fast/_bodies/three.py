@@ -12,12 +12,12 @@ from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
 from .base import Body
 from .matter import admissible_I3, check_triangles, shortest_rotation_to_last
 
-# Powers of two between I1 and I2: their products with each other and with states are in range.
+# Largest exponent of I1 / I2 for which products with each other and with states are in range.
 _APART = 1800
 
 
 def check_apart(I1: float | FloatArray, I2: float | FloatArray) -> None:
-    """Refuse moments whose products with each other or with states leave the range of float64."""
+    """Raise ValueError if products of the moments, or with states, leave the range of float64."""
     if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():
         raise ValueError(
             f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
@@ -79,15 +79,15 @@ class Suslov3D(Body):
         check_apart(self.I1, self.I2)
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
-        """Return the moments I3 that a body with these parameters can have.
+        """Return the interval of I3 for which a rigid body with these parameters exists.
 
-        The inertia tensor is that of matter whose second moments are positive definite: then it is
-        positive definite itself, and its principal moments obey the triangle inequalities.
+        The second moments of mass must be positive definite. Then the inertia tensor is positive
+        definite, and its principal moments satisfy the triangle inequalities.
 
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval of I3; NaN where no body has such parameters.
+            The ends of the open interval of I3; NaN if no body has these parameters.
 
         Examples
         --------
@@ -147,7 +147,7 @@ class Suslov3D(Body):
         common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
         to_e3 = shortest_rotation_to_last(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
-        # The smaller angle about e3 that makes I12 vanish (Jacobi): none if it is 0 already.
+        # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
         I12 = turned[..., 0, 1]
         gap = turned[..., 0, 0] - turned[..., 1, 1]
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
@@ -158,7 +158,7 @@ class Suslov3D(Body):
 
 
 def _about_e3(angle: FloatArray) -> FloatArray:
-    """Return the matrix that takes components to a basis turned by an angle about e3."""
+    """Return the matrix that converts components to a basis rotated by an angle about e3."""
     rotation = np.zeros((*np.shape(angle), 3, 3))
     rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
     rotation[..., 0, 1] = np.sin(angle)

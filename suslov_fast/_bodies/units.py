@@ -1,7 +1,7 @@
-"""Units taken out of bodies: parameters of the order of 1 that define the same map.
+"""Scaling of bodies by powers of two: parameters of the order of 1 that define the same map.
 
-The map knows only ratios such as eps I13 / I1, so that powers of two may move between the moments
-of inertia, what couples them, and eps. Nothing is rounded, and no product of parameters overflows.
+The map depends only on ratios such as eps I13 / I1, so powers of two may be moved between moments
+of inertia, couplings and eps. There is no rounding, and no product of parameters overflows.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Exponents = NDArray[np.intc]
 
 
 class Units(NamedTuple):
-    """Exponents of the powers of two taken out of a body, and the `parameters` that are left.
+    """Exponents of the units of a body, and its scaled `parameters`.
 
     `single` is couplings - moments of a single body.
     """
@@ -32,7 +32,7 @@ class Units(NamedTuple):
 
 
 def units_of(body: Body) -> Units:
-    """Return the units of a body, computed once for each: they take as long as a short run."""
+    """Return the units of a body, cached because they take as long as a short run."""
     units: Units | None = vars(body).get("_units")
     if units is None:
         units = vars(body)["_units"] = _units_of(body)
@@ -53,7 +53,7 @@ def _units_of(body: Body) -> Units:
 
 
 def _extreme(function: np.ufunc, body: Body, names: tuple[str, ...]) -> FloatArray:
-    """Return the largest or the smallest size of some parameters of each body."""
+    """Return the largest or the smallest absolute value of some parameters of each body."""
     arrays = [abs(np.asarray(getattr(body, name))) for name in names]
     extreme: FloatArray = functools.reduce(function, arrays)  # type: ignore[arg-type]
     return function.reduce(extreme, axis=-1) if body._own_axes else extreme
@@ -64,7 +64,7 @@ def _exponent(values: FloatArray) -> Exponents:
 
 
 def scaled_eps(body: Body, eps: float | FloatArray) -> float | FloatArray:
-    """Return the step size, or the unit of time, that goes with the parameters of `units_of`."""
+    """Return the step size, or the unit of time, scaled like the parameters of `units_of`."""
     units = units_of(body)
     if isinstance(eps, float) and not body.shape:
         try:  # some ten times faster than NumPy

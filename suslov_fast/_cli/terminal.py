@@ -18,17 +18,17 @@ _LARGE, _INTERVAL = 10**8, 0.1
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a function of (done, total) that draws a bar where stderr is a terminal."""
-    begin = shown = time.monotonic()
+    begin = drawn = time.monotonic()
 
     def show(text: str) -> None:
         if sys.stderr is not None and sys.stderr.isatty():
             print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
     def report(done: int, total: int) -> None:
-        nonlocal shown
+        nonlocal drawn
         now = time.monotonic()
-        if now > shown + _INTERVAL and 0 < done <= total:
-            shown, part = now, done / total
+        if now > drawn + _INTERVAL and 0 < done <= total:
+            drawn, part = now, done / total
             left = (now - begin) * (1 / part - 1)
             show(f"{title} [{'#' * int(30 * part):30}] {part:4.0%}, {left:.0f} s left")
 

@@ -1,1 +1,1 @@
-"""From checked arguments to loops: layout, slices, threads."""
+"""Calls of kernels with checked arguments: layout, parts, threads."""

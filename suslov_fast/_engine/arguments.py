@@ -1,4 +1,4 @@
-"""The arguments that nearly every public function takes: a body, states and numbers."""
+"""Arguments common to most public functions: a body, states and numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Body = Suslov3D | SuslovND
 
 def check(
     body: Body,
-    given: dict[str, ArrayLike],
+    by_name: dict[str, ArrayLike],
     numbers: dict[str, ArrayLike] | None = None,
     dimension: int | None = None,
     orientations: dict[str, ArrayLike] | None = None,
@@ -23,15 +23,15 @@ def check(
 ) -> tuple[list[Any], tuple[int, ...]]:
     """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
 
-    The body is one of `kinds`. States, `given`, have its dimension unless another is asked for, and
-    may be NaN. Single numbers become floats.
+    The body is one of `kinds`. States, in `by_name`, have the dimension of the body or `dimension`,
+    and may be NaN. Scalars become floats.
     """
     instance("body", body, kinds)
     numbers, orientations = numbers or {}, orientations or {}
-    values = aligned(given | numbers | orientations)
+    values = aligned(by_name | numbers | orientations)
     arrays: list[Any] = []
     shapes = {"body": body.shape}
-    for name in given:
+    for name in by_name:
         arrays.append(state := states(name, values[name], dimension or body.dimension))
         shapes[name] = state.shape[:-1]
     for name in numbers:

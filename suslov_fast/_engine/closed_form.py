@@ -1,4 +1,4 @@
-"""The closed form over a batch and many times, in parts between which Python looks for Ctrl-C."""
+"""The closed form over a batch and many times, in parts between which Python handles Ctrl-C."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from .layout import flat_vectors, for_loops
 from .memory import require
 from .run import alike
 
-# States of one call of a kernel: some 10 ms. A quarter of them lost a twentieth to threads that
-# wait.
+# States of one call of a kernel: some 10 ms. With a quarter of them waiting threads
+# cost 5 %.
 SLICE = 2**24
-# Fewer times than these are not worth rows of equal steps.
+# Least number of times for which rows of equal steps are faster.
 SHORTEST = 32
-# Rows of one call, if there are as many: to enter a trajectory costs some 100 states.
+# Least number of rows of a call: entering a trajectory costs some 100 states.
 _WORTH_ENTERING = 2**12
-# What it costs to enter an orbit, and a state of it in equal steps or at any time, in steps of the
-# map.
+# Costs of entering an orbit, of a state in equal steps, and of a state at an arbitrary time, in
+# steps of the map.
 _ENTERING, _ROW, _ANY = 64, 1, 8
 
 Range = tuple[int, int]
-# Statuses, the numbers of the first missing states, and the last step.
+# Statuses, the indices of the first missing states, and the last step.
 Ends = tuple[NDArray[np.int8], NDArray[np.int64], float]
 _NO_ENDS: Ends = np.empty(0, np.int8), np.empty(0, np.int64), math.inf
 
 
 class Orbits(NamedTuple):
-    """Orbits of the map, or of the flow, as kernels take them; with `ends` they end at poles."""
+    """Orbits of the map or the flow, in the form for kernels; with `ends` they end at poles."""
 
     parameters: tuple[FloatArray, ...]
     omega: FloatArray
@@ -48,7 +48,7 @@ class Orbits(NamedTuple):
 class Rows(NamedTuple):
     """States at equal steps: sign (first + every i) for begin <= i < end, first and every >= 0.
 
-    Row i of them goes to row origin + direction i of the result.
+    Row i is written to row origin + direction i of the result.
     """
 
     sign: float
@@ -61,10 +61,10 @@ class Rows(NamedTuple):
 
 
 def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Range, Range]]:
-    """Return the trajectories and rows of each of the calls that a long one is cut into.
+    """Return the trajectories and rows of each call of a kernel.
 
-    Both begin at multiples of what kernels take together, LANES trajectories and GROUP rows. The
-    batch is cut first, as long as rows are worth that trajectories are entered.
+    Trajectories begin at multiples of LANES, rows at multiples of GROUP. The batch is divided
+    first, as long as the rows of a call outweigh the cost of entering trajectories.
     """
     most = most or SLICE
     if 0 < batch * rows <= most:
@@ -88,8 +88,8 @@ def states_at(
     flow: bool,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return states at times () or (N,), and how many are missing: at steps of the map, between
-    two, and out of the range of float64.
+    """Return states at times () or (N,), and the numbers of missing states: at steps of the map,
+    between two, and out of the range of float64.
     """
     parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
     orbits = Orbits(parameters, omega, flow, _NO_ENDS, threads)
@@ -106,8 +106,8 @@ def states_at(
 
 
 def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
-    """Return the sizes and the places of times that are not negative, and of those that are."""
-    if moments.size == 1:  # faster by the time of a call of the kernel
+    """Return the absolute values and the indices of times >= 0, and of times < 0."""
+    if moments.size == 1:  # saves one call of the kernel
         sign = -1.0 if moments.item() < 0.0 else 1.0
         return ((sign, abs(moments), np.zeros(1, np.intp)),)
     negative = moments < 0.0
@@ -150,7 +150,7 @@ def _call(
     out: FloatArray,
     missing: FloatArray,
 ) -> None:
-    """Call a kernel for some lanes, and add up how many states are missing."""
+    """Call a kernel for some lanes, and add the numbers of missing states."""
     parameters, omega, _, ends, threads = orbits
     work, found = (lanes[1] - lanes[0]) * (_ENTERING + work), np.zeros(3)
     _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, found)
@@ -158,10 +158,10 @@ def _call(
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
-    """Return the rows of equal steps that times make up, for each sign; none if they do not.
+    """Return the rows of equal steps that times consist of, for each sign, or none.
 
-    Rows of steps of the map begin where n is smaller than the step, so that a state does not depend
-    on which others are asked for.
+    Rows of steps of the map begin at n below the step, so that a state does not depend on the other
+    times.
     """
     size = times.size
     if size < SHORTEST:

@@ -1,4 +1,4 @@
-"""Runs that kernels iterate step by step."""
+"""Runs iterated step by step."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .memory import require
 from .run import Results, Run, not_computed, run_some, worst
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
-# Lanes of a block of the n-dimensional map are a multiple of this: whole vectors.
+# The lanes of a block of the n-dimensional map are a multiple of this: whole vectors.
 _VECTOR = 8
 
 
 def iterate(run: Run, kernel: Kernel, numbers: int = 2, work: float = 1.0) -> Results:
-    """Iterate by a kernel of `block_loop`, which holds a state in so many `numbers`.
+    """Iterate by a kernel of `block_loop`, which stores a state as `numbers` variables.
 
-    `work` is that of a step, in steps of the canonical map.
+    `work` is the cost of a step, in steps of the canonical map.
     """
     resume, turning = _resume(run), None
     if not run.start:
@@ -70,7 +70,7 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
     if not run.start:
         resume["state"], resume["exponent"] = np.empty((size, m)), np.empty(size)
     if run.orientation is not None:
-        if not run.start:  # transposed, and turned in place
+        if not run.start:  # transposed, and rotated in place
             resume["columns"] = run.orientation.swapaxes(1, 2).copy()
         room_of_turns = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
         turning = run.time_step, resume["columns"], run.turns, *room_of_turns
@@ -90,7 +90,7 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
 
 
 def _resume(run: Run) -> dict[str, Any]:
-    """Return status and failed_at for kernels to fill, or copies of all that a run goes on from."""
+    """Return status and failed_at for kernels to fill, or copies of the data of a resumed run."""
     if run.start:
         return {name: array.copy() for name, array in run.resume.items()}
     return {"status": not_computed(run.size), "failed_at": np.empty(run.size, np.int64)}
@@ -106,7 +106,7 @@ def _make_steps(
     kept: tuple[Any, ...],
     *room: tuple[FloatArray, ...],
 ) -> FloatArray:
-    """Call the kernel for one part after another; return the last states."""
+    """Call the kernel for each part; return the last states."""
     final = run.saved[-1] if run.saves_last else np.empty(run.omega0.shape)
     for part in run.parts(work, lanes):
         threads.run(
@@ -124,17 +124,17 @@ def _make_steps(
 
 
 def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
-    """Return the number of tasks that share the trajectories, and of lanes their blocks have."""
+    """Return the number of tasks, and the number of lanes of a block."""
     blocks = max(-(-size // map_nd.LANES), 1)
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
-    # Of several tasks each has as many blocks, and these about the same size.
+    # Tasks have equal numbers of blocks, of about equal size.
     blocks = -(-blocks // tasks) * tasks
     lanes = -(-max(size, 1) // (blocks * _VECTOR)) * _VECTOR
     return tasks, lanes
 
 
 def _matrices(tasks: int, m: int) -> FloatArray:
-    """Return room for elimination."""
+    """Return memory for elimination."""
     shape = tasks, m + 4, m + 2, WIDTH
     advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
     require(8 * math.prod(shape), advice, shape)

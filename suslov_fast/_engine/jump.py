@@ -1,4 +1,4 @@
-"""Runs whose states are taken from the closed form, with the method "auto", where they can be."""
+"""Runs by the method "auto", which evaluates the closed form if possible."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .progress import reporter
 from .reduction import Reduced, of_n_3, reduce
 from .run import Results, Run, not_computed, run_some, worst
 
-# From so many steps on the closed form is faster than they are, where only the last state counts.
+# Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32
-# Three-dimensional states of a run in n dimensions that are held at a time.
+# Number of three-dimensional states of a run in n dimensions in memory at a time.
 _TOGETHER = 2**19
 
 
 def run_3d(run: Run) -> Results:
-    """Find the last states, and how each trajectory ends; fill saved states."""
+    """Return the last states and the statuses; fill the saved states."""
     if not _jumps(run):
         return _iterate(run)
     results = _jump(run)
@@ -33,9 +33,9 @@ def run_3d(run: Run) -> Results:
 
 
 def run_nd(run: Run) -> Results:
-    """Make a run in n dimensions, as `run_3d` does.
+    """Compute a run in n dimensions like `run_3d`.
 
-    A trajectory is taken from the closed form or iterated for what it is, whatever is beside it.
+    The choice between closed form and iteration for a trajectory does not depend on the others.
     """
     J, I, _ = run.parameters
     if not (run.size and _jumps(run)) or not (solved := is_solved(J, I)).any():
@@ -66,9 +66,9 @@ def run_nd(run: Run) -> Results:
 
 
 def _jumps(run: Run) -> bool:
-    """Return True if states are taken from the closed form, where they can be.
+    """Return True if states are to be evaluated by the closed form if possible.
 
-    A run that keeps states has the same last one wherever it is cut.
+    The last state of a run that saves states does not depend on how the run is divided.
     """
     if run.method != "auto" or run.orientation is not None or run.steps > 2**53:
         return False
@@ -87,7 +87,7 @@ def _iterate(run: Run) -> Results:
 
 
 def _jump(run: Run) -> Results:
-    """Evaluate all states; orbits that leave the range of the closed form are iterated."""
+    """Evaluate all states; iterate orbits that leave the range of the closed form."""
     status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
     ends: Ends = status, failed_at, float(run.steps)
     orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), np.zeros(3)
@@ -108,7 +108,7 @@ def _jump(run: Run) -> Results:
 
 
 def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
-    """Evaluate all states by those in three dimensions; all trajectories must fit."""
+    """Evaluate all states from those in three dimensions; all trajectories must be reducible."""
     J, I, eps = run.parameters
     size, m = run.omega0.shape
     if m == 2:
@@ -120,10 +120,10 @@ def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
         results = Results(np.empty((size, m)), *ends, {})
         for lanes, rows in slices(size, max(len(run.saved), 1), _TOGETHER):
             _jump_some(run, reduced, lanes, rows, results)
-        if len(run.saved) and run.start == 0:  # state 0 as it was given
+        if len(run.saved) and run.start == 0:  # a copy of the input
             exists = (results.status >= 0) | (results.failed_at != 0)
             np.copyto(run.saved[0], run.omega0, where=exists[:, np.newaxis])
-    # In n dimensions t >= 1 is no status: most bodies have no t.
+    # In n dimensions there is no status for t >= 1: most bodies have no t.
     np.minimum(results.status, codes.OK, out=results.status)
     return results
 
@@ -131,7 +131,7 @@ def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
 def _jump_some(
     run: Run, reduced: Reduced, lanes: tuple[int, int], rows: tuple[int, int], results: Results
 ) -> None:
-    """Fill some rows of the saved states of some trajectories, and their last states."""
+    """Fill rows of the saved states of some trajectories, and their last states."""
     (begin, end), (row, stop) = lanes, rows
     stop = min(stop, len(run.saved))
     # The rows before belong to steps before the part.

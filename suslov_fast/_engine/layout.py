@@ -1,4 +1,4 @@
-"""Between batches of any shape and the flat arrays that kernels take."""
+"""Conversion between batches of any shape and the flat arrays of kernels."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .._checks import FloatArray
 
 
 def for_kernel(array: FloatArray) -> FloatArray:
-    """Return the array as the one type that kernels are compiled for; a copy only if it must be."""
+    """Return the array in the only type that kernels are compiled for; a copy only if needed."""
     return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
 
 
 def flat_vectors(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return vectors, or arrays of so many axes, as (B, D): one for each trajectory."""
+    """Return vectors, or arrays with `axes` axes, as (B, D): one for each trajectory."""
     split = array.ndim - axes
     own = array.shape[split:]
     if array.shape[:split] != batch:
@@ -32,9 +32,9 @@ def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
-    """Return a parameter (..., D) as (1, D), which serves all trajectories, or as (B, D).
+    """Return a parameter (..., D) as (1, D) if common to all trajectories, or as (B, D).
 
-    The number of axes behind those of the batch is 1 for vectors and 0 for numbers.
+    The number of axes after those of the batch is 1 for vectors and 0 for numbers.
     """
     if type(value) is float:
         return np.array([value])
@@ -46,7 +46,7 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
 
 
 def flat_body(body: Body, batch: tuple[int, ...], units: bool = True) -> tuple[FloatArray, ...]:
-    """Return the parameters of a body, with `units` taken out; a single body keeps them."""
+    """Return the parameters of a body, scaled if `units`; a single body caches them."""
     name = "_flat" if units else "_flat_own"
     flat: tuple[FloatArray, ...] | None = vars(body).get(name)
     if flat is None:
@@ -60,23 +60,23 @@ def flat_body(body: Body, batch: tuple[int, ...], units: bool = True) -> tuple[F
 def for_loops(
     body: Body, eps: float | FloatArray, batch: tuple[int, ...], units: bool = True
 ) -> tuple[FloatArray, ...]:
-    """Return the parameters of a body and eps, with `units` taken out."""
+    """Return the parameters of a body and eps, scaled if `units`."""
     eps = scaled_eps(body, eps) if units else eps
     return *flat_body(body, batch, units), flat_parameter(eps, batch)
 
 
 def own_parameter(value: float | FloatArray) -> float | FloatArray:
-    """Return a parameter that nobody else writes to."""
+    """Return a parameter in memory not shared with the caller."""
     return value if type(value) is float else np.array(value)
 
 
 def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return states (B, D) that nobody else writes to."""
+    """Return states (B, D) in memory not shared with the caller."""
     return flat_vectors(state, batch).copy()
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return an array of the user's that is to be filled."""
+    """Return the array `out` of the user, checked."""
     if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
         raise TypeError(f"out: expected a NumPy array, got {type(out).__name__}")
     if out.dtype != np.float64:

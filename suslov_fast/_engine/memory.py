@@ -1,7 +1,7 @@
-"""Refuse, before any work, what does not fit in the memory that is available.
+"""Test of available memory before a computation.
 
-Linux grants more memory than there is, and ends a process that uses it. What is available is the
-least of what the machine and the control groups around this process leave.
+Linux overcommits memory, and kills a process that uses too much. The available memory is the least
+of what the machine and the control groups of this process leave.
 """
 
 from __future__ import annotations
@@ -10,39 +10,39 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
-# Needs up to this many bytes are not looked at, so that small calls cost nothing; as much is left.
+# Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
 SMALL = 2**26
 _GROUPS = "/sys/fs/cgroup"
 
-# A file's text; OSError where there is none.
+# The text of a file; OSError if it does not exist.
 Reader = Callable[[str], str]
 
 
-def require(nbytes: int, what_to_do: str, *shown: object) -> None:
-    """Raise a MemoryError if so many bytes are not available; `what_to_do` is a format."""
+def require(nbytes: int, what_to_do: str, *values: object) -> None:
+    """Raise MemoryError if `nbytes` are not available; `what_to_do` is a format string."""
     if nbytes <= SMALL:
         return
     room = available()
     if room is not None and nbytes > room - SMALL:
         raise MemoryError(
             f"expected arrays that fit in memory, of which {room:,} bytes are available, "
-            f"got {nbytes:,} bytes; {what_to_do.format(*shown)}"
+            f"got {nbytes:,} bytes; {what_to_do.format(*values)}"
         )
 
 
 def available(read: Reader | None = None) -> int | None:
-    """Return the bytes that this process can still use; None where the system does not tell."""
+    """Return the number of bytes that this process can still use; None if unknown."""
     found = list(_left(read or (lambda path: Path(path).read_text("ascii", "replace"))))
     return max(min(found), 0) if found else None
 
 
 def _left(read: Reader) -> Iterator[int]:
-    """Yield what the machine leaves, and each control group (version 2) of this process."""
+    """Yield the free bytes of the machine and of each control group (version 2) of this process."""
     with suppress(OSError, KeyError):
         yield int(_table(read("/proc/meminfo"))["MemAvailable:"]) * 1024
     with suppress(OSError, KeyError):
         path = PurePosixPath(_GROUPS + _table(read("/proc/self/cgroup"), "::")["0"])
-        # In a container the path may be that outside of it: then only the root is there.
+        # In a container the path may be that outside: then only the root exists.
         while path.is_relative_to(_GROUPS):
             with suppress(OSError, KeyError, ValueError):  # no such folder, or no limit: "max"
                 cached = int(_table(read(f"{path}/memory.stat"))["inactive_file"])

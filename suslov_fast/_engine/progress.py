@@ -10,7 +10,7 @@ Progress = bool | None | Callable[[int, int], object]
 
 
 def check_progress(progress: Progress) -> None:
-    """Check the argument, and that tqdm is there if a bar is asked for."""
+    """Check the argument, and that tqdm is installed if a bar is requested."""
     if progress is True:
         _tqdm()
     elif not (progress is None or progress is False or callable(progress)):
@@ -32,7 +32,7 @@ def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]
 
 def _tqdm() -> Any:
     try:
-        from tqdm.auto import tqdm  # a bar of the notebook, in a notebook
+        from tqdm.auto import tqdm  # a notebook bar in a notebook
     except ImportError as error:
         raise ImportError(
             "progress=True needs tqdm: pip install 'suslov_fast[progress]', or pass a callable"

@@ -1,4 +1,4 @@
-"""Bodies in n dimensions whose problem is solved, as bodies in three: see `_kernels.reduction`."""
+"""Reduction of solved bodies from n to three dimensions: see `_kernels.reduction`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .._kernels import reduction
 from . import threads as _threads
 from .layout import flat_vectors, for_kernel, for_loops
 
-# What reducing a trajectory costs, in steps of the 3D map.
+# Cost of the reduction of a trajectory, in steps of the 3D map.
 _REDUCING = 30
 
 
 class Reduced(NamedTuple):
-    """Trajectories of bodies of n > 3 as those of 3D bodies; the arrays are those of the kernel."""
+    """Trajectories of bodies with n > 3 reduced to 3D bodies, with the arrays of the kernel."""
 
     three: FloatArray
     state: FloatArray
@@ -60,5 +60,5 @@ def of_batch(
 
 
 def of_n_3(J: FloatArray, I: FloatArray) -> tuple[FloatArray, ...]:
-    """Return I1, I2, I13, I23 of the 3D body whose states are those of a body of n = 3."""
+    """Return I1, I2, I13, I23 of the 3D body equivalent to a body with n = 3."""
     return J[..., 0], J[..., 1], -I[..., 1], I[..., 0]

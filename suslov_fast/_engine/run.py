@@ -1,4 +1,4 @@
-"""A run of a map: its arguments, the parts that it is computed in, and its results."""
+"""A run of a map: its arguments, its division into parts, and its results."""
 
 from __future__ import annotations
 
@@ -23,20 +23,21 @@ if TYPE_CHECKING:
     from .._maps.record import Map
 
 # Work of the first part, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
-# looks for Ctrl-C between parts.
+# handles Ctrl-C between parts.
 _PART = 2**27
-# Parts that take less or more seconds than these are followed by longer or shorter ones.
+# The next part is longer if a part took less than the first time (in seconds), and shorter if it
+# took more than the second.
 _SHORT, _LONG = 0.05, 0.2
-# Work of saving a state, in steps.
+# Cost of saving a state, in steps.
 _SAVING = 8
 # Least numbers of trajectories and of steps of a part, if there are as many, each divided by the
 # work of a step: entering a trajectory costs some 30 steps of the 3D map.
 _ABREAST, _LENGTH = 2**13, 2**8
-# Numbers of states of trajectories that `run_some` copies at a time.
+# Size of the states that `run_some` copies at a time.
 _TOGETHER = 2**20
-# A copy of an array takes less time than a new one that is filled.
+# Copying an array is faster than filling a new one.
 _ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
-# Arrays that are set before they are used.
+# Placeholder of arrays that are set before use.
 _UNSET: Any = None
 
 
@@ -45,23 +46,23 @@ def _no_rows(*shape: int) -> FloatArray:
     return np.empty((0, 0, *shape))
 
 
-@dataclass(slots=True)  # not frozen: that would take longer than a short run
+@dataclass(slots=True)  # not frozen: that would take longer to create than a short run
 class Run:
     """A run over a batch of B trajectories, from state `start` to state `steps`.
 
     Attributes
     ----------
     omega0
-        (B, D), the states at step 0; of a run that may be continued, in memory that nobody else
-        writes to.
+        (B, D), the states at step 0; of a run that may be continued, in memory not shared
+        with the caller.
     eps
         The step size, a number or of a shape that broadcasts to the batch.
     orientation
         (B, n, n), the orientations at step 0, or None.
     start, resume
-        The number of steps made before, and `Results.resume` of them.
+        The number of steps made before, and `Results.resume` of those.
     single
-        True for a single step that nobody goes on from.
+        True for a single step that is not continued.
     parameters
         What `Map.parameters` returns: parameters of the body and eps, (B, ...) or (1, ...).
     time_step
@@ -97,22 +98,22 @@ class Run:
 
     @property
     def every(self) -> int:
-        """The number of steps between saved states, more than all if none are saved."""
+        """The number of steps between saved states, more than `steps` if none are saved."""
         return self.save_every or self.steps + 1
 
     @property
     def rows(self) -> int:
-        """The number of states of each trajectory that are kept."""
+        """The number of saved states of each trajectory."""
         return 1 if self.save_every is None else self.steps // self.save_every + 1
 
     @property
     def rows_before(self) -> int:
-        """The number of states that were kept before `start`."""
+        """The number of states saved before `start`."""
         return self.start // self.save_every + 1 if self.save_every and self.start else 0
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """The shape of the states that are kept."""
+        """The shape of the saved states."""
         return (self.rows, *self.batch, self.omega0.shape[1])
 
     @property
@@ -121,7 +122,7 @@ class Run:
         return len(self.saved) > 0 and self.steps % self.every == 0
 
     def some(self, chosen: NDArray[np.intp], anew: bool = False) -> Run:
-        """Return the run of some of the trajectories, into new arrays; with `anew` from step 0."""
+        """Return a run of some of the trajectories, with new arrays; with `anew` from step 0."""
 
         def of(array: FloatArray) -> FloatArray:
             return array if len(array) == 1 else array[chosen]
@@ -147,9 +148,9 @@ class Run:
     def parts(self, work: float, lanes: int) -> Iterable[Part]:
         """Return the parts to compute one after another: some trajectories and some of their steps.
 
-        `work` is that of a step of one trajectory, in steps of the 3D map; a thread takes `lanes`
-        trajectories at a time. The batch is cut first, so that what a part works on stays in the
-        caches; time is only where few trajectories take long.
+        `work` is the cost of a step of one trajectory, in steps of the 3D map; a thread takes
+        `lanes` trajectories at a time. The batch is divided first, so that the data of a part stay
+        in the caches; time is divided only if few trajectories take long.
         """
         size, steps = len(self.omega0), self.steps - self.start
         if len(self.saved):
@@ -161,7 +162,7 @@ class Run:
         return self._parts_of(room, lanes, abreast, max(1, int(_LENGTH / work)))
 
     def _parts_of(self, room: float, lanes: int, abreast: int, length: int) -> Iterator[Part]:
-        """Yield parts of about `room` steps; where steps turn out cheap or dear, `room` adapts."""
+        """Yield parts of about `room` steps; `room` adapts to the measured time of a part."""
         size, steps = len(self.omega0), self.steps - self.start
         with reporter(self.progress, steps) as report:
             end = 0
@@ -180,7 +181,7 @@ class Run:
 
 
 def alike(size: int, most: int, lanes: int) -> int:
-    """Return the length of parts of about the same length, at most `most`, in whole lanes.
+    """Return the length of parts of about equal length, at most `most`, in multiples of lanes.
 
     A short part at the end would leave threads idle.
     """
@@ -197,25 +198,25 @@ class Part(NamedTuple):
     stop: int
 
     def work(self, lanes: int, step: float) -> int:
-        """Return the lane-steps that threads can share: none within one block of lanes."""
+        """Return the lane-steps that can run in parallel: none within one block of lanes."""
         count = self.end - self.begin
         return int(count * (self.stop - self.start) * step) if count > lanes else 0
 
 
 class Results(NamedTuple):
-    """Results of a run. A map returns the first four, flat, and `execute` all, over the batch.
+    """Results of a run. A map returns the first four, flat; `execute` all, in the batch shape.
 
     Attributes
     ----------
     final
         (B, D), state `steps`; NaN if it does not exist.
     status, failed_at
-        (B,), a code, and where that is negative, the number of the first state that does not exist.
+        (B,), a code, and if that is negative, the index of the first state that does not exist.
     resume
         Arrays from which the run can be continued, by name; of `execute` with omega0, and R0 if it
         turns.
     omega, attitude
-        States and orientations that are kept.
+        Saved states and orientations.
     """
 
     final: FloatArray
@@ -227,23 +228,23 @@ class Results(NamedTuple):
 
 
 def not_computed(size: int) -> NDArray[np.int8]:
-    """Return statuses that a kernel is to fill."""
+    """Return the initial statuses for a kernel."""
     return _ONE_NOT_COMPUTED.copy() if size == 1 else np.full(size, codes.NOT_COMPUTED, np.int8)
 
 
 @lru_cache
-def _never(size: int) -> NDArray[np.int64]:
-    """Return `failed_at` where nothing failed: -1, read-only and in no memory."""
+def _no_failures(size: int) -> NDArray[np.int64]:
+    """Return `failed_at` for no failures: -1, read-only, without memory per trajectory."""
     return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
 
 
 def worst(status: NDArray[np.int8]) -> int:
-    """Return the least of statuses, negative if a trajectory failed; at most 0."""
+    """Return the least status, negative if a trajectory failed; at most 0."""
     return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
 
 
 def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
-    """Return the numbers of all states that a run keeps."""
+    """Return the indices of all saved states."""
     return np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
 
 
@@ -255,9 +256,9 @@ def run_some(
     anew: bool = False,
     report: Callable[[int], object] | None = None,
 ) -> None:
-    """Make the steps of some trajectories, some at a time, and put what is found in its place.
+    """Compute a subset of the trajectories in groups, and store the results in those of the run.
 
-    What is made `anew`, from step 0, is not continued. `report` takes the number of steps made.
+    Trajectories computed `anew`, from step 0, are not continued. `report` takes a number of steps.
     """
     together = max(_TOGETHER // (run.omega0.shape[1] * (len(run.saved) + 1)), 1)
     for begin in range(0, chosen.size, together):
@@ -287,9 +288,9 @@ def execute(
     out: FloatArray | None = None,
     before: tuple[FloatArray, FloatArray | None] | None = None,
 ) -> Results:
-    """Make the steps of a run; the states that are kept go to `out`, if there is one.
+    """Compute a run; saved states are written to `out` if given.
 
-    Those kept before, and the orientations, are copied from `before`.
+    States and orientations saved earlier are copied from `before`.
     """
     saved, turns = _room(run, run.rows, out)
     begin = run.rows_before
@@ -301,18 +302,18 @@ def execute(
 
 
 def go_on(run: Run) -> Results:
-    """Make the steps of a run since its start; of the states that are kept, only those since."""
+    """Compute a run from `start` on; return only states saved after `start`."""
     return _fill(run, *_room(run, run.rows - run.rows_before), 0)
 
 
 def _room(
     run: Run, rows: int, out: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return arrays for states and orientations that are kept, where they fit in memory."""
+    """Return arrays for saved states and orientations; MemoryError if they do not fit."""
     size, D = run.omega0.shape
     shape, turned = (rows, *run.batch, D), run.orientation
     saves = out is None and run.save_every is not None
-    numbers = (4 + rows * saves) * size * D  # arrays of the size of a state beside them
+    numbers = (4 + rows * saves) * size * D  # additional arrays of the size of a state
     if turned is not None:
         numbers += rows * turned.size
     require(8 * numbers, "the saved states are {}: raise save_every or divide the batch", shape)
@@ -321,7 +322,7 @@ def _room(
 
 
 def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
-    """Make the steps, and fill what is kept from row `begin` on."""
+    """Compute the steps, and fill the saved states from row `begin` on."""
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
     run.parameters = run.map.parameters(run.body, run.eps, batch)
     run.saved, run.turns = _no_rows(D), _no_rows(D + 1, D + 1)
@@ -338,7 +339,7 @@ def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: i
     if least < 0:
         failed_at[status >= 0] = -1
     else:
-        failed_at = _never(size)
+        failed_at = _no_failures(size)
     if "status" in resume:
         resume["status"], resume["failed_at"] = status, failed_at
     resume["omega0"] = run.omega0

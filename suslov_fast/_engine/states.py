@@ -1,4 +1,4 @@
-"""From checked states to the kernels that find a quantity of each, and back."""
+"""Evaluation of quantities of checked states by kernels."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from . import threads as _threads
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
 
-# More than the threads of any machine that this is likely to meet.
+# More than the number of threads of any likely machine.
 TASKS = 64
-# The cost of a state, or of a component in n dimensions, in steps of the map.
+# Cost of a state, or of a component in n dimensions, in steps of the map.
 WORK = 4
-# States that one task takes at least in n dimensions.
+# Least number of states of a task in n dimensions.
 _TOGETHER = 64
-# States that NumPy works on at a time, and numbers that are copied at a time for a kernel.
+# Number of states that NumPy processes at a time, and of numbers copied at a time for a kernel.
 SLAB, COPIES = 2**15, 2**20
-# Bodies that repeat at each time of a run are repeated until they are so many: whole blocks.
+# Bodies are repeated, as at the times of a run, up to this number: whole blocks.
 REPEATED = 8 * kernels.LANES
 
 Index = tuple[Any, ...]
-# For one call of a kernel: the number of the first state; parameters, the last of them eps; states
-# (count, D); and the period with which bodies repeat. A parameter is (1, ...) or (period, ...).
+# Arguments of a call of a kernel: the index of the first state; parameters, the last of them eps;
+# states (count, D); and the period of the bodies. A parameter is (1, ...) or (period, ...).
 _Part = tuple[int, tuple[FloatArray, ...], FloatArray, int]
 
 
@@ -47,7 +47,7 @@ def of_state(
 ) -> FloatArray:
     """Return a quantity (..., *shape) of states whose body has parameters of one number each.
 
-    One warning counts the states that have no result, with `warn`; `name` is that of the argument
+    With `warn`, one warning counts the states without a result; `name` is that of the argument
     that holds the states.
     """
     out = np.empty((*batch, *shape))
@@ -80,7 +80,7 @@ def of_state_nd(
 ) -> FloatArray:
     """Return a quantity (..., *result) of states in n dimensions.
 
-    `following` are the next states where they are needed, C-contiguous.
+    `following` are the next states if needed, C-contiguous.
     """
     out, m = np.empty((*batch, *result)), body.dimension
     results = out.reshape(-1, math.prod(result))
@@ -106,9 +106,9 @@ def by_slabs(
     result: tuple[int, ...] = (),
     warn: bool = False,
 ) -> FloatArray:
-    """Return a quantity that NumPy finds: `function(body, omega, eps)`, of SLAB states at a time.
+    """Return a quantity computed by NumPy, `function(body, omega, eps)`, for SLAB states at a time.
 
-    Temporary arrays never have the size of all states.
+    This limits the size of temporary arrays.
     """
     real_array("omega", omega, allow_nan=True)
     out = np.empty((*batch, *result))
@@ -128,7 +128,7 @@ def by_slabs(
 
 
 def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: int) -> None:
-    """Warn of states that have no next one; `first` counts them in C order."""
+    """Warn of states without a next state; `first` counts states in C order."""
     index = tuple(int(i) for i in np.unravel_index(first, batch))
     warnings.warn(
         f"{count} of {math.prod(batch)} states: singular or non-finite step, first: {spell(index)}",
@@ -140,26 +140,26 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: 
 def _parts(
     body: Any, eps: float | FloatArray | None, omega: FloatArray, batch: tuple[int, ...]
 ) -> Iterator[_Part]:
-    """Yield the parts of a batch; eps is 1 where none is needed.
+    """Yield the parts of a batch; eps is 1 if none is needed.
 
-    One call takes all states if few numbers must be copied for it, else slab after slab.
+    One call processes all states if few numbers must be copied; otherwise each slab is one call.
     """
     eps = 1.0 if eps is None else eps
-    if not batch:  # one state: most of the time of a call would go into what follows
+    if not batch:  # one state: the code below would take most of the time of a call
         parameters = *flat_body(body, (), units=False), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
     ndim, own, D = len(batch), body._own_axes, omega.shape[-1]
     whole = np.broadcast_to(omega, (*batch, D))
-    given = [
+    values = [
         np.broadcast_to(each, (*batch, *np.shape(each)[np.ndim(each) - own :]))
         for each in body.parameters
     ]
-    given.append(np.broadcast_to(eps, batch))
-    depths = [_depth(each, ndim) for each in given]
+    values.append(np.broadcast_to(eps, batch))
+    depths = [_depth(each, ndim) for each in values]
     period = math.prod(batch[ndim - max(depths) :])
     copies = period * sum(
-        math.prod(e.shape[ndim:]) for e, depth in zip(given, depths, strict=True) if depth
+        math.prod(e.shape[ndim:]) for e, depth in zip(values, depths, strict=True) if depth
     )
     if not whole.flags.carray:
         copies += whole.size
@@ -167,7 +167,7 @@ def _parts(
     begin = 0
     for part in _slabs(batch, most) if whole.size else ():
         states = for_kernel(whole[part]).reshape(-1, D)
-        parameters = _flat([each[part] for each in given], whole[part].ndim - 1)
+        parameters = _flat([each[part] for each in values], whole[part].ndim - 1)
         period = max(map(len, parameters))
         if period == 1:  # one body
             period = len(states)
@@ -180,23 +180,23 @@ def _parts(
 
 
 def _depth(array: FloatArray, ndim: int) -> int:
-    """Return the number of axes, of the first `ndim`, from the first that varies on."""
+    """Return the number of axes, of the first `ndim`, from the first varying one on."""
     axes = range(ndim)
     return next((ndim - k for k in axes if array.shape[k] > 1 and array.strides[k]), 0)
 
 
-def _flat(given: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
+def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
     """Return parameters of a batch of `ndim` axes as (1, ...) or (period, ...)."""
-    depths = [_depth(each, ndim) for each in given]
+    depths = [_depth(each, ndim) for each in values]
     first = (0,) * (ndim - max(depths))
     return tuple(
         for_kernel(each[first if depth else (0,) * ndim]).reshape((-1, *each.shape[ndim:]))
-        for each, depth in zip(given, depths, strict=True)
+        for each, depth in zip(values, depths, strict=True)
     )
 
 
 def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
-    """Yield parts of a batch, in C order, of at most so many elements."""
+    """Yield parts of a batch, in C order, of at most `most` elements."""
     inner = math.prod(batch[1:])
     if not batch:
         yield ()

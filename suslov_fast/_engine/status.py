@@ -1,4 +1,4 @@
-"""The statuses of trajectories, and the warning of those that failed."""
+"""Statuses of trajectories, and the warning for failed ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .._kernels import codes
 
 
 class Status(IntEnum):
-    """The end of a trajectory: negative if it failed.
+    """Final status of a trajectory: negative if it failed.
 
     Examples
     --------
@@ -40,4 +40,4 @@ _MESSAGES = {
 
 
 class SingularStepWarning(RuntimeWarning):
-    """Some trajectories of a batch came to an end before their last step."""
+    """Some trajectories of a batch failed before their last step."""

@@ -1,4 +1,4 @@
-"""Run the serial or the parallel build of a kernel."""
+"""Calls of the serial or the parallel build of a kernel."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numba
 from .._checks import integer
 from .._jit import Kernel
 
-# Lane-steps below which a call is serial. Measured on two cores: threads that are awake gain from
-# some 10,000 on, but less than 0.1 ms up to here, and one that sleeps may take 8 ms to wake.
+# Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
+# 10,000 on, but less than 0.1 ms up to here, and a sleeping thread may take 8 ms to wake.
 CROSSOVER = 1_000_000
 
-# One parallel call at a time: Numba's `workqueue` threads abort under two. Whoever comes second
-# takes the serial build, whose results are the same bit for bit. The lock knows which thread owns
-# it, so that it can be released without knowing whether it was acquired.
+# One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
+# uses the serial build, whose results are bit-identical. The lock stores its owner, so it can be
+# released without knowing whether it was acquired.
 _one_at_a_time = threading.RLock()
 _may_use_threads = True
 _idle_at_fork = True
@@ -42,18 +42,18 @@ def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None
         work < CROSSOVER
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
-        or _owned()  # by a call that a signal has interrupted, whose handler this one is from
+        or _owned()  # by a call interrupted by a signal, whose handler makes this call
         or not _parallel(kernel, threads, arguments)
     ):
         kernel.serial(*arguments)
 
 
-# A handler of a signal may raise between any two lines here, but not before the first call of a
+# A signal handler may raise between any two lines here, but not before the first call of a
 # `finally`, which is one to C.
 
 
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
-    """Call the parallel build and return True, or False where another thread is in one."""
+    """Call the parallel build and return True, or return False if another thread is in one."""
     try:
         if not _one_at_a_time.acquire(blocking=False):
             return False
@@ -85,7 +85,7 @@ def _owned() -> bool:
 
 
 def _before_fork() -> None:
-    """Let no parallel call begin; one that is under way leaves the child threads half at work."""
+    """Prevent parallel calls during a fork; record if one was running before it."""
     global _idle_at_fork
     _idle_at_fork = _one_at_a_time.acquire(blocking=False)
 
@@ -96,9 +96,9 @@ def _after_fork_in_parent() -> None:
 
 
 def _after_fork_in_child() -> None:
-    """Stay serial in a child of a process whose threads it cannot use.
+    """Use serial builds in a forked child that cannot use the threads of its parent.
 
-    OpenMP aborts it, TBB may wait for ever, and `workqueue` starts its own unless it was at work.
+    OpenMP aborts the child, TBB may hang, and `workqueue` starts new threads unless it was running.
     """
     global _may_use_threads, _one_at_a_time
     _one_at_a_time = threading.RLock()

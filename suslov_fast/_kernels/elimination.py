@@ -15,7 +15,7 @@ ZERO_TO_ROUNDING = 2.0**-50
 
 @inner
 def exchange_rows(matrix, k, width):
-    """Exchange rows in each system: the largest number of column k, from row k on, goes to row k."""
+    """Exchange rows in each system: the largest entry of column k below row k goes to row k."""
     m = matrix.shape[0] - 1
     for l in range(width):
         pivot = k

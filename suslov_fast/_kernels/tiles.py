@@ -38,6 +38,6 @@ def write_row(tile, flat, start, size, stride, lead):
 
 @formula
 def missing_of_first_block(lead, batch, D):
-    """Return the number of lanes missing in the first block, so that others start on cache lines."""
+    """Return the number of lanes missing in the first block: others start on cache lines."""
     fits = (lead >= 0) & (batch * D % LINE == 0) & (lead % D == 0) & (LINE % D == 0)
     return -(lead // D) % (LINE // D) if fits else 0

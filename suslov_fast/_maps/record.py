@@ -1,4 +1,4 @@
-"""The record of a map, from which runs, files, datasets and the command read."""
+"""The record of a map, used by runs, files, datasets and the command line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Kept(NamedTuple):
-    """An array that a run needs to go on, beside its states at step 0.
+    """An array needed to resume a run, in addition to its states at step 0.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Kept(NamedTuple):
     attitude: bool = False
 
 
-# What kernels write of each trajectory, and go on from; files hold it as parts of the result.
+# Per-trajectory arrays that kernels write and resume from; files hold them as results.
 ENDS = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
 
 
@@ -45,17 +45,17 @@ class Map:
     components
         The labels of the components of a state.
     methods
-        Values of `method`; the first is the default.
+        Values of the argument `method`; the first is the default.
     parameters
-        (body, eps, batch) to the flat arrays that kernels take, units taken out.
+        Function of (body, eps, batch) that returns the flat, scaled arrays for kernels.
     run
-        Make the steps of a run.
+        Function that computes a run.
     kept
-        Arrays that a run needs to go on, beside `ENDS`.
+        Arrays needed to resume a run, in addition to `ENDS`.
     quantities
         The methods of `Trajectories` that apply to its runs.
     carries_attitude
-        True if the orientation can be carried along.
+        True if runs can include the orientation.
     """
 
     name: str
@@ -70,5 +70,5 @@ class Map:
 
     @property
     def resume(self) -> tuple[Kept, ...]:
-        """All arrays that a run needs to go on."""
+        """All arrays needed to resume a run."""
         return *self.kept, *ENDS

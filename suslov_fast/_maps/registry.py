@@ -1,4 +1,4 @@
-"""Finding a map: by its name, or by a body."""
+"""Lookup of a map by its name or by a body."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 from .record import Map
 
-# The class of the bodies of each map, which is imported when it is first used. The first map of a
-# class is that of `iterate`.
+# The class of the bodies of each map; maps are imported on first use. The first map of a class is
+# that of `iterate`.
 _BODIES = {
     "suslov3d": "Suslov3D",
     "suslov_nd": "SuslovND",
@@ -33,7 +33,7 @@ def map_named(name: str) -> Map:
     return record
 
 
-# A record is pickled by its name: functions of no name are no obstacle then.
+# A record is pickled by its name, since it may hold functions that cannot be pickled.
 copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
 
 

@@ -15,7 +15,7 @@ MAP = Map(
     body=SuslovGyrostat,
     components=lambda body: ("Omega1", "Omega2"),
     methods=("auto",),
-    # In their own units: the kernel takes out those of each trajectory.
+    # Not scaled here: the kernel scales each trajectory.
     parameters=partial(for_loops, units=False),
     run=partial(iterate, kernel=gyrostat, numbers=4, work=2.0),
     kept=(

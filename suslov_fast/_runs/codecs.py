@@ -1,4 +1,4 @@
-"""Zarr stores that may be decoded: numbers and strings, by codecs that cannot run code."""
+"""Check that a Zarr store can be decoded safely: numbers, strings and standard codecs only."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-# Zarr's standard compressors and checksums, the filters that only reorder numbers, and strings.
+# Zarr's standard compressors and checksums, filters that only reorder numbers, and strings.
 _STANDARD = frozenset(
     "blosc bz2 gzip lz4 lzma zlib zstd adler32 crc32 crc32c fletcher32 shuffle delta vlen-utf8 "
     "bytes transpose sharding_indexed".split()
@@ -14,15 +14,15 @@ _STANDARD = frozenset(
 
 
 def refuse_codecs(store: Any) -> None:
-    """Raise ValueError if an array of a store is of objects, or its codecs are not standard ones.
+    """Raise ValueError if an array of a store holds objects, or uses a nonstandard codec.
 
-    `store` is what `zarr.open_group` takes. Nothing is decoded.
+    `store` is an argument of `zarr.open_group`. Nothing is decoded.
     """
     import zarr
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
-        # Metadata lie in one place and beside each array: readers may take either.
+        warnings.simplefilter("ignore", UserWarning)  # of files that are not part of the format
+        # Metadata are stored centrally and with each array; readers may use either.
         for consolidated in (None, False):
             group = zarr.open_group(store, mode="r", use_consolidated=consolidated)
             for name, member in group.members(max_depth=None):
@@ -41,7 +41,7 @@ def _check(name: str, metadata: dict[str, Any]) -> None:
 
 
 def _names(codec: Any) -> Iterator[str]:
-    """Yield the names of codecs, those in the configuration of others included."""
+    """Yield the names of codecs, including those nested in the configuration of others."""
     codec = codec.get_config() if hasattr(codec, "get_config") else codec
     if isinstance(codec, (list, tuple)):
         for each in codec:

@@ -1,7 +1,7 @@
 """Runs in files: .npz by NumPy alone, .nc and .zarr by xarray.
 
-A .npz holds each entry of `schema` under its name. The other two hold the dataset of
-`Trajectories.to_xarray`, and in a group of its own, "resume", what the run needs to go on.
+A .npz holds each entry of `schema` under its name. The other formats hold the dataset of
+`Trajectories.to_xarray`, and in the group "resume" the data needed to resume the run.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .codecs import refuse_codecs
 from .replacing import replacing
 from .schema import HEADER, RESUME, Entries, check, read_header
 
-# The library that xarray needs for each kind of file; NumPy alone serves .npz.
+# The library needed by xarray for each format; .npz needs NumPy only.
 _LIBRARIES = {".npz": "", ".nc": "netCDF4", ".zarr": "zarr"}
-# Bytes of an entry of the header: more is no number and no name.
+# Largest size in bytes of a header entry, a number or a name.
 _SHORT = 4096
 
 PathLike = str | os.PathLike[str]
@@ -35,9 +35,9 @@ Result = TypeVar("Result")
 
 @contextmanager
 def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
-    """Yield a function that writes a run, which is then found under `path`, whole or not at all.
+    """Yield a function that writes a run to `path`, atomically.
 
-    What would keep it from being written there is found out before any work is done.
+    Obstacles to writing are detected before the computation.
     """
     suffix = _suffix_of(path)
     with replacing(path, folder=suffix == ".zarr") as new:
@@ -45,15 +45,15 @@ def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
 
 
 def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
-    """Return what `interpret` makes of a file; ValueErrors get the name of the file."""
+    """Return the file as converted by `interpret`; ValueErrors get the name of the file."""
     suffix = _suffix_of(path)
-    os.stat(path)  # the system says that there is no such file
+    os.stat(path)  # the system reports a missing file
     try:
         try:
             entries = _read_npz(path) if suffix == ".npz" else _read_dataset(path, suffix)
         except MemoryError:
             raise
-        except Exception as error:  # readers raise whatever a damaged file makes them
+        except Exception as error:  # readers raise various errors for damaged files
             raise ValueError(
                 f"expected a {suffix} file that Trajectories.save wrote, got: {error}"
             ) from error
@@ -63,7 +63,7 @@ def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
 
 
 def _suffix_of(path: PathLike) -> str:
-    """Return the ending of the name of a file, after a check that its library is there."""
+    """Return the suffix of a file name, after a check that its library is installed."""
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str):
         raise TypeError(f"path: expected a string or a path, got {type(path).__name__}")
@@ -100,7 +100,7 @@ def _write(new: Path, entries: Entries, suffix: str) -> None:
     for variable in resume.variables.values():
         variable.encoding["_FillValue"] = None
     if suffix == ".zarr":
-        # The second format, which all readers know, and whose metadata lie in one place.
+        # Zarr format 2, which all readers support and which has consolidated metadata.
         options = {"mode": "a", "zarr_format": 2, "consolidated": True}
         dataset = dataset.assign_coords(component=dataset["component"].astype(str))
         dataset.to_zarr(new, **options)
@@ -109,12 +109,12 @@ def _write(new: Path, entries: Entries, suffix: str) -> None:
     try:
         dataset.to_netcdf(new, engine="netcdf4")
         resume.to_netcdf(new, mode="a", group="resume", engine="netcdf4")
-    except RuntimeError as error:  # netCDF4's word for a full disk
+    except RuntimeError as error:  # the error of netCDF4 for a full disk
         raise OSError(errno.EIO, f"could not be written: {error}", os.fspath(new)) from error
 
 
 def _read_npz(path: PathLike) -> Entries:
-    """Return the entries of a .npz, of which names, shapes and types are checked first."""
+    """Return the entries of a .npz, after a check of names, shapes and types."""
     with zipfile.ZipFile(path) as archive:
         shapes = {
             info.filename.removesuffix(".npy"): _shape_of(archive, info)
@@ -132,7 +132,7 @@ def _read_npz(path: PathLike) -> Entries:
 def _shape_of(
     archive: zipfile.ZipFile, info: zipfile.ZipInfo
 ) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return the shape and the dtype of an array that is not decoded, and takes what they say."""
+    """Return the shape and the dtype of an array without decoding it, after a check of its size."""
     form = np.lib.format
     with archive.open(info) as file:
         version = form.read_magic(file)
@@ -148,7 +148,7 @@ def _shape_of(
 def _array_of(archive: zipfile.ZipFile, name: str) -> Any:
     with archive.open(f"{name}.npy") as file:
         array = np.lib.format.read_array(file, allow_pickle=False)
-        file.read(1)  # the end of the entry, where its checksum is looked at
+        file.read(1)  # reading to the end of the entry verifies its checksum
     return array
 
 
@@ -173,7 +173,7 @@ def _read_dataset(path: PathLike, suffix: str) -> Entries:
 
 
 def _checksum(entries: Entries) -> int:
-    """Return a number that changes when a bit of the entries does."""
+    """Return a checksum of the entries."""
     total = 0
     for name, array in sorted(entries.items()):
         plain = array.dtype.kind not in "iuf"

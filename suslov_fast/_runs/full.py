@@ -1,4 +1,4 @@
-"""The scheme before Omega3 is set to 0."""
+"""The three-component scheme, equation (3) of the paper."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def step_full(
 ) -> FloatArray:
     """One step of the scheme in three components, equation (3) of the paper.
 
-    The constraint asks for Omega3 = 0; the scheme itself only changes the sign of Omega3.
+    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def step_full(
     """
     run = _checked(body, "omega", omega, eps, I3)
     results = execute(run)
-    # Failures at step 0 are states that did not exist before, and no news.
+    # Failures at step 0 are NaN in the input, which are not reported.
     report(run, results, "warn", 1, stacklevel=2)
     return results.final
 
@@ -72,7 +72,7 @@ def iterate_full(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate the scheme in three components, equation (3), in which Omega3 need not vanish.
+    """Iterate the scheme in three components, equation (3), in which Omega3 may be nonzero.
 
     The shapes of the body, of `eps`, of `I3` and of `omega0` without its last axis broadcast to the
     batch shape ``...``.

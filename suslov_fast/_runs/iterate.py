@@ -58,7 +58,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
     run = Run(map, body, batch, states, arrays[1], 1, None, single=True)
     run.threads = thread_count(threads)
     results = execute(run)
-    # Failures at step 0 are states that did not exist before, and no news.
+    # Failures at step 0 are NaN in the input, which are not reported.
     report(run, results, "warn", 1, stacklevel=2)
     return results.final
 
@@ -81,8 +81,8 @@ def iterate(
     """Iterate a batch of trajectories of the discrete Suslov problem.
 
     The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
-    shape ``...``. The result for one trajectory is the same bit for bit alone, in any batch, in
-    any order and on any number of threads.
+    shape ``...``. The result for one trajectory is bit-identical alone, in any batch, in any
+    order and on any number of threads.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
-    given = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
+    orientations = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
     arrays, batch = check(
-        body, {"omega0": omega0}, {"eps": eps}, orientations=given, kinds=map.body
+        body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body
     )
     one_of("method", method, map.methods)
     if attitude is True or attitude is np.True_:
@@ -154,7 +154,7 @@ def iterate(
 
 
 def finish(run: Run, out: FloatArray | None, on_singular: OnSingular) -> Trajectories:
-    """Check the other arguments of `iterate`, make the steps, and report to the caller's caller."""
+    """Check the other arguments of `iterate`, compute the run, and warn the caller's caller."""
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run.steps = integer("steps", run.steps, 0)
     if run.save_every is not None:

@@ -15,12 +15,12 @@ from .schema import HEADER, RESUME, Entries, Entry, body_of, read_header, schema
 if TYPE_CHECKING:
     import xarray
 
-# Names that axes of the batch cannot have.
+# Names not available for axes of the batch.
 _TAKEN = ("n", "time", "component", "space", "body", "flat")
 
 
 def import_xarray() -> Any:
-    """Return the module xarray, or raise an ImportError that says how to get it."""
+    """Return the module xarray, or raise an ImportError with the command to install it."""
     try:
         import xarray
     except ImportError as error:
@@ -33,7 +33,7 @@ def dataset_of(
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
 ) -> xarray.Dataset:
-    """Return the dataset of the entries of a run, but for what it needs to go on."""
+    """Return the dataset of the entries of a run, without the data needed to resume it."""
     xarray = import_xarray()
     header = read_header(entries)
     map = map_named(header["map"])
@@ -44,7 +44,7 @@ def dataset_of(
         for name, entry in schema.items()
         if not name.startswith(RESUME)
     }
-    # Strings of any length: those of fixed length are no part of Zarr's third format.
+    # Strings of variable length: Zarr format 3 has none of fixed length.
     labels = np.array(map.components(body_of(entries)), dtype=object)
     dataset = xarray.Dataset(
         variables,
@@ -53,7 +53,7 @@ def dataset_of(
     )
     for variable in dataset.variables.values():
         if variable.dtype.kind == "f":
-            # Else NaN becomes a "fill value", which readers replace by a NaN of their own.
+            # Otherwise NaN becomes a fill value, which readers replace by another NaN.
             variable.encoding["_FillValue"] = None
     return _with_coordinates(dataset, coords)
 
@@ -75,8 +75,8 @@ def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ..
         attributes["flag_meanings"] = " ".join(status.name for status in Status)
     if not entry.varying:
         return entry.axes(batch, {}), array, attributes
-    # Along the axes on which it has more than one entry, or which have its name. The number of its
-    # axes is an attribute, so that its shape can be found again.
+    # Along the axes of length above 1, or with its name. The number of axes is an attribute, from
+    # which the shape can be restored.
     own = entry.dims[1:]
     axes = array.ndim - len(own)
     names = batch[len(batch) - axes :]
@@ -89,7 +89,7 @@ def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ..
 def batch_names(
     dims: str | Sequence[str] | None, axes: int, taken: Iterable[str] = ()
 ) -> tuple[str, ...]:
-    """Return a name for each axis of the batch; none of those taken may be among them."""
+    """Return a name for each axis of the batch, not among those in use."""
     if dims is None:
         return ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
     names = (dims,) if isinstance(dims, str) else tuple(dims)
@@ -108,7 +108,7 @@ def batch_names(
 def _names_of(
     dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry]
 ) -> tuple[str, ...]:
-    """Return names for the axes of a batch; a parameter names one along which it varies alone."""
+    """Return names for the axes of a batch; a parameter may name the only axis along which it varies."""
     batch = entries["status"].shape
     parameters = {name for name, entry in schema.items() if entry.varying}
     names = batch_names(dims, len(batch), set(entries) - parameters)
@@ -148,7 +148,7 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
 
 
 def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
-    """Return the entries of a run that a dataset holds."""
+    """Return the entries of the run in a dataset."""
     if not isinstance(dataset, import_xarray().Dataset):
         raise TypeError(f"dataset: expected an xarray.Dataset, got {type(dataset).__name__}")
     header = read_header(dataset.attrs)
@@ -178,14 +178,14 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
 
 
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
-    """Return a parameter in the shape that it had when `dataset_of` left out axes."""
+    """Return a parameter in its shape before `dataset_of` dropped axes."""
     variable = dataset[name]
     own = tuple(dim for dim in variable.dims if dim == "component")
     along = [dim for dim in variable.dims if dim not in own]
     strangers = [str(dim) for dim in along if dim not in batch]
     if strangers:
         raise ValueError(f"dataset: expected {name} along the batch, got {', '.join(strangers)}")
-    # A part of a batch may have lost axes.
+    # A selected part of a batch may lack axes.
     fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
     axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
     names = batch[len(batch) - axes :]

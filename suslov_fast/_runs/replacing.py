@@ -1,4 +1,4 @@
-"""Files and folders that appear under their name once they are complete, and not at all before."""
+"""Atomic writing of files and folders."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Path]:
-    """Make a new file or folder beside `path`, which takes the place of `path` at the end.
+    """Create a new file or folder next to `path`, which replaces `path` at the end.
 
-    It is made before any work is done, so that a path that cannot be written to is found at once.
-    The mode of what is replaced is kept; of a link, what it points to is replaced. A folder must be
-    empty or a Zarr store to be replaced, and there is a moment at which neither is there.
+    It is created before the computation, so a path that is not writable is detected immediately.
+    The file mode is kept; for a link, its target is replaced. A folder must be empty or a Zarr store
+    to be replaced, and its replacement is not atomic.
 
     Raises OSError, with what was expected and received as its `strerror`.
     """
@@ -48,7 +48,7 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
                 os.rename(target, old)
         try:
             os.replace(new, target)
-        except BaseException:  # Ctrl-C too
+        except BaseException:  # also for Ctrl-C
             with suppress(FileNotFoundError):
                 os.rename(old, target)
             raise
@@ -60,7 +60,7 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
 
 
 def _check_target(target: Path, mode: int, folder: bool) -> None:
-    """Refuse to replace anything but a file, or an empty folder or a Zarr store."""
+    """Raise OSError unless the target is a file, an empty folder or a Zarr store."""
     kinds = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
     received = kinds.get(stat.S_IFMT(mode), "neither a file nor a folder")
     fits = stat.S_ISREG(mode)

@@ -1,7 +1,7 @@
-"""The parts of a run: the entries that files, datasets and stores of runs hold.
+"""Entries of files, datasets and stores of runs.
 
-A run is a header, a few numbers and strings, and arrays. `schema_of` lists the arrays that runs of
-a map may have, each as an `Entry` with symbolic axes:
+A run consists of a header (numbers and strings) and arrays. `schema_of` lists the arrays of runs of a
+map, each as an `Entry` with symbolic axes:
 
 ========= ==========================================
 "n"       saved states
@@ -12,9 +12,9 @@ component components of a state
 "body"    axes of the body, one more than components
 ========= ==========================================
 
-`entries_of` and `run_of` convert a run to entries and back; `check` refuses shapes and dtypes that
-do not fit before anything is decoded. The names of arrays that a run needs to go on begin with
-`RESUME`; datasets leave them out.
+`entries_of` and `run_of` convert a run to entries and back; `check` raises an error for
+wrong shapes and dtypes before arrays are decoded. The names of arrays needed to resume a run begin
+with `RESUME`; datasets omit them.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .._maps.registry import map_named
 Entries = dict[str, NDArray[Any]]
 Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 
-# The number of this arrangement: 1 is that of version 0.2.
+# Version of this format; suslov_fast 0.2 wrote format 1.
 FORMAT = 3
 RESUME = "resume/"
-# Entries of one number or one string; the last is missing where only the last state is kept.
+# Entries of one number or one string; the last is absent if only the last state is saved.
 HEADER: dict[str, Callable[[Any], Any]] = {
     "format": int,
     "version": str,
@@ -57,7 +57,7 @@ class Entry(NamedTuple):
     varying
         True for parameters, of any shape that broadcasts to the batch.
     optional
-        True if a run may be without it.
+        True if the entry may be absent.
     """
 
     dims: tuple[str | int, ...]
@@ -67,7 +67,7 @@ class Entry(NamedTuple):
     optional: bool = False
 
     def axes(self, batch: tuple[Any, ...], own: Mapping[Any, Any]) -> tuple[Any, ...]:
-        """Return the axes, with those of the batch in place and others replaced by `own`."""
+        """Return the axes, with those of the batch inserted and others replaced by `own`."""
         return tuple(
             each
             for dim in self.dims
@@ -91,7 +91,7 @@ _ATTITUDE = Entry(
 
 
 def schema_of(map: Map) -> dict[str, Entry]:
-    """Return the arrays that runs of a map may have, by name."""
+    """Return the possible arrays of runs of a map, by name."""
     body, entries = map.body, dict(_STATES)
     dims = ("batch", *("component",) * body._own_axes)
     for name in body._names():
@@ -107,7 +107,7 @@ def schema_of(map: Map) -> dict[str, Entry]:
 
 
 def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entries:
-    """Return the entries of a run that are one number or one string."""
+    """Return the header of a run."""
     from .. import __version__
 
     values = (FORMAT, __version__, map.name, method, steps, save_every)
@@ -138,7 +138,7 @@ def _is_saved(run: Mapping[str, Any]) -> bool:
 
 
 def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return the attributes of `Trajectories`; ValueError if the entries are not those of a run."""
+    """Return the attributes of `Trajectories`; ValueError if the entries do not form a run."""
     check(entries, {name: (array.shape, array.dtype) for name, array in entries.items()})
     header = read_header(entries)
     omega, eps, n = np.ascontiguousarray(entries["omega"]), entries["eps"], entries["n"]
@@ -182,7 +182,7 @@ def body_of(entries: Mapping[str, NDArray[Any]]) -> Any:
 
 
 def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the header as numbers and strings; ValueError if it is not that of this version."""
+    """Return the header as numbers and strings; ValueError if it is of another version."""
     if "format" not in values:
         raise ValueError(
             "expected a run from Trajectories.save or to_xarray, got one without a format"
@@ -216,7 +216,7 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check(values: Mapping[str, Any], shapes: Shapes) -> None:
-    """Refuse a header and arrays that do not belong together, of which the shapes are known."""
+    """Raise ValueError if the header and the shapes of the arrays are inconsistent."""
     header = read_header(values)
     schema = schema_of(map_named(header["map"]))
     arrays = {name: each for name, each in shapes.items() if name not in HEADER}

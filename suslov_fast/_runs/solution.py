@@ -1,4 +1,4 @@
-"""The solved problem: any state of the map and of the flow, and the limits of orbits."""
+"""The closed form: any state of the map and of the flow, and the limits of orbits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BEYOND = "the state or an intermediate result exceeds the range of float64"
 def exact(
     body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return state n of the map by the closed form, without iterating.
+    """Return state n of the map by the closed form, without iteration.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def exact(
 def flow(
     body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return the continuous motion at some times, by its closed form.
+    """Return the continuous motion at given times, by its closed form.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _solve(
     times: FloatArray,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return states at some times of the map or the flow, and how many of them are missing."""
+    """Return states of the map or the flow at given times, and the numbers of missing states."""
     flow = name == "flow"
     if isinstance(body, Suslov3D):
         return states_at(body, state, eps, batch, times, flow, threads)
@@ -208,7 +208,7 @@ def _solve(
     states = np.empty((*times.shape, *batch, body.dimension))
     flat = states.reshape((times.size, *size, body.dimension))
     reduced.expand(of_three.reshape((times.size, *size, 2)), flat, 0, threads)
-    # At time 0 the given state itself.
+    # At time 0 the state is a copy of the input.
     states[times == 0.0] = state
     return states, missing
 

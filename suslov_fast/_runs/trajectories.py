@@ -1,4 +1,4 @@
-"""Trajectories, the result of an iteration."""
+"""Trajectories, the result of `iterate`."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ OnSingular = Literal["warn", "raise", "ignore"]
 
 
 class SingularStepError(ArithmeticError):
-    """Some trajectories of a batch came to an end before their last step.
+    """Some trajectories of a batch failed before their last step.
 
     Attributes
     ----------
     trajectories : Trajectories
-        The finished batch, failed trajectories included.
+        The finished batch, including failed trajectories.
     """
 
     def __init__(self, message: str, trajectories: Trajectories) -> None:
@@ -53,26 +53,26 @@ class Trajectories:
     Attributes
     ----------
     omega : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first state on that does not exist.
+        The saved states; NaN from the first nonexistent state on.
     eps : float or ndarray(float, shape=(...))
-        The step size, in the unit of time that omega is measured in.
+        The step size, in the unit of time of omega.
     body : Suslov3D, SuslovND or SuslovGyrostat
         The body.
     status : ndarray(int8, shape=(...))
-        How each trajectory ended: a :class:`Status`; negative if it failed.
+        The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
-        The number of the first state that does not exist, or -1; read-only if nothing failed.
+        The index of the first state that does not exist, or -1; read-only if nothing failed.
     final : ndarray(float, shape=(..., D))
-        The state after the last step, whether saved or not; where saved, it may share memory with
+        The state after the last step, even if not saved; if saved, it may share memory with
         `omega`.
     method : str
-        The method that was asked for.
+        The requested method.
     steps : int
         The number of steps.
     save_every : int or None
         The states 0, k, 2k, ... were saved, or only the last.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
-        The orientations of the body at the saved states, if they were asked for.
+        The orientations of the body at the saved states, if requested.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | None = None
-    # The map, and the arrays from which `extend` goes on.
+    # The map, and the arrays from which `extend` continues.
     _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
@@ -102,7 +102,7 @@ class Trajectories:
     def of(cls, run: Run, results: Results) -> Trajectories:
         """Return the results of a run."""
         self = object.__new__(cls)
-        # As `__init__` does it, attribute by attribute, it takes a tenth of a short run.
+        # Faster than `__init__`, which takes a tenth of a short run.
         vars(self).update(
             omega=results.omega,
             eps=run.eps,
@@ -127,14 +127,14 @@ class Trajectories:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Trajectories:
-        """Continue the run, bit for bit as if it had never been interrupted.
+        """Continue the run; the result is bit-identical to an uninterrupted run.
 
         Parameters
         ----------
         steps : int
             How many steps more, 0 or more.
         threads, on_singular, progress
-            As in :func:`iterate`; trajectories that had failed before are not reported again.
+            As in :func:`iterate`; earlier failures are not reported again.
 
         Returns
         -------
@@ -189,7 +189,7 @@ class Trajectories:
 
     @property
     def time(self) -> FloatArray:
-        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) where eps varies."""
+        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) if eps varies."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
         with np.errstate(over="ignore"):
             times: FloatArray = n * np.asarray(self.eps)
@@ -228,7 +228,7 @@ class Trajectories:
         return self._of_states("reaction", self.eps)
 
     def _of_states(self, name: str, *eps: float | FloatArray) -> FloatArray:
-        """Return a quantity of the saved states; TypeError if the map of the run has it not."""
+        """Return a quantity of the saved states; TypeError if the map of the run does not have it."""
         if name not in self._map.quantities:
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
         import suslov_fast
@@ -237,7 +237,7 @@ class Trajectories:
         return values
 
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
-        """Draw the saved states of all trajectories, one component over another.
+        """Draw the saved states of all trajectories in the plane of two components.
 
         Parameters
         ----------
@@ -289,10 +289,10 @@ class Trajectories:
         dims: str | Sequence[str] | None = None,
         coords: Mapping[Any, Any] | None = None,
     ) -> xarray.Dataset:
-        """Return the run as an `xarray.Dataset`, with all that a user looks at.
+        """Return the run as an `xarray.Dataset`, without the data needed to resume it.
 
         Parameters are not repeated along axes on which they do not vary, `final` is a variable only
-        where it is not saved, and no array is copied.
+        if the last state is not saved, and no array is copied.
 
         Parameters
         ----------
@@ -329,7 +329,7 @@ class Trajectories:
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
         """Return the run that a dataset of :meth:`to_xarray` holds, or a part of its batch.
 
-        It does not hold what a run needs to go on: :meth:`extend` raises ValueError.
+        The result cannot be resumed: its :meth:`extend` raises ValueError.
 
         Raises
         ------
@@ -344,10 +344,10 @@ class Trajectories:
 
     @filled
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the run to a file that :meth:`load` reads, bit for bit.
+        """Write the run to a file that :meth:`load` reads, without loss.
 
-        The file appears under its name once it is complete, and not at all otherwise. Of one that
-        it replaces the mode is kept; of a link, what it points to is replaced.
+        The file appears under its name only when it is complete. It replaces an existing file with
+        the same mode, or the target of a link.
 
         Parameters
         ----------
@@ -371,7 +371,7 @@ class Trajectories:
     @classmethod
     @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
-        """Read a run that :meth:`save` wrote.
+        """Read a run written by :meth:`save`.
 
         Parameters
         ----------
@@ -425,7 +425,7 @@ def _range(eps: float | FloatArray) -> str:
 
 
 def report(run: Run, results: Results, on_singular: str, since: int, stacklevel: int) -> None:
-    """Warn, once for the whole batch, of trajectories that ended at step `since` or later."""
+    """Warn, once for the whole batch, of trajectories that failed at step `since` or later."""
     if on_singular == "ignore" or worst(results.status) >= 0:
         return
     failed = results.failed_at >= since

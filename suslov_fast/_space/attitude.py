@@ -26,10 +26,9 @@ from .._engine.layout import for_kernel, for_loops
 from .._engine.states import TASKS
 from .._kernels import attitude as kernels
 
-# Python looks for Ctrl-C between slices of so many numbers of the result: some 0.1 s.
+# Number of elements of the result between checks for Ctrl-C: some 0.1 s.
 _SLICE = 2**25
-# The cost of a number of the result, and that of checking a number of the states, in steps of the
-# map.
+# Costs of an element of the result, and of checking an element of the states, in steps of the map.
 _TURNING, _CHECKING = 10, 10
 _CLASSES = ("Suslov3D", "SuslovND", "SuslovGyrostat")
 
@@ -125,7 +124,7 @@ def attitude(
 
 
 def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return states (N + 1, ..., D) as the array (N + 1, B, D) that kernels take."""
+    """Return states (N + 1, ..., D) as the array (N + 1, B, D) for kernels."""
     length, *own, m = states.shape
     aligned = states.reshape(length, *(1,) * (len(batch) - len(own)), *own, m)
     full = np.broadcast_to(aligned, (length, *batch, m)).reshape(length, math.prod(batch), m)
@@ -133,7 +132,7 @@ def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
 
 
 def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:
-    """Yield parts (start, stop) of the states after the first, so many numbers each."""
+    """Yield parts (start, stop) of the states after the first, of SLICE elements."""
     length = max(_SLICE // max(numbers, 1), 1)
     for start in range(1, rows, length):
         yield start, min(start + length, rows)
@@ -142,7 +141,7 @@ def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:
 def _check_that_states_follow(
     body: Any, omega: FloatArray, eps: FloatArray, batch: tuple[int, ...], threads: int | None
 ) -> None:
-    """Raise ValueError if states (N + 1, B, D) are not those of the map, one after the other."""
+    """Raise ValueError if states (N + 1, B, D) are not consecutive states of the map."""
     rows, size, m = omega.shape
     parameters = _implicit_parameters(body, eps, batch)
     stray = np.full(size, -1)

@@ -1,4 +1,4 @@
-"""Angle in space between the steady rotations that a motion leaves and reaches."""
+"""Angle in space between the two steady rotations of a motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .._engine import threads as _threads
 from .._engine.layout import for_kernel
 from .._kernels import scattering as kernels
 
-# The cost of an angle, in steps of the map.
+# Cost of an angle, in steps of the map.
 _WORK = 100
 
 
@@ -22,7 +22,7 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     """Angle in space between the angular velocities at time -infinity and at +infinity.
 
     In the continuous problem every motion leaves one steady rotation and tends to another. The
-    angle between the two in space depends on the body alone, not on the energy.
+    angle between them in space depends on the body, not on the energy.
 
     Parameters
     ----------

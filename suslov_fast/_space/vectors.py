@@ -1,4 +1,4 @@
-"""States as elements of so(n), in the body, in the basis its inertia was given in, and in space."""
+"""States as elements of so(n): in the adapted basis, the basis of the inertia tensor, and in space."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .._checks import FloatArray, common_shape, instance, vectors
 from .._docs import filled
 from .._engine.arguments import Body, check
 
-# A matrix is antisymmetric, and a state obeys the constraint, to this part of its size.
+# Relative tolerance of antisymmetry and of the constraint.
 _ROUNDING = 1e-12
 
 
@@ -93,15 +93,15 @@ def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = N
     """
     instance("body", body, (Suslov3D, SuslovND))
     n = body.dimension + 1
-    given = _square("matrix", matrix, n, allow_nan=True)
+    matrices = _square("matrix", matrix, n, allow_nan=True)
     turn = _turn(n, rotation, None)
-    size = abs(given).max(axis=(-2, -1), initial=0.0, keepdims=True)
-    excess = abs(0.5 * given + 0.5 * given.swapaxes(-2, -1))
+    size = abs(matrices).max(axis=(-2, -1), initial=0.0, keepdims=True)
+    excess = abs(0.5 * matrices + 0.5 * matrices.swapaxes(-2, -1))
     if (excess > _ROUNDING * size).any():
         raise ValueError(
             f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
         )
-    adapted = _turned(given, None if turn is None else turn.swapaxes(-2, -1))
+    adapted = _turned(matrices, None if turn is None else turn.swapaxes(-2, -1))
     forbidden = abs(adapted[..., :-1, :-1])
     if (forbidden > _ROUNDING * n * size).any():
         raise ValueError(
@@ -187,10 +187,10 @@ def from_vector(
     (2,)
     """
     instance("body", body, Suslov3D)
-    given = vectors("vector", vector, 3, allow_nan=True)
+    array = vectors("vector", vector, 3, allow_nan=True)
     turn = _turn(3, rotation, None)
-    adapted = _turned_vector(given, None if turn is None else turn.swapaxes(-2, -1))
-    size = abs(given).max(axis=-1, initial=0.0)
+    adapted = _turned_vector(array, None if turn is None else turn.swapaxes(-2, -1))
+    size = abs(array).max(axis=-1, initial=0.0)
     if (abs(adapted[..., 2]) > _ROUNDING * size).any():
         raise ValueError(
             "vector: expected angular velocities normal to the axis of the body, got the component "
@@ -252,7 +252,7 @@ def momentum(
 
 
 def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
-    """Return antisymmetric matrices of their last column and the block of all others."""
+    """Return antisymmetric matrices from their last column and the remaining block."""
     batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
     n = column.shape[-1] + 1
     matrix = np.empty((*batch, n, n))
@@ -267,7 +267,7 @@ def _zero(state: FloatArray) -> FloatArray:
 
 
 def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
-    """Return the matrices that take components in the adapted basis to the one asked for."""
+    """Return the matrices that convert components from the adapted basis to the requested one."""
     if rotation is not None and attitude is not None:
         raise ValueError("rotation, attitude: expected at most one of them, got both")
     if rotation is not None:
@@ -283,7 +283,7 @@ def _square(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> Flo
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the matrix product with the same digits on every machine, unlike a library."""
+    """Return a matrix product that is bit-identical on all machines, unlike that of a library."""
     common_shape({"matrices": left.shape[:-2], "omega": right.shape[:-2]})
     total: FloatArray = left[..., :, :1] * right[..., :1, :]
     for k in range(1, left.shape[-1]):

@@ -132,10 +132,10 @@ def modified_energy(
 def criticality(
     body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
 ) -> FloatArray:
-    """Number t = eps sqrt(h / (I1 I2)), which decides the regime of an orbit of the map.
+    """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
-    It is constant along an orbit. If -1 < t < 1, the orbit follows the continuous motion; otherwise
-    the step is too long for that, and the orbit jumps across the line of steady states.
+    It is constant along an orbit. If -1 < t < 1, the orbit follows the continuous motion. Otherwise
+    the step is too long, and the orbit jumps across the line of steady states.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The continuous problem beside the discrete one."""
+"""Vector field and reaction of the continuous problem."""
 
 from __future__ import annotations
 

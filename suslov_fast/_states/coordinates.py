@@ -1,4 +1,4 @@
-"""The paper's coordinates (x, y), and the constants of its solution in them (Section 4)."""
+"""The coordinates (x, y) of the paper, and the constants of its solution (Section 4)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .table import find
 def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
-    The steady states are the line x = 0. x is accurate to rounding next to that line too.
+    The steady states are the line x = 0. x is accurate to rounding near that line too.
 
     Parameters
     ----------

@@ -148,8 +148,8 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
 
 def _spectrum_nd(J: FloatArray, I: FloatArray) -> FloatArray:
     """Return the spectrum of J**-1 (|I|**2 Id - I I^T), ascending, without the 0 of I."""
-    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and takes sqrt(J) I to 0. A reflection of an
-    # axis into that direction takes the other axes to a basis of the rest.
+    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and maps sqrt(J) I to 0. A reflection of an
+    # axis into that direction maps the other axes to a basis of its complement.
     square, root = (I * I).sum(axis=-1, keepdims=True), np.sqrt(J)
     null, across = np.broadcast_arrays(root * I, I / root)
     basis = _complement(null)
@@ -166,7 +166,7 @@ def _complement(vectors: FloatArray) -> FloatArray:
     m = vectors.shape[-1]
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
     unit = np.where(size > 0, vectors / np.where(size > 0, size, 1.0), np.eye(m)[0])
-    # Householder's reflection, of the first axis into plus or minus the unit vector.
+    # Householder reflection of the first axis into plus or minus the unit vector.
     normal = unit.copy()
     normal[..., 0] += np.copysign(1.0, unit[..., 0])
     square = (normal * normal).sum(axis=-1)[..., np.newaxis, np.newaxis]

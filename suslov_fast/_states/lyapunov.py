@@ -21,9 +21,9 @@ from .._engine.status import SingularStepWarning
 from .._jit import Kernel
 from .._kernels import exponents as kernels
 
-# Python looks for Ctrl-C between slices of so many operations: some 0.1 s.
+# Number of operations between checks for Ctrl-C: some 0.1 s.
 _SLICE = 2**28
-# The cost of a step in three dimensions, in steps of the map.
+# Cost of a step in three dimensions, in steps of the map.
 _STEP = 20
 
 

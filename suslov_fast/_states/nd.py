@@ -25,7 +25,7 @@ Batch = tuple[int, ...]
 
 
 def _by_kernel(quantity: int, axes: int = 0) -> Callable[..., FloatArray]:
-    """Return what evaluates a quantity whose results have so many axes of components."""
+    """Return the evaluation of a quantity by a kernel."""
 
     def find(
         body: SuslovND, omega: FloatArray, eps: Step, batch: Batch, threads: int | None, name: str
@@ -38,9 +38,9 @@ def _by_kernel(quantity: int, axes: int = 0) -> Callable[..., FloatArray]:
 def _by_numpy(
     function: Callable[..., FloatArray], axes: int = 0, solved: str | None = None
 ) -> Callable[..., FloatArray]:
-    """Return what evaluates a function of bodies, states and step sizes part by part.
+    """Return the evaluation, in parts, of a NumPy function of bodies, states and step sizes.
 
-    `solved` is the name of a function that needs a body whose problem is solved.
+    `solved` is the name of a public function that needs a solved body.
     """
 
     def find(

@@ -1,4 +1,4 @@
-"""All quantities of states: what finds each of them for each class of bodies."""
+"""Table of all quantities of states: the evaluation for each class of bodies."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """The Hirota-Kimura (Kahan) discretization of the nonholonomic Suslov problem.
 
-A body and a batch of angular velocities go in, trajectories come out::
+Iterate a batch of initial angular velocities of a body::
 
     from suslov_fast import Suslov3D, iterate
 
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     trajectories = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
 
-The system is that of V. Dragovic and B. Gajic, arXiv:0807.2966.
+The map is defined by V. Dragovic and B. Gajic, arXiv:0807.2966.
 """
 
 import re
@@ -16,7 +16,7 @@ from pathlib import Path
 
 __version__ = "0.3.0"
 
-# The public names stand in `__init__.pyi`, one import each.
+# `__init__.pyi` lists the public names, one import each.
 _MODULE_OF = {
     name: module
     for module, name in re.findall(

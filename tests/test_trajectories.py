@@ -175,7 +175,7 @@ def test_through_xarray(name, engine, tmp_path):
     with opened:
         back = sf.Trajectories.from_xarray(opened)
     assert_same_run(run, back, resume=False)
-    with pytest.raises(ValueError, match="does not hold what a run needs to go on"):
+    with pytest.raises(ValueError, match="does not hold the data needed to resume"):
         back.extend(3)
 
 

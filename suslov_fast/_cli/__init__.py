@@ -16,13 +16,13 @@ from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit.
 
-    The status is 0; 2 for a command line that makes no sense and 1 for other failures, with one
+    The status is 0; 2 for usage errors and 1 for other failures, with one
     line on stderr; 130 after a signal.
     """
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
     try:
         options = parse(sys.argv[1:] if arguments is None else arguments)
-        # Only now: the modules import Numba, for which `--help` need not wait.
+        # Imported here: the modules import Numba, which would delay `--help`.
         module, function = COMMANDS[options.command].function.split(".")
         if text := getattr(import_module(f".{module}", __package__), function)(options):
             print(text, flush=True)
@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except KeyboardInterrupt as error:
         _fail(INTERRUPTED, str(error) or "interrupted")
     except OSError as error:  # of the output: those of other files are CommandErrors
-        # Python could not write the rest of it at exit either.
+        # Otherwise Python would try to write the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             sys.exit(FAILURE)
@@ -42,11 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _stop_like_ctrl_c(*names: str) -> None:
-    """Let signals raise KeyboardInterrupt, but for those that are ignored, as under nohup."""
+    """Let signals raise KeyboardInterrupt, except those that are ignored, as under nohup."""
     for name in names:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            with suppress(ValueError):  # only the main thread can
+            with suppress(ValueError):  # only the main thread can set signal handlers
                 signal.signal(number, signal.default_int_handler)
 
 

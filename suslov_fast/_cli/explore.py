@@ -28,7 +28,7 @@ def explore(options: argparse.Namespace) -> None:
             print(server.url + query, flush=True)
             if sys.stderr is not None and sys.stderr.isatty():
                 print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
-            if not options.no_browser:  # which may stay in the foreground of its thread
+            if not options.no_browser:  # which may block its thread
                 address = (server.url + query,)
                 threading.Thread(target=webbrowser.open, args=address, daemon=True).start()
             server.serve_forever(poll_interval=0.1)

@@ -1,6 +1,6 @@
 """Options of the command: each is declared once and shared by subcommands.
 
-This module imports nothing that is slow, so that `--help` and mistakes are answered at once.
+This module has no slow imports, so `--help` and usage errors are fast.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .. import __version__
 
 FAILURE, USAGE, INTERRUPTED = 1, 2, 130
 TRAJECTORIES, EXTENT = 65_536, 2.0
-# The body of picture 2 can be made of matter, that of picture 1 cannot.
+# The body of picture 2 is realizable, that of picture 1 is not.
 DEFAULT_PICTURE = 2
 ENTRIES = "Ixx,Iyy,Izz,Ixy,Ixz,Iyz"
 
@@ -29,7 +29,7 @@ class CommandError(Exception):
 
 
 class UsageError(CommandError):
-    """A command line that makes no sense."""
+    """An invalid command line."""
 
     status = USAGE
 
@@ -38,7 +38,7 @@ class UsageError(CommandError):
 
 
 def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]:
-    """Return a reader of values, whose errors say what was expected."""
+    """Return a converter of values, whose errors state what was expected."""
 
     def read(text: str) -> Any:
         try:
@@ -76,7 +76,7 @@ def _split_sweep(text: str) -> tuple[str, float, float, int]:
 
 
 def _check_address(text: str) -> str:
-    int(text.rpartition(":")[2])  # the port; without one Dask would wait for ever
+    int(text.rpartition(":")[2])  # the port, without which Dask would hang
     return text
 
 
@@ -236,7 +236,7 @@ def body_classes() -> list[Any]:
 
 
 def flag(name: str) -> str:
-    """Return an option as it is written."""
+    """Return an option in its form on the command line."""
     return _flags(name)[-1]
 
 
@@ -250,7 +250,7 @@ def _flags(name: str) -> list[str]:
 class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings, allow_abbrev=False)
-        # That of argparse takes -1e-3 and -1,0.5 for options.
+        # The pattern of argparse treats -1e-3 and -1,0.5 as options.
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:

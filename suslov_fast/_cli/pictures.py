@@ -18,13 +18,13 @@ from .options import CommandError, UsageError
 from .problem import orientation_of, problem_of, start_of
 from .terminal import about, progress_bar, require_new
 
-# The same picture is the same file, and text in it stays text.
+# Files are reproducible, and text in them remains text.
 _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
 _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-# Step size of animated pictures: those of the paper are too long for the eye.
+# Step size of animated pictures: those of the paper are too long for a smooth animation.
 _EPS = 0.05
 
-# What draws each picture, and the arguments that write the letters of its panels.
+# The function of each picture, and the arguments for the letters of its panels.
 DRAWINGS: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
     **{
         f"picture{number}": (partial(plots.plot_phase, *picture), {"letter": "abcd"[number - 1]})
@@ -65,7 +65,7 @@ def animate(options: argparse.Namespace) -> str:
     start = None if options.omega0 is None else start_of(options.omega0, 2)
     orientation = orientation_of(options, 3)
     path = options.output
-    with style():  # which says what to do without Matplotlib
+    with style():  # which raises a helpful error without Matplotlib
         from matplotlib import animation
     suffix = path.suffix.lower()
     writer = animation.PillowWriter if suffix == ".gif" else animation.FFMpegWriter
@@ -75,7 +75,7 @@ def animate(options: argparse.Namespace) -> str:
     with about(path), replacing(path) as new, progress_bar("drawing") as report:
         with about("animate", UsageError):
             moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
-        part = new.with_suffix(suffix)  # the library goes by it
+        part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix
         moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=report)
         part.rename(new)
     return str(path)

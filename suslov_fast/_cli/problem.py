@@ -1,4 +1,4 @@
-"""The body, the step size, the starts and the orientation that options describe."""
+"""Body, step size, initial states and orientation from the options."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def problem_of(
 ) -> tuple[Any, float, FloatArray | None]:
     """Return the body, the step size, and the rotation to the adapted basis of a tensor.
 
-    The step size is that of the picture, or `eps_of_pictures`, unless the body is the user's own.
+    The default step size is that of the picture, or `eps_of_pictures`; other bodies have none.
     """
     names = {name for kind in body_classes() for name in kind._names()}
     own = {name: value for name, value in vars(options).items() if name in names}
@@ -46,8 +46,8 @@ def problem_of(
 
 
 def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
-    """Return the first body that has the user's own parameters, others being those of a base."""
-    # A picture with --k is a gyrostat: it has all parameters of the base that may not be left out.
+    """Return the first body that has the parameters of the user; the others are those of a base."""
+    # A picture with --k is a gyrostat: the base provides its other required parameters.
     needed = own.keys() | (set() if base is None else _required(type(base)))
     values = {**({} if base is None else base._values), **own}
     kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
@@ -92,7 +92,7 @@ def _symmetric(entries: list[float]) -> FloatArray:
 
 
 def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> Any:
-    """Return the starts: an array, which for a store may lie in its file, or `RandomStarts`."""
+    """Return the initial states: an array, memory-mapped for a store, or `RandomStarts`."""
     sources = ("omega0", "initial", "trajectories", "seed", "extent")
     used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
@@ -111,14 +111,14 @@ def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> An
 
 
 def start_of(row: list[float], dimension: int) -> list[float]:
-    """Return a start with as many components as the body has."""
+    """Return an initial state with the number of components of the body."""
     if len(row) != dimension:
         raise UsageError(f"argument --omega0: expected {dimension} numbers, got {len(row)}")
     return row
 
 
 def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
-    """Return the orientation at the start, if one is given."""
+    """Return the initial orientation, if one is given."""
     source = options.orientation
     if source is None:
         return None
@@ -133,11 +133,11 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
 
 
 def read_table(path: Path) -> FloatArray:
-    """Return the numbers in a .npy file, which are read where they are used, or in a .csv file."""
+    """Return the numbers in a .npy file, memory-mapped, or in a .csv file."""
     if path.suffix.lower() == ".npy":
         array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)
         return array
-    # Spreadsheets begin files with a mark, and columns with a name.
+    # Spreadsheets begin files with a byte order mark, and columns with a name.
     rows = [row for row in path.read_text(encoding="utf-8-sig").splitlines() if row.strip()]
     if rows and all(map(_is_name, rows[0].split(","))):
         del rows[0]
@@ -147,6 +147,6 @@ def read_table(path: Path) -> FloatArray:
 
 
 def _is_name(cell: str) -> bool:
-    """Return True for the head of a column; "nan" and "inf" are numbers, which are refused."""
+    """Return True for the head of a column; "nan" and "inf" are numbers, which raise errors."""
     name = cell.strip().replace(" ", "_")
     return name.isidentifier() and name.lower() not in ("nan", "inf", "infinity")

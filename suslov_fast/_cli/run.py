@@ -1,4 +1,4 @@
-"""`suslov-fast run`: iterate a batch and print what came of it."""
+"""`suslov-fast run`: iterate a batch and print a summary."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, as_json, as_text, facts_of, facts_of_store
 from .terminal import about, announce, progress_bar, require_new
 
-# Seconds, without compilation, of a run that what is done once, such as to start threads, does not
-# delay much; shorter ones are timed when that is done.
+# Duration in seconds, without compilation, above which one-time work such as starting threads is
+# negligible; shorter runs are timed a second time.
 _LONG = 0.5
 
 
@@ -82,7 +82,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     if isinstance(starts, sf.RandomStarts):
         starts = starts.states(count, 0, body.dimension)
     settings = {**_settings(sf.iterate, options, body), "on_singular": "ignore"}
-    # A file that cannot be written is found before the run.
+    # A file that cannot be written is detected before the run.
     with about(path), nullcontext() if path is None else place_for(path) as put:
         if path is not None:
             announce(path, nbytes)
@@ -103,7 +103,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
 
 
 def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
-    """Make, finish or lengthen a store."""
+    """Create, complete or extend a store."""
     path, sweeps = options.output, options.sweep or []
     settings = {**_settings(sf.ensemble, options, body), "store": path}
     settings["dims"] = (*(name for name, *_ in sweeps), "trajectory")
@@ -115,16 +115,16 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
     with about(path), progress_bar("iterating") as report:
         _ensemble(path, options.force, body, starts, eps_of_all, **settings, progress=report)
     seconds = time.perf_counter() - begin
-    # A store may have been begun before: there is no rate of the whole.
+    # Part of a store may be older: the rate of the whole is unknown.
     return {**facts_of_store(path), "seconds": seconds}
 
 
 def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None:
-    """Call `ensemble`; replace the store of another run if that was asked for."""
+    """Call `ensemble`; replace the store of another run if requested."""
     try:
         sf.ensemble(*arguments, **settings)
     except (ValueError, TypeError) as error:
-        if path.name not in str(error):  # the arguments are wrong
+        if path.name not in str(error):  # the arguments are invalid
             raise UsageError(f"run: {error}") from error
         if not force or not (path / "zarr.json").exists():
             raise CommandError(f"{error}; --force replaces it") from error
@@ -133,7 +133,7 @@ def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None
 
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:
-    """Return the body and the step sizes with an axis for each sweep, before that of the starts."""
+    """Return the body and the step sizes with an axis for each sweep, before that of the states."""
     names = [] if body._own_axes else body._names()
     for k, (name, low, high, count) in enumerate(sweeps):
         values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))

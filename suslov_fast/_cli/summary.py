@@ -23,14 +23,14 @@ from .terminal import about, progress_bar
 
 Facts = dict[str, Any]
 
-# Numbers of the states that are compared at a time; a chunk of a store has as many.
+# Size of the states compared at a time, that of a chunk of a store.
 _SLAB = 2**21
-# Relative changes that are reported: of F if it is known for the body, otherwise of the energies.
+# Reported relative changes: of F if it is known for the body, otherwise of the energies.
 _DRIFTS = {"F": "first_integral_drift", "E": "energy_drift", "E_mod": "modified_energy_drift"}
 
 
 def info(options: argparse.Namespace) -> str:
-    """Return what a saved run is and what came of it: the command `suslov-fast info`."""
+    """Return the summary of a saved run, for the command `suslov-fast info`."""
     path = options.file
     with about(path):
         in_store = (path / "progress" / "zarr.json").exists()
@@ -39,19 +39,19 @@ def info(options: argparse.Namespace) -> str:
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
-    """Return what a run in memory is and what came of it, since its first state or `start`."""
+    """Return the summary of a run in memory, with changes since its first state or `start`."""
     return {**_header(orbits), **_outcome([orbits], start)}
 
 
 def facts_of_store(path: Path) -> Facts:
-    """Return the same of a store of `ensemble`, finished or not, which is read tile by tile."""
+    """Return the summary of a store of `ensemble`, finished or not, read tile by tile."""
     dataset = open_dataset(resolved(path), chunks=None)
     done = {"tiles_done": dataset.attrs["tiles_done"]}
     return {**_header(_view(dataset)), **done, **_outcome(_tiles(dataset))}
 
 
 def _view(dataset: Any) -> Any:
-    """Return a dataset as what looks like `Trajectories`; its states are read when needed."""
+    """Return a dataset with the interface of `Trajectories`; states are read when needed."""
     batch, map = tuple(dataset["status"].dims), map_named(dataset.attrs["map"])
     values = {
         name: unvarying(dataset, name, batch)
@@ -75,7 +75,7 @@ def _view(dataset: Any) -> Any:
 
 
 def _tiles(dataset: Any) -> Iterator[Any]:
-    """Cut a dataset along its batch, as it is stored."""
+    """Divide a dataset along its batch into stored tiles."""
     status = dataset["status"]
     sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
     tiles = list(product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())))
@@ -109,21 +109,21 @@ def _brief(value: Any, own_axes: int = 0) -> Any:
 
 
 def _outcome(parts: Iterable[Any], start: FloatArray | None = None) -> Facts:
-    """Return statuses and largest relative changes, since state 0 or, where not saved, `start`."""
+    """Return statuses and largest relative changes, since state 0 or, if not saved, `start`."""
     counts = dict.fromkeys(sf.Status, 0)
     drift: dict[str, float] = {}
     for part in parts:
         for status in counts:
             counts[status] += int((part.status == status).sum())
         for name, changes in _changes(part, start):
-            # Where a trajectory has ended, or the quantity leaves float64, there is none.
+            # Ignore states after a failure, and quantities out of the range of float64.
             largest = float(changes.max(initial=0.0, where=np.isfinite(changes)))
             drift[name] = max(drift.get(name, 0.0), largest)
     return {"drift": drift, "status": {each.name: n for each, n in counts.items() if n}}
 
 
 def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArray]]:
-    """Yield changes of conserved quantities, each with its name: those stored, and those found."""
+    """Yield changes of conserved quantities, each with its name: stored ones, and computed ones."""
     stored = getattr(run, "reductions", {})
     yield from ((name, stored[each]) for name, each in _DRIFTS.items() if each in stored)
     if start is None and run.n[0] == 0:
@@ -145,7 +145,7 @@ def _known(run: Any) -> list[str]:
 
 
 def _slabs(run: Any) -> Iterator[FloatArray]:
-    """Cut states along time, and add the last one where it is not saved."""
+    """Divide states along time, and add the last one if it is not saved."""
     rows = max(1, _SLAB // max(1, run.omega[:1].size))
     for k in range(0, len(run.omega), rows):
         yield np.asarray(run.omega[k : k + rows])

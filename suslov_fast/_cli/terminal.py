@@ -1,4 +1,4 @@
-"""What commands share: a progress bar, errors in one line, names of new files."""
+"""Common parts of commands: a progress bar, one-line errors, names of new files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pathlib import Path
 
 from .options import CommandError
 
-# Bytes of an output whose size is said before it is written; seconds from one bar to the next.
+# Size in bytes above which an output is announced; seconds between updates of the bar.
 _LARGE, _INTERVAL = 10**8, 0.1
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """Yield a function of (done, total) that draws a bar where stderr is a terminal."""
+    """Yield a function of (done, total) that draws a bar if stderr is a terminal."""
     begin = drawn = time.monotonic()
 
     def show(text: str) -> None:
@@ -41,7 +41,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def about(what: object, kind: type[CommandError] = CommandError) -> Iterator[None]:
-    """Turn errors of the package and of the system into messages that begin with a name."""
+    """Convert errors of the package and of the system to messages that begin with a name."""
     try:
         yield
     except OSError as error:
@@ -53,13 +53,13 @@ def about(what: object, kind: type[CommandError] = CommandError) -> Iterator[Non
 
 
 def require_new(path: Path, force: bool) -> None:
-    """Refuse to replace a file, unless it was asked for."""
+    """Raise CommandError if a file exists, unless it may be replaced."""
     if not force and path.is_file():
         raise CommandError(f"{path}: expected a new name, got one that exists; --force replaces it")
 
 
 def announce(path: Path, nbytes: int) -> None:
-    """Say the size of a large output before it is written; refuse one that the disk cannot hold."""
+    """Announce the size of a large output; raise CommandError if the disk has too little space."""
     if nbytes <= _LARGE:
         return
     with about(path):

@@ -1,4 +1,4 @@
-"""`suslov-fast warm-up`: compile everything."""
+"""`suslov-fast warm-up`: compile all kernels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .._maps.registry import map_of
 from .options import body_classes
 from .terminal import progress_bar
 
-# Few trajectories are served by one thread, many by all.
+# Few trajectories use the serial build, many the parallel one.
 _COUNTS = (3, 2**15)
 _STEPS = 40
 # Functions that call others.
@@ -31,7 +31,7 @@ _SAMPLES |= {"J": [1.0, 1.5, 2.0], "I": [0.4, -0.7, 0.5]}
 
 
 def warm_up(options: argparse.Namespace) -> str:
-    """Call everything, and return how long it took."""
+    """Call all functions, and report the time."""
     begin = time.perf_counter()
     jobs = list(_jobs())
     with progress_bar("compiling") as report, warnings.catch_warnings():
@@ -55,7 +55,7 @@ def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
 
 
 def _call(function: Callable[..., Any], body: Any, count: int) -> int:
-    """Call a function in all ways, if it knows the body, and return the number of calls."""
+    """Call a function in all variants that apply to the body, and return the number of calls."""
     parameters = inspect.signature(function).parameters
     known = _arguments(body, count, function.__name__.endswith("_full"))
     names = [name for name, each in parameters.items() if each.default is each.empty]
@@ -72,7 +72,7 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
         "n": (_STEPS, [0, 1, _STEPS]),
         "time": (0.5, [0.0, 0.5]),
     }
-    # The same name may stand for something else, with another default.
+    # A parameter of the same name may have another meaning and default.
     varied = [
         [(name, value) for value in values]
         for name, values in choices.items()
@@ -90,7 +90,7 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
 
 def _arguments(body: Any, count: int, full: bool) -> dict[str, Any]:
     starts = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension + full))
-    # In three dimensions half of them lie on a pole of the body, where orbits end.
+    # In three dimensions half of the states are poles, where orbits end.
     starts[1::2, :2] = 1.0, -3.0
     states = starts if full else sf.iterate(body, starts, 1.0, 8, on_singular="ignore").omega
     common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}

@@ -1,4 +1,4 @@
-"""Runs in a store: created, finished, lengthened, opened."""
+"""Creation, completion, extension and opening of stored runs."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def ensemble(
 ) -> xarray.Dataset:
     """Iterate a batch of any size into a Zarr store.
 
-    The run is cut into tiles of the batch and pieces along time, each of which is computed as
-    :func:`iterate` does, bit for bit, and marked once it is stored. If the process ends early, the
-    same call computes the rest. A call with more steps makes a finished store longer, without
-    computing the old ones.
+    The run is divided into tiles of the batch and pieces along time. Each piece is bit-identical to
+    the result of :func:`iterate`, and is marked when it is stored. If the process ends early,
+    repeat the call to compute the rest. A call with more steps extends a finished store without
+    recomputing it.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def ensemble(
         A Dask client, or the address of a scheduler, whose workers compute the tiles, on one thread
         each. They must all reach the store. By default this process computes, on all threads.
     verify : bool
-        Read all that is stored, and compute or write again what is damaged or missing.
+        Read all stored data, and recompute what is damaged or missing.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``, both in
         steps of one trajectory.
@@ -156,7 +156,7 @@ def ensemble(
 
 
 def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
-    """Compute what a store lacks."""
+    """Compute the missing pieces of a store."""
     from . import compute, store, workers
 
     arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))

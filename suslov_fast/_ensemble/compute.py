@@ -1,8 +1,8 @@
 """Computing and writing a tile, piece by piece; the engine of this process.
 
-A piece is a stretch of time of a tile. It is written in this order: states; results, with the last
+A piece is a range of steps of a tile. It is written in this order: states; results, with the last
 piece; the record, from which the next piece starts. Each chunk is one object, which a store
-replaces as a whole, so that all that a record stands for is in the store, wherever a process is
+replaces as a whole, so that all data before a record are in the store, even if the process is
 killed.
 """
 
@@ -30,12 +30,12 @@ from .job import Job, step_work
 from .reductions import REDUCTIONS
 from .store import RECORDS, Arrays, advice
 
-# Called with a tile and the number of its steps that are stored.
+# Called with a tile and the number of its stored steps.
 Report = Callable[[int, int], object]
 Values = dict[str, NDArray[Any]]
 Piece = tuple[Run, Results, Values]
 
-# Duration of a piece in seconds, which bounds what a killed process loses, and the work of the
+# Duration of a piece in seconds, which limits the loss if a process is killed, and the work of the
 # first one, in trajectory-steps of the 3D map.
 _DURATION, _FIRST = 20.0, 2**30
 
@@ -43,9 +43,9 @@ _DURATION, _FIRST = 20.0, 2**30
 def pieces(
     job: Job, tile: int, starts: FloatArray, arrays: Arrays, threads: int | None
 ) -> Iterator[Piece]:
-    """Compute what the store lacks of a tile; yield runs, their results and what is reduced.
+    """Compute the missing pieces of a tile; yield runs, their results and reductions.
 
-    `job` is the part of the run that the tile covers, and `starts` are its initial states.
+    `job` is the part of the run in the tile, and `starts` are its initial states.
     """
     shape, D, every = job.shape(tile), job.body.dimension, job.every
     start, resume, reduced = _left(job, tile, arrays)
@@ -64,7 +64,7 @@ def pieces(
         run = replace(run, start=start, steps=stop, resume=resume)
         begin = time.perf_counter()
         results = go_on(run)
-        # Where the closed form is evaluated steps cost nothing, and soon one piece has them all.
+        # With the closed form steps are free, and one piece soon contains them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         most, resume = int(speed * _DURATION), results.resume
         for name in job.reductions if len(results.omega) else ():
@@ -102,7 +102,7 @@ def _records(job: Job, tile: int, arrays: Arrays) -> Any:
 
 
 def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
-    """Return the step from which to go on with a tile, and what the steps before left."""
+    """Return the step from which to resume a tile, and the data of earlier steps."""
     with advice(job.store):
         records = _records(job, tile, arrays)
     flat = records.reshape(-1)
@@ -114,10 +114,10 @@ def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
 
 
 def steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
-    """Return the number of steps of a tile that are stored undamaged, all of a piece or -1.
+    """Return the number of steps of a tile stored undamaged: the end of a piece, or -1.
 
-    `job` is the part of the run that the tile covers. States are NaN from `failed_at` on, and only
-    there, so that other NaN are those of a chunk that is absent.
+    `job` is the part of the run in the tile. States are NaN only from `failed_at` on; other NaN
+    are those of absent chunks.
     """
     where = job.where(tile)
     try:
@@ -163,7 +163,7 @@ def stopping() -> Iterator[Event]:
 
 
 def run(job: Job, arrays: Arrays, tiles: Sequence[int], report: Report, stop: Event) -> None:
-    """Compute tiles with all threads, each piece while the one before is written."""
+    """Compute tiles with all threads, each piece while the previous one is written."""
 
     def keep(tile: int, piece: Piece) -> None:
         write(job, tile, piece, arrays)

@@ -1,4 +1,4 @@
-"""A run that is to be stored: checked arguments, tiles of the batch, identity."""
+"""A run to be stored: checked arguments, tiles of the batch, identity."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .starts import Slices, Source, described, own_part
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
-# Workers share a run of so many tiles evenly; one of less work, in steps of the 3D map, takes less
-# time than its task costs.
+# Number of tiles that balances the load of workers, and the least work of a tile, in steps of the
+# 3D map, below which the overhead of a task dominates.
 _MANY, _LEAST = 32, 2**28
-# Fewer trajectories leave threads and vector lanes idle; for these states along time are cut.
+# Fewer trajectories leave threads and vector lanes idle; a chunk then has fewer times instead.
 _FEWEST, _ENOUGH = 64, 2**14
 
 
@@ -33,7 +33,7 @@ class Job:
     Attributes
     ----------
     source
-        Initial states of the batch; None where a worker receives those of its tile apart.
+        Initial states of the batch; None if a worker receives those of its tile separately.
     orientation
         Orientations at step 0, which broadcast to the batch, or None.
     tile
@@ -69,17 +69,17 @@ class Job:
 
     @property
     def every(self) -> int | None:
-        """Stride of the states that are computed; where none is stored reductions look at all."""
+        """Stride of the computed states; reductions use all states if none are stored."""
         return self.save_every if self.keeps_states else 1
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The stored arrays that have an axis of time."""
+        """Stored arrays with an axis of time."""
         return (("omega",) + ("attitude",) * (self.orientation is not None)) * self.keeps_states
 
     @property
     def ends(self) -> tuple[str, ...]:
-        """The stored arrays that are written with the last step."""
+        """Stored arrays written with the last step."""
         return ("final", "status", "failed_at", *self.reductions)
 
     @property
@@ -108,7 +108,7 @@ class Job:
         return np.dtype([("steps", "int64"), *resume, *reduced])
 
     def where(self, tile: int) -> Slices:
-        """Return the part of the batch that a tile covers."""
+        """Return the part of the batch in a tile."""
         return tuple(
             slice(int(k) * part, min((int(k) + 1) * part, length))
             for k, part, length in zip(
@@ -127,7 +127,7 @@ class Job:
         return self.source.part(where, self.body.dimension)
 
     def part(self, tile: int) -> Job:
-        """Return the job with the parameters of a tile alone."""
+        """Return the job with the parameters of one tile."""
         where = self.where(tile)
 
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
@@ -149,7 +149,7 @@ class Job:
         return {name: np.asarray(value) for name, value in self.body._values.items()}
 
     def identity(self) -> dict[str, Any]:
-        """Return plain values that are equal where the results are, whatever the steps."""
+        """Return plain values that identify the results, for any number of steps."""
         from .. import __version__
 
         assert self.source is not None
@@ -169,7 +169,7 @@ class Job:
 
 
 def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
-    """Return a job with the tile and the rows that `chunk` asks for, else chunks of 16 MiB."""
+    """Return a job with the chunk sizes of `chunk`, by default chunks of 16 MiB."""
     expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *job.dims))
     D, size, saved = job.body.dimension, math.prod(job.batch), 1
     if job.every is not None:
@@ -197,7 +197,7 @@ def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
 
 
 def _alike(length: int, most: int) -> int:
-    """Return the size of parts of about the same size: a small one takes the room of others."""
+    """Return the size of parts of about equal size: a small part takes as much space as others."""
     return -(-length // -(-length // most)) if length else 1
 
 
@@ -207,7 +207,7 @@ def step_work(dimension: int) -> float:
 
 
 def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:
-    """Raise a ValueError that says what differs if the store holds another run."""
+    """Raise a ValueError that names the difference if the store holds another run."""
     differing = [
         f"{name} {_short(stored.get(name))} instead of {_short(asked[name])}"
         for name in asked

@@ -1,4 +1,4 @@
-"""Quantities that are accumulated along time."""
+"""Quantities accumulated over time."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Reduction(NamedTuple):
     Attributes
     ----------
     reduce
-        Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
+        Function of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
     combine
-        Of the values of two stretches of time, that of both.
+        Function of the values of two ranges of steps that returns the value of both together.
     """
 
     meaning: str
@@ -57,7 +57,7 @@ REDUCTIONS = {
 
 
 def checked(body: Any, names: Any) -> tuple[str, ...]:
-    """Return names of reductions in alphabetical order; refuse those that the body has not."""
+    """Return names of reductions in alphabetical order; raise an error if the body lacks one."""
     if names is None:
         return ()
     expected = f"names among {', '.join(REDUCTIONS)}"

@@ -15,7 +15,7 @@ from .._checks import FloatArray, integer, real_array, vectors
 
 Slices = tuple[slice, ...]
 
-# Number of states that are looked at together where all are read once.
+# Number of states read at a time.
 _TOGETHER = 2**20
 
 
@@ -23,8 +23,8 @@ _TOGETHER = 2**20
 class RandomStarts:
     """Random initial states for :func:`ensemble`, uniform in a cube around 0.
 
-    State i depends on the seed and on i alone, not on the number of states nor on how a run is cut:
-    the states are made where they are needed, from a counter.
+    State i depends only on the seed and on i, not on the number of states or the division of a run:
+    a counter-based generator computes states when they are needed.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class RandomStarts:
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
-        # One value of the counter gives four words of 64 bits.
+        # One value of the counter gives four 64-bit words.
         first, skipped = divmod(start * dimension, 4)
         words = np.random.Philox(key=self.seed, counter=first).random_raw(
             skipped + count * dimension
@@ -98,13 +98,13 @@ class RandomStarts:
         return states
 
     def identity(self) -> Any:
-        """Return plain values that differ where any bit of the states does."""
+        """Return plain values that differ if any bit of the states differs."""
         return {"random": {"size": list(self.shape), "extent": self.extent}, "seed": self.seed}
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """States in an array: in memory, in a file that is mapped to memory, or of Dask."""
+    """States in an array: in memory, in a memory-mapped file, or of Dask."""
 
     array: Any
 
@@ -143,7 +143,7 @@ def source_of(omega0: Any, dimension: int) -> Source:
             raise ValueError(f"omega0: expected the name of a .npy file, got {omega0!r}")
         omega0 = np.load(path, mmap_mode="r", allow_pickle=False)
     elif hasattr(omega0, "dask"):
-        omega0 = getattr(omega0, "data", omega0)  # that of a labelled array
+        omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
     else:
         return Kept(vectors("omega0", omega0, dimension, allow_nan=True).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
@@ -152,7 +152,7 @@ def source_of(omega0: Any, dimension: int) -> Source:
 
 
 def own_part(shape: tuple[int, ...], where: Slices) -> Slices:
-    """Return the part of an array of a shape that broadcasts to the batch, for a part of that."""
+    """Return the slices of an array that broadcasts to the batch for a part of the batch."""
     along = where[len(where) - len(shape) :]
     return tuple(
         slice(0, 1) if length == 1 else each for length, each in zip(shape, along, strict=True)

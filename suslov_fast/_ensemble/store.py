@@ -1,14 +1,14 @@
-"""The Zarr store of a run: created, lengthened, mended, opened.
+"""Creation, extension, repair and opening of the Zarr store of a run.
 
-Results lie in the root group, under the names and with the attributes of `Trajectories.to_xarray`.
-What is needed to go on lies in the group "progress", whose attributes tell the run:
+The root group holds the results, with the names and attributes of `Trajectories.to_xarray`. The
+group "progress" holds the data for resumption; its attributes identify the run:
 
-    steps_done    for each tile the number of steps of the run that it was finished for, or -1
-    record        for each trajectory what the next piece starts from, the bytes of `Job.record`
+    steps_done    for each tile the number of steps of the run for which it was finished, or -1
+    record        for each trajectory the data from which the next piece starts, as `Job.record`
 
-A chunk that is absent reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
+An absent chunk reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
 which Zarr verifies when it reads. The root group holds a copy of all metadata ("consolidated"),
-which is one object: readers see the arrays of a run that is being lengthened all short or all long.
+in one object: readers see either all old or all new shapes while a run is extended.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
 MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
-# Number of this arrangement; stores of version 0.2 have none.
+# Version of this format; stores of suslov_fast 0.2 have none.
 _LAYOUT = 3
 
-# Marks of so many tiles are one chunk, which is written again for each of them.
+# Number of tiles whose marks share a chunk, which is rewritten for each of them.
 _TOGETHER = 4096
 
 Arrays = dict[str, Any]
 
 
 def resolved(store: Any) -> Any:
-    """Return a store that other processes find: a folder, or its URL, as an absolute path.
+    """Return a store that other processes can open: folders and their URLs as absolute paths.
 
     Raises ImportError if a library that stores need is not installed.
     """
@@ -72,10 +72,10 @@ def _is_folder(store: Any) -> bool:
 
 @contextmanager
 def only_writer(store: Any) -> Iterator[None]:
-    """Keep other writers out of a folder, whatever the name it goes by.
+    """Lock a folder against other writers, under any of its names.
 
     Raises BlockingIOError if there is another writer, and OSError if the lock file is a symbolic
-    link. Nothing is locked for stores that are no folders.
+    link. Stores that are not folders are not locked.
     """
     if not _is_folder(store):
         yield
@@ -95,7 +95,7 @@ def only_writer(store: Any) -> Iterator[None]:
 
 
 def _group(store: Any, mode: Any = "r") -> Any:
-    """Open the root group; None if there is none, or an empty one that a killed process left."""
+    """Open the root group; None if there is none, or an empty one left by a killed process."""
     import zarr
 
     try:
@@ -106,7 +106,7 @@ def _group(store: Any, mode: Any = "r") -> Any:
 
 
 def _notes(group: Any, store: Any) -> dict[str, Any]:
-    """Return what a store says of its run; ValueError if it is not of this version."""
+    """Return the description of the run in a store; ValueError if it is of another version."""
     notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
     if notes.get("layout") != _LAYOUT:
         source = group.attrs.get("source", "") if "run" in notes else ""
@@ -118,7 +118,7 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
 
 
 def _stranger(store: Any) -> str | None:
-    """Return a name for what lies where there is no Zarr group."""
+    """Return a description of a path that is not a Zarr group."""
     if not _is_folder(store) or not os.path.lexists(store):
         return None
     if not os.path.isdir(store):
@@ -128,10 +128,10 @@ def _stranger(store: Any) -> str | None:
 
 
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
-    """Create, lengthen or mend the store of a run; return the job with the chunks of the store.
+    """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
-    Raises ValueError if the store holds another run, or none, and FileExistsError for what is no
-    Zarr store. What a process that was killed here left is done by the next one.
+    Raises ValueError if the store holds another run, or none, and FileExistsError if the path is
+    not a Zarr store. The next call completes the work of a process killed here.
     """
     import zarr
 
@@ -166,7 +166,7 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
 
 
 def _write(job: Job, dataset: Any, all_values: bool) -> None:
-    """Bring arrays to the shapes of the dataset, and write the values that are known."""
+    """Resize arrays to the shapes of the dataset, and write the known values."""
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
 
@@ -210,11 +210,11 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
         for name, variable in known.variables.items():
             del group[name]
             encoding[name] = {"compressors": codecs}
-            if variable.dtype.kind == "f":  # a chunk that is absent is found by its NaN
+            if variable.dtype.kind == "f":  # an absent chunk is recognised by its NaN
                 encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
         known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
         group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
-    # Coordinates of the user that are not given now stay.
+    # Coordinates of the user that are not passed now remain.
     group.attrs.put({**dataset.attrs, **group.attrs, **attributes, "steps": job.steps})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
@@ -222,7 +222,7 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
 
 
 def _array(group: Any, name: str) -> Any:
-    """Return an array; None if its metadata are lost or damaged."""
+    """Return an array; None if its metadata are missing or damaged."""
     try:
         return group[name]
     except (KeyError, ValueError, TypeError, AttributeError):
@@ -230,7 +230,7 @@ def _array(group: Any, name: str) -> Any:
 
 
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
-    """Return the dataset of a run, with arrays that take no memory for what is to be computed."""
+    """Return the dataset of a run, with placeholders without memory for results."""
     batch, D = job.batch, job.body.dimension
     entries: dict[str, Any] = {
         **header_of(job.map, job.method, job.steps, job.save_every),
@@ -254,7 +254,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
     status["flag_meanings"] += " PENDING"
     for name, variable in dataset.variables.items():
-        if variable.dtype.kind == "U":  # Zarr 3 has strings of any length only
+        if variable.dtype.kind == "U":  # Zarr 3 has only strings of variable length
             dataset[name] = variable.astype(object)
     return dataset
 
@@ -264,9 +264,9 @@ def _nothing(*shape: int, dtype: str = "float64") -> Any:
 
 
 def open_arrays(job: Job) -> Arrays:
-    """Return the arrays that are written while a run is computed, by name."""
+    """Return the arrays written during a run, by name."""
     group = _group(job.store, "r+")
-    # Chunks of NaN are written like others: looking for them takes longer.
+    # Chunks of NaN are written like others: testing for them takes longer.
     return {
         name: group[name].with_config({"write_empty_chunks": True})
         for name in (MARKS, RECORDS, *job.states, *job.ends)
@@ -274,13 +274,13 @@ def open_arrays(job: Job) -> Arrays:
 
 
 def withdraw(job: Job, arrays: Arrays, tile: int, record: bool = False) -> None:
-    """Remove what was written of a tile with its last step, and with `record` all that it has."""
+    """Remove the data of a tile written with its last step, or all its data if `record`."""
     where = job.where(tile)
     parts = dict.fromkeys((*job.ends, *((RECORDS,) * record)), where)
     if record or job.save_every is None:
         parts |= {name: (slice(None), *where) for name in job.states}
     for name, part in parts.items():
-        # A chunk of nothing but the fill value is removed.
+        # A chunk that holds only the fill value is removed.
         array = arrays[name].with_config({"write_empty_chunks": False})
         array[part] = array.fill_value
 
@@ -303,7 +303,7 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
         options: dict[str, Any] = {"zarr_format": 3, "chunks": chunks, "drop_variables": ["n"]}
         try:
             dataset = xarray.open_zarr(store, consolidated=False, **options)
-        except ValueError:  # some arrays are longer already, in a run that is being lengthened
+        except ValueError:  # some arrays are already longer while a run is extended
             dataset = xarray.open_zarr(store, consolidated=True, **options)
         for name in ("eps", "component", *map_named(dataset.attrs["map"]).body._names()):
             values = dataset[name].load().values if name in dataset else np.empty(0)
@@ -321,7 +321,7 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
 
 @contextmanager
 def advice(store: Any) -> Iterator[None]:
-    """Say how damage that an error is about is mended."""
+    """Add to an error about damaged data how to repair them."""
     try:
         yield
     except (ValueError, RuntimeError, KeyError) as error:

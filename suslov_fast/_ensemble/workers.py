@@ -15,15 +15,15 @@ from .job import Job
 from .starts import RandomStarts
 from .store import open_arrays
 
-# Times that Dask computes a tile anew after an error.
+# Number of times that Dask recomputes a tile after an error.
 _RETRIES = 2
-# Tiles that wait at each thread of a worker: none is idle, and few initial states are in memory.
+# Tiles queued per thread of a worker: no thread is idle, and few initial states are in memory.
 _WAITING = 2
 
 
 @contextmanager
 def client_of(scheduler: Any) -> Iterator[Any]:
-    """Yield a Dask client, from itself or from the address of its scheduler; None for None."""
+    """Yield a Dask client, passed as such or by the address of its scheduler; None for None."""
     if scheduler is None:
         yield None
         return
@@ -38,12 +38,12 @@ def client_of(scheduler: Any) -> Iterator[Any]:
 
 
 def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event) -> None:
-    """Compute tiles on the workers; a request to stop lets those in hand finish."""
+    """Compute tiles on the workers; a stop request lets current tiles finish."""
     from distributed import as_completed
 
     def submit(tile: int) -> Any:
         part, starts = job.part(tile), None
-        if not isinstance(job.source, RandomStarts):  # states of this process go along
+        if not isinstance(job.source, RandomStarts):  # sent with the task
             part, starts = replace(part, source=None), job.starts(tile)
         return client.submit(_compute, part, tile, starts, pure=False, retries=_RETRIES)
 
@@ -62,7 +62,7 @@ def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event
 
 
 def _compute(part: Job, tile: int, starts: FloatArray | None) -> int:
-    """Compute what a tile lacks, on one thread; return its number."""
+    """Compute the missing pieces of a tile on one thread; return its index."""
     arrays = open_arrays(part)
     starts = part.starts(tile) if starts is None else starts
     for piece in pieces(part, tile, starts, arrays, 1):

@@ -108,7 +108,7 @@ def batch_names(
 def _names_of(
     dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry]
 ) -> tuple[str, ...]:
-    """Return names for the axes of a batch; a parameter may name the only axis along which it varies."""
+    """Return names for the axes of a batch; a parameter may name its only varying axis."""
     batch = entries["status"].shape
     parameters = {name for name, entry in schema.items() if entry.varying}
     names = batch_names(dims, len(batch), set(entries) - parameters)

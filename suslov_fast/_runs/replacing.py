@@ -17,8 +17,8 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
     """Create a new file or folder next to `path`, which replaces `path` at the end.
 
     It is created before the computation, so a path that is not writable is detected immediately.
-    The file mode is kept; for a link, its target is replaced. A folder must be empty or a Zarr store
-    to be replaced, and its replacement is not atomic.
+    The file mode is kept; for a link, its target is replaced. A folder must be empty or a Zarr
+    store to be replaced, and its replacement is not atomic.
 
     Raises OSError, with what was expected and received as its `strerror`.
     """

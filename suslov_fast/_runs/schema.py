@@ -1,7 +1,7 @@
 """Entries of files, datasets and stores of runs.
 
-A run consists of a header (numbers and strings) and arrays. `schema_of` lists the arrays of runs of a
-map, each as an `Entry` with symbolic axes:
+A run consists of a header (numbers and strings) and arrays. `schema_of` lists the arrays of runs of
+a map, each as an `Entry` with symbolic axes:
 
 ========= ==========================================
 "n"       saved states

@@ -160,7 +160,7 @@ class Trajectories:
         if "omega0" not in self._resume:
             raise ValueError(
                 "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
-                "of to_xarray does not hold what a run needs to go on"
+                "of to_xarray does not hold the data needed to resume"
             )
         resume = dict(self._resume)
         run = Run(
@@ -228,7 +228,7 @@ class Trajectories:
         return self._of_states("reaction", self.eps)
 
     def _of_states(self, name: str, *eps: float | FloatArray) -> FloatArray:
-        """Return a quantity of the saved states; TypeError if the map of the run does not have it."""
+        """Return a quantity of the saved states; TypeError if the map does not have it."""
         if name not in self._map.quantities:
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
         import suslov_fast

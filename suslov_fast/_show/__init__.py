@@ -1,1 +1,1 @@
-"""Pictures and the interactive page."""
+"""Plots, and the page of `suslov-fast explore`."""

@@ -1,4 +1,4 @@
-"""The ellipsoid of inertia that stands for a body in drawings."""
+"""Ellipsoids of inertia for drawings of bodies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .._checks import FloatArray
 
 
 class Ellipsoid(NamedTuple):
-    """Semi-axes, the largest 1, their directions as columns, and the I3 that they belong to."""
+    """Semi-axes, the largest being 1, their directions as columns, and the corresponding I3."""
 
     radii: FloatArray
     axes: FloatArray
@@ -21,10 +21,10 @@ class Ellipsoid(NamedTuple):
 
 
 def ellipsoid(body: Suslov3D) -> Ellipsoid:
-    """Return the ellipsoid of inertia of a single body; ValueError where there is none.
+    """Return the ellipsoid of inertia of a single body; ValueError if there is none.
 
-    I3 is that of the body, by default the middle of the interval of admissible values, and where
-    this is empty one with a positive definite inertia tensor.
+    I3 is that of the body, by default the middle of the interval of admissible values, or, if that
+    is empty, a value with a positive definite inertia tensor.
     """
     low, high = body.admissible_I3()
     if body.I3 is not None:
@@ -39,7 +39,7 @@ def ellipsoid(body: Suslov3D) -> Ellipsoid:
 
 def sphere(turns: int = 64) -> FloatArray:
     """Return the points (3, turns / 2 + 1, turns + 1) of a grid on the unit sphere."""
-    pole = 1e-3  # patches with two equal corners have no normal to shade by
+    pole = 1e-3  # patches with two equal corners have no normal for shading
     v = np.linspace(np.pi - pole, pole, turns // 2 + 1)  # normals point outwards
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, turns + 1), v)
     return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])

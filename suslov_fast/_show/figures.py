@@ -21,8 +21,8 @@ def axes_for(
 ) -> list[Any]:
     """Return the axes passed, checked, or those of a new figure: one for each projection.
 
-    The figure, width and height in inches, is one that no window shows. Letters are written above
-    the panels, where no data and no legend are.
+    The figure, with width and height in inches, is not shown in a window. Letters are above the
+    panels, outside data and legends.
     """
     from matplotlib.axes import Axes
 

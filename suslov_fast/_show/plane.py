@@ -11,7 +11,7 @@ from .._states.coordinates import from_xy
 
 
 def repelling_direction(body: Suslov3D) -> FloatArray:
-    """The direction of the repelling half of the line of steady states, for eps > 0."""
+    """Direction of the repelling half of the line of steady states, for eps > 0."""
     instance("body", body, Suslov3D)
     if body.shape or (body.I13 == 0 and body.I23 == 0):
         raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
@@ -20,16 +20,16 @@ def repelling_direction(body: Suslov3D) -> FloatArray:
 
 
 def level_curves(body: Suslov3D, eps: float, t: float, reach: float = 3.0) -> list[FloatArray]:
-    """The branches, as states (N, 2), of the curve on which the criticality is t."""
+    """Branches, as states (N, 2), of the curve of criticality t."""
     a = body.I1 * body.I2
     units = np.array([np.sqrt(2.0 * a), 2.0 * a]) / eps
     return [from_xy(body, np.stack(branch, axis=-1) * units) for branch in conic(t, reach)]
 
 
 def conic(t: float, reach: float = 3.0) -> list[tuple[FloatArray, FloatArray]]:
-    """The branches of X**2 (1 - t**2) / 2 + Y**2 = t**2.
+    """Branches of X**2 (1 - t**2) / 2 + Y**2 = t**2.
 
-    Those that do not end are cut off where sinh(reach) times their width is reached.
+    Unbounded branches are cut off at sinh(reach) times their width.
     """
     if t == 1.0:
         x = np.sinh(reach) * np.array([-1.0, 1.0])
@@ -43,7 +43,7 @@ def conic(t: float, reach: float = 3.0) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def energy_level(body: Suslov3D, omega: FloatArray) -> FloatArray:
-    """The states (N, 2) whose energy is that of a state."""
+    """States (N, 2) with the energy of a state."""
     angle = np.linspace(0.0, 2.0 * np.pi, 300)
     directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     lengths = np.sqrt(energy(body, omega) / energy(body, directions))

@@ -24,10 +24,10 @@ from .plane import conic, level_curves, repelling_direction
 from .style import styled
 from .turning import turning_body
 
-# Lines differ in style and not in colour alone.
+# Lines differ in style as well as in colour.
 _LINE, _ACCENT = "crimson", "steelblue"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2 = 0$"
-# Orbits start and end at this angle from the line, seen where levels of the energy are circles.
+# Angle of the ends of orbits from the line, in coordinates in which energy levels are circles.
 _NEAR = 0.03
 # A realizable body: admissible_I3() is (2.27, 5.68).
 _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -67,7 +67,7 @@ def plot_phase(
     Raises
     ------
     ValueError
-        If t >= 1 in the corners of the picture, or nothing moves.
+        If t >= 1 in the corners of the picture, or all states are steady.
 
     Examples
     --------
@@ -160,7 +160,7 @@ def plot_convergence(
     letter: str | None = None,
     ax: Any = None,
 ) -> Any:
-    """Draw the errors of the map and of the orientation at one time over the step size.
+    """Plot the errors of the map and of the orientation at a fixed time against the step size.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def plot_four_dimensions(
     letters: Sequence[str] | None = None,
     ax: Sequence[Any] | None = None,
 ) -> list[Any]:
-    """Draw motion for n = 4 on the ellipsoid of energy, and the drift of two energies.
+    """Draw a motion for n = 4 on the energy ellipsoid, and the drift of two energies.
 
     The first of the two panels has ``projection="3d"``.
 
@@ -297,7 +297,7 @@ def plot_scattering(
     style = {"cmap": "viridis", "norm": BoundaryNorm(bounds, 256, extend="min"), "extend": "min"}
     for panel, ratio, (I13, I23, degrees) in zip(panels, ratios, angles, strict=True):
         shades = panel.contourf(I13, I23, degrees, bounds, **style)
-        shades.set_edgecolor("face")  # no seams between shades in vector formats
+        shades.set_edgecolor("face")  # avoids seams between shades in vector formats
         levels = (10, 30, 90) if np.nanmax(degrees) > 10 else (1, 3)
         lines = panel.contour(I13, I23, degrees, levels, colors="white", linewidths=0.7)
         panel.clabel(lines, fmt="%g°", fontsize=8)
@@ -378,7 +378,7 @@ def _colours(count: int) -> Any:
 
 
 def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """I13, I23 and the scattering angle in degrees, where I1 I2 = 1; NaN where no body is."""
+    """I13, I23 and the scattering angle in degrees, for I1 I2 = 1; NaN where no body exists."""
     I1, I2, half = np.sqrt(ratio), 1.0 / np.sqrt(ratio), np.linspace(0.0, 1.0, 151)
     if extent is not None:
         reach = [extent, extent]
@@ -395,7 +395,7 @@ def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray,
 
 
 def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:
-    """Two states next to a repelling one, their t, and the steps to the attracting one."""
+    """Two states near a repelling steady state, their t, and the number of steps to the attracting one."""
     _, y_end = to_xy(body, end)
     y = y_end * np.cos(_NEAR)
     x = y_end * np.sin(_NEAR) / np.sqrt(body.I1 * body.I2) * np.array([-1.0, 1.0])
@@ -405,7 +405,7 @@ def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatAr
 
 
 def _arrow(axes: Any, body: Suslov3D, orbit: FloatArray, extent: float, colour: Any) -> None:
-    """The direction of motion at the state in the middle of the orbit, or next to it in view."""
+    """Direction of motion at the middle state of the orbit, or the nearest one in view."""
     inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
     if inside.size:
         state = orbit[inside[np.argmin(abs(inside - len(orbit) // 2))]]
@@ -456,7 +456,7 @@ def _orientation(body: Suslov3D, omega0: ArrayLike, time: float, steps: int) -> 
 
 
 def _around_the_pole(body: SuslovND, count: int = 9, E: float = 1.0) -> FloatArray:
-    """States of energy E next to the repelling one, all around it."""
+    """States of energy E in a circle around the repelling steady state."""
     pole = body.I * np.sqrt(E / energy(body, body.I))
     tangent = np.linalg.svd((body.J * pole)[None])[2][1:]
     turns = np.linspace(0.0, 2.0 * np.pi, count + 1)[:-1, None]

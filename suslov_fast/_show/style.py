@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def style() -> AbstractContextManager[None]:
-    """Context with the settings of all pictures, which leaves the user's rcParams alone.
+    """Context with the settings of all pictures, which does not change the user's rcParams.
 
     PDF and PostScript get TrueType fonts, as journals ask, and mathematics the font of the text.
     """
@@ -31,7 +31,7 @@ def style() -> AbstractContextManager[None]:
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Let a function draw in the style of all pictures, and fill in its docstring."""
+    """Apply the style of all pictures to a function, and fill in its docstring."""
 
     @wraps(filled(draw))
     def drawn(*arguments: P.args, **keywords: P.kwargs) -> T:

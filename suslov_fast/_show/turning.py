@@ -1,4 +1,4 @@
-"""A turning body in three dimensions, its hidden parts behind it."""
+"""A rotating body in three dimensions, with hidden lines."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .figures import axes_for, plot_around, towards_eye
 from .style import styled
 
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
-# Lengths, where the ellipsoid fits into a sphere of radius 0.85.
+# Lengths, relative to an ellipsoid in a sphere of radius 0.85.
 _BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 
 def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[int], list[Any]]]:
-    """Return a figure, and a function that draws the body at a state into it."""
+    """Return a figure, and a function that draws the body in a given state."""
     radii, principal, I3, _ = ellipsoid(body)
     radii = _BODY * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere())
@@ -34,8 +34,8 @@ def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[
 
         axes.clear()
         R, eye, light = rotations[number], towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
-        # A convex body hides what leaves it where its surface is turned away, and, of what lies
-        # outside the sphere around it, what is farther away than its centre.
+        # A convex body hides an axis that leaves it through the side turned away, and of curves outside
+        # its sphere the part behind its centre.
         look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
         turned = np.einsum("ij,jkl->ikl", R, surface)
         axes.plot_surface(*turned, rcount=65, ccount=65, zorder=2, **look)

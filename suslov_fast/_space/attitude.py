@@ -132,7 +132,7 @@ def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
 
 
 def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:
-    """Yield parts (start, stop) of the states after the first, of SLICE elements."""
+    """Yield parts (start, stop) of the states after the first, of at most _SLICE elements."""
     length = max(_SLICE // max(numbers, 1), 1)
     for start in range(1, rows, length):
         yield start, min(start + length, rows)

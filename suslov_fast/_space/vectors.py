@@ -1,4 +1,4 @@
-"""States as elements of so(n): in the adapted basis, the basis of the inertia tensor, and in space."""
+"""States as elements of so(n): in the adapted basis, that of the inertia tensor, and in space."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A quadratic vector field and a step size define a birational map. Its degrees and their growth,
 Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
-measures and first integrals, tell whether it may be integrable::
+measures and first integrals, are evidence for or against integrability::
 
     from suslov_fast import Suslov3D
     from suslov_fast.integrability import *

@@ -1,4 +1,4 @@
-"""Exact numbers and polynomials, and results modulo primes taken back to the rationals."""
+"""Exact numbers and polynomials, and reconstruction of rationals from residues modulo primes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
 def exact_array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
-    """Return an array of fractions; floats are refused if `exact`."""
+    """Return an array of fractions; floats raise an error if `exact`."""
     if hasattr(value, "unit") or hasattr(value, "units"):
         raise wrong(name, "numbers without units", type(value).__name__, TypeError)
     array = np.array(value, dtype=object)

@@ -70,9 +70,9 @@ def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[in
 
 
 def _cramer(system: list[list[Any]]) -> list[Any]:
-    """Solve (A | b) over polynomials: det A, followed by the numerators of the solution over it.
+    """Solve (A | b) over polynomials: det A, then the numerators of the solution.
 
-    The elimination of Gauss, Jordan and Bareiss, whose divisions leave no remainder.
+    Fraction-free Gauss-Jordan elimination (Bareiss), whose divisions are exact.
     """
     n = len(system)
     previous = 1
@@ -94,7 +94,7 @@ class Growth(NamedTuple):
 
     kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
     entropy: float  # the log of the limit of d_(k+1) / d_k
-    based_on: str  # the recurrence or the fit that kind and entropy follow from
+    based_on: str  # the recurrence or fit from which kind and entropy follow
 
 
 def growth(degrees: Sequence[int]) -> Growth:
@@ -102,7 +102,7 @@ def growth(degrees: Sequence[int]) -> Growth:
 
     If all degrees satisfy a linear recurrence with integer coefficients, and there are at least two
     more of them than are needed to find it, the result follows from its characteristic polynomial:
-    it is exact if the recurrence goes on. Otherwise it is a fit to the last half of the sequence.
+    it is exact if the recurrence continues to hold. Otherwise it is a fit to the last half of the sequence.
 
     Parameters
     ----------

@@ -63,10 +63,10 @@ def hk_bases(
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
-    An orbit has 10 points more than there are monomials, and is made longer until the number of
-    relations remains the same. The coefficients of a relation in the form of `HKBasis.basis` are
-    functions of the orbit, that is, first integrals; the rank of their derivatives tells how many
-    are independent. If the relations of all orbits together span one dimension more than those of
+    An orbit has 10 points more than there are monomials, and is extended until the number of
+    relations remains constant. The coefficients of a relation in the form of `HKBasis.basis` are
+    functions of the orbit, that is, first integrals; the rank of their derivatives is the number of
+    independent ones. If the relations of all orbits together span one dimension more than those of
     one orbit, then values of these polynomials at two points of an orbit are proportional, and
     their quotients are first integrals.
 
@@ -191,7 +191,7 @@ def darboux_polynomials(
 
     For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
     quotients of two such polynomials are first integrals. The equations for the coefficients are
-    those of random integer points, 10 more than there are monomials, solved modulo primes; fresh
+    those of random integer points, 10 more than there are monomials, solved modulo primes; further
     points confirm the result over the rationals.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Parameters of the page: body, step size, start, number of steps, reach of the plane."""
+"""Parameters of the page: body, step size, initial state, number of steps, extent of the plane."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class Parameters(NamedTuple):
 
     @property
     def body(self) -> Suslov3D:
-        """The body; ValueError where there is none."""
+        """The body; ValueError if the parameters are invalid."""
         return Suslov3D(self.I1, self.I2, self.I13, self.I23)
 
     @property
     def omega0(self) -> list[float]:
-        """The start."""
+        """The initial state."""
         return [self.Omega1, self.Omega2]
 
 
@@ -48,7 +48,7 @@ class WrongValue(ValueError):
 
 
 def read(texts: Mapping[str, str]) -> Parameters:
-    """Read parameters from the texts of the fields."""
+    """Read parameters from the text of the fields."""
     values: dict[str, Any] = {}
     for name, text in texts.items():
         try:
@@ -80,7 +80,7 @@ def split(query: str) -> dict[str, str]:
 
 
 def query_of_link(link: str) -> str:
-    """Return the query of an address that was copied from the page, checked."""
+    """Return the checked query of an address copied from the page."""
     pairs = dict(parse_qsl(urlsplit(link).query))
     view = {"show": pairs.pop("show")} if "show" in pairs else {}
     if len(link) > _LINK:
@@ -96,8 +96,8 @@ def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parame
     return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 
-# With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are of matter but
-# those of pictures of the paper that say so.
+# With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are realizable, except
+# those of pictures labelled otherwise.
 PRESETS = {
     "A rigid body": Parameters(4.0, 2.0, -0.5, -0.3, 0.2, -0.9, 1.3, 300, 4.0),
     "Long steps: t = 0.5": Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -8.0, 7.0, 40, 14.0),

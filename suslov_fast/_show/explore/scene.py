@@ -1,4 +1,4 @@
-"""All numbers of the page, from the public functions, as values that JSON can hold."""
+"""All numbers of the page, computed by public functions, as JSON values."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..ellipsoid import ellipsoid
 from ..plane import energy_level, level_curves, repelling_direction
 from .parameters import Parameters
 
-# Branches that do not end are drawn as far as anyone zooms out.
+# Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, angle from the line of steady states, significant digits.
 _LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.05, 6
@@ -42,7 +42,7 @@ REGIMES = {
 
 
 def scene(parameters: Parameters) -> dict[str, Any]:
-    """Return all numbers of the page; ValueError, with what was expected, for a bad body."""
+    """Return all numbers of the page; ValueError for an invalid body."""
     # Numbers out of the range of float64 become null.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -95,7 +95,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
 
 
 def code(parameters: Parameters) -> str:
-    """Return the lines of Python that give the same states."""
+    """Return Python code that computes the same states."""
     return (
         "from suslov_fast import Suslov3D, iterate\n\n"
         f"body = {parameters.body!r}\n"
@@ -111,14 +111,14 @@ def _regime(body: Suslov3D, start: FloatArray, t: float) -> str:
 
 
 def _flow(body: Suslov3D, start: FloatArray, times: FloatArray) -> list[list[float] | None]:
-    """The continuous motion at the times of the states, where these are finite."""
+    """Continuous motion at the times of the finite states."""
     within = np.isfinite(times)
     missing = [None] * int((~within).sum())
     return [*_rows(flow(body, start, times[within])), *missing]
 
 
 def _line(body: Suslov3D, eps: float) -> dict[str, list[float]] | None:
-    """The directions of the two halves of the line of steady states."""
+    """Directions of the two halves of the line of steady states."""
     if body.I13 == 0 and body.I23 == 0:
         return None
     repelling = math.copysign(1.0, eps) * repelling_direction(body)
@@ -126,7 +126,7 @@ def _line(body: Suslov3D, eps: float) -> dict[str, list[float]] | None:
 
 
 def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
-    """Level curves of F through the start; none where they are a point."""
+    """Level curves of F through the initial state; none if the level is a point."""
     if t == 0 or not math.isfinite(t):
         return []
     return level_curves(body, eps, abs(t), _REACH)
@@ -153,7 +153,7 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
 
 
 def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
-    """The ellipsoid of inertia, if there is one in the range of float64."""
+    """Ellipsoid of inertia, if there is one in the range of float64."""
     try:
         radii, axes, I3, admissible = ellipsoid(body)
     except (ValueError, OverflowError, np.linalg.LinAlgError):
@@ -162,12 +162,12 @@ def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
 
 
 def _short(array: FloatArray) -> list[list[float] | None]:
-    """Rows of few digits, for drawing alone."""
+    """Rows rounded to a few digits, for drawing only."""
     return [row and [float(f"{x:.{_DIGITS}g}") for x in row] for row in _rows(array)]
 
 
 def _number(value: Any) -> float | None:
-    """A number, and None where it is not finite."""
+    """A number, or None if it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 

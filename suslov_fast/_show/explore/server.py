@@ -1,4 +1,4 @@
-"""An HTTP server on this machine that answers to its own page alone."""
+"""Local HTTP server that accepts only requests of its own page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .parameters import PRESETS, STEPS, read, split
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
-# Seconds; browsers open connections ahead that they may never use.
+# Timeout in seconds; browsers open connections that they may never use.
 _PATIENCE = 10.0
 _ASSETS = {
     "/": ("index.html", "text/html; charset=utf-8"),
@@ -35,7 +35,7 @@ _HEADERS = {
 
 
 class Server(ThreadingHTTPServer):
-    """The page on a port of this machine; 0 takes one that is free."""
+    """HTTP server of the page on a local port; 0 selects a free one."""
 
     daemon_threads = True
     block_on_close = False
@@ -73,12 +73,12 @@ class _Handler(BaseHTTPRequestHandler):
     server_version = f"suslov-fast/{__version__}"
     sys_version = ""
     timeout = _PATIENCE
-    # Header and body leave in one packet, at once.
+    # Header and body are sent immediately in one packet.
     wbufsize = -1
     disable_nagle_algorithm = True
 
     def do_GET(self) -> None:
-        """Answer with a file of the page or with numbers for it."""
+        """Send a file of the page or numbers for it."""
         if not self._from_own_page():
             self._send(403, b"suslov-fast: requests of other pages are refused\n")
             return
@@ -95,9 +95,9 @@ class _Handler(BaseHTTPRequestHandler):
     do_HEAD = do_GET
 
     def _from_own_page(self) -> bool:
-        """Return False for requests that a page of another site has made.
+        """Return False for requests from pages of other sites.
 
-        Its name may resolve to this machine (DNS rebinding), but the Host header tells.
+        Their name may resolve to this machine (DNS rebinding), but the Host header reveals it.
         """
         if self.headers.get_all("Host", []) not in [[host] for host in self.server.hosts]:
             return False
@@ -119,7 +119,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Log nothing: the page shows what goes wrong."""
+        """Log nothing: the page shows errors."""
 
 
 def settings() -> dict[str, Any]:

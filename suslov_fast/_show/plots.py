@@ -243,7 +243,7 @@ def plot_four_dimensions(
     if body.dimension != 3 or body.shape:
         raise ValueError(f"body: expected a single one with n = 4, got {body}")
     panels = axes_for(ax, (10.4, 4.6), ("3d", None), letters)
-    starts = _around_the_pole(body)
+    starts = _around_repelling_state(body)
     _draw_ellipsoid(panels[0], body, starts)
     _draw_drift(panels[1], body, starts[0])
     return panels
@@ -395,7 +395,7 @@ def _angles(ratio: float, extent: float | None) -> tuple[FloatArray, FloatArray,
 
 
 def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:
-    """Two states near a repelling steady state, their t, and the number of steps to the attracting one."""
+    """Two states near a repelling steady state, their t, and the steps to the attracting one."""
     _, y_end = to_xy(body, end)
     y = y_end * np.cos(_NEAR)
     x = y_end * np.sin(_NEAR) / np.sqrt(body.I1 * body.I2) * np.array([-1.0, 1.0])
@@ -455,7 +455,7 @@ def _orientation(body: Suslov3D, omega0: ArrayLike, time: float, steps: int) -> 
     return final
 
 
-def _around_the_pole(body: SuslovND, count: int = 9, E: float = 1.0) -> FloatArray:
+def _around_repelling_state(body: SuslovND, count: int = 9, E: float = 1.0) -> FloatArray:
     """States of energy E in a circle around the repelling steady state."""
     pole = body.I * np.sqrt(E / energy(body, body.I))
     tangent = np.linalg.svd((body.J * pole)[None])[2][1:]

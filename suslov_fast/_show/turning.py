@@ -34,8 +34,8 @@ def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[
 
         axes.clear()
         R, eye, light = rotations[number], towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
-        # A convex body hides an axis that leaves it through the side turned away, and of curves outside
-        # its sphere the part behind its centre.
+        # A convex body hides an axis that leaves it through the side turned away, and, of a curve
+        # outside its sphere, the part behind its centre.
         look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
         turned = np.einsum("ij,jkl->ikl", R, surface)
         axes.plot_surface(*turned, rcount=65, ccount=65, zorder=2, **look)

@@ -102,7 +102,7 @@ def growth(degrees: Sequence[int]) -> Growth:
 
     If all degrees satisfy a linear recurrence with integer coefficients, and there are at least two
     more of them than are needed to find it, the result follows from its characteristic polynomial:
-    it is exact if the recurrence continues to hold. Otherwise it is a fit to the last half of the sequence.
+    it is exact if the recurrence continues to hold. Otherwise it is a fit to the last half.
 
     Parameters
     ----------

@@ -96,8 +96,8 @@ def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parame
     return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 
-# With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are realizable, except
-# those of pictures labelled otherwise.
+# With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are
+# realizable, except those of pictures labelled otherwise.
 PRESETS = {
     "A rigid body": Parameters(4.0, 2.0, -0.5, -0.3, 0.2, -0.9, 1.3, 300, 4.0),
     "Long steps: t = 0.5": Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -8.0, 7.0, 40, 14.0),

@@ -2,8 +2,8 @@
 Order of convergence
 ====================
 
-At a fixed time the error of the map falls by four where the step is halved, and so does that of the
-orientation of the body. The map is compared with the exact flow, the orientation with a step of
+At a fixed time, halving the step size divides the error of the map by four, and likewise that of
+the orientation of the body. The map is compared with the exact flow, the orientation with a step of
 2**-15 of the time.
 """
 

@@ -3,9 +3,9 @@ Five ways to compute one motion
 ===============================
 
 The map of this package, Runge-Kutta 4, the implicit midpoint rule, a variational nonholonomic
-integrator and the exact flow, on one realizable body. All steps are compiled by Numba in the same
-way and take one orbit. The picture shows the error at time 40 over the processor time; the tables
-that are printed stand on the page "Which discretization?".
+integrator and the exact flow, on one realizable body. Numba compiles all steps with the
+same options; each computes one orbit. The picture shows the error at time 40 against the processor
+time; the page "Which discretization?" has the printed tables.
 """
 
 import time

@@ -2,9 +2,9 @@
 Lyapunov exponents
 ==================
 
-An orbit tends to a line of steady states. Along the line nothing grows or shrinks: one exponent
-tends to 0. Across it distances shrink by a multiplier of the derivative there: the other exponent
-tends to its logarithm. Both converge like one over the number of steps.
+An orbit tends to a line of steady states. Distances along the line are constant: one exponent tends
+to 0. Each step multiplies distances across it by a multiplier of the steady state: the other
+exponent tends to its logarithm. Both converge like one over the number of steps.
 """
 
 import matplotlib.pyplot as plt

@@ -4,7 +4,7 @@ The four pictures of the paper
 
 Section 4 of the paper shows orbits of four bodies; these are its bodies and step sizes. Each orbit
 leaves the dashed half of the line of steady states, follows a level of the first integral F, and
-ends on the solid half. The paper does not say where its axes end. No rigid body has the
+ends on the solid half. The paper does not state the ranges of the axes. No rigid body has the
 parameters of picture (a): its ``admissible_I3()`` is NaN.
 """
 

@@ -1,9 +1,9 @@
 """
-Every body is the same map
-==========================
+One map for all bodies
+======================
 
 In X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
-random bodies of matter with twelve step sizes lie on the conics
+random realizable bodies with twelve step sizes lie on the conics
 (X**2 + 2 Y**2) / (2 + X**2) = t**2; the thin lines are the levels t = 0.2, 0.4, 0.6, 0.8.
 """
 

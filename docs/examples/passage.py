@@ -2,9 +2,9 @@
 Time of passage
 ===============
 
-The number of steps until an orbit is half way between its two steady states, where y = 0: in the
-closed form, where theta = k1 n eps + k2 vanishes. It grows without bound next to the dashed half of
-the line, which repels, and is negative where the middle lies in the past. Outside the black lines
+The number of steps until an orbit is half way between its two steady states, where y = 0 and, in
+the closed form, theta = k1 n eps + k2 vanishes. It diverges at the dashed, repelling half of the
+line, and is negative for states past the middle. Outside the black lines
 t >= 1, and orbits jump instead of passing.
 """
 

@@ -3,8 +3,8 @@ A run from a Zarr store
 =======================
 
 A run is written to a Zarr store, opened as an xarray dataset, and drawn from there. The store also
-holds what :meth:`~suslov_fast.Trajectories.extend` needs to continue the run. Colours are the
-energy at the start.
+holds the data from which :meth:`~suslov_fast.Trajectories.extend` continues. Colours show the
+initial energy.
 """
 
 import tempfile

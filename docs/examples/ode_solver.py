@@ -4,7 +4,8 @@ Comparison with an ODE solver
 
 Continuous motion by SciPy's DOP853 at several tolerances and by the map at several step sizes: the
 error at time 40 against the number of evaluations of the vector field, or steps of the map. The
-exact motion is :func:`~suslov_fast.flow`. The solver has the higher order; a step of the map costs less.
+exact motion is :func:`~suslov_fast.flow`. The solver has the higher order; a step of the map is
+cheaper.
 """
 
 import matplotlib.pyplot as plt

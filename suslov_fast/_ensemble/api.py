@@ -62,16 +62,16 @@ def ensemble(
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
-        once to recognise them.
+        the first time for a digest that identifies them.
     %(eps0)s
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
-        The name of a folder, a URL that fsspec knows, or a store as Zarr takes it.
+        The name of a folder, a URL that fsspec supports, or a Zarr store object.
     %(save_every)s
     reductions : sequence of str, optional
-        Quantities of each trajectory that are accumulated over the states that `save_every` keeps;
-        with ``save_every=None`` over all states, of which none but the last is stored:
+        Quantities of each trajectory, accumulated over the saved states, or, with
+        ``save_every=None``, over all states, of which only the last is stored:
         "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
         since the start, dimensionless), "omega_min", "omega_max" (the extrema of each component).
     method : str
@@ -81,13 +81,13 @@ def ensemble(
     %(dims)s
     chunk : int or mapping, optional
         Number of trajectories of a tile, or sizes along `dims` and "n", the saved states. By
-        default the states of a chunk take 16 MiB, or what 64 trajectories take if that is more.
+        default the states of a chunk take 16 MiB, or the size of 64 trajectories if that is more.
         Results do not depend on it.
     compression : {"lz4", "zstd"}, optional
-        Compress chunks, with shuffled bytes; by default they are stored as they are.
+        Compress chunks, with shuffled bytes; by default they are not compressed.
     scheduler : distributed.Client or str, optional
         A Dask client, or the address of a scheduler, whose workers compute the tiles, on one thread
-        each. They must all reach the store. By default this process computes, on all threads.
+        each. All must have access to the store. By default this process computes on all threads.
     verify : bool
         Read all stored data, and recompute what is damaged or missing.
     progress : bool or callable, optional
@@ -102,15 +102,15 @@ def ensemble(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not of the kind above, or the store holds another run, a run of version
-        0.2, or damaged metadata; nothing is computed or written then.
+        If an argument is invalid, or the store holds another run, a run of version 0.2, or damaged
+        metadata; then nothing is computed or written.
     BlockingIOError
         If another process writes to the store.
     OSError
         If the store cannot be written to.
     %(needs_large)s
     KeyboardInterrupt
-        After SIGINT or SIGTERM, once the pieces in hand are stored.
+        After SIGINT or SIGTERM, when the current pieces are stored.
 
     Examples
     --------

@@ -95,8 +95,8 @@ def iterate_full(
     Returns
     -------
     Trajectories
-        With states of three components. What holds for the problem itself, such as
-        :func:`first_integral`, does not for them.
+        With states of three components. Quantities of the two-component problem, such as
+        :func:`first_integral`, do not apply to them.
 
     Raises
     ------

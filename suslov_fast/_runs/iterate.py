@@ -88,29 +88,30 @@ def iterate(
     ----------
     %(any_body)s
     omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. NaN where
-        there is no such state: such a trajectory fails at step 0.
+        Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. A
+        trajectory whose initial state is NaN fails at step 0.
     %(eps0)s
     %(steps)s
     save_every : int or None
-        Keep the states 0, k, 2k, ... up to `steps`; None keeps only the last, which `omega` and
-        `final` of the result then share.
+        Save the states 0, k, 2k, ... up to `steps`; None saves only the last, in memory that
+        `omega` and `final` of the result share.
     method : {"auto", "canonical", "ds2"}, or {"auto", "gauss", "rank2"} in n dimensions
         In three dimensions "canonical" iterates the map in its canonical coordinates, in which it
-        has no parameters, and "ds2" the formula as the paper prints it, which is slower and less
-        accurate. "auto" does not iterate but evaluates the closed form, in a time that grows with
-        the number of states that are kept and not with `steps`, and agrees to rounding; only orbits
-        that may meet a pole (they have t >= 1) are iterated until they are past it, and so are runs
-        with `attitude`, and runs of fewer than 32 steps that keep only the last state.
+        has no parameters. "ds2" iterates equation (5) as printed in the paper, which is slower and
+        less accurate. "auto" evaluates the closed form: its cost depends on the number of saved
+        states and not on `steps`, and its results agree to rounding. It iterates orbits that may
+        meet a pole (t >= 1) until they have passed it, runs with `attitude`, and runs of fewer than
+        32 steps that save only the last state.
+
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto"
-        evaluates the closed form as in three dimensions where all J_i are equal, to the last bit,
-        where I has one component and all other J_i are equal, and for n = 3. Elsewhere it is
-        "rank2", which was measured to be faster for every n where not several J_i - eps p / 2
-        nearly vanish at once; there both eliminate.
+        evaluates the closed form, as in three dimensions, if all J_i are exactly equal, if I has one
+        nonzero component and all other J_i are equal, and for n = 3. Otherwise it is "rank2",
+        which was measured to be faster for every n, unless several J_i - eps p / 2 nearly vanish:
+        then both methods eliminate.
     attitude : bool or array_like(float, shape=(..., n, n))
-        Whether to carry the orientation of the body along, at every step, whatever is saved: True,
-        or its rotation matrix at the start, which else is the identity; see :func:`attitude`.
+        True, or the initial rotation matrix (by default the identity), to compute the orientation
+        of the body at every step, for any `save_every`; see :func:`attitude`.
     %(out)s
     %(threads)s
     %(on_singular)s

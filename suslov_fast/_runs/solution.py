@@ -33,16 +33,16 @@ def exact(
         State 0.
     %(eps)s
     n : array_like(float, shape=() or (N,))
-        Numbers of the states wanted, of either sign and up to 2**53 in size. While t < 1
-        (:func:`criticality`) n may be any real number: the curve through the orbit.
+        Indices of the states, positive or negative, up to 2**53 in size. For t < 1
+        (:func:`criticality`) n may be any real number, which gives a curve through the orbit.
     %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states; NaN with a :class:`SingularStepWarning` where one would follow a pole, with a
-        `RuntimeWarning` for n that is not an integer where t >= 1 and where they, or eps omega0,
-        leave the range of float64; where omega0 is NaN, without a warning.
+        The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; for
+        non-integer n if t >= 1, and if they or eps omega0 leave the range of float64, with a
+        `RuntimeWarning`; and if omega0 is NaN, without a warning.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def exact(
 
     Notes
     -----
-    The theorem of Section 4, corrected, and extended to t >= 1, where the paper is silent.
+    The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1.
 
     %(poles)s
 
@@ -93,13 +93,13 @@ def flow(
     omega0 : array_like(float, shape=(..., D))
         The angular velocity at time 0.
     time : array_like(float, shape=() or (N,))
-        Times, of either sign and any size, in the unit of time of omega0.
+        Times, positive or negative, in the unit of time of omega0.
     %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The angular velocities; NaN where omega0 is, and with a `RuntimeWarning` where they leave
+        The angular velocities; NaN if omega0 is NaN, and, with a `RuntimeWarning`, if they leave
         the range of float64.
 
     Raises
@@ -147,9 +147,9 @@ def limits(
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
-        Opposite points of the line I13 Omega1 + I23 Omega2 = 0. A state that does not move is its
-        own limit. NaN where omega0 is, and for the one state of a body from which the map, or its
-        inverse, leads nowhere.
+        Opposite points of the line I13 Omega1 + I23 Omega2 = 0. A fixed point is its own
+        limit. NaN if omega0 is NaN, and for the one state of a body at which the map, or its
+        inverse, is undefined.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def limits(
 
     Notes
     -----
-    The last proposition of Section 4, with the points on the line: for eps > 0 the limits are
+    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are
     plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 
     %(poles)s

@@ -132,14 +132,14 @@ class Trajectories:
         Parameters
         ----------
         steps : int
-            How many steps more, 0 or more.
+            Number of additional steps, 0 or more.
         threads, on_singular, progress
             As in :func:`iterate`; earlier failures are not reported again.
 
         Returns
         -------
         Trajectories
-            A new one, whose arrays hold the states of this one too.
+            A new object, whose arrays also hold the states of this one.
 
         Raises
         ------
@@ -242,7 +242,7 @@ class Trajectories:
         Parameters
         ----------
         components : tuple of int
-            Numbers of the components on the horizontal and the vertical axis, from 0 on.
+            Indices of the components on the horizontal and the vertical axis.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on; by default those of a new figure.
 
@@ -253,7 +253,7 @@ class Trajectories:
         Raises
         ------
         TypeError, ValueError
-            If `components` are not two numbers of components.
+            If `components` are not two indices of components.
         ImportError
             If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
@@ -301,8 +301,8 @@ class Trajectories:
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component". NetCDF and Zarr hold it
-            without loss; only files of :meth:`save` hold what the run needs to go on.
+            Its dimensions are "n", those of the batch, and "component". It can be written to NetCDF
+            and Zarr without loss; only files of :meth:`save` can be extended.
 
         Raises
         ------
@@ -327,7 +327,7 @@ class Trajectories:
     @classmethod
     @filled
     def from_xarray(cls, dataset: xarray.Dataset) -> Trajectories:
-        """Return the run that a dataset of :meth:`to_xarray` holds, or a part of its batch.
+        """Return the run of a dataset from :meth:`to_xarray`, or of a part of its batch.
 
         The result cannot be resumed: its :meth:`extend` raises ValueError.
 
@@ -352,15 +352,15 @@ class Trajectories:
         Parameters
         ----------
         path : str or path-like
-            A name that ends in .npz, which needs nothing but NumPy, in .nc (NetCDF) or in .zarr.
+            A name that ends in .npz, which needs only NumPy, in .nc (NetCDF) or in .zarr.
 
         Raises
         ------
         %(needs_xarray)s
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         TypeError, ValueError
-            If the name ends otherwise.
+            If the suffix of the name is another.
         """
         from .files import place_for
         from .schema import entries_of
@@ -382,9 +382,9 @@ class Trajectories:
         ------
         %(needs_xarray)s
         OSError
-            If it cannot be read.
+            If the file cannot be read.
         TypeError, ValueError
-            If the name ends otherwise, or it holds something else or is damaged.
+            If the suffix is another, or the file holds something else or is damaged.
         """
         from .files import read
         from .schema import run_of

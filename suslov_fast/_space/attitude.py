@@ -47,9 +47,9 @@ def attitude(
     ----------
     %(any_body)s
     omega : array_like(float, shape=(N + 1, ..., D))
-        All states of trajectories, as :func:`iterate` returns them, NaN after a failure included.
+        All states of trajectories, as :func:`iterate` returns them, including NaN after a failure.
     %(eps)s
-        It must be the one that the states were computed with.
+        It must be the step size of the states.
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix, the orientation at the first state; by default the identity.
     %(threads)s
@@ -58,7 +58,7 @@ def attitude(
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
         Matrices R that take components in the body frame to components in space. They are
-        orthogonal to rounding, however long the trajectory, and NaN from the first NaN state on. In
+        orthogonal to rounding for any number of steps, and NaN from the first NaN state on. In
         three dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))``
         converts them to SciPy's rotations.
 
@@ -66,7 +66,7 @@ def attitude(
     ------
     %(invalid)s
     ValueError
-        If a state is not the image of the one before, as in a run that saved every k-th state only.
+        If states are not consecutive, for example in a run that saved every k-th state only.
 
     Notes
     -----
@@ -75,7 +75,7 @@ def attitude(
 
     Two states are accepted as consecutive if they satisfy the implicit equations (4), in n
     dimensions (15), to one part in 1e6 of the step between them. Close to a steady state, where the
-    step is less than one part in 1e10 of the state, the equations cannot tell: all are accepted.
+    step is less than one part in 1e10 of the state, the test is not possible: all are accepted.
 
     Examples
     --------

@@ -32,8 +32,8 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        Angle in radians, from 0, where the body turns over, to pi, where its final orientation is
-        the initial one; NaN where I13 = I23 = 0, because then every state is steady.
+        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
+        the initial one; NaN if I13 = I23 = 0, because then every state is steady.
 
     Raises
     ------
@@ -41,17 +41,17 @@ def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
 
     Notes
     -----
-    In closed form: with D = I13**2 I2 + I23**2 I1, k**2 = I13**2 + I23**2, alpha = I1 I2 k / D,
+    With D = I13**2 I2 + I23**2 I1, k**2 = I13**2 + I23**2, alpha = I1 I2 k / D,
     beta**2 = I1 I2 / k**2, gamma = beta I13 I23 (I2 - I1) / D and
     kappa**2 = (alpha - i gamma)**2 - beta**2,
 
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
     + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
 
-    The error is about 1e-15 (alpha + beta + abs(gamma)), times the angle itself where that is
-    exponentially small: the formula amplifies the rounding of the body's parameters. It stays below
-    1e-10 if I1 and I2 are within a factor of 1e8 of each other, whatever I13 and I23 are. The angle
-    of the discrete problem tends to this one with order 2.
+    The error is about 1e-15 (alpha + beta + abs(gamma)), times the angle if that is
+    exponentially small: the formula amplifies the rounding of the body's parameters. It is below
+    1e-10 if I1 and I2 are within a factor of 1e8 of each other, for any I13 and I23. The angle
+    of the discrete problem converges to this one with order 2.
 
     References
     ----------

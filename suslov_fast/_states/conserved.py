@@ -186,7 +186,7 @@ def invariant_density(
         The body, or a batch of them.
     %(omega_3d)s
     %(eps)s
-        For 0 the density is one of the continuous motion.
+        For eps = 0 it is a density of the continuous motion.
     %(threads)s
 
     Returns
@@ -201,8 +201,8 @@ def invariant_density(
 
     Notes
     -----
-    The paper names no measure. A density is determined up to a constant factor; with the one chosen
-    here, rho is also the density in the coordinates (x, y) of :func:`to_xy`.
+    The measure is not in the paper. A density is determined up to a constant factor; with this one,
+    rho is also the density in the coordinates (x, y) of :func:`to_xy`.
 
     Examples
     --------

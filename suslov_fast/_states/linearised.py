@@ -109,8 +109,8 @@ def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     -------
     ndarray(float, shape=(..., D))
         Dimensionless. The first is 1, for the direction along the line; the others multiply the
-        distance from it. Their magnitude is above 1 where the line repels, below 1 where it
-        attracts, and infinite at a pole.
+        distance from it. Their magnitude is above 1 on the repelling half of the line, below
+        1 on the attracting half, and infinite at a pole.
 
     Raises
     ------

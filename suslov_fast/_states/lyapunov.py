@@ -37,7 +37,7 @@ def lyapunov_exponents(
     ----------
     %(body)s
     omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities. Where one is NaN, so is the result.
+        Initial angular velocities. The result is NaN for states that are NaN.
     %(eps)s
         A negative one gives the inverse map.
     steps : int
@@ -47,8 +47,8 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, the largest first; divide by eps for rates per unit of time. -inf where
-        a step is not invertible; NaN, with one :class:`SingularStepWarning`, where an orbit ends
+        Exponents per step, the largest first; divide by eps for rates per unit of time. -inf if
+        a step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails
         before its last step.
 
     Raises

@@ -105,8 +105,8 @@ def iterate(
 
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto"
-        evaluates the closed form, as in three dimensions, if all J_i are exactly equal, if I has one
-        nonzero component and all other J_i are equal, and for n = 3. Otherwise it is "rank2",
+        evaluates the closed form, as in three dimensions, if all J_i are exactly equal, if I has
+        one nonzero component and all other J_i are equal, and for n = 3. Otherwise it is "rank2",
         which was measured to be faster for every n, unless several J_i - eps p / 2 nearly vanish:
         then both methods eliminate.
     attitude : bool or array_like(float, shape=(..., n, n))

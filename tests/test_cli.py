@@ -451,7 +451,7 @@ def test_a_disk_that_is_full(tmp_path):
 
 
 def test_warm_up_calls_everything(monkeypatch):
-    """Every public function, on as many states as it is asked for."""
+    """Every public function, with one body at least."""
     from suslov_fast._cli import warm_up
 
     monkeypatch.setattr(warm_up, "_COUNTS", (3,))

@@ -10,8 +10,6 @@ import numpy as np
 from .._bodies.base import Body
 from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
-from .._checks import first_index as first_index
-from .._checks import spell as spell
 
 
 def for_kernel(array: FloatArray) -> FloatArray:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import LARGE, FloatArray, real_array
+from .._checks import LARGE, FloatArray, real_array, spell
 from .._jit import Kernel
 from .._kernels import states as kernels
 from .._kernels import states_nd as kernels_nd
 from . import threads as _threads
-from .layout import flat_body, flat_parameter, for_kernel, spell
+from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
 
 # More than the threads of any machine that this is likely to meet.

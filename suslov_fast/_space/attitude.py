@@ -10,10 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
-from .._checks import FloatArray, aligned, common_shape, real_array, rotations, vectors
+from .._checks import (
+    FloatArray,
+    aligned,
+    common_shape,
+    first_index,
+    real_array,
+    rotations,
+    spell,
+    vectors,
+)
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.layout import first_index, for_kernel, for_loops, spell
+from .._engine.layout import for_kernel, for_loops
 from .._engine.states import TASKS
 from .._kernels import attitude as kernels
 

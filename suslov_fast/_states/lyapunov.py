@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._bodies.units import scaled_eps, units_of
-from .._checks import FloatArray, integer
+from .._checks import FloatArray, first_index, integer, spell
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import Body, check
-from .._engine.layout import first_index, flat_vectors, for_kernel, spell
+from .._engine.layout import flat_vectors, for_kernel
 from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
 from .._jit import Kernel

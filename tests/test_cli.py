@@ -413,15 +413,20 @@ def test_progress_on_a_terminal(tmp_path):
 @posix
 def test_streams():
     full = "suslov-fast: standard output: No space left on device\n"
-    for redirection, result in {
-        ">&-": (0, ""),
-        "2>&-": (0, ""),
-        "| true": (0, ""),
-        "> /dev/full": (1, full),
-    }.items():
-        line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 {redirection}"
-        done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60)
-        assert (done.returncode, done.stderr) == result, redirection
+    results = {">&-": (0, ""), "2>&-": (0, ""), "| true": (0, ""), "> /dev/full": (1, full)}
+    line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5"
+    started = {
+        redirection: subprocess.Popen(
+            ["sh", "-c", f"{line} {redirection}"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for redirection in results
+    }
+    for redirection, process in started.items():
+        _, errors = process.communicate(timeout=60)
+        assert (process.returncode, errors) == results[redirection], redirection
 
 
 @pytest.mark.compiled

@@ -169,7 +169,7 @@ def fails_and_goes_on(store, monkeypatch, room):
 
 
 def test_every_write_may_be_the_last(tmp_path, monkeypatch):
-    rooms = [*range(0, 150, 19), 10**6]
+    rooms = [0, 20, 40, 60, 100, 10**6]
     failed = [fails_and_goes_on(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]
     assert failed[:4] == [True] * 4
     assert not failed[-1]

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import math
 import re
 import shlex
 import subprocess
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from suslov_fast._cli import main, pictures
+from suslov_fast._engine import threads
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -24,7 +26,8 @@ def blocks(language):
 
 @pytest.mark.compiled
 def test_python_blocks(tmp_path, monkeypatch):
-    """Each by itself, as a reader would copy it."""
+    """Each by itself, as a reader would copy it; parallel builds take long to compile."""
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     assert len(blocks("python")) == 3
     for code in blocks("python"):

@@ -116,16 +116,16 @@ def test_what_is_looked_at_is_short(executed):
     shown = dict(zip(SHOWN, executed[-len(SHOWN) - 1 :], strict=False))
     for name, cell in shown.items():
         (output,) = (each["data"] for each in cell["outputs"])
-        table, line = output["text/html"], output["text/plain"]
-        assert table.startswith("<table>"), name
-        assert table.count("<tr>") <= 8
-        assert max(len(table), 5 * len(line)) < 700
+        line, (rich,) = (
+            output["text/plain"],
+            [output[kind] for kind in output.keys() - {"text/plain"}],
+        )
+        assert max(len(rich), 5 * len(line)) < 700, name
         assert "\n" not in line
-    one = shown["body"]["outputs"][0]["data"]["text/html"]
-    assert re.findall(r"<th>(\w+)</th><td>([^<]*)</td>", one)[:2] == [("I1", "4.0"), ("I2", "2.0")]
+    assert shown["orbits"]["outputs"][0]["data"]["text/html"].count("<tr>") <= 8
+    assert r"$\text{Suslov3D},\quad I_{1} = 4" in shown["body"]["outputs"][0]["data"]["text/latex"]
     many = shown["bodies"]["outputs"][0]["data"]
-    assert "<caption>Suslov3D, shape (200,)</caption>" in many["text/html"]
-    assert "<tr><th>I1</th><td>1 ... 4, shape (200,)</td></tr>" in many["text/html"]
+    assert r"\text{Suslov3D of shape (200,)}" in many["text/latex"]
     assert many["text/plain"] == "<Suslov3D of shape (200,): I1=(200,), I2=2.0, I13=-0.5, I23=-0.3>"
 
 

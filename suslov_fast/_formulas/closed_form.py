@@ -311,11 +311,9 @@ def near_point(f, k, kappa):
     """Return A and B of w = f 2**k, whatever its size; NaN at a pole."""
     # Both w and 1 times a power of two, so that the larger one is of the order of 1.
     large = (k > 0.0) & (kappa != 0.0)
-    in_range, power = abs(k) <= 1000.0, smaller(abs(k), 1000.0)
-    factor = select(in_range, two_to_the(-power), 0.0)
+    factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
     u = select(large, factor, 1.0)
-    v = select(k > 0.0, f * select(in_range, two_to_the(power), np.inf), f * factor)
-    v = select(large, f, v)
+    v = select(large, f, f * select(k > 0.0, 1.0 / factor, factor))
     first, second = square(u), kappa * square(v)
     D = first + second
     inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * (first + abs(second)), D, np.nan)

@@ -144,7 +144,9 @@ if config.DISABLE_JIT:
 
     def select(condition, first, second):
         """Return `first` where the condition holds, else `second`; both are computed."""
-        return first if condition else second
+        chosen = first if condition else second
+        # Dividing by 0, a float of Python raises, and one of NumPy does not.
+        return np.float64(chosen) if isinstance(chosen, float) else chosen
 
     def two_product(v, w):
         """Return v*w, rounded, and its rounding error (Dekker)."""

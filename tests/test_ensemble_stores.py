@@ -72,7 +72,7 @@ HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
 @pytest.mark.parametrize(
     ("name", "harm"),
     # One harm for each; the slow tests have them all.
-    zip(VARIABLES, itertools.cycle(HARMS), strict=False),
+    list(zip(VARIABLES, itertools.cycle(HARMS), strict=False)),
 )
 def test_damage_is_mended(tmp_path, finished, name, harm):
     mends(tmp_path, finished, name, harm)

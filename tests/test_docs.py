@@ -2,12 +2,14 @@
 
 import contextlib
 import io
+import math
 import re
 from pathlib import Path
 
 import pytest
 
 import suslov_fast
+from suslov_fast._engine import threads
 
 DOCS = Path(__file__).parent.parent / "docs"
 BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -64,6 +66,8 @@ def folder(tmp_path_factory):
 def test_page(path, folder, tmp_path, monkeypatch):
     """Its blocks of Python, one after the other; how-tos share a folder, as on one machine."""
     pytest.importorskip("matplotlib").use("Agg")
+    if path.stem != "threads":  # parallel builds take long to compile
+        monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):

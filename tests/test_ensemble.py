@@ -68,7 +68,7 @@ def test_a_stored_run_is_that_of_iterate(
     omega0 = starts(rng, 20, D=body.dimension)
     omega0[3], omega0[9] = np.nan, 1e308
     settings = {"save_every": save_every, "method": method, "attitude": attitude}
-    ours = {"compression": compression, "chunk": CUT}
+    ours = {"compression": compression, "chunk": {"trajectory": 7, "n": 8}}
     dataset, _ = compare(store, body, omega0, 0.3, 40, ours=ours, **settings)
     assert dataset.attrs["tiles_done"] == "3 of 3"
     # Longer by less than a chunk, and by more.

@@ -1,6 +1,7 @@
 """Stores: damaged, in other places, of others, written to twice, half written."""
 
 import errno
+import itertools
 import json
 import os
 import random
@@ -70,8 +71,8 @@ HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
 
 @pytest.mark.parametrize(
     ("name", "harm"),
-    # A third of all; the slow tests have them all.
-    [(n, h) for i, n in enumerate(VARIABLES) for k, h in enumerate(HARMS) if (i + k) % 3 == 0],
+    # One harm for each; the slow tests have them all.
+    list(zip(VARIABLES, itertools.cycle(HARMS), strict=False)),
 )
 def test_damage_is_mended(tmp_path, finished, name, harm):
     mends(tmp_path, finished, name, harm)
@@ -168,7 +169,7 @@ def fails_and_goes_on(store, monkeypatch, room):
 
 
 def test_every_write_may_be_the_last(tmp_path, monkeypatch):
-    rooms = [*range(0, 150, 19), 10**6]
+    rooms = [0, 20, 40, 60, 100, 10**6]
     failed = [fails_and_goes_on(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]
     assert failed[:4] == [True] * 4
     assert not failed[-1]

@@ -44,8 +44,13 @@ def test_nothing_is_lost_and_the_run_goes_on(name, suffix, tmp_path):
     loaded = sf.Trajectories.load(path)
     assert_same_run(run, loaded)
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    further = loaded.extend(5, on_singular="ignore")
-    assert_same_run(run.extend(5, on_singular="ignore"), further)
+    assert_same_run(run.extend(5, on_singular="ignore"), loaded.extend(5, on_singular="ignore"))
+
+
+def test_a_run_replaces_the_file_that_it_was_loaded_from(suffix, tmp_path):
+    path = tmp_path / f"run{suffix}"
+    RUN.save(path)
+    further = sf.Trajectories.load(path).extend(5)
     further.save(path)
     assert_same_run(further, sf.Trajectories.load(path))
 

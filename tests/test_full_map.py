@@ -89,15 +89,13 @@ def test_out(body, rng):
     assert (run(body, overlapping[3], 0.1, 10, 3, out=overlapping).omega == out).all()
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("save_every", [1, 7, None])
-def test_parts_and_threads(rng, save_every, monkeypatch, request):
+def test_parts(rng, save_every, request):
     body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 300)), *rng.normal(size=(2, 300)))
     omega0, eps, I3 = rng.normal(size=(300, 3)), rng.choice([-0.2, 0.0, 0.1], 300), 2.0
     omega0[::50] = np.nan
     expected = run(body, omega0, eps, 60, I3, save_every=save_every)
     request.getfixturevalue("small_parts")
-    monkeypatch.setattr("suslov_fast._engine.threads.CROSSOVER", 0)
     found = run(body, omega0, eps, 60, I3, save_every=save_every)
     for name in ("omega", "final", "status", "failed_at"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)

@@ -115,7 +115,7 @@ import numpy as np, suslov_fast as sf
 {LARGE[problem]}
 threads, method, few = int(sys.argv[1]), "auto", body
 if "ND" in type(body).__name__:
-    few, method = sf.SuslovND([1, 2], [0.1, 0.2]), "rank2"
+    few, method = sf.SuslovND(np.ones((2000, 2)), [0.1, 0.2]), "rank2"
 # Compiled before the limit.
 sf.iterate(few, np.ones((2000, 2)), 0.1, 2000, method=method, threads=threads)
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()

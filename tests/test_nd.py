@@ -228,8 +228,14 @@ def test_auto_is_rank2(rng):
 
 @pytest.mark.compiled
 def test_large_populations_and_dimensions(rng):
+    """Whatever the number of threads."""
     body = sf.SuslovND(rng.uniform(1, 4, (30_000, 9)), rng.normal(size=(30_000, 9)))
-    assert sf.iterate(body, rng.normal(size=(30_000, 9)), 0.1, 20, save_every=None).ok
+    omega = rng.normal(size=(30_000, 9))
+    alone, together = (
+        sf.iterate(body, omega, 0.1, 20, save_every=None, threads=count) for count in (1, None)
+    )
+    assert together.ok
+    assert (together.final == alone.final).all()
     J, I = rng.uniform(1, 4, 4999), rng.normal(size=4999) / 70
     single = sf.iterate(sf.SuslovND(J, I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
     assert single.ok

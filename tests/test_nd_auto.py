@@ -7,7 +7,7 @@ import pytest
 from naive import mpf
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form, jump, threads
+from suslov_fast._engine import closed_form, jump
 from suslov_fast._engine import run as engine
 from suslov_fast._formulas.reduction import as_product
 
@@ -217,10 +217,9 @@ def test_one_body_for_all(rng, kind):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("m", [2, 4])
-def test_parts_and_threads(rng, monkeypatch, m):
+def test_parts(rng, monkeypatch, m):
     problem = mixed_batch(rng, 150, m)
     whole = run(*problem, 500, save_every=2)
-    monkeypatch.setattr(threads, "CROSSOVER", 1)  # serial within one block
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
     monkeypatch.setattr(jump, "_TOGETHER", 2**11)
     monkeypatch.setattr(engine, "_TOGETHER", 2**12)

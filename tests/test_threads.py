@@ -204,8 +204,8 @@ def test_ctrl_c():
     """A run of days ends at the next return to Python, and there are many."""
     output = in_child(
         """
-        import itertools, os, signal, threading
-        for size, save_every in itertools.product((1, 2000), (None, 2 * 10**9)):
+        import os, signal, threading
+        for size, save_every in ((1, None), (2000, 2 * 10**9)):
             seen, seen_before, ready = [0], [], threading.Event()
 
             def progress(done, total):
@@ -229,7 +229,7 @@ def test_ctrl_c():
         """
     )
     told = [tuple(map(int, line.split())) for line in output.splitlines()]
-    assert len(told) == 4
+    assert len(told) == 2
     for returns, steps in told:
         assert returns <= 2
         assert steps < 2**33  # a second of the fastest machines

@@ -88,7 +88,8 @@ def executed(tmp_path_factory):
     looking = [nbformat.v4.new_code_cell(code) for code in [*SHOWN.values(), BAR]]
     notebook.cells += looking
     nbformat.write(notebook, folder / "tutorial.ipynb")
-    children.run(EXECUTE, folder / "tutorial.ipynb", folder / "executed.ipynb")
+    names = folder / "tutorial.ipynb", folder / "executed.ipynb"
+    children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")  # parallel builds take long to compile
     return nbformat.read(folder / "executed.ipynb", as_version=4).cells
 
 

@@ -190,5 +190,6 @@ def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
             whole = not flow and nearest == math.floor(nearest)
             skipped = int(nearest // every) if whole else 0
             first, end = nearest - skipped * every, skipped + outward.size
-            found.append(Rows(sign, first, every, skipped, end, origin - sign * skipped, sign))
+            place = origin - sign * skipped
+            found.append(Rows(float(sign), first, every, skipped, end, place, sign))
     return found

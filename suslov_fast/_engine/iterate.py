@@ -76,7 +76,9 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
         turning = run.time_step, resume["columns"], run.turns, *room_of_turns
     kept = tuple(resume[name] for name in ("status", "failed_at", "state", "exponent"))
     M = m + m % 2
-    of_body = (lanes,) if max(len(each) for each in run.parameters[:2]) > 1 else ()
+    # Only where steps are as cheap as they get is a body that lanes share worth another build.
+    shared = plain and turning is None and max(map(len, run.parameters[:2])) <= 1
+    of_body = () if shared else (lanes,)
     room = (
         np.empty((tasks, 2, M, *of_body)),
         np.empty((tasks, 2, M, lanes)),

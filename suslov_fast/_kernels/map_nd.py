@@ -444,7 +444,7 @@ def all_blocks(parameters, span, saved, turning, kept, room):
         (tasks, 2 n + 2, n)
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). All but `final` are read if start is not 0.
-    room : for J and I (tasks, 2, M), or (tasks, 2, M, lanes) if there is more than one body;
+    room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
         (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
     """
     for task in prange(room[1].shape[0]):

@@ -106,7 +106,7 @@ def attitude(
     turns = np.empty((rows, size, n, n))
     turns[0] = np.broadcast_to(start, (*batch, n, n)).reshape(turns.shape[1:])
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    flat_eps = np.broadcast_to(step_size, batch).ravel()
+    flat_eps = for_kernel(np.broadcast_to(step_size, batch).ravel())
     in_3d = not isinstance(body, SuslovND)
     if in_3d:
         kernel, lanes = kernels.reconstruct, kernels.LANES

@@ -13,6 +13,7 @@ from .._bodies.three import Suslov3D
 from .._bodies.units import units_of
 from .._checks import FloatArray
 from .._engine import reduction
+from .._engine.layout import flat_vectors
 from .._engine.run import Run, execute
 from .._engine.states import by_slabs, of_state, of_state_nd
 from .._jit import Kernel
@@ -110,7 +111,7 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 def _next(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
-    states = np.ascontiguousarray(omega).reshape(-1, body.dimension)
+    states = flat_vectors(omega, batch)
     return execute(Run(map_of(body), body, batch, states, eps, 1, None, "auto", single=True)).final
 
 

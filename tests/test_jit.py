@@ -19,8 +19,13 @@ def fill(x, k, out):
         rows[0, i] = _jit.select(x[i] < 0.5, product, lost)
         rows[1, i] = _jit.number_of_bits(_jit.bits_of(x[i]) + (i << 52))
     _jit.expect_store(out, 0)
+    pair = _jit.carray(_jit.stack(32), (2, 16))
     for i in range(0, 16, 8):
         _jit.stream_line(out, i, rows[0], i)
+        _jit.copy_line(pair, (1, i), rows, (0, i))
+        _jit.subtract_product(pair, (1, i), rows, (0, i), x, (i,))
+    for i in range(16):
+        out[32 + i] = pair[1, i]
     for i in range(16):
         out[16 + i] = rows[1, i + k]
 
@@ -29,8 +34,8 @@ def run(x, k, out):
     for i in prange(1):
         fill(x, k, out)
 
-memory = np.zeros(40)
-out = memory[-(memory.ctypes.data // 8) % 8:][:32]
+memory = np.zeros(56)
+out = memory[-(memory.ctypes.data // 8) % 8:][:48]
 x = np.random.default_rng(1).random(16)
 for build in (run.serial, run.parallel):
     out[:] = 0
@@ -56,6 +61,7 @@ def test_instructions(disable_jit):
         lost = (above * d - n * below) / (below * d)
         assert serial[i] == (product if v < 0.5 else lost)
         assert serial[16 + i] == v * 2.0**i
+        assert serial[32 + i] == serial[i] - serial[i] * v
 
 
 @pytest.mark.compiled

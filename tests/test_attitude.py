@@ -133,7 +133,7 @@ def test_states_that_do_not_follow_each_other(case):
     omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
     other = type(body)(*body.parameters[:-1], body.parameters[-1] + 0.1)
     for wrong in (omega[::2], omega[::-1], omega[::59], 2 * omega):
-        with pytest.raises(ValueError, match=r"states 0 and 1 of trajectory 0 that do not"):
+        with pytest.raises(ValueError, match=r"states 0 and 1 of trajectory 0 that are not"):
             sf.attitude(body, wrong, 0.2)
     for eps in (0.2001, -0.2, 0.4, 0.0):
         with pytest.raises(ValueError, match="omega: expected consecutive states"):
@@ -152,7 +152,7 @@ def test_states_that_do_not_follow_in_any_unit(case, k):
     body, omega0 = case
     omega = np.ldexp(states(body, omega0, 0.2, 5), k)
     assert np.isfinite(sf.attitude(body, omega, np.ldexp(0.2, -k))).all()
-    with pytest.raises(ValueError, match="states 0 and 1 that do not"):
+    with pytest.raises(ValueError, match="states 0 and 1 that are not"):
         sf.attitude(body, omega, np.ldexp(0.21, -k))
 
 

@@ -141,9 +141,9 @@ def test_states_that_do_not_follow_each_other(case):
     with pytest.raises(ValueError, match="expected consecutive states"):
         sf.attitude(other, omega, 0.2)
     omega[24:, 1] = omega[23, 1]
-    with pytest.raises(ValueError, match="states 23 and 24 of trajectory 1 that do not"):
+    with pytest.raises(ValueError, match="states 23 and 24 of trajectory 1 that are not"):
         sf.attitude(body, omega, 0.2)
-    with pytest.raises(ValueError, match="states 23 and 24 that do not"):
+    with pytest.raises(ValueError, match="states 23 and 24 that are not"):
         sf.attitude(body, omega[:, 1], 0.2)
 
 

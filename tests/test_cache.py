@@ -32,23 +32,21 @@ def opposite(x):
 """,
     "_kernels/__init__.py": "",
     "_kernels/loops.py": """
-from numba import prange
 from .._formulas.small import half, opposite, twice
 from .._jit import Kernel, inner
 
 def loop_of(change):
     @inner
-    def part(x, out):
+    def fill(x, out):
         for i in range(x.size):
             out[i] = change(x[i])
-    return part
+    return fill
 
-def whole(x, out):
-    for _ in prange(1):
-        part(x, out)
+def whole(part, parts, x, out):
+    fill(x, out)
 
 kernels = {
-    change: Kernel(whole, change.__name__, part=loop_of(change))
+    change: Kernel(whole, change.__name__, fill=loop_of(change))
     for change in (twice, half, opposite)
 }
 """,

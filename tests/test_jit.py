@@ -8,7 +8,6 @@ import pytest
 KERNEL = """
 import sys
 import numpy as np
-from numba import prange
 from suslov_fast import _jit
 
 @_jit.inner
@@ -30,17 +29,19 @@ def fill(x, k, out):
         out[16 + i] = rows[1, i + k]
 
 @_jit.kernel
-def run(x, k, out):
-    for i in prange(1):
+def run(part, parts, x, k, out):
+    begin, end = _jit.share(1, part, parts)
+    for _ in range(begin, end):
         fill(x, k, out)
 
 memory = np.zeros(56)
 out = memory[-(memory.ctypes.data // 8) % 8:][:48]
 x = np.random.default_rng(1).random(16)
-for build in (run.serial, run.parallel):
-    out[:] = 0
-    build(x, int(sys.argv[1]), out)
-    print(out.tobytes().hex())
+run.serial(x, int(sys.argv[1]), out)
+print(out.tobytes().hex())
+out[:] = 0
+run.parallel(2, x, int(sys.argv[1]), out)
+print(out.tobytes().hex())
 """
 
 

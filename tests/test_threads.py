@@ -30,29 +30,20 @@ needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 @needs_two_threads
 @pytest.mark.compiled
-@pytest.mark.parametrize("before", [1, 2])
-def test_threads_are_restored(body, rng, monkeypatch, before):
-    """After an error too."""
+def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
+    """The next call is parallel again, on as many threads as were asked for."""
     big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
     class Broken:
-        def parallel(self, *arguments):
-            seen.append(numba.get_num_threads())
+        def parallel(self, threads, *arguments):
+            seen.append(threads)
             raise MemoryError
 
-    numba.set_num_threads(before)
-    try:
-        for count in (1, 2, None):
-            sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
-            assert numba.get_num_threads() == before
-        monkeypatch.setattr(loops, "canonical", Broken())
+    monkeypatch.setattr(loops, "canonical", Broken())
+    for threads in (2, None):
         with pytest.raises(MemoryError):
-            sf.iterate(body, big, 0.2, 4000, threads=2, method="canonical")
-        assert seen == [2]
-        assert numba.get_num_threads() == before
-        assert not threads._owned()
-    finally:
-        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+            sf.iterate(body, big, 0.2, 4000, threads=threads, method="canonical")
+    assert seen == [2, numba.get_num_threads()]
 
 
 def test_little_work_stays_serial(body, monkeypatch):
@@ -120,10 +111,11 @@ def test_forks_leave_the_parent_its_threads():
 class Idle:
     """A loop that does nothing, so that signals meet what is around it."""
 
-    def parallel(self):
+    def parallel(self, count):
         pass
 
-    serial = parallel
+    def serial(self):
+        pass
 
 
 @pytest.fixture
@@ -172,7 +164,7 @@ def test_a_handler_that_computes():
             calls.append("serial")
 
     class Outer:
-        def parallel(self):
+        def parallel(self, count):
             threads.run(Inner(), threads.CROSSOVER, 2)
             calls.append("parallel")
 
@@ -189,7 +181,7 @@ def test_who_comes_second_is_served_serially():
             calls.append("serial")
 
     class First:
-        def parallel(self):
+        def parallel(self, count):
             other = threading.Thread(target=threads.run, args=(Second(), threads.CROSSOVER, None))
             other.start()
             other.join()

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -95,14 +96,19 @@ def states_at(
     orbits = Orbits(parameters, omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
-    states, missing = np.empty((moments.size, len(omega), 2)), np.zeros(3)
+    states, missing = np.empty((moments.size, len(omega), 2)), none_missing()
     if runs := rows_of(moments, flow):
         for rows in runs:
             fill_rows(orbits, rows, states, missing)
     else:
         for sign, some, places in _by_sign(moments):
             fill_states(orbits, sign, some, places, states, missing)
-    return states.reshape(shape), missing
+    return states.reshape(shape), missing.sum(axis=0)
+
+
+def none_missing() -> FloatArray:
+    """Return the numbers of missing states before a calculation, a row for each thread."""
+    return np.zeros((numba.config.NUMBA_NUM_THREADS, 3))
 
 
 def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
@@ -150,11 +156,10 @@ def _call(
     out: FloatArray,
     missing: FloatArray,
 ) -> None:
-    """Call a kernel for some lanes, and add the numbers of missing states."""
+    """Call a kernel for some lanes."""
     parameters, omega, _, ends, threads = orbits
-    work, found = (lanes[1] - lanes[0]) * (_ENTERING + work), np.zeros(3)
-    _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, found)
-    missing += found
+    work = (lanes[1] - lanes[0]) * (_ENTERING + work)
+    _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, missing)
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:

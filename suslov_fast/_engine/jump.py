@@ -10,7 +10,7 @@ from .._bodies.reduction import is_solved
 from .._checks import FloatArray
 from .._kernels import codes, maps_3d
 from .._kernels.closed_form import NOT_FOUND
-from .closed_form import Ends, Orbits, Rows, fill_rows, fill_states, slices
+from .closed_form import Ends, Orbits, Rows, fill_rows, fill_states, none_missing, slices
 from .iterate import iterate, iterate_nd
 from .layout import for_kernel
 from .progress import reporter
@@ -90,7 +90,7 @@ def _jump(run: Run) -> Results:
     """Evaluate all states; iterate orbits that leave the range of the closed form."""
     status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
     ends: Ends = status, failed_at, float(run.steps)
-    orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), np.zeros(3)
+    orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), none_missing()
     if len(run.saved):
         first = run.rows_before
         rows = Rows(1.0, 0.0, float(run.every), first, first + len(run.saved), -first, 1)

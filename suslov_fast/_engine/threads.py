@@ -1,4 +1,4 @@
-"""Calls of the serial or the parallel build of a kernel."""
+"""Calls of kernels, serial or parallel."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .._jit import Kernel
 CROSSOVER = 1_000_000
 
 # One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
-# uses the serial build, whose results are bit-identical. The lock stores its owner, so it can be
+# makes a serial call, whose results are bit-identical. The lock stores its owner, so it can be
 # released without knowing whether it was acquired.
 _one_at_a_time = threading.RLock()
 _may_use_threads = True
@@ -37,7 +37,7 @@ def thread_count(threads: int | None) -> int | None:
 
 
 def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel; `work` lane-steps decide between its two builds."""
+    """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
     if (
         work < CROSSOVER
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
@@ -53,29 +53,17 @@ def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None
 
 
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
-    """Call the parallel build and return True, or return False if another thread is in one."""
+    """Call a kernel in parallel and return True, or return False if another thread is doing so."""
     try:
         if not _one_at_a_time.acquire(blocking=False):
             return False
-        if threads is None:
-            kernel.parallel(*arguments)
-        else:
-            _with_threads(kernel, threads, arguments)
+        kernel.parallel(threads or numba.get_num_threads(), *arguments)
         return True
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
             _one_at_a_time.release()
         except RuntimeError:  # another thread's
             pass
-
-
-def _with_threads(kernel: Kernel, threads: int, arguments: tuple[Any, ...]) -> None:
-    before = numba.get_num_threads()
-    try:
-        numba.set_num_threads(threads)
-        kernel.parallel(*arguments)
-    finally:
-        numba.set_num_threads(before)
 
 
 def _owned() -> bool:
@@ -96,7 +84,7 @@ def _after_fork_in_parent() -> None:
 
 
 def _after_fork_in_child() -> None:
-    """Use serial builds in a forked child that cannot use the threads of its parent.
+    """Make serial calls in a forked child that cannot use the threads of its parent.
 
     OpenMP aborts the child, TBB may hang, and `workqueue` starts new threads unless it was running.
     """

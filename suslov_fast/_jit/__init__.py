@@ -12,7 +12,8 @@ from .instructions import (
     subtract_product,
     two_product,
 )
-from .options import Kernel, formula, inner, kernel
+from .kernel import Kernel, kernel, share
+from .options import formula, inner
 
 __all__ = [
     "Kernel",
@@ -25,6 +26,7 @@ __all__ = [
     "kernel",
     "number_of_bits",
     "select",
+    "share",
     "stack",
     "stream_line",
     "subtract_product",

@@ -5,12 +5,9 @@ eps     (B,), the step size
 out     (N, B, n, n), the orientations at the other states; NaN from the first NaN state on
 """
 
-import numpy as np
-from numba import prange
-
 from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean, row_times_matrix, turn_between, turned
-from .._jit import carray, formula, inner, kernel, stack
+from .._jit import carray, formula, inner, kernel, share, stack
 from .tiles import lead_of, write_row
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
@@ -63,13 +60,14 @@ def turn_block(block, omega, eps, R0, carried, out):
 
 
 @kernel
-def reconstruct(omega, eps, R0, carried, out):
+def reconstruct(part, parts, omega, eps, R0, carried, out):
     """Fill orientations R0 R, where R is the identity at the first state.
 
     R0 (B, 3, 3); carried (B, 4), the quaternions of R, is read and written.
     """
-    for block in prange((omega.shape[1] + LANES - 1) // LANES):
-        turn_block(np.int64(block), omega, eps, R0, carried, out)
+    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
+    for block in range(first, last):
+        turn_block(block, omega, eps, R0, carried, out)
 
 
 @inner
@@ -95,14 +93,15 @@ def turn_some(task, omega, eps, number, before, out, scratch):
 
 
 @kernel
-def reconstruct_nd(omega, eps, number, before, out, scratch):
+def reconstruct_nd(part, parts, omega, eps, number, before, out, scratch):
     """Fill orientations in n dimensions.
 
     `number` is the index of the first state; before (B, n, n), the orientations there;
     scratch (tasks, 3 n + 2, n).
     """
-    for task in prange(len(scratch)):
-        turn_some(np.int64(task), omega, eps, number, before, out, scratch)
+    first, last = share(len(scratch), part, parts)
+    for task in range(first, last):
+        turn_some(task, omega, eps, number, before, out, scratch)
 
 
 @formula
@@ -148,7 +147,7 @@ def follow_block(block, equations, number, omega, stray):
 
 
 @kernel
-def follow(root, h, I, rotor, number, omega, stray):
+def follow(part, parts, root, h, I, rotor, number, omega, stray):
     """Find states that are not the image of the previous state.
 
     root     (B, m) or (1, m), the weights of the components: the roots of J
@@ -157,5 +156,6 @@ def follow(root, h, I, rotor, number, omega, stray):
     number   index of the first state in `omega`
     stray    (B,), the index of the first such state, or -1; read and written
     """
-    for block in prange((omega.shape[1] + LANES - 1) // LANES):
-        follow_block(np.int64(block), (root, h, I, rotor), number, omega, stray)
+    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
+    for block in range(first, last):
+        follow_block(block, (root, h, I, rotor), number, omega, stray)

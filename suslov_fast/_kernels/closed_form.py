@@ -15,12 +15,11 @@ lanes        the first trajectory to compute, and the one after the last
 out          (N, B, 2), the states; NaN if a state does not exist
 ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
              empty arrays the closed form continues past it
-missing      (3,), incremented by the numbers of NaN states of orbits whose state 0 is not NaN: at a
-             step, between two steps, and out of the range of float64
+missing      (parts, 3), incremented by the numbers of NaN states of orbits whose state 0 is not
+             NaN: at a step, between two steps, and out of the range of float64
 """
 
 import numpy as np
-from numba import prange
 
 from .._formulas.closed_form import (
     OUT_OF_RANGE,
@@ -42,7 +41,7 @@ from .._formulas.closed_form import (
     state_at,
 )
 from .._formulas.elementary import larger, scaled, smaller
-from .._jit import Kernel, carray, formula, inner, select, stack
+from .._jit import Kernel, carray, formula, inner, select, share, stack
 from . import codes
 from .iterate import body_at
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -50,7 +49,7 @@ from .tiles import lead_of, missing_of_first_block, write_row
 LANES, EIGHT, GROUP = 128, 8, 64
 # Rows of a block: the fields of an orbit, and time-independent data of the lanes for some rows.
 A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
-OMEGA1, OMEGA2, NUMBER, FAILS, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
+OMEGA1, OMEGA2, FAILS, NUMBER, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
 # r**(8 a every), and r**(a every), a = 0 ... 7.
 EIGHTHS, ROWS = SLOW + 1, SLOW + 9
 FIELDS = ROWS + 8
@@ -110,11 +109,13 @@ def plan_of(lanes, out, count, length):
 
 
 @formula
-def repeat(room, width, lanes, row, stop):
-    """Repeat the first lanes of some rows."""
-    for k in range(row, stop):
-        for l in range(width, lanes):
-            room[k, l] = room[k, l - width]
+def task_of(task, plan, lanes):
+    """Return the first trajectory of a task, their number, and how many rows precede its own."""
+    _, parts, some, _, shift = plan
+    block = task // parts
+    first = lanes[0] + max(block * LANES - shift, 0)
+    width = min(lanes[0] + (block + 1) * LANES - shift, lanes[1]) - first
+    return first, width, task % parts * some
 
 
 @inner
@@ -148,7 +149,7 @@ def end_of(room, l, stop):
 
 
 @inner
-def write_ends(room, first, width, lanes, ends):
+def write_ends(room, first, width, ends):
     """Write statuses of trajectories; return True if any ends before the last step."""
     status, failed_at, stop = ends
     any_fails = False
@@ -159,7 +160,6 @@ def write_ends(room, first, width, lanes, ends):
         room[FAILS, l], status[first + l] = fails, code
         if fails < np.inf:
             failed_at[first + l], any_fails = int(fails), True
-    repeat(room, width, lanes, FAILS, FAILS + 1)
     return any_fails
 
 
@@ -197,8 +197,9 @@ def entering(of_map):
         coordinates, sequence = coordinates_of_map, sequence_of_map
 
     @inner
-    def enter(sign, parameters, omega, first, width, lanes, room):
+    def enter(sign, parameters, omega, first, width, room):
         """Fill the fields of the orbits of a block; lanes beyond the last repeat it."""
+        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
         for l in range(lanes):
             b = first + min(l, width - 1)
             room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
@@ -230,9 +231,11 @@ def finish_block(room, first, width, groups, ends):
     afterwards, True if any is missing before the last step.
     """
     lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
+    fails = write_ends(room, first, width, ends) if ends[0].size else False
     if groups > 1:
-        repeat(room, width, lanes, 0, NUMBER)
-    fails = write_ends(room, first, width, lanes, ends) if ends[0].size else False
+        for k in range(NUMBER):
+            for l in range(width, lanes):
+                room[k, l] = room[k, l - width]
     scales = 0
     for l in range(lanes):
         room[SLOW, l] = 0.0
@@ -277,136 +280,6 @@ def enter_eighth(room, lanes, a):
     return slow
 
 
-def row_loop(of_map):
-    """Build the loop over the rows of a task, for the map or the flow."""
-    enter = entering(of_map)
-
-    @inner
-    def fill(task, arguments, steps, rows):
-        """Fill the rows of a task; return how many states are missing."""
-        sign, parameters, omega, lanes_asked, out, ends = arguments
-        first_number, every = steps
-        begin, end, origin, direction = rows
-        low = begin // GROUP * GROUP
-        _, parts, some, groups, shift = plan_of(lanes_asked, out, end - low, GROUP)
-        block, part = task // parts, task % parts
-        first = lanes_asked[0] + max(block * LANES - shift, 0)
-        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
-        room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
-        missing = carray(stack(3), (3,))
-        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
-        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
-
-        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
-        enter(sign, parameters, omega, first, width, lanes, room)
-        lanes, scales, fails = finish_block(room, first, width, groups, ends)
-        enter_ratios(room, lanes, every)
-        for l in range(lanes):
-            room[NUMBER, l] = float(l // width * GROUP)
-        begin_of_task = low + part * some
-        for top in range(begin_of_task, min(begin_of_task + some, end), GROUP * groups):
-            enter_seeds(room, lanes, first_number, every, top)
-            starts = top == 0 and first_number == 0.0
-            for a in range(EIGHT):
-                row = top + EIGHT * a
-                if groups == 1 and (row >= end or row + EIGHT <= begin):
-                    continue
-                slow = enter_eighth(room, lanes, a)
-                mends_all = slow > 0 or scales
-                for b in range(EIGHT):
-                    line = tile[b if groups > 1 else 0]
-                    for l in range(lanes):
-                        line[2 * l], line[2 * l + 1] = near_state(
-                            room[HALF, l] * room[ROWS + b, l],
-                            room[KAPPA, l],
-                            room[A1, l],
-                            room[B1, l],
-                            room[A2, l],
-                            room[B2, l],
-                        )
-                    if groups == 1 and not begin <= row + b < end:
-                        continue
-                    mends = mends_all or (starts and a == 0 and b == 0)
-                    for l in range(width * groups if mends or fails else 0):
-                        place = row + b + room[NUMBER, l]
-                        n = first_number + every * place
-                        if mends and begin <= place < end:
-                            mend(room, l, n, line, 2 * l, missing)
-                        if fails:
-                            end_rows(room, l, n, line, 2 * l)
-                    if groups == 1:
-                        target = 2 * ((origin + direction * (row + b)) * batch + first)
-                        write_row(line, flat, target, 2 * width, 2 * direction * batch, lead)
-                if groups > 1:
-                    place = begin, end, origin, direction, batch, first
-                    scatter_rows(tile, flat, row, place, width, groups)
-        return missing[0], missing[1], missing[2]
-
-    return fill
-
-
-def time_loop(of_map):
-    """Build the loop over the times of a task, for the map or the flow."""
-    enter = entering(of_map)
-
-    @inner
-    def fill(task, arguments, times, to):
-        """Fill the states of a task; return how many are missing."""
-        sign, parameters, omega, lanes_asked, out, ends = arguments
-        _, parts, some, groups, shift = plan_of(lanes_asked, out, times.size, 1)
-        block, part = task // parts, task % parts
-        first = lanes_asked[0] + max(block * LANES - shift, 0)
-        width = min(lanes_asked[0] + (block + 1) * LANES - shift, lanes_asked[1]) - first
-        room, line = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(WIDE), (WIDE,))
-        missing = carray(stack(3), (3,))
-        missing[0], missing[1], missing[2] = 0.0, 0.0, 0.0
-        flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
-
-        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
-        enter(sign, parameters, omega, first, width, lanes, room)
-        lanes, scales, fails = finish_block(room, first, width, groups, ends)
-        far = 0
-        for l in range(lanes):
-            far += select(room[H, l] != 0.0, 1, 0)
-        for j in range(part * some, min((part + 1) * some, times.size), groups):
-            for l in range(lanes):
-                room[NUMBER, l] = times[min(j + l // width, times.size - 1)]
-            odd = 0
-            for l in range(lanes):
-                room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
-            for l in range(lanes):
-                o = orbit_of(room, l)
-                A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
-                omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
-                line[2 * l], line[2 * l + 1] = omega1, omega2
-                finite = abs(omega1) + abs(omega2) < np.inf
-                odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
-            if far > 0:
-                for l in range(lanes):
-                    o = orbit_of(room, l)
-                    A, B = far_point(room[NUMBER, l], o)
-                    is_far = o.h != 0.0
-                    omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
-                    omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
-                    line[2 * l], line[2 * l + 1] = omega1, omega2
-                    odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
-            used = min(groups, times.size - j)
-            for l in range(width * used if odd > 0 or scales or fails else 0):
-                mend(room, l, room[NUMBER, l], line, 2 * l, missing)
-                if fails:
-                    end_rows(room, l, room[NUMBER, l], line, 2 * l)
-            for g in range(used):
-                target = 2 * (to[j + g] * batch + first)
-                if groups == 1:
-                    write_row(line, flat, target, 2 * width, 0, lead)
-                else:
-                    for i in range(2 * width):
-                        flat[target + i] = line[2 * g * width + i]
-        return missing[0], missing[1], missing[2]
-
-    return fill
-
-
 @inner
 def scatter_rows(tile, flat, row, rows, width, groups):
     """Write eight rows of each group of lanes."""
@@ -429,37 +302,117 @@ def scatter_rows(tile, flat, row, rows, width, groups):
                     flat[target + stride * b + i] = tile[b, 2 * g * width + i]
 
 
-def all_rows(sign, parameters, omega, steps, rows, lanes, out, ends, missing):
+def fill_rows(part, parts, sign, parameters, omega, steps, rows, lanes, out, ends, missing):
     """Fill rows begin <= i < end: state first + every i goes to row origin + direction i.
 
     steps   first, every
     rows    begin, end, origin, direction
     """
-    at_steps, between, beyond = 0.0, 0.0, 0.0
-    for task in prange(plan_of(lanes, out, rows[1] - rows[0] // GROUP * GROUP, GROUP)[0]):
-        found = fill(  # noqa: F821
-            np.int64(task), (sign, parameters, omega, lanes, out, ends), steps, rows
-        )
-        at_steps += found[0]
-        between += found[1]
-        beyond += found[2]
-    missing[0], missing[1], missing[2] = at_steps, between, beyond
+    first_number, every = steps
+    begin, end, origin, direction = rows
+    low = begin // GROUP * GROUP
+    plan = plan_of(lanes, out, end - low, GROUP)
+    tasks, _, some, groups, _ = plan
+    room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
+    flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+    found, (first_task, last_task) = missing[part], share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        first, width, skipped = task_of(task, plan, lanes)
+        enter(sign, parameters, omega, first, width, room)
+        used, scales, fails = finish_block(room, first, width, groups, ends)
+        enter_ratios(room, used, every)
+        for l in range(used):
+            room[NUMBER, l] = float(l // width * GROUP)
+        top_of_task = low + skipped
+        for top in range(top_of_task, min(top_of_task + some, end), GROUP * groups):
+            enter_seeds(room, used, first_number, every, top)
+            starts = top == 0 and first_number == 0.0
+            for a in range(EIGHT):
+                row = top + EIGHT * a
+                if groups == 1 and (row >= end or row + EIGHT <= begin):
+                    continue
+                slow = enter_eighth(room, used, a)
+                mends_all = slow > 0 or scales
+                for b in range(EIGHT):
+                    line = tile[b if groups > 1 else 0]
+                    for l in range(used):
+                        line[2 * l], line[2 * l + 1] = near_state(
+                            room[HALF, l] * room[ROWS + b, l],
+                            room[KAPPA, l],
+                            room[A1, l],
+                            room[B1, l],
+                            room[A2, l],
+                            room[B2, l],
+                        )
+                    if groups == 1 and not begin <= row + b < end:
+                        continue
+                    mends = mends_all or (starts and a == 0 and b == 0)
+                    for l in range(width * groups if mends or fails else 0):
+                        place = row + b + room[NUMBER, l]
+                        n = first_number + every * place
+                        if mends and begin <= place < end:
+                            mend(room, l, n, line, 2 * l, found)
+                        if fails:
+                            end_rows(room, l, n, line, 2 * l)
+                    if groups == 1:
+                        target = 2 * ((origin + direction * (row + b)) * batch + first)
+                        write_row(line, flat, target, 2 * width, 2 * direction * batch, lead)
+                if groups > 1:
+                    place = begin, end, origin, direction, batch, first
+                    scatter_rows(tile, flat, row, place, width, groups)
 
 
-def all_times(sign, parameters, omega, times, to, lanes, out, ends, missing):
+def fill_states(part, parts, sign, parameters, omega, times, to, lanes, out, ends, missing):
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
-    at_steps, between, beyond = 0.0, 0.0, 0.0
-    for task in prange(plan_of(lanes, out, times.size, 1)[0]):
-        found = fill(  # noqa: F821
-            np.int64(task), (sign, parameters, omega, lanes, out, ends), times, to
-        )
-        at_steps += found[0]
-        between += found[1]
-        beyond += found[2]
-    missing[0], missing[1], missing[2] = at_steps, between, beyond
+    plan = plan_of(lanes, out, times.size, 1)
+    tasks, _, some, groups, _ = plan
+    room, line = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(WIDE), (WIDE,))
+    flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+    found, (first_task, last_task) = missing[part], share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        first, width, skipped = task_of(task, plan, lanes)
+        enter(sign, parameters, omega, first, width, room)
+        used, scales, fails = finish_block(room, first, width, groups, ends)
+        far = 0
+        for l in range(used):
+            far += select(room[H, l] != 0.0, 1, 0)
+        for j in range(skipped, min(skipped + some, times.size), groups):
+            for l in range(used):
+                room[NUMBER, l] = times[min(j + l // width, times.size - 1)]
+            odd = 0
+            for l in range(used):
+                room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
+            for l in range(used):
+                o = orbit_of(room, l)
+                A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
+                omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
+                line[2 * l], line[2 * l + 1] = omega1, omega2
+                finite = abs(omega1) + abs(omega2) < np.inf
+                odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
+            if far > 0:
+                for l in range(used):
+                    o = orbit_of(room, l)
+                    A, B = far_point(room[NUMBER, l], o)
+                    is_far = o.h != 0.0
+                    omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
+                    omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
+                    line[2 * l], line[2 * l + 1] = omega1, omega2
+                    odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
+            groups_left = min(groups, times.size - j)
+            for l in range(width * groups_left if odd > 0 or scales or fails else 0):
+                mend(room, l, room[NUMBER, l], line, 2 * l, found)
+                if fails:
+                    end_rows(room, l, room[NUMBER, l], line, 2 * l)
+            for g in range(groups_left):
+                target = 2 * (to[j + g] * batch + first)
+                if groups == 1:
+                    write_row(line, flat, target, 2 * width, 0, lead)
+                else:
+                    for i in range(2 * width):
+                        flat[target + i] = line[2 * g * width + i]
 
 
-rows_of_map = Kernel(all_rows, "rows_of_map", fill=row_loop(True))
-rows_of_flow = Kernel(all_rows, "rows_of_flow", fill=row_loop(False))
-states_of_map = Kernel(all_times, "states_of_map", fill=time_loop(True))
-states_of_flow = Kernel(all_times, "states_of_flow", fill=time_loop(False))
+rows_of_map = Kernel(fill_rows, "rows_of_map", enter=entering(True))
+rows_of_flow = Kernel(fill_rows, "rows_of_flow", enter=entering(False))
+states_of_map = Kernel(fill_states, "states_of_map", enter=entering(True))
+states_of_flow = Kernel(fill_states, "states_of_flow", enter=entering(False))

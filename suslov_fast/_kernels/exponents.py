@@ -4,7 +4,6 @@ Growth is a product of factors, stored as (product, exponent) like in `multiplie
 """
 
 import numpy as np
-from numba import prange
 
 from .._formulas.canonical_map import SMALLEST_SQUARED, guarded_step, shifted
 from .._formulas.coordinates import at_rest, from_canonical, to_canonical
@@ -17,7 +16,7 @@ from .._formulas.tangent import (
     times_matrix,
 )
 from .._formulas.units import moderate, normal_body, normal_state
-from .._jit import carray, formula, inner, kernel, select, stack
+from .._jit import carray, formula, inner, kernel, select, share, stack
 
 LANES = 128
 # Rows of a block in three dimensions: the state (X, Z), c and 1 - t**2; a displacement in (X, Y);
@@ -60,10 +59,11 @@ def enter_orbit(i, parameters, omega, carried):
 
 
 @kernel
-def enter(parameters, omega, carried):
+def enter(part, parts, parameters, omega, carried):
     """Fill the rows (ROWS, B) of orbits from five parameters (B,) and states (B, 2)."""
-    for i in prange(len(omega)):
-        enter_orbit(np.int64(i), parameters, omega, carried)
+    first, last = share(len(omega), part, parts)
+    for i in range(first, last):
+        enter_orbit(i, parameters, omega, carried)
 
 
 @formula
@@ -104,10 +104,11 @@ def advance_block(block, steps, carried):
 
 
 @kernel
-def iterate(steps, carried):
+def iterate(part, parts, steps, carried):
     """Make steps of all orbits, whose rows `carried` (ROWS, B) are read and written."""
-    for block in prange((carried.shape[1] + LANES - 1) // LANES):
-        advance_block(np.int64(block), steps, carried)
+    first, last = share((carried.shape[1] + LANES - 1) // LANES, part, parts)
+    for block in range(first, last):
+        advance_block(block, steps, carried)
 
 
 @inner
@@ -230,7 +231,7 @@ def scratch_size(m):
 
 
 @kernel
-def iterate_nd(steps, h, I, omega, frames, products, exponents, scratch):
+def iterate_nd(part, parts, steps, h, I, omega, frames, products, exponents, scratch):
     """Make steps of orbits in n dimensions.
 
     h, I        (B, m): eps / (2 J), and I.
@@ -239,8 +240,9 @@ def iterate_nd(steps, h, I, omega, frames, products, exponents, scratch):
     products, exponents   (B, m), their growth.
     scratch     (tasks, scratch_size(m)), one for each task.
     """
-    for task in prange(len(scratch)):
-        advance_orbits(np.int64(task), steps, h, I, omega, frames, products, exponents, scratch)
+    first, last = share(len(scratch), part, parts)
+    for task in range(first, last):
+        advance_orbits(task, steps, h, I, omega, frames, products, exponents, scratch)
 
 
 @inner
@@ -254,7 +256,8 @@ def take_logarithm(i, products, exponents, steps, out):
 
 
 @kernel
-def take_logarithms(products, exponents, steps, out):
+def take_logarithms(part, parts, products, exponents, steps, out):
     """Fill the mean logarithms (B, m) of products (B, m)."""
-    for i in prange(len(out)):
-        take_logarithm(np.int64(i), products, exponents, steps, out)
+    first, last = share(len(out), part, parts)
+    for i in range(first, last):
+        take_logarithm(i, products, exponents, steps, out)

@@ -2,8 +2,8 @@
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
 inside, and LLVM places lanes side by side in vector registers. The constants of each trajectory
-are in the rows of `c`, its state in those of `s`. `map_kernel` builds the kernel of a map from
-formulas for one lane l:
+are in the rows of `c`, its state in those of `s`. `run_blocks` is the loop; `map_kernel` makes the
+kernel of a map of it, with formulas for one lane l:
 
 enter(parameters, omega, b, c, s, l)   Fill the lane with trajectory b. Return its status, and 1 if
                                        its steps must be guarded, else 0.
@@ -35,10 +35,9 @@ kept         final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 """
 
 import numpy as np
-from numba import prange
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import Kernel, carray, formula, inner, select, stack
+from .._jit import Kernel, carray, formula, inner, select, share, stack
 from . import codes
 from .tiles import lead_of, missing_of_first_block, write_row
 
@@ -85,41 +84,21 @@ def nothing_to_settle(c, s, l, rounds):
     return 0
 
 
-def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle):
-    """Build the loop over the steps of a block from the formulas of a map."""
-
-    @formula
-    def show_before(c, s, r, tile, lanes):
-        """Fill the angular velocities before the next step of a resumed run."""
-        for l in range(lanes):
-            show(c, s, l, tile, 2 * l)
-        for l in range(lanes):
-            r[_BEFORE, l], r[_BEFORE + 1, l] = tile[2 * l], tile[2 * l + 1]
-
-    @inner
-    def find_failure(c, s, l, n):
-        """Return the cause of a failure after state n, and the first missing state."""
-        code = codes.OK
-        while not np.isnan(s[0, l]):
-            code = cause(c, s, l)
-            guarded(c, s, l)
-            n += 1
-        return code, n
-
-    @inner
-    def run_block(block, arguments, turning):
-        """Take one block of trajectories from state `start` to state `stop`."""
-        parameters, omega, span, saved, kept, shift = arguments
-        begin, end, start, stop, every, first_row = span
-        final, status, failed_at, state = kept
+def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
+    """Take a part of the trajectories of a span from state `start` to state `stop`."""
+    begin, end, start, stop, every, first_row = span
+    final, status, failed_at, state = kept
+    c, s = carray(stack(_C), (CONSTANTS, LANES)), carray(stack(_S), (STATE, LANES))
+    before, tile = carray(stack(_S), (STATE, LANES)), carray(stack(_TILE), (_TILE,))
+    r = carray(stack(_TURN), (_TURNING, LANES))
+    saves, lead, stride = len(saved) > 0, lead_of(saved), D * saved.shape[1]
+    flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
+    blocks, shift = blocks_of(span, saved)
+    first_block, last_block = share(blocks, part, parts)
+    for block in range(first_block, last_block):
         first = begin + max(block * LANES - shift, 0)
         width = min(begin + (block + 1) * LANES - shift, end) - first
         lanes = whole(width)
-        c, s = carray(stack(_C), (CONSTANTS, LANES)), carray(stack(_S), (STATE, LANES))
-        before, tile = carray(stack(_S), (STATE, LANES)), carray(stack(_TILE), (_TILE,))
-        saves, flat, lead = len(saved) > 0, saved.reshape(saved.size), lead_of(saved)
-        stride = D * saved.shape[1]
-
         to_guard = 0
         for l in range(lanes):  # lanes beyond the last trajectory repeat it
             b = first + min(l, width - 1)
@@ -136,10 +115,12 @@ def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle
         elif saves:
             write_starts(omega, flat, first, width)
         if turning is not None:
-            r = carray(stack(_TURN), (_TURNING, LANES))
             enter_turns(turning, omega, first, width, lanes, r)
             if start > 0:
-                show_before(c, s, r, tile, lanes)
+                for l in range(lanes):
+                    show(c, s, l, tile, 2 * l)
+                for l in range(lanes):
+                    r[_BEFORE, l], r[_BEFORE + 1, l] = tile[2 * l], tile[2 * l + 1]
             elif saves:
                 write_turns(turning, r, 0, first, width)
 
@@ -181,10 +162,13 @@ def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle
                     if status[first + l] >= 0 and np.isnan(s[0, l]):
                         for k in range(numbers):
                             s[k, l] = before[k, l]
-                        code, m = find_failure(c, s, l, since)
-                        status[first + l], failed_at[first + l] = code, m
+                        code, failed_at[first + l] = codes.OK, since
+                        while not np.isnan(s[0, l]):
+                            code = cause(c, s, l)
+                            guarded(c, s, l)
+                            failed_at[first + l] += 1
+                        status[first + l] = code
 
-        flat_final = final.reshape(final.size)
         if stop == 0:
             write_starts(omega, flat_final, first, width)
         else:
@@ -199,25 +183,24 @@ def block_loop(D, numbers, enter, advance, show, cause, careful, guarded, settle
             if not saves and len(turning[3]) > 0:
                 write_turns(turning, r, 0, first, width)
 
-    return run_block
-
-
-def all_blocks(parameters, omega, span, saved, turning, kept):
-    """Iterate all trajectories of a span."""
-    blocks, shift = blocks_of(span, saved)
-    for block in prange(blocks):
-        run_block(  # noqa: F821
-            np.int64(block), (parameters, omega, span, saved, kept, shift), turning
-        )
-
 
 def map_kernel(
     name, D, numbers, enter, advance, show, cause, careful=None, guarded=None, settle=None
 ):
     """Build the kernel of a map whose states have D components, stored as `numbers` variables."""
-    formulas = enter, advance, show, cause, careful or advance, guarded or advance
-    loop = block_loop(D, numbers, *formulas, settle or nothing_to_settle)
-    return Kernel(all_blocks, name, run_block=loop)
+    return Kernel(
+        run_blocks,
+        name,
+        D=D,
+        numbers=numbers,
+        enter=enter,
+        advance=advance,
+        careful=careful or advance,
+        guarded=guarded or advance,
+        settle=settle or nothing_to_settle,
+        show=show,
+        cause=cause,
+    )
 
 
 @formula

@@ -10,12 +10,11 @@ omega leaves that range. Lanes that have ended have the state 0 in the unit NaN.
 """
 
 import numpy as np
-from numba import prange
 
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
 from .._formulas.rotation import mean
-from .._jit import Kernel, carray, formula, inner, select, stack
+from .._jit import Kernel, carray, formula, inner, select, share, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
@@ -392,18 +391,29 @@ def save_turns(turning, begin, end, row):
                 turns[row, b, r, c] = columns[b, c, r]
 
 
-def block_loop(step):
-    """Build the loop over the steps of blocks."""
+def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
+    """Iterate the trajectories of a part of the tasks.
 
-    @inner
-    def iterate_blocks(parameters, span, saved, turning, kept, room, task):
-        first, last, start, stop, every, first_row = span
-        bodies, states, matrices = room
+    parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
+    span : begin and end of the trajectories; start, stop; every, first_row of the saved states
+    saved : (rows, B, m)
+    turning : None, or the step size in the unit of time of omega (B,) or (1,); the transposed
+        orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
+        (tasks, 2 n + 2, n)
+    kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
+        exponent (B,). All but `final` are read if start is not 0.
+    room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
+        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
+    """
+    first, last, start, stop, every, first_row = span
+    bodies, states, matrices = room
+    lane = carray(stack(ROOM), (FIELDS, LANES))
+    initial, failed_at = parameters[3], kept[2]
+    tasks, lanes = states.shape[0], states.shape[3]
+    blocks = (last - first + lanes - 1) // lanes
+    first_task, last_task = share(tasks, part, parts)
+    for task in range(first_task, last_task):
         J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
-        lane = carray(stack(ROOM), (FIELDS, LANES))
-        initial, failed_at = parameters[3], kept[2]
-        tasks, lanes = states.shape[0], states.shape[3]
-        blocks = (last - first + lanes - 1) // lanes
         for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
             begin = first + k * lanes
             end = min(begin + lanes, last)
@@ -430,33 +440,11 @@ def block_loop(step):
                         renew_units(J, I, omega, lane, begin, end, n, failed_at)
             leave(initial, omega, lane, begin, end, stop, kept)
 
-    return iterate_blocks
-
-
-def all_blocks(parameters, span, saved, turning, kept, room):
-    """Iterate the trajectories of a span.
-
-    parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
-    span : begin and end of the trajectories; start, stop; every, first_row of the saved states
-    saved : (rows, B, m)
-    turning : None, or the step size in the unit of time of omega (B,) or (1,); the transposed
-        orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
-        (tasks, 2 n + 2, n)
-    kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
-        exponent (B,). All but `final` are read if start is not 0.
-    room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
-    """
-    for task in prange(room[1].shape[0]):
-        iterate_blocks(parameters, span, saved, turning, kept, room, np.int64(task))  # noqa: F821
-
-
-def _kernel(name, step):
-    return Kernel(all_blocks, name, iterate_blocks=block_loop(step))
-
 
 # Steps in O(n), where trajectories that need elimination end with NEEDS_ELIMINATION or are
 # eliminated; and steps by elimination only.
-iterate = _kernel("iterate", rank2_step(leave_out))
-iterate_with_elimination = _kernel("iterate_with_elimination", rank2_step(solve_lanes))
-iterate_by_elimination = _kernel("iterate_by_elimination", step_gauss)
+iterate = Kernel(run_tasks, "iterate_nd", step=rank2_step(leave_out))
+iterate_with_elimination = Kernel(
+    run_tasks, "iterate_with_elimination", step=rank2_step(solve_lanes)
+)
+iterate_by_elimination = Kernel(run_tasks, "iterate_by_elimination", step=step_gauss)

@@ -1,12 +1,11 @@
 """Reduction of solved bodies from n to three dimensions: see `_formulas.reduction`."""
 
 import numpy as np
-from numba import prange
 
 from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import exponent, larger, scaled, within
 from .._formulas.reduction import as_product, sum_in_two
-from .._jit import inner, kernel
+from .._jit import inner, kernel, share
 
 # The largest exponents of states, step sizes and ratios of J for which all numbers are far from the
 # limits of float64, also at poles.
@@ -77,7 +76,7 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
 
 
 @kernel
-def reduce(parameters, omega, three, state, along, across, fits):
+def reduce(part, parts, parameters, omega, three, state, along, across, fits):
     """Find the 3D problems of trajectories of solved bodies; for n = 3 only `fits`.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
@@ -90,7 +89,8 @@ def reduce(parameters, omega, three, state, along, across, fits):
     fits : (B,), 1 if a trajectory is in the range of this reduction, else 0
     """
     J, I, eps = parameters
-    for b in prange(len(omega)):
+    first, last = share(len(omega), part, parts)
+    for b in range(first, last):
         of_J, of_I, of_eps = b % len(J), b % len(I), b % len(eps)
         fits[b] = reduce_one(
             J[of_J], I[of_I], eps[of_eps], omega[b], three[b], state[b], along[b], across[b]
@@ -106,9 +106,10 @@ def expand_row(states, along, across, out):
 
 
 @kernel
-def expand(states, along, across, out, begin):
+def expand(part, parts, states, along, across, out, begin):
     """Fill states out (rows, B, m), from `begin` on, from 3D states (rows, lanes, 2)."""
     lanes = states.shape[1]
-    for r in prange(len(states)):
+    first, last = share(len(states), part, parts)
+    for r in range(first, last):
         row = out[r, begin : begin + lanes]
         expand_row(states[r], along[begin : begin + lanes], across[begin : begin + lanes], row)

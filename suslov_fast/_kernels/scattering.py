@@ -1,11 +1,8 @@
 """Scattering angles of bodies."""
 
-import numpy as np
-from numba import prange
-
 from .._formulas.scattering import scattering_angle
 from .._formulas.units import normal_body, scaled
-from .._jit import inner, kernel
+from .._jit import inner, kernel, share
 
 
 @inner
@@ -18,7 +15,8 @@ def scatter_one(i, parameters, out):
 
 
 @kernel
-def scatter(parameters, out):
+def scatter(part, parts, parameters, out):
     """Fill the angles (B,) of bodies, four arrays (B,)."""
-    for i in prange(len(out)):
-        scatter_one(np.int64(i), parameters, out)
+    first, last = share(len(out), part, parts)
+    for i in range(first, last):
+        scatter_one(i, parameters, out)

@@ -12,10 +12,9 @@ report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
 import numpy as np
-from numba import prange
 
 from .._formulas import continuous, coordinates, gyrostat, integrals, linearised, section4, units
-from .._jit import Kernel, carray, formula, inner, stack
+from .._jit import Kernel, carray, formula, share, stack
 
 LANES = 128
 # Rows of a block: parameters; the body; the state and its largest component so far; results.
@@ -108,24 +107,23 @@ def put_matrix(r, l, values):
     r[0, l], r[1, l], r[2, l], r[3, l] = values
 
 
-def evaluation(enter, at_lane, size):
-    """Build the loop of a task from the formulas of a body and of a quantity in a lane."""
-    put = {1: put_one, 2: put_pair, 4: put_matrix}[size]
-
-    @inner
-    def evaluate(parameters, omega, out, period, task, report):
-        g, b = carray(stack(_GIVEN), (GIVEN, LANES)), carray(stack(_BODY), (BODY, LANES))
-        s, r = carray(stack(_STATE), (STATE, LANES)), carray(stack(_RESULT), (RESULT, LANES))
+def evaluate(part, parts, parameters, omega, out, period, report):
+    """Evaluate a quantity in a part of the tasks."""
+    g, b = carray(stack(_GIVEN), (GIVEN, LANES)), carray(stack(_BODY), (BODY, LANES))
+    s, r = carray(stack(_STATE), (STATE, LANES)), carray(stack(_RESULT), (RESULT, LANES))
+    states, results = omega.reshape(omega.size), out.reshape(out.size)
+    count, tasks, shared = len(omega), len(report), True
+    for k in range(len(parameters)):
+        shared &= parameters[k].size == 1
+    times = (count + period - 1) // period
+    pieces = (period + LANES - 1) // LANES * times
+    first_task, last_task = share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        missing, entered = 0, -1
         for l in range(LANES):
             s[LARGEST, l] = 0.0
-        states, results = omega.reshape(omega.size), out.reshape(out.size)
-        count, missing, entered, shared = len(omega), 0, -1, True
-        for k in range(len(parameters)):
-            shared &= parameters[k].size == 1
-        times = (count + period - 1) // period
-        parts, tasks = (period + LANES - 1) // LANES * times, len(report)
-        for part in range(task * parts // tasks, (task + 1) * parts // tasks):
-            block, time = part // times, part % times
+        for piece in range(task * pieces // tasks, (task + 1) * pieces // tasks):
+            block, time = piece // times, piece % times
             width = min(LANES, period - block * LANES)
             if entered < 0 or (block != entered and not shared):
                 for k in range(len(parameters)):
@@ -145,18 +143,11 @@ def evaluation(enter, at_lane, size):
             missing += lost
         report[task, MISSING], report[task, INFINITE] = missing, any_infinite(s)
 
-    return evaluate
-
-
-def all_states(parameters, omega, out, period, report):
-    """Evaluate a quantity of all states."""
-    for task in prange(len(report)):
-        evaluate(parameters, omega, out, period, np.int64(task), report)  # noqa: F821
-
 
 def quantity(name, enter, at_lane, size=1):
-    """Build the kernel of a quantity of `size` numbers."""
-    return Kernel(all_states, name, evaluate=evaluation(enter, at_lane, size))
+    """Make the kernel of a quantity of `size` numbers, from formulas for one lane."""
+    put = {1: put_one, 2: put_pair, 4: put_matrix}[size]
+    return Kernel(evaluate, name, enter=enter, at_lane=at_lane, put=put, size=size)
 
 
 @formula

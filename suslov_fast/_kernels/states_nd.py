@@ -1,13 +1,12 @@
 """Quantities of states in n dimensions: one loop over states, m = n - 1 components to a state."""
 
 import numpy as np
-from numba import prange
 
 from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.nd_map import matrix_row
 from .._formulas.units import above_one, fraction, moderate, scaled
-from .._jit import inner, kernel
+from .._jit import inner, kernel, share
 
 ENERGY, MODIFIED_ENERGY, VECTOR_FIELD, REACTION, MATRIX = range(5)
 # Rows of scratch, (ROWS, m): the body and the states in units of powers of two, and intermediate
@@ -141,7 +140,7 @@ def find_some(quantity, parameters, omega, following, out, task, scratch, infini
 
 
 @kernel
-def evaluate(quantity, parameters, omega, following, out, scratch, infinite):
+def evaluate(part, parts, quantity, parameters, omega, following, out, scratch, infinite):
     """Find a quantity of all states.
 
     parameters : J, I (period, m) or (1, m), eps (period,) or (1,), of states in turn
@@ -150,5 +149,6 @@ def evaluate(quantity, parameters, omega, following, out, scratch, infinite):
     scratch : (tasks, ROWS, m)
     infinite : (tasks,), 1 if a task has found an infinite number, else 0
     """
-    for task in prange(len(scratch)):
-        find_some(quantity, parameters, omega, following, out, np.int64(task), scratch, infinite)
+    first, last = share(len(scratch), part, parts)
+    for task in range(first, last):
+        find_some(quantity, parameters, omega, following, out, task, scratch, infinite)

@@ -1,0 +1,158 @@
+"""Kernels: functions called from Python that do a part of the work for a batch.
+
+A parallel call is a loop over the parts. It takes the kernel as an argument of Numba's type
+`FunctionType` and calls it by its address: so Numba compiles a kernel once, for serial and for
+parallel calls, and one loop serves all kernels with arguments of the same types. `prange` passes no
+nested tuples to its body, hence one loop for each number of arguments.
+"""
+
+import functools
+from types import FunctionType
+
+import numba
+import numpy as np
+from numba import config, prange, types
+from numba.extending import typeof_impl
+
+from .cache import enable_cache
+from .options import OPTIONS, formula
+
+
+class Kernel:
+    """A function called from Python, cached on disk: `function(part, parts, *arguments)`.
+
+    It does one of `parts` equal parts of the work for a batch.
+
+    Parameters
+    ----------
+    function : callable
+        The function.
+    name : str, optional
+        Its name in the cache, by default its own.
+    **names
+        Functions that free names of the function stand for. Numba caches no closure.
+    """
+
+    def __init__(self, function, name=None, **names):
+        self.function = function
+        self.name = name or function.__name__
+        self.names = function.__globals__ | names if names else function.__globals__
+        self._loops = {}
+
+    @functools.cached_property
+    def compiled(self):
+        """The function, compiled when it is first called."""
+        named = FunctionType(self.function.__code__, self.names, self.name)
+        named.__qualname__ = self.name
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(named)  # compiled code does not warn either
+        return enable_cache(named, numba.njit(**OPTIONS))
+
+    def serial(self, *arguments):
+        """Do all the work in this thread."""
+        self.compiled(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Do the work in several threads."""
+        kinds = _kinds(arguments)
+        if kinds not in self._loops:
+            self._loops[kinds] = _loop(self.compiled, arguments)
+        loop, address = self._loops[kinds]
+        loop(address, threads, *arguments)
+
+
+def kernel(function):
+    """Compile a function when it is first called from Python."""
+    return Kernel(function)
+
+
+@formula
+def share(count, part, parts):
+    """Return the range of the items, `count` in all, of a part."""
+    return count * part // parts, count * (part + 1) // parts
+
+
+def _loop_2(kernel, parts, a, b):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b)
+
+
+def _loop_3(kernel, parts, a, b, c):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c)
+
+
+def _loop_4(kernel, parts, a, b, c, d):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d)
+
+
+def _loop_5(kernel, parts, a, b, c, d, e):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d, e)
+
+
+def _loop_6(kernel, parts, a, b, c, d, e, f):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d, e, f)
+
+
+def _loop_7(kernel, parts, a, b, c, d, e, f, g):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d, e, f, g)
+
+
+def _loop_8(kernel, parts, a, b, c, d, e, f, g, h):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d, e, f, g, h)
+
+
+def _loop_9(kernel, parts, a, b, c, d, e, f, g, h, i):
+    for part in prange(parts):
+        kernel(np.int64(part), parts, a, b, c, d, e, f, g, h, i)
+
+
+_LOOPS = {
+    2: _loop_2, 3: _loop_3, 4: _loop_4, 5: _loop_5, 6: _loop_6, 7: _loop_7, 8: _loop_8, 9: _loop_9
+}  # fmt: skip
+
+
+def _kinds(argument):
+    """Return what decides on the type of an argument; `numba.typeof` takes ten times as long."""
+    if isinstance(argument, tuple):
+        return tuple(map(_kinds, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
+def _loop(compiled, arguments):
+    """Return the compiled loop for arguments of these types, and the kernel as its argument."""
+    if config.DISABLE_JIT:
+        return _LOOPS[len(arguments)], compiled
+    kinds = tuple(map(numba.typeof, arguments))
+    signature = types.void(types.int64, types.int64, *kinds)
+    compiled.compile(signature)
+    return _compiled_loop(*kinds), _Address(compiled.get_compile_result(signature))
+
+
+class _Address(types.CompileResultWAP):
+    """The address of a kernel compiled for arguments of some types."""
+
+    def __init__(self, result):
+        super().__init__(result)
+        self.type = types.FunctionType(result.signature)
+
+
+@typeof_impl.register(_Address)
+def _type_of_address(address, context):
+    return address.type  # Numba would construct it at each call
+
+
+@functools.cache
+def _compiled_loop(*kinds):
+    """Compile the loop for arguments of these types."""
+    signature = types.void(types.int64, types.int64, *kinds)
+    loop = enable_cache(_LOOPS[len(kinds)], numba.njit(parallel=True, **OPTIONS))
+    loop.compile(types.void(types.FunctionType(signature), types.int64, *kinds))
+    return loop

@@ -21,7 +21,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-# The parallel builds that tests use, then all serial ones, those first that tests call last.
+# The parallel loops that tests use, then all kernels, those first that tests call last.
 AHEAD = """
 import os, sys, warnings
 sys.path.insert(0, sys.argv[1])

@@ -66,7 +66,7 @@ def folder(tmp_path_factory):
 def test_page(path, folder, tmp_path, monkeypatch):
     """Its blocks of Python, one after the other; how-tos share a folder, as on one machine."""
     pytest.importorskip("matplotlib").use("Agg")
-    if path.stem != "threads":  # parallel builds take long to compile
+    if path.stem != "threads":  # parallel loops take long to compile
         monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}

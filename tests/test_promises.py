@@ -243,7 +243,7 @@ def check_broadcasting(row, name, kind, problem_of):
         same(name, kind, alone, [each[index] for each in values])
 
 
-# One of each kind of loop, but for that of test_nd.py: parallel builds take long to compile.
+# One of each kind of loop, but for that of test_nd.py: parallel loops take long to compile.
 # `tests/slow` takes all.
 THREADED = [
     ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),

@@ -26,7 +26,7 @@ def blocks(language):
 
 @pytest.mark.compiled
 def test_python_blocks(tmp_path, monkeypatch):
-    """Each by itself, as a reader would copy it; parallel builds take long to compile."""
+    """Each by itself, as a reader would copy it; parallel loops take long to compile."""
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     assert len(blocks("python")) == 3

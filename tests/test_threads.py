@@ -40,9 +40,9 @@ def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
             raise MemoryError
 
     monkeypatch.setattr(loops, "canonical", Broken())
-    for threads in (2, None):
+    for count in (2, None):
         with pytest.raises(MemoryError):
-            sf.iterate(body, big, 0.2, 4000, threads=threads, method="canonical")
+            sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
     assert seen == [2, numba.get_num_threads()]
 
 

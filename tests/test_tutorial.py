@@ -89,7 +89,7 @@ def executed(tmp_path_factory):
     notebook.cells += looking
     nbformat.write(notebook, folder / "tutorial.ipynb")
     names = folder / "tutorial.ipynb", folder / "executed.ipynb"
-    children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")  # parallel builds take long to compile
+    children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")  # parallel loops take long to compile
     return nbformat.read(folder / "executed.ipynb", as_version=4).cells
 
 

@@ -20,7 +20,7 @@ from .._maps.registry import map_of
 from .options import body_classes
 from .terminal import progress_bar
 
-# Few trajectories use the serial build, many the parallel one.
+# Calls with few trajectories are serial, those with many parallel.
 _COUNTS = (3, 2**15)
 _STEPS = 40
 # Functions that call others.

@@ -25,7 +25,7 @@ _VECTOR = 8
 
 
 def iterate(run: Run, kernel: Kernel, numbers: int = 2, work: float = 1.0) -> Results:
-    """Iterate by a kernel of `block_loop`, which stores a state as `numbers` variables.
+    """Iterate by a kernel of `map_kernel`, which stores a state as `numbers` variables.
 
     `work` is the cost of a step, in steps of the canonical map.
     """

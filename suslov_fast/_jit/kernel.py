@@ -54,11 +54,13 @@ class Kernel:
 
     def parallel(self, threads, *arguments):
         """Do the work in several threads."""
+        if config.BOUNDSCHECK:  # an exception does not leave a parallel loop
+            return self.serial(*arguments)
         kinds = _kinds(arguments)
         if kinds not in self._loops:
             self._loops[kinds] = _loop(self.compiled, arguments)
         loop, address = self._loops[kinds]
-        loop(address, threads, *arguments)
+        return loop(address, threads, *arguments)
 
 
 def kernel(function):

@@ -1,15 +1,12 @@
-import os
 import signal
-import subprocess
 import sys
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 from hypothesis import settings
 
-from suslov_fast import Suslov3D, SuslovND, _kernels
+from suslov_fast import Suslov3D, SuslovND
 from suslov_fast._engine import run as engine
 
 # The first call of a kernel compiles it, which no deadline allows for.
@@ -19,47 +16,6 @@ settings.load_profile("suslov_fast")
 # What is started in the background ignores Ctrl-C, and so would all that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-# The parallel loops that tests use, then all kernels, those first that tests call last.
-AHEAD = """
-import os, sys, warnings
-sys.path.insert(0, sys.argv[1])
-import numpy as np
-import test_promises as table
-from suslov_fast._cli import warm_up
-from suslov_fast._engine import threads
-if hasattr(os, "nice"):
-    os.nice(10)
-warnings.simplefilter("ignore")
-threads.CROSSOVER, usual = 0, threads.CROSSOVER
-for name, kind in table.THREADED:
-    list(table.ROWS[name].values(*table.sample(np.random.default_rng(20261120), kind)))
-threads.CROSSOVER, warm_up._COUNTS = usual, (3,)
-for _, job in reversed(list(warm_up._jobs())):
-    job()
-"""
-
-
-def pytest_sessionstart(session):
-    """When the whole suite runs and little is compiled, let another process compile beside it."""
-    whole = session.config.args_source is pytest.Config.ArgsSource.TESTPATHS
-    if whole and not numba.config.DISABLE_JIT and os.cpu_count() > 1 and _compiled() < 30:
-        process = subprocess.Popen(
-            [sys.executable, "-c", AHEAD, Path(__file__).parent],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        session.config.add_cleanup(process.wait)
-        session.config.add_cleanup(process.kill)  # the last is called first
-
-
-def _compiled():
-    """How many kernels are in the cache since the core was installed or edited."""
-    kernels = Path(_kernels.__path__[0])
-    edited = max(path.stat().st_mtime for path in kernels.parent.glob("_[jfk]*/*.py"))
-    cache = Path(numba.config.CACHE_DIR or kernels)
-    return sum(path.stat().st_mtime > edited for path in cache.rglob("*.nbc"))
 
 
 def pytest_collection_modifyitems(items):

@@ -68,7 +68,7 @@ def test_setup_lines_are_the_ones_that_ci_runs():
     (setup,) = blocks("sh setup")
     first, second = setup.splitlines()
     assert first.endswith(".venv/bin/suslov-fast run")
-    assert second.endswith(".venv/bin/pytest")
+    assert second.endswith(".venv/bin/pytest -n 2 --dist loadfile")
     assert "sh setup" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
 
 

@@ -1,6 +1,8 @@
 """What an iteration returns: its methods, and labelled arrays made of it."""
 
+import functools
 import sys
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -43,48 +45,67 @@ def assert_same_run(a, b, resume=True):
         assert all(same(a._resume[name], b._resume[name]) for name in a._resume)
 
 
-def runs():
-    """Runs of every map, with and without what a run may have."""
-    starts = np.random.default_rng(3).normal(size=(5, 2))
-    threes, fours = np.column_stack([starts, starts[:, 0]]), starts[:, [0, 1, 1]]
-    odd = np.array([[0.3, -0.0], [1.0, 2.0]])
-    sizes = [0.1, 0.2, 0.3, 0.4, 0.5]
-    one = np.full((1, 1, 1), 2.0)
-    short = sf.Suslov3D(one, [1.0], 0.1, np.array([[0.1]]))
-    poles = sf.Suslov3D(1, 1, 1, 0)
-    equal = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3])
-    full = sf.iterate_full
-    return {
-        "batch": sf.iterate(BODY, starts, 0.2, 20, save_every=5),
-        "one": sf.iterate(BODY, starts[0], -0.2, 3),
-        "last": sf.iterate(BODY, starts, 0.2, 40, save_every=None),
-        "last_few": sf.iterate(BODY, starts, 0.2, 7, save_every=None, method="ds2"),
-        "not_saved": sf.iterate(BODY, starts, 0.2, 7, save_every=5, method="canonical"),
-        "turning": sf.iterate(BODY, starts, sizes, 7, save_every=5, attitude=True),
-        "turning_last": sf.iterate(BODY, starts, 0.2, 7, save_every=None, attitude=True),
-        "no_steps": sf.iterate(BODY, starts, 0.2, 0, method="ds2"),
-        "empty": sf.iterate(BODY, np.empty((0, 2)), 0.2, 3, attitude=True),
-        "empty_axis": sf.iterate(BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
-        "bodies": sf.iterate(sf.Suslov3D([[1.0], [2.0], [3.0]], 1, [[0.1, 0.2]], 0), odd, 0.1, 4),
-        "short_axes": sf.iterate(short, starts[:1, None], np.array([[0.1]]), 4),
-        "failed": sf.iterate(poles, [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore"),
-        "nd": sf.iterate(BODY_ND, fours, sizes, 6, save_every=4),
-        "nd_turning": sf.iterate(BODY_ND, fours, sizes, 6, save_every=4, attitude=True),
-        "nd_last": sf.iterate(BODY_ND, fours, 0.1, 6, save_every=None, attitude=True),
-        "nd_solved": sf.iterate(equal, fours, 0.1, 60, save_every=20),
-        "nd_bodies": sf.iterate(
-            sf.SuslovND([[[1.0, 2.0]], [[3.0, 1.0]]], [0.2, 0.1]), starts, 0.1, 4, method="gauss"
-        ),
-        "gyrostat": sf.iterate(GYROSTAT, starts, sizes, 6, save_every=4, attitude=True),
-        "gyrostat_last": sf.iterate(GYROSTATS, odd[0], 0.35, 6, save_every=None),
-        "full": full(BODY, threes, sizes, 6, 3.0, save_every=4),
-        "full_bodies": full(sf.Suslov3D(4, 1, -0.5, -0.3, [[3.0], [2.0]]), threes, 0.1, 4),
-        "full_last": full(BODY, threes[0], 0.1, 4, 3.0, save_every=None),
-        "full_failed": full(poles, [[1.0, -3.0, 0.0]], 1, 5, 3.0, on_singular="ignore"),
-    }
+STARTS = np.random.default_rng(3).normal(size=(5, 2))
+THREES, FOURS = np.column_stack([STARTS, STARTS[:, 0]]), STARTS[:, [0, 1, 1]]
+ODD = np.array([[0.3, -0.0], [1.0, 2.0]])
+SIZES = [0.1, 0.2, 0.3, 0.4, 0.5]
+ONE = np.full((1, 1, 1), 2.0)
+SHORT = sf.Suslov3D(ONE, [1.0], 0.1, np.array([[0.1]]))
+POLES = sf.Suslov3D(1, 1, 1, 0)
+EQUAL = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3])
+
+# Runs of every map, with and without what a run may have.
+MAKE = {
+    "batch": lambda: sf.iterate(BODY, STARTS, 0.2, 20, save_every=5),
+    "one": lambda: sf.iterate(BODY, STARTS[0], -0.2, 3),
+    "last": lambda: sf.iterate(BODY, STARTS, 0.2, 40, save_every=None),
+    "last_few": lambda: sf.iterate(BODY, STARTS, 0.2, 7, save_every=None, method="ds2"),
+    "not_saved": lambda: sf.iterate(BODY, STARTS, 0.2, 7, save_every=5, method="canonical"),
+    "turning": lambda: sf.iterate(BODY, STARTS, SIZES, 7, save_every=5, attitude=True),
+    "turning_last": lambda: sf.iterate(BODY, STARTS, 0.2, 7, save_every=None, attitude=True),
+    "no_steps": lambda: sf.iterate(BODY, STARTS, 0.2, 0, method="ds2"),
+    "empty": lambda: sf.iterate(BODY, np.empty((0, 2)), 0.2, 3, attitude=True),
+    "empty_axis": lambda: sf.iterate(BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
+    "bodies": lambda: sf.iterate(
+        sf.Suslov3D([[1.0], [2.0], [3.0]], 1, [[0.1, 0.2]], 0), ODD, 0.1, 4
+    ),
+    "short_axes": lambda: sf.iterate(SHORT, STARTS[:1, None], np.array([[0.1]]), 4),
+    "failed": lambda: sf.iterate(POLES, [[1.0, -3.0], [0.3, 0.1]], 1, 5, on_singular="ignore"),
+    "nd": lambda: sf.iterate(BODY_ND, FOURS, SIZES, 6, save_every=4),
+    "nd_turning": lambda: sf.iterate(BODY_ND, FOURS, SIZES, 6, save_every=4, attitude=True),
+    "nd_last": lambda: sf.iterate(BODY_ND, FOURS, 0.1, 6, save_every=None, attitude=True),
+    "nd_solved": lambda: sf.iterate(EQUAL, FOURS, 0.1, 60, save_every=20),
+    "nd_bodies": lambda: sf.iterate(
+        sf.SuslovND([[[1.0, 2.0]], [[3.0, 1.0]]], [0.2, 0.1]), STARTS, 0.1, 4, method="gauss"
+    ),
+    "gyrostat": lambda: sf.iterate(GYROSTAT, STARTS, SIZES, 6, save_every=4, attitude=True),
+    "gyrostat_last": lambda: sf.iterate(GYROSTATS, ODD[0], 0.35, 6, save_every=None),
+    "full": lambda: sf.iterate_full(BODY, THREES, SIZES, 6, 3.0, save_every=4),
+    "full_bodies": lambda: sf.iterate_full(
+        sf.Suslov3D(4, 1, -0.5, -0.3, [[3.0], [2.0]]), THREES, 0.1, 4
+    ),
+    "full_last": lambda: sf.iterate_full(BODY, THREES[0], 0.1, 4, 3.0, save_every=None),
+    "full_failed": lambda: sf.iterate_full(
+        POLES, [[1.0, -3.0, 0.0]], 1, 5, 3.0, on_singular="ignore"
+    ),
+}
 
 
-RUNS = runs()
+class Runs(Mapping):
+    """The runs, each made when it is first used."""
+
+    __getitem__ = functools.cache(lambda self, name: MAKE[name]())
+
+    def __iter__(self):
+        return iter(MAKE)
+
+    def __len__(self):
+        return len(MAKE)
+
+    __hash__ = object.__hash__
+
+
+RUNS = Runs()
 
 
 def test_observables_are_the_functions_of_states(sweep):

@@ -15,7 +15,7 @@ from numba import config, prange, types
 from numba.extending import typeof_impl
 
 from .cache import enable_cache
-from .options import OPTIONS, formula
+from .options import called_from_python, formula
 
 
 class Kernel:
@@ -46,7 +46,7 @@ class Kernel:
         named.__qualname__ = self.name
         if config.DISABLE_JIT:
             return np.errstate(all="ignore")(named)  # compiled code does not warn either
-        return enable_cache(named, numba.njit(**OPTIONS))
+        return enable_cache(named, called_from_python)
 
     def serial(self, *arguments):
         """Do all the work in this thread."""
@@ -155,6 +155,6 @@ def _type_of_address(address, context):
 def _compiled_loop(*kinds):
     """Compile the loop for arguments of these types."""
     signature = types.void(types.int64, types.int64, *kinds)
-    loop = enable_cache(_LOOPS[len(kinds)], numba.njit(parallel=True, **OPTIONS))
+    loop = enable_cache(_LOOPS[len(kinds)], functools.partial(called_from_python, parallel=True))
     loop.compile(types.void(types.FunctionType(signature), types.int64, *kinds))
     return loop

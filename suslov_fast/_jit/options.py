@@ -17,6 +17,11 @@ OPTIONS = {
 _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
+def called_from_python(function, parallel=False):
+    """Compile a function with a Python wrapper."""
+    return numba.njit(parallel=parallel, **OPTIONS)(function)
+
+
 def inner(function):
     """Compile a loop that kernels call."""
     return numba.njit(**_INNER)(_distinct(function))

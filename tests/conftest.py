@@ -1,5 +1,6 @@
 import signal
 import sys
+from collections import defaultdict
 
 import numba
 import numpy as np
@@ -18,12 +19,24 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(items):
-    if numba.config.DISABLE_JIT:
-        interpreted = pytest.mark.skip(reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
-        for item in items:
-            if item.get_closest_marker("compiled"):
-                item.add_marker(interpreted)
+    """Mark the slow tests: a folder, and all but some cases of those marked `sampled`."""
+    cases = defaultdict(list)
+    for item in items:
+        if "slow" in item.path.parent.parts:
+            item.add_marker("slow")
+        if item.get_closest_marker("sampled"):
+            cases[item.path, item.originalname].append(item)
+        if numba.config.DISABLE_JIT and item.get_closest_marker("compiled"):
+            reason = "needs compiled kernels: NUMBA_DISABLE_JIT is set"
+            item.add_marker(pytest.mark.skip(reason=reason))
+    for some in cases.values():
+        count = some[0].get_closest_marker("sampled").args[0]
+        kept = {i * len(some) // count for i in range(count)}
+        for i, item in enumerate(some):
+            if i not in kept:
+                item.add_marker("slow")
 
 
 @pytest.fixture

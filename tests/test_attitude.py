@@ -70,6 +70,7 @@ def test_order_2(case):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_orthogonal_over_a_million_steps(case):
     body, omega0 = case
     R = sf.attitude(body, states(body, omega0, 0.2, 1_000_000), 0.2)

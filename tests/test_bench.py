@@ -115,6 +115,7 @@ def test_the_readme_and_the_page_show_the_stored_results():
         tables.replace("no markers", "new")
 
 
+@pytest.mark.slow
 def test_a_report_of_files(tmp_path):
     for name, measured in (("full", FULL), ("part", made(row("ours", 1e-4)))):
         results.dump(measured, tmp_path / f"{name}.json")
@@ -132,6 +133,7 @@ def test_each_case_has_a_table_and_a_name_of_its_own():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_two_revisions_are_compared(monkeypatch, capfd):
     """The working tree with itself, with room; then equal times, with a threshold none can meet."""
     options = ["--tiny", "--rounds", "1", "--no-processes", "-k", "quantities-energy"]

@@ -373,6 +373,7 @@ def test_sizes_are_said_before(tmp_path, monkeypatch):
 @pytest.mark.compiled
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.sampled(1)
 def test_signals_leave_nothing_behind(tmp_path, name):
     line = "run --method ds2 --trajectories 1 --threads 1 -o o.npz --steps"
     succeed(f"{line} 1000", tmp_path)  # compiles

@@ -99,6 +99,7 @@ def test_tests_that_pages_name_exist():
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_the_table_of_discretizations():
     """What does not depend on the machine is what the script prints."""
     pytest.importorskip("matplotlib").use("Agg")

@@ -62,6 +62,7 @@ def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
         (GYROSTAT, "auto", None, False, None),
     ],
 )
+@pytest.mark.sampled(4)
 def test_a_stored_run_is_that_of_iterate(
     store, rng, body, method, save_every, attitude, compression
 ):
@@ -77,6 +78,7 @@ def test_a_stored_run_is_that_of_iterate(
 
 
 @pytest.mark.parametrize("chunk", [None, 5, {"I13": 2, "start": 3, "n": 2}])
+@pytest.mark.sampled(1)
 def test_parameters_are_axes_of_the_batch(store, rng, chunk):
     body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
     eps = np.array([0.1, 0.5])[:, None, None]
@@ -102,6 +104,7 @@ def test_parameters_are_axes_of_the_batch(store, rng, chunk):
         ([0.2], {"n": 1}, {"attitude": True, "method": "ds2"}),
     ],
 )
+@pytest.mark.sampled(2)
 def test_step_sizes_and_chunks_of_any_shape(store, rng, eps, chunk, settings):
     settings, omega0 = {"save_every": 1, **settings}, starts(rng, 20)
     for steps in (10, 20):
@@ -118,12 +121,14 @@ def test_one_row_may_fill_a_chunk(store, rng, monkeypatch):
 
 
 @pytest.mark.parametrize("shape", [(), (0,), (1,), (3, 0)])
+@pytest.mark.sampled(2)
 def test_batches_of_any_shape(store, rng, shape):
     for steps in (0, 12):
         compare(store, BODY, np.ones((*shape, 2)), 0.2, steps, save_every=5)
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
+@pytest.mark.sampled(1)
 def test_failed_trajectories_are_whole(store, monkeypatch, method):
     from suslov_fast._ensemble import compute
 
@@ -186,6 +191,7 @@ def test_a_random_state_depends_on_seed_and_number_alone(dimension):
 
 @pytest.mark.parametrize("save_every", [None, 4])
 @pytest.mark.parametrize("body", [BODY, BODY_4D])
+@pytest.mark.sampled(2)
 def test_reductions(store, rng, body, save_every):
     omega0 = starts(rng, 20, D=body.dimension)
     observables = {"modified_energy_drift": modified_energy}
@@ -276,6 +282,7 @@ def test_random_starts_are_checked():
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.sampled(1)
 def test_a_signal_stops_after_the_pieces_in_hand(store, rng, number):
     omega0 = starts(rng, 50)
     before = signal.getsignal(number)

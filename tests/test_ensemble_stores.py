@@ -74,6 +74,7 @@ HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
     # One harm for each; the slow tests have them all.
     list(zip(VARIABLES, itertools.cycle(HARMS), strict=False)),
 )
+@pytest.mark.sampled(4)
 def test_damage_is_mended(tmp_path, finished, name, harm):
     mends(tmp_path, finished, name, harm)
 
@@ -98,6 +99,7 @@ def mends(tmp_path, finished, name, harm):
 
 
 @pytest.mark.parametrize("name", ["eps", "I23", "component"])
+@pytest.mark.sampled(1)
 def test_a_store_without_parameters_is_refused(tmp_path, finished, name):
     for harm in ("chunk", "array"):
         store = tmp_path / f"{harm}.zarr"
@@ -213,6 +215,7 @@ def test_the_lock_follows_no_link(tmp_path):
 
 
 @pytest.mark.parametrize("place", ["file", "memory", "object"])
+@pytest.mark.sampled(1)
 def test_other_places(tmp_path, place):
     store = {
         "file": f"file://{tmp_path}/run.zarr",
@@ -287,6 +290,7 @@ def test_stores_that_could_run_code_are_refused(tmp_path, finished, monkeypatch)
 
 
 @pytest.mark.parametrize("compressor", [zarr.codecs.GzipCodec(), zarr.codecs.ZstdCodec(level=5)])
+@pytest.mark.sampled(1)
 def test_recompressed_stores_are_read(tmp_path, finished, compressor):
     store = tmp_path / "run.zarr"
     shutil.copytree(finished, store)

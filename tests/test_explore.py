@@ -335,6 +335,7 @@ def test_each_parameter_changes_the_picture(page):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_regimes_in_the_browser(page, server):
     for case, expected in {
         "above": ("t = 1.9554 > 1", "SUPERCRITICAL", ""),

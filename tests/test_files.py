@@ -35,6 +35,7 @@ def altered(path, **changes):
 
 
 @pytest.mark.parametrize("name", RUNS)
+@pytest.mark.sampled(36)
 def test_nothing_is_lost_and_the_run_goes_on(name, suffix, tmp_path):
     """Every map, with and without an orientation, in every format: what was loaded goes on."""
     run, path = RUNS[name], tmp_path / f"run{suffix}"
@@ -218,6 +219,7 @@ TEXT, EVIL = {"id": "vlen-utf8"}, {"id": "pickle", "protocol": 5}
     ids=["filter", "second filter", "compressor"],
 )
 @pytest.mark.parametrize("where", ["omega", "n", "component", "stranger", "resume/state"])
+@pytest.mark.sampled(4)
 def test_code_in_a_store_is_not_run(where, dtype, filters, compressor, tmp_path, monkeypatch):
     pytest.importorskip("zarr")
     pickle = pytest.importorskip("numcodecs").Pickle()
@@ -237,6 +239,7 @@ def test_code_in_a_store_is_not_run(where, dtype, filters, compressor, tmp_path,
 
 
 @pytest.mark.parametrize("codec", ["zlib", "zstd", "lz4"])
+@pytest.mark.sampled(1)
 def test_stores_that_are_compressed_anew(codec, tmp_path):
     xarray, numcodecs = pytest.importorskip("xarray"), pytest.importorskip("numcodecs")
     RUNS["turning"].save(tmp_path / "run.zarr")
@@ -254,6 +257,7 @@ def flipped(data, position):
     return data[:position] + bytes([data[position] ^ 4]) + data[position + 1 :]
 
 
+@pytest.mark.sampled(1)
 def test_damage_is_found_or_harmless(suffix, tmp_path):
     """Any one bit flipped anywhere: an error of ours, or the same run."""
     path = tmp_path / f"run{suffix}"

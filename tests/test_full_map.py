@@ -166,6 +166,7 @@ def formula_step(I1, I2, I13, I23, eps, I3, omega):
 
 
 @pytest.mark.parametrize("decades", [0, 60, 140])
+@pytest.mark.sampled(1)
 def test_the_formulas_in_any_units(rng, decades):
     """Whatever is finite is found, of steps far too long for any motion too."""
     with naive.mp.workdps(900):

@@ -132,6 +132,7 @@ def test_bodies():
     [(MAP, 3), (kahan(of(ROTOR), EPS), 2), (EULER, 2)]
     + [(kahan(random_field(n, seed), F(-1, 3)), 2) for n in (1, 2) for seed in (1, 2)],
 )
+@pytest.mark.sampled(3)
 def test_degrees_by_sympy(map, n):
     x, image = symbolic(map)
     t, found = sympy.Symbol("t"), []
@@ -204,6 +205,7 @@ def test_growth_says_what_it_is_based_on():
 @pytest.mark.parametrize(
     ("body", "k"), [(BODY, 0), (ROTOR, F(3, 4)), (Suslov3D(4.1, 1, -0.7, 0.3), 0)]
 )
+@pytest.mark.sampled(2)
 def test_integral_and_measure_of_lemma_1(body, k):
     a, b, c, d, eps, k = (
         sympy.Rational(str(F(each))) for each in (body.I1, body.I2, body.I13, body.I23, EPS, k)

@@ -106,6 +106,7 @@ omega, steps = np.full((9, 20_000), 19.98), 2
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space")
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("problem", LARGE)
+@pytest.mark.sampled(2)
 def test_memory_that_ends_is_an_error(problem, threads):
     """Numba loses errors inside `prange`: what is left are states that nobody computed."""
     code = f"""

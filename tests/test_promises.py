@@ -244,7 +244,7 @@ def check_broadcasting(row, name, kind, problem_of):
 
 
 # One of each kind of loop, but for that of test_nd.py: parallel loops take long to compile.
-# `tests/slow` takes all.
+# tests/slow/test_threads.py takes all.
 THREADED = [
     ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),
     ("attitude", "3D"),

@@ -32,6 +32,7 @@ def closed_form(I1, I2, I13, I23):
 
 
 @pytest.mark.parametrize("parameters", BODIES[:3])
+@pytest.mark.sampled(1)
 def test_against_long_integration(parameters):
     """Of the Poisson equations with the exact flow; what is left out is of the order of 1e-17."""
     expected = naive.scattering_angle(*parameters)

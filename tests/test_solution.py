@@ -287,6 +287,7 @@ def test_long_results(body, rng, monkeypatch, batch):
         ([3e59, 1e59], 60),
     ],
 )
+@pytest.mark.sampled(2)
 def test_far_above_criticality(body, omega, steps):
     """Every saved state, and the last one; next to the pole a state amplifies any rounding."""
     with naive.mp.workdps(200):

@@ -59,6 +59,7 @@ def test_little_work_stays_serial(body, monkeypatch):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.sampled(1)
 def test_python_threads_at_once(layer):
     in_child(
         """
@@ -74,6 +75,7 @@ def test_python_threads_at_once(layer):
 @needs_fork
 @pytest.mark.compiled
 @pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.sampled(1)
 def test_forks(layer):
     """A child of a process whose threads ran must neither abort nor hang."""
     in_child(

@@ -179,6 +179,7 @@ def test_repr_is_one_line():
 
 @pytest.mark.parametrize("engine", [None, "netcdf4", "zarr2", "zarr3"])
 @pytest.mark.parametrize("name", RUNS)
+@pytest.mark.sampled(32)
 def test_through_xarray(name, engine, tmp_path):
     """As it is, and written and opened by xarray, with its defaults for NaN and for time."""
     xarray = pytest.importorskip("xarray")

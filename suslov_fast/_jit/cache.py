@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 _PACKAGE = Path(__file__).parent.parent
+_DIGITS = 12
 _ROOMS = ("_jit", "_formulas", "_kernels")
 
 
@@ -27,7 +28,7 @@ def digest_of_sources():
     for room in _ROOMS:
         for path in sorted((_PACKAGE / room).glob("*.py")):
             digest.update(path.read_bytes())
-    return digest.hexdigest()[:12]
+    return digest.hexdigest()[:_DIGITS]
 
 
 def enable_cache(function, compile_with):
@@ -58,7 +59,7 @@ def _tolerate_unusable_files(compiled, name):
         with suppress(Exception):
             save(signature, data)
             current = compiled.py_func.__qualname__
-            for path in Path(cache.cache_path).glob(f"*.{name}_*"):
+            for path in Path(cache.cache_path).glob(f"*.{name}_{'?' * _DIGITS}-*"):
                 if f".{current}-" not in path.name:  # of an earlier source
                     path.unlink()
 

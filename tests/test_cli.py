@@ -425,6 +425,7 @@ def test_streams():
 
 @pytest.mark.compiled
 @posix
+@pytest.mark.slow
 def test_a_disk_that_is_full(tmp_path):
     """An old file stays, and nothing is left beside it."""
     import resource

@@ -61,7 +61,7 @@ def test_the_same_run_goes_on_and_another_is_refused(tmp_path):
 @pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_a_signal_says_how_to_go_on(tmp_path, number):
     line = "run --trajectories 1e6 --chunk 500 --steps 1e6 --method canonical -o o.zarr"
     pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}

@@ -170,6 +170,7 @@ def fails_and_goes_on(store, monkeypatch, room):
     return left[0] < 0
 
 
+@pytest.mark.slow
 def test_every_write_may_be_the_last(tmp_path, monkeypatch):
     rooms = [0, 20, 40, 60, 100, 10**6]
     failed = [fails_and_goes_on(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]

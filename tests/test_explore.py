@@ -321,6 +321,7 @@ def text(browser, name):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_each_parameter_changes_the_picture(page):
     assert text(page, "status") == "OK"
     assert page.value("byId('preset').value") == next(iter(PRESETS))

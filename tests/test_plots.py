@@ -180,7 +180,7 @@ def test_style(family, fontset):
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 def test_the_same_picture_is_the_same_file(tmp_path, monkeypatch, suffix, start):
     from suslov_fast._cli import main, pictures
 

@@ -9,8 +9,9 @@ from suslov_fast._formulas import closed_form, elementary, units
 
 
 def callable_from_python(formula):
-    """Formulas are compiled without what Python needs to call them."""
-    return numba.njit(lambda *numbers: formula(*numbers), error_model="numpy")
+    """Formulas are compiled without what Python needs to call them, and interpreted they warn."""
+    compiled = numba.njit(lambda *numbers: formula(*numbers), error_model="numpy")
+    return np.errstate(all="ignore")(compiled)
 
 
 exponent = callable_from_python(elementary.exponent)

@@ -155,6 +155,7 @@ def test_poles_where_the_third_component_counts(parameters, pole):
     assert np.isnan(orbit.omega[1:, 1]).all()
 
 
+@np.errstate(all="ignore")  # interpreted formulas warn
 @numba.njit(error_model="numpy")
 def formula_step(I1, I2, I13, I23, eps, I3, omega):
     """A step by the formulas alone, of a state in its own unit."""

@@ -244,8 +244,6 @@ def rank2_step(solve):
                 lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
                 for i in range(omega.shape[0]):
                     work[i, l] = 0.0
-                    if abs(omega[i, l]) == np.inf:  # which becomes NaN by an increment of 0
-                        lane[HALF, l] = np.inf
 
     @formula
     def step(J, I, omega, work, lane, count, room):

@@ -60,10 +60,6 @@ def plot_phase(
         Draw a legend below the axes.
     %(panel)s
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Raises
     ------
     ValueError
@@ -125,10 +121,6 @@ def plot_regimes(
         Step size, on which they do not depend either.
     %(panels)s
 
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-
     Raises
     ------
     TypeError, ValueError
@@ -171,10 +163,6 @@ def plot_convergence(
     time : float
         Time at which the errors are taken, in the inverse unit of omega0.
     %(panel)s
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     Raises
     ------
@@ -223,10 +211,6 @@ def plot_four_dimensions(
         A single body with n = 4.
     %(panels)s
 
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-
     Raises
     ------
     ValueError
@@ -267,10 +251,6 @@ def plot_scattering(
         Distance from 0 that the products of inertia reach, in units of sqrt(I1 I2); by default as
         far as those of bodies do.
     %(panels)s
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
 
     Raises
     ------

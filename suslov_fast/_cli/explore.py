@@ -9,13 +9,13 @@ import webbrowser
 
 from .._show.explore.parameters import query_of_link
 from .._show.explore.server import Server
-from .options import CommandError, UsageError
+from .options import CommandError
 from .terminal import about
 
 
 def explore(options: argparse.Namespace) -> None:
     """Serve the page until a signal ends it."""
-    with about("argument LINK", UsageError):
+    with about("argument LINK"):
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""
     try:
         server = Server(options.port)

@@ -227,8 +227,8 @@ def plot_four_dimensions(
     if body.dimension != 3 or body.shape:
         raise ValueError(f"body: expected a single one with n = 4, got {body}")
     panels = axes_for(ax, (10.4, 4.6), ("3d", None), letters)
-    starts = _around_repelling_state(body)
-    _draw_ellipsoid(panels[0], body, starts)
+    pole, starts = _around_repelling_state(body)
+    _draw_ellipsoid(panels[0], body, pole, starts)
     _draw_drift(panels[1], body, starts[0])
     return panels
 
@@ -435,19 +435,17 @@ def _orientation(body: Suslov3D, omega0: ArrayLike, time: float, steps: int) -> 
     return final
 
 
-def _around_repelling_state(body: SuslovND, count: int = 9, E: float = 1.0) -> FloatArray:
-    """States of energy E in a circle around the repelling steady state."""
-    pole = body.I * np.sqrt(E / energy(body, body.I))
+def _around_repelling_state(body: SuslovND) -> tuple[FloatArray, FloatArray]:
+    """The repelling steady state of energy 1, and states of energy 1 in a circle around it."""
+    pole = body.I * np.sqrt(1.0 / energy(body, body.I))
     tangent = np.linalg.svd((body.J * pole)[None])[2][1:]
-    turns = np.linspace(0.0, 2.0 * np.pi, count + 1)[:-1, None]
+    turns = np.linspace(0.0, 2.0 * np.pi, 10)[:-1, None]
     starts = pole + 0.05 * (np.cos(turns) * tangent[0] + np.sin(turns) * tangent[1])
-    scaled: FloatArray = starts * np.sqrt(E / energy(body, starts))[:, None]
-    return scaled
+    return pole, starts * np.sqrt(1.0 / energy(body, starts))[:, None]
 
 
-def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
-    E = float(energy(body, starts[0]))
-    radii = np.sqrt(2.0 * E / body.J)
+def _draw_ellipsoid(axes: Any, body: SuslovND, pole: FloatArray, starts: FloatArray) -> None:
+    radii = np.sqrt(2.0 / body.J)
     surface = 0.99 * radii[:, None, None] * sphere()
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
@@ -460,7 +458,6 @@ def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
     for k, colour in enumerate(_colours(len(starts))):
         look = {"marker": ".", "color": colour, "markersize": 3.5, "linewidth": 0.6}
         plot_around(axes, orbits[:, k], in_front[:, k], 1.0, **look)
-    pole = body.I * np.sqrt(E / energy(body, body.I))
     for sign, text in ((1, "$+cI$"), (-1, "$-cI$")):
         order = 3 if sign * (body.J * pole) @ eye > 0 else 1
         axes.plot(*np.outer([sign, 1.3 * sign], pole).T, color=_LINE, linewidth=2.2, zorder=order)
@@ -475,15 +472,16 @@ def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
 
 
 def _draw_drift(axes: Any, body: SuslovND, start: FloatArray) -> None:
-    time, eps = 25.6, 0.8 / 2.0 ** np.arange(8)
-    E = float(energy(body, start))
-    drifts: dict[str, list[float]] = {"energy": [], "modified energy": []}
-    for step_size in eps:
-        states = iterate(body, start, step_size, round(time / step_size)).omega
-        drifts["energy"].append(np.ptp(energy(body, states)) / E)
-        drifts["modified energy"].append(np.ptp(modified_energy(body, states, step_size)) / E)
-    marks = (("black", "o-", 2), (_ACCENT, "s-", 4))
-    for (name, drift), (colour, style, order) in zip(drifts.items(), marks, strict=True):
+    time, eps, E = 25.6, 0.8 / 2.0 ** np.arange(8), energy(body, start)
+    runs = [iterate(body, start, each, round(time / each)).omega for each in eps]
+    energies = [energy(body, run) for run in runs]
+    modified = [modified_energy(body, *run) for run in zip(runs, eps, strict=True)]
+    lines = (
+        ("energy", energies, "black", "o-", 2),
+        ("modified energy", modified, _ACCENT, "s-", 4),
+    )
+    for name, values, colour, style, order in lines:
+        drift = [np.ptp(each) / E for each in values]
         axes.loglog(eps, drift, style, color=colour, label=name)
         guide = 0.4 * drift[2] * (eps / eps[2]) ** order
         axes.loglog(eps, guide, "--", color=_LINE, linewidth=1.0)

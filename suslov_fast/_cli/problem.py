@@ -39,9 +39,8 @@ def problem_of(
     if own:
         body = _with_parameters(body, own)
     if eps is None:
-        raise UsageError(
-            "expected a step size with a body of your own, got none; write --eps 0.1, for example"
-        )
+        expected = "expected a step size with a body of your own"
+        raise UsageError(f"{expected}, got none; write --eps 0.1, for example")
     return body, eps, rotation
 
 
@@ -84,10 +83,8 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
 
 def _symmetric(entries: list[float]) -> FloatArray:
     if len(entries) != 6:
-        raise ValueError(
-            f"expected six entries {ENTRIES} or the name of a .npy or .csv file, "
-            f"got {len(entries)} numbers"
-        )
+        expected = f"six entries {ENTRIES} or the name of a .npy or .csv file"
+        raise ValueError(f"expected {expected}, got {len(entries)} numbers")
     xx, yy, zz, xy, xz, yz = entries
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, instance
+from .._checks import FloatArray, instance, wrong
 from .._runs.iterate import iterate
 from .._runs.solution import exact, flow
 from .._space.attitude import attitude
@@ -76,10 +76,8 @@ def plot_phase(
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
     in_corners = float(criticality(body, farthest * direction, eps))
     if not in_corners < 1:
-        raise ValueError(
-            "extent: expected a criticality t < 1 in the corners of the picture, got t = "
-            f"{in_corners:.3g}"
-        )
+        expected = "a criticality t < 1 in the corners of the picture"
+        raise wrong("extent", expected, f"t = {in_corners:.3g}")
     [axes] = axes_for(ax, (5.2, 5.6), letters=letter)
     colours = _colours(levels)
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
@@ -225,7 +223,7 @@ def plot_four_dimensions(
     body = SuslovND(np.array([1.0, 1.6, 2.2]), np.array([0.5, -0.3, 0.4])) if body is None else body
     instance("body", body, SuslovND)
     if body.dimension != 3 or body.shape:
-        raise ValueError(f"body: expected a single one with n = 4, got {body}")
+        raise wrong("body", "a single one with n = 4", body)
     panels = axes_for(ax, (10.4, 4.6), ("3d", None), letters)
     pole, starts = _around_repelling_state(body)
     _draw_ellipsoid(panels[0], body, pole, starts)

@@ -73,12 +73,20 @@ attitude : array_like(float, shape=(..., n, n)), optional
 letter : str, optional
     Letter of the panel, written above it.
 ax : matplotlib.axes.Axes, optional
-    Axes to draw on; by default those of a new figure.""",
+    Axes to draw on; by default those of a new figure.
+
+Returns
+-------
+matplotlib.axes.Axes""",
     "panels": """\
 letters : sequence of str, optional
     Letters of the panels, written above them.
 ax : sequence of matplotlib.axes.Axes, optional
-    Axes to draw on, one for each panel; by default those of a new figure.""",
+    Axes to draw on, one for each panel; by default those of a new figure.
+
+Returns
+-------
+list of matplotlib.axes.Axes""",
     "invalid": """\
 TypeError, ValueError
     If an argument has a wrong type or shape, or is infinite.""",

@@ -9,28 +9,27 @@ import webbrowser
 
 from .._show.explore.parameters import query_of_link
 from .._show.explore.server import Server
-from .options import CommandError, UsageError
+from .options import CommandError
 from .terminal import about
 
 
 def explore(options: argparse.Namespace) -> None:
     """Serve the page until a signal ends it."""
-    with about("argument LINK", UsageError):
+    with about("argument LINK"):
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""
     try:
         server = Server(options.port)
     except OSError as error:
-        raise CommandError(
-            f"argument --port: expected a free port, got {options.port}: {error.strerror}"
-        ) from error
+        expected = f"expected a free port, got {options.port}: {error.strerror}"
+        raise CommandError(f"argument --port: {expected}") from error
     try:
         with server:
-            print(server.url + query, flush=True)
+            address = server.url + query
+            print(address, flush=True)
             if sys.stderr is not None and sys.stderr.isatty():
                 print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
             if not options.no_browser:  # which may block its thread
-                address = (server.url + query,)
-                threading.Thread(target=webbrowser.open, args=address, daemon=True).start()
+                threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
             server.serve_forever(poll_interval=0.1)
     except KeyboardInterrupt:
         return

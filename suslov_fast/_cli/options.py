@@ -309,15 +309,12 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
 
 def _add_parameters(group: Any) -> None:
     """Add an option for each parameter of each body."""
-    kinds: dict[str, list[Any]] = {}
-    for kind in body_classes():
-        for name in kind._names():
-            kinds.setdefault(name, []).append(kind)
-    for name, (kind, *others) in kinds.items():
-        bodies = ", ".join(each.__name__ for each in (kind, *others))
+    kinds = body_classes()
+    for name in dict.fromkeys(name for kind in kinds for name in kind._names()):
+        kind, *_ = having = [each for each in kinds if name in each._names()]
         group.add_argument(
             f"--{name}",
-            help=f"{kind._meanings[name]} ({bodies})",
+            help=f"{kind._meanings[name]} ({', '.join(each.__name__ for each in having)})",
             type=_list if kind._own_axes else float,
             metavar=f"{name}1,..." if kind._own_axes else None,
         )

@@ -26,10 +26,10 @@ _EPS = 0.05
 
 # The function of each picture, and the arguments for the letters of its panels.
 DRAWINGS: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
-    **{
-        f"picture{number}": (partial(plots.plot_phase, *picture), {"letter": "abcd"[number - 1]})
-        for number, picture in PICTURES.items()
-    },
+    f"picture{number}": (partial(plots.plot_phase, *picture), {"letter": "abcd"[number - 1]})
+    for number, picture in PICTURES.items()
+}
+DRAWINGS |= {
     "regimes": (plots.plot_regimes, {"letters": "abc"}),
     "convergence": (plots.plot_convergence, {}),
     "four_dimensions": (plots.plot_four_dimensions, {"letters": "ab"}),
@@ -73,7 +73,7 @@ def animate(options: argparse.Namespace) -> str:
         raise CommandError(f"{path}: expected ffmpeg on the PATH, got none; use .gif")
     require_new(path, options.force)
     with about(path), replacing(path) as new, progress_bar("drawing") as report:
-        with about("animate", UsageError):
+        with about("animate"):
             moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
         part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix
         moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=report)

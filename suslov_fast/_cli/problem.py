@@ -24,39 +24,39 @@ def problem_of(
     The default step size is that of the picture, or `eps_of_pictures`; other bodies have none.
     """
     names = {name for kind in body_classes() for name in kind._names()}
-    own = {name: value for name, value in vars(options).items() if name in names}
-    own = {name: value for name, value in own.items() if value is not None}
+    own = {name: given for name in names if (given := getattr(options, name)) is not None}
     sources = [name for name in ("inertia", "mass_tensor", "picture") if getattr(options, name)]
     if len(sources) > 1:
         raise UsageError(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
     if options.axis is not None and sources not in (["inertia"], ["mass_tensor"]):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
-    base, rotation, eps = None, None, options.eps
+    body, rotation, eps = None, None, options.eps
     if sources == ["picture"] or not (sources or own):
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
-        base, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
+        body, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
     elif sources:
-        base, rotation = _of_tensor(options)
-    body = _with_parameters(base, own) if own else base
+        body, rotation = _of_tensor(options)
+    if own:
+        body = _with_parameters(body, own)
     if eps is None:
-        raise UsageError(
-            "expected a step size with a body of your own, got none; write --eps 0.1, for example"
-        )
+        expected = "expected a step size with a body of your own"
+        raise UsageError(f"{expected}, got none; write --eps 0.1, for example")
     return body, eps, rotation
 
 
 def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
     """Return the first body that has the parameters of the user; the others are those of a base."""
     # A picture with --k is a gyrostat: the base provides its other required parameters.
-    needed = own.keys() | (set() if base is None else _required(type(base)))
-    values = {**({} if base is None else base._values), **own}
+    needed, values = {*own}, own
+    if base is not None:
+        needed, values = needed | _required(type(base)), base._values | own
     kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
     if not kinds:
         received = " ".join(flag(name) for name in sorted(needed))
         raise UsageError(f"expected the parameters of one body, got {received}")
     for kind in kinds:
         if _required(kind) <= values.keys():
-            with about("body", UsageError):
+            with about("body"):
                 return kind(**{name: values[name] for name in kind._names() if name in values})
     wanted = [name for name in kinds[0]._names() if name in _required(kinds[0])]
     missing = " ".join(flag(name) for name in wanted if name not in values)
@@ -72,7 +72,7 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     source = options.inertia or options.mass_tensor
     in_file = isinstance(source, Path)
     body: Any
-    with about(source) if in_file else about("argument --inertia", UsageError):
+    with about(source if in_file else "argument --inertia"):
         tensor = read_table(source) if in_file else _symmetric(source)
         if options.mass_tensor:
             body, rotation = SuslovND.from_mass_tensor(tensor, options.axis)
@@ -83,10 +83,8 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
 
 def _symmetric(entries: list[float]) -> FloatArray:
     if len(entries) != 6:
-        raise ValueError(
-            f"expected six entries {ENTRIES} or the name of a .npy or .csv file, "
-            f"got {len(entries)} numbers"
-        )
+        expected = f"six entries {ENTRIES} or the name of a .npy or .csv file"
+        raise ValueError(f"expected {expected}, got {len(entries)} numbers")
     xx, yy, zz, xy, xz, yz = entries
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
@@ -106,7 +104,7 @@ def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> An
     from .._ensemble.starts import RandomStarts
 
     count, extent = options.trajectories or TRAJECTORIES, options.extent
-    with about("argument --extent", UsageError):
+    with about("argument --extent"):
         return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
 
 
@@ -127,7 +125,7 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
             return rotations("orientation", read_table(source), n)
     from scipy.spatial.transform import Rotation
 
-    with about("argument --orientation", UsageError):
+    with about("argument --orientation"):
         vector = vectors("rotation vector", source, 3)
         return rotations("orientation", Rotation.from_rotvec(vector, degrees=True).as_matrix(), n)
 

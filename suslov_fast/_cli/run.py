@@ -8,8 +8,8 @@ import shutil
 import time
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from inspect import signature
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -23,7 +23,7 @@ from .._runs.files import place_for
 from .._runs.schema import entries_of
 from .options import STORE, CommandError, UsageError, flag
 from .problem import orientation_of, problem_of, starts_of
-from .summary import Facts, as_json, as_text, facts_of, facts_of_store
+from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, announce, progress_bar, require_new
 
 # Duration in seconds, without compilation, above which one-time work such as starting threads is
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> str:
         if getattr(options, name):
             raise UsageError(f"argument {flag(name)}: expected -o FILE.zarr with it, got none")
     if options.threads is not None:
-        with about("argument --threads", UsageError):
+        with about("argument --threads"):
             numba.set_num_threads(options.threads)
     starts = starts_of(options, body.dimension, in_store)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> str:
         "written": None if options.output is None else str(options.output),
         "version": sf.__version__,
     }
-    return as_json(facts) if options.json else as_text(facts)
+    return text_of(facts, options.json)
 
 
 def _settings(function: Any, options: argparse.Namespace, body: Any) -> Facts:
@@ -86,7 +86,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     with about(path), nullcontext() if path is None else place_for(path) as put:
         if path is not None:
             announce(path, nbytes)
-        with about("run", UsageError), progress_bar("iterating") as report:
+        with about("run"), progress_bar("iterating") as report:
             for _ in range(2):
                 with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
                     begin = time.perf_counter()
@@ -113,23 +113,19 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
         announce(path, _nbytes(options, body, count))
     begin = time.perf_counter()
     with about(path), progress_bar("iterating") as report:
-        _ensemble(path, options.force, body, starts, eps_of_all, **settings, progress=report)
+        compute = partial(sf.ensemble, body, starts, eps_of_all, **settings, progress=report)
+        try:
+            compute()
+        except (ValueError, TypeError) as error:
+            if path.name not in str(error):  # the arguments are invalid
+                raise UsageError(f"run: {error}") from error
+            if not options.force or not (path / "zarr.json").exists():
+                raise CommandError(f"{error}; --force replaces it") from error
+            shutil.rmtree(path)  # the store of another run
+            compute()
     seconds = time.perf_counter() - begin
     # Part of a store may be older: the rate of the whole is unknown.
     return {**facts_of_store(path), "seconds": seconds}
-
-
-def _ensemble(path: Path, force: bool, *arguments: Any, **settings: Any) -> None:
-    """Call `ensemble`; replace the store of another run if requested."""
-    try:
-        sf.ensemble(*arguments, **settings)
-    except (ValueError, TypeError) as error:
-        if path.name not in str(error):  # the arguments are invalid
-            raise UsageError(f"run: {error}") from error
-        if not force or not (path / "zarr.json").exists():
-            raise CommandError(f"{error}; --force replaces it") from error
-        shutil.rmtree(path)
-        sf.ensemble(*arguments, **settings)
 
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:
@@ -137,7 +133,7 @@ def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> 
     names = [] if body._own_axes else body._names()
     for k, (name, low, high, count) in enumerate(sweeps):
         values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))
-        with about("argument --sweep", UsageError):
+        with about("argument --sweep"):
             if name == "eps":
                 eps = values
             elif name in names:

@@ -35,7 +35,7 @@ def info(options: argparse.Namespace) -> str:
     with about(path):
         in_store = (path / "progress" / "zarr.json").exists()
         facts = facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
-    return as_json(facts) if options.json else as_text(facts)
+    return text_of(facts, options.json)
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
@@ -128,41 +128,31 @@ def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArr
     yield from ((name, stored[each]) for name, each in _DRIFTS.items() if each in stored)
     if start is None and run.n[0] == 0:
         start = np.asarray(run.omega[0])
-    if start is not None:
-        for name in _known(run):
-            for states in _slabs(run):
-                yield name, REDUCTIONS[_DRIFTS[name]].reduce(run.body, run.eps, states, start)
-
-
-def _known(run: Any) -> list[str]:
-    """Return the names of the quantities to compare."""
-    known = [name for name in _DRIFTS if _DRIFTS[name][: -len("_drift")] in run._map.quantities]
+    if start is None:
+        return
+    quantities = run._map.quantities
+    names = [name for name in _DRIFTS if _DRIFTS[name].removesuffix("_drift") in quantities]
     try:
         sf.first_integral(run.body, np.zeros(run.body.dimension), 1.0)
+        del names[1:]
     except sf.NotIntegrableError:
-        return known[1:]
-    return known[:1]
-
-
-def _slabs(run: Any) -> Iterator[FloatArray]:
-    """Divide states along time, and add the last one if it is not saved."""
+        del names[:1]
     rows = max(1, _SLAB // max(1, run.omega[:1].size))
-    for k in range(0, len(run.omega), rows):
-        yield np.asarray(run.omega[k : k + rows])
-    if run.n[-1] != run.steps and run.final is not None:
-        yield np.asarray(run.final)[np.newaxis]
+    parts = [run.omega[k : k + rows] for k in range(0, len(run.omega), rows)]
+    if run.n[-1] != run.steps and run.final is not None:  # the last state is not saved
+        parts.append(np.asarray(run.final)[np.newaxis])
+    for name, part in product(names, parts):
+        reduction = REDUCTIONS[_DRIFTS[name]]
+        yield name, reduction.reduce(run.body, run.eps, np.asarray(part), start)
 
 
 # ------------------------------------------------------------------ text
 
 
-def as_json(facts: Facts) -> str:
-    """Return one object for programs."""
-    return json.dumps(facts, allow_nan=False)
-
-
-def as_text(facts: Facts) -> str:
-    """Return a line for each fact."""
+def text_of(facts: Facts, as_json: bool) -> str:
+    """Return a line for each fact, or one JSON object for programs."""
+    if as_json:
+        return json.dumps(facts, allow_nan=False)
     values = [f"{name} = {_spell(each)}" for name, each in facts["body"].items() if name != "type"]
     lines = [("body", ", ".join(values))]
     if facts.get("rotation"):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .options import CommandError
+from .options import CommandError, UsageError
 
 # Size in bytes above which an output is announced; seconds between updates of the bar.
 _LARGE, _INTERVAL = 10**8, 0.1
@@ -40,8 +40,8 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def about(what: object, kind: type[CommandError] = CommandError) -> Iterator[None]:
-    """Convert errors of the package and of the system to messages that begin with a name."""
+def about(what: Path | str | None) -> Iterator[None]:
+    """Convert errors to messages that begin with the name of a file or an argument."""
     try:
         yield
     except OSError as error:
@@ -49,6 +49,7 @@ def about(what: object, kind: type[CommandError] = CommandError) -> Iterator[Non
         raise CommandError(f"{name}: {error.strerror or error}") from error
     except (ValueError, TypeError, EOFError) as error:
         text = str(error)
+        kind = UsageError if isinstance(what, str) else CommandError
         raise kind(text if text.startswith(f"{what}:") else f"{what}: {text}") from error
 
 

@@ -8,6 +8,7 @@ import itertools
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -80,11 +81,9 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
     ]
     calls = 0
     for chosen in itertools.product(*varied):
-        try:
-            function(**{**arguments, **dict(chosen)})
+        with suppress(sf.NotIntegrableError, TypeError):  # not of this body
+            function(**arguments | dict(chosen))
             calls += 1
-        except (sf.NotIntegrableError, TypeError):
-            pass  # not of this body
     return calls
 
 

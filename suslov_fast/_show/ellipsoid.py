@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from .._bodies.matter import ellipsoid_of_inertia
@@ -11,20 +9,12 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 
 
-class Ellipsoid(NamedTuple):
-    """Semi-axes, the largest being 1, their directions as columns, and the corresponding I3."""
-
-    radii: FloatArray
-    axes: FloatArray
-    I3: float
-    admissible: bool
-
-
-def ellipsoid(body: Suslov3D) -> Ellipsoid:
+def ellipsoid(body: Suslov3D) -> tuple[FloatArray, FloatArray, float, bool]:
     """Return the ellipsoid of inertia of a single body; ValueError if there is none.
 
-    I3 is that of the body, by default the middle of the interval of admissible values, or, if that
-    is empty, a value with a positive definite inertia tensor.
+    These are the semi-axes, the largest being 1, their directions as columns, the corresponding I3,
+    and True if it is admissible. I3 is that of the body, by default the middle of the interval of
+    admissible values, or, if that is empty, a value with a positive definite inertia tensor.
     """
     low, high = body.admissible_I3()
     if body.I3 is not None:
@@ -32,9 +22,9 @@ def ellipsoid(body: Suslov3D) -> Ellipsoid:
     elif np.isfinite(low):
         I3 = float(0.5 * (low + high))
     else:
-        least = float(body.I13) ** 2 / float(body.I1) + float(body.I23) ** 2 / float(body.I2)
-        I3 = max(float(body.I1), float(body.I2), 2.0 * least)
-    return Ellipsoid(*ellipsoid_of_inertia(body.parameters, I3), I3, bool(low < I3 < high))
+        I1, I2, I13, I23 = map(float, body.parameters)
+        I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    return *ellipsoid_of_inertia(body.parameters, I3), I3, bool(low < I3 < high)
 
 
 def sphere(turns: int = 64) -> FloatArray:

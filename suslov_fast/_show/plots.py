@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, instance
+from .._checks import FloatArray, instance, wrong
 from .._runs.iterate import iterate
 from .._runs.solution import exact, flow
 from .._space.attitude import attitude
@@ -60,10 +60,6 @@ def plot_phase(
         Draw a legend below the axes.
     %(panel)s
 
-    Returns
-    -------
-    matplotlib.axes.Axes
-
     Raises
     ------
     ValueError
@@ -80,10 +76,8 @@ def plot_phase(
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
     in_corners = float(criticality(body, farthest * direction, eps))
     if not in_corners < 1:
-        raise ValueError(
-            "extent: expected a criticality t < 1 in the corners of the picture, got t = "
-            f"{in_corners:.3g}"
-        )
+        expected = "a criticality t < 1 in the corners of the picture"
+        raise wrong("extent", expected, f"t = {in_corners:.3g}")
     [axes] = axes_for(ax, (5.2, 5.6), letters=letter)
     colours = _colours(levels)
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
@@ -124,10 +118,6 @@ def plot_regimes(
     eps : float
         Step size, on which they do not depend either.
     %(panels)s
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
 
     Raises
     ------
@@ -171,10 +161,6 @@ def plot_convergence(
     time : float
         Time at which the errors are taken, in the inverse unit of omega0.
     %(panel)s
-
-    Returns
-    -------
-    matplotlib.axes.Axes
 
     Raises
     ------
@@ -223,10 +209,6 @@ def plot_four_dimensions(
         A single body with n = 4.
     %(panels)s
 
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-
     Raises
     ------
     ValueError
@@ -241,10 +223,10 @@ def plot_four_dimensions(
     body = SuslovND(np.array([1.0, 1.6, 2.2]), np.array([0.5, -0.3, 0.4])) if body is None else body
     instance("body", body, SuslovND)
     if body.dimension != 3 or body.shape:
-        raise ValueError(f"body: expected a single one with n = 4, got {body}")
+        raise wrong("body", "a single one with n = 4", body)
     panels = axes_for(ax, (10.4, 4.6), ("3d", None), letters)
-    starts = _around_repelling_state(body)
-    _draw_ellipsoid(panels[0], body, starts)
+    pole, starts = _around_repelling_state(body)
+    _draw_ellipsoid(panels[0], body, pole, starts)
     _draw_drift(panels[1], body, starts[0])
     return panels
 
@@ -267,10 +249,6 @@ def plot_scattering(
         Distance from 0 that the products of inertia reach, in units of sqrt(I1 I2); by default as
         far as those of bodies do.
     %(panels)s
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
 
     Raises
     ------
@@ -455,19 +433,17 @@ def _orientation(body: Suslov3D, omega0: ArrayLike, time: float, steps: int) -> 
     return final
 
 
-def _around_repelling_state(body: SuslovND, count: int = 9, E: float = 1.0) -> FloatArray:
-    """States of energy E in a circle around the repelling steady state."""
-    pole = body.I * np.sqrt(E / energy(body, body.I))
+def _around_repelling_state(body: SuslovND) -> tuple[FloatArray, FloatArray]:
+    """The repelling steady state of energy 1, and states of energy 1 in a circle around it."""
+    pole = body.I * np.sqrt(1.0 / energy(body, body.I))
     tangent = np.linalg.svd((body.J * pole)[None])[2][1:]
-    turns = np.linspace(0.0, 2.0 * np.pi, count + 1)[:-1, None]
+    turns = np.linspace(0.0, 2.0 * np.pi, 10)[:-1, None]
     starts = pole + 0.05 * (np.cos(turns) * tangent[0] + np.sin(turns) * tangent[1])
-    scaled: FloatArray = starts * np.sqrt(E / energy(body, starts))[:, None]
-    return scaled
+    return pole, starts * np.sqrt(1.0 / energy(body, starts))[:, None]
 
 
-def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
-    E = float(energy(body, starts[0]))
-    radii = np.sqrt(2.0 * E / body.J)
+def _draw_ellipsoid(axes: Any, body: SuslovND, pole: FloatArray, starts: FloatArray) -> None:
+    radii = np.sqrt(2.0 / body.J)
     surface = 0.99 * radii[:, None, None] * sphere()
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
@@ -480,7 +456,6 @@ def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
     for k, colour in enumerate(_colours(len(starts))):
         look = {"marker": ".", "color": colour, "markersize": 3.5, "linewidth": 0.6}
         plot_around(axes, orbits[:, k], in_front[:, k], 1.0, **look)
-    pole = body.I * np.sqrt(E / energy(body, body.I))
     for sign, text in ((1, "$+cI$"), (-1, "$-cI$")):
         order = 3 if sign * (body.J * pole) @ eye > 0 else 1
         axes.plot(*np.outer([sign, 1.3 * sign], pole).T, color=_LINE, linewidth=2.2, zorder=order)
@@ -495,15 +470,16 @@ def _draw_ellipsoid(axes: Any, body: SuslovND, starts: FloatArray) -> None:
 
 
 def _draw_drift(axes: Any, body: SuslovND, start: FloatArray) -> None:
-    time, eps = 25.6, 0.8 / 2.0 ** np.arange(8)
-    E = float(energy(body, start))
-    drifts: dict[str, list[float]] = {"energy": [], "modified energy": []}
-    for step_size in eps:
-        states = iterate(body, start, step_size, round(time / step_size)).omega
-        drifts["energy"].append(np.ptp(energy(body, states)) / E)
-        drifts["modified energy"].append(np.ptp(modified_energy(body, states, step_size)) / E)
-    marks = (("black", "o-", 2), (_ACCENT, "s-", 4))
-    for (name, drift), (colour, style, order) in zip(drifts.items(), marks, strict=True):
+    time, eps, E = 25.6, 0.8 / 2.0 ** np.arange(8), energy(body, start)
+    runs = [iterate(body, start, each, round(time / each)).omega for each in eps]
+    energies = [energy(body, run) for run in runs]
+    modified = [modified_energy(body, *run) for run in zip(runs, eps, strict=True)]
+    lines = (
+        ("energy", energies, "black", "o-", 2),
+        ("modified energy", modified, _ACCENT, "s-", 4),
+    )
+    for name, values, colour, style, order in lines:
+        drift = [np.ptp(each) / E for each in values]
         axes.loglog(eps, drift, style, color=colour, label=name)
         guide = 0.4 * drift[2] * (eps / eps[2]) ** order
         axes.loglog(eps, guide, "--", color=_LINE, linewidth=1.0)

@@ -122,10 +122,9 @@ def over_rationals(rng: random.Random, matrix: Callable[[int], Residues]) -> Mat
     for _ in range(_PRIMES):
         p = random_prime(rng)
         with contextlib.suppress(ZeroDivisionError):
-            rows = matrix(p)
-            if len(rows) != height:
+            new = np.array(matrix(p), object)
+            if len(new) != height:
                 continue
-            new = np.array(rows, object)
             if candidate and [int(flint.nmod(fmpq(a), p)) for a in candidate] == [*new.flat]:
                 return tuple(map(tuple, np.reshape(np.array(candidate, object), new.shape)))
             residues = residues + modulus * ((new - residues) * pow(modulus, -1, p) % p)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
+from functools import reduce
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -62,9 +63,7 @@ def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[in
     x = [flint.nmod_poly(each, p) for each in ([1], *line)]
     while True:
         x = _cramer(evaluate(forms, x))
-        common = x[0]
-        for each in x[1:]:
-            common = common.gcd(each)
+        common = reduce(lambda a, b: a.gcd(b), x)
         x = [each // common for each in x]
         yield max(each.degree() for each in x)
 
@@ -74,8 +73,7 @@ def _cramer(system: list[list[Any]]) -> list[Any]:
 
     Fraction-free Gauss-Jordan elimination (Bareiss), whose divisions are exact.
     """
-    n = len(system)
-    previous = 1
+    n, previous = len(system), 1
     for k in range(n):
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
         if pivot is None:
@@ -131,12 +129,12 @@ def growth(degrees: Sequence[int]) -> Growth:
     ('exponential', 0.481212)
     """
     instance("degrees", degrees, Iterable)
-    d = list(degrees)
-    for each in d:
+    d = []
+    for each in degrees:
         instance("degrees", each, (int, np.integer))
         if each < 0:
             raise wrong("degrees", "integers of at least 0", each)
-    d = [int(each) for each in d]
+        d.append(int(each))
     half = len(d) // 2
     power, rate = 0, 0.0
     if recurrence := _recurrence(d):

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import combinations_with_replacement
 from typing import Any
 
 import flint
@@ -81,11 +80,9 @@ class QuadraticField:
             return exact_array("the value of f", f(tuple(x)), (n,), exact=True)
 
         c = at(0 * unit[0])
-        l = np.stack([at(e) - at(-e) for e in unit], axis=-1) / 2
-        q = np.empty((n, n, n), object)
-        for i, j in combinations_with_replacement(range(n), 2):
-            q[:, i, j] = q[:, j, i] = (at(unit[i] + unit[j]) - at(unit[i]) - at(unit[j]) + c) / 2
-        field = cls(q, l, c)
+        l = np.stack([at(a) - at(-a) for a in unit], axis=-1) / 2
+        q = np.array([[at(a + b) - at(a) - at(b) + c for b in unit] for a in unit]) / 2
+        field = cls(np.moveaxis(q, -1, 0), l, c)
         x = [Fraction(k, 7) for k in random.Random(0).sample(range(100, 10_000), n)]
         if tuple(at(x)) != field(x):
             raise ValueError("f: expected polynomials of degree at most 2, evaluated exactly")
@@ -110,7 +107,7 @@ class QuadraticField:
         q = (np.multiply.outer(unit, I) - np.multiply.outer(I, unit)) / J[:, None, None]
         if not isinstance(body, SuslovGyrostat):
             return cls(q)
-        k = exact_array("k", body.k, ()).item()
+        k = Fraction(float(body.k))
         return cls(q, [[0, -k / J[0]], [k / J[1], 0]])
 
     @property
@@ -122,18 +119,16 @@ class QuadraticField:
     def components(self) -> Polynomials:
         """The components as polynomials, ``flint.fmpq_mpoly`` in x1, ..., xD."""
         x = polynomial_ring(self.dimension, flint.fmpq_mpoly_ctx).gens()
-        return tuple(self._at(x, fmpq))
+        return self._at(np.fromiter(x, object), np.frompyfunc(fmpq, 1, 1))
 
     def __call__(self, point: Any) -> Point:
         """Return the field at a point, exactly."""
-        return tuple(self._at(exact_array("point", point, (self.dimension,)), Fraction))
+        return self._at(exact_array("point", point, (self.dimension,)), np.asarray)
 
-    def _at(self, x: Sequence[Any], number: Callable[[Fraction], Any]) -> Iterator[Any]:
-        for q, l, c in zip(self.quadratic, self.linear, self.constant, strict=True):
-            value = number(c) + 0 * x[0]
-            for row, b, y in zip(q, l, x, strict=True):
-                value += y * (number(b) + sum(number(a) * z for a, z in zip(row, x, strict=True)))
-            yield value
+    def _at(self, x: Any, numbers: Callable[[Any], Any]) -> tuple[Any, ...]:
+        coefficients = (self.quadratic, self.linear, self.constant)
+        q, l, c = (numbers(np.array(each, object)) for each in coefficients)
+        return tuple(q @ x @ x + l @ x + c)
 
     def __repr__(self) -> str:
         equations = (f"x{i}' = {each}" for i, each in enumerate(self.components, start=1))
@@ -209,13 +204,15 @@ class Arithmetic:
 
     def _forms(self, field: QuadraticField, eps: Fraction) -> list[Any]:
         """Rows of (A | b): the nonzero coefficients of linear forms in x0 = 1, x1, ..., xD."""
-        rows = []
-        for i, c in enumerate(field.constant):
-            q, half = field.quadratic[i], [eps / 2 * a for a in field.linear[i]]
-            row = [[(i == j) - a, *(-eps * b for b in q[j])] for j, a in enumerate(half)]
-            row.append([eps * c, *((i == j) + a for j, a in enumerate(half))])
-            rows.append([[(k, self.number(a)) for k, a in enumerate(form) if a] for form in row])
-        return rows
+        unit, half = np.eye(self.dimension, dtype=int), eps / 2 * np.array(field.linear)
+        A = np.dstack([unit - half, -eps * np.array(field.quadratic)])
+        b = np.column_stack([eps * np.array(field.constant), unit + half])
+        rows = np.hstack([A, b[:, np.newaxis]])
+
+        def sparse(form: Any) -> list[Any]:
+            return [(k, self.number(a)) for k, a in enumerate(form) if a]
+
+        return [[sparse(form) for form in row] for row in rows]
 
     def _equations(self, forms: list[Any], x: Sequence[Any]) -> tuple[Any, Any]:
         rows = evaluate(forms, [self.number(1), *x])

@@ -31,7 +31,7 @@ class Parameters(NamedTuple):
     @property
     def body(self) -> Suslov3D:
         """The body; ValueError if the parameters are invalid."""
-        return Suslov3D(self.I1, self.I2, self.I13, self.I23)
+        return Suslov3D(*self[:4])
 
     @property
     def omega0(self) -> list[float]:
@@ -92,7 +92,7 @@ def query_of_link(link: str) -> str:
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:
     body, eps, extent = PICTURES[number]
-    I1, I2, I13, I23 = (float(each) for each in body.parameters)
+    I1, I2, I13, I23 = map(float, body.parameters)
     return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 

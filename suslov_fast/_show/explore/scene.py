@@ -58,19 +58,25 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     t = float(criticality(body, start, eps))
     status = Status(int(run.status))
     drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
-    regime = _regime(body, start, t)
+    regime = "below" if abs(t) < 1 else "above" if abs(t) > 1 else "at"
+    if not vector_field(body, start).any():
+        regime = "steady"
+    repelling = _repelling(body, eps)
     minus, plus = limits(body, start, eps)
+    within = np.isfinite(run.time)
+    of_flow = np.full_like(run.omega, np.nan)
+    of_flow[within] = flow(body, start, run.time[within])
     return {
         "parameters": parameters._asdict(),
-        "time": [_number(each) for each in run.time],
-        "omega": _rows(run.omega),
-        "flow": _flow(body, start, run.time),
-        "attitude": _rows(run.attitude.reshape(-1, 9)),
-        "spatial": _rows(to_vector(body, run.omega, attitude=run.attitude)),
-        "line": _line(body, eps),
+        "time": [_finite(each) for each in run.time],
+        "omega": _finite(run.omega),
+        "flow": _finite(of_flow),
+        "attitude": _finite(run.attitude.reshape(-1, 9)),
+        "spatial": _finite(to_vector(body, run.omega, attitude=run.attitude)),
+        "line": repelling and {"repelling": repelling, "attracting": [-each for each in repelling]},
         "levels": {
-            "F": [_rows(branch) for branch in _levels(body, eps, t)],
-            "energy": _rows(energy_level(body, start)),
+            "F": [_finite(branch) for branch in _levels(body, eps, t)],
+            "energy": _finite(energy_level(body, start)),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
@@ -81,48 +87,29 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "failed_at": int(run.failed_at) if status < 0 else None,
         },
         "numbers": {
-            "criticality": _number(t),
-            "F": _number(first_integral(body, start, eps)),
-            "drift": _number(np.nanmax(drift)) if np.isfinite(drift).any() else None,
-            "energy": _number(energy(body, start)),
-            "omega_minus": _rows(minus[np.newaxis])[0],
-            "omega_plus": _rows(plus[np.newaxis])[0],
-            "scattering_angle": _number(scattering_angle(body)),
-            "I3": _rows(np.array([body.admissible_I3()]))[0],
+            "criticality": _finite(t),
+            "F": _finite(first_integral(body, start, eps)),
+            "drift": _finite(np.nanmax(drift)) if np.isfinite(drift).any() else None,
+            "energy": _finite(energy(body, start)),
+            "omega_minus": _finite(minus),
+            "omega_plus": _finite(plus),
+            "scattering_angle": _finite(scattering_angle(body)),
+            "I3": _finite(body.admissible_I3()),
         },
-        "python": code(parameters),
+        "python": (
+            "from suslov_fast import Suslov3D, iterate\n\n"
+            f"body = {body!r}\n"
+            f"run = iterate(body, {parameters.omega0}, eps={eps}, steps={parameters.steps}, "
+            "attitude=True)\n"
+        ),
     }
 
 
-def code(parameters: Parameters) -> str:
-    """Return Python code that computes the same states."""
-    return (
-        "from suslov_fast import Suslov3D, iterate\n\n"
-        f"body = {parameters.body!r}\n"
-        f"run = iterate(body, {parameters.omega0}, eps={parameters.eps}, "
-        f"steps={parameters.steps}, attitude=True)\n"
-    )
-
-
-def _regime(body: Suslov3D, start: FloatArray, t: float) -> str:
-    if not vector_field(body, start).any():
-        return "steady"
-    return "below" if abs(t) < 1 else "above" if abs(t) > 1 else "at"
-
-
-def _flow(body: Suslov3D, start: FloatArray, times: FloatArray) -> list[list[float] | None]:
-    """Continuous motion at the times of the finite states."""
-    within = np.isfinite(times)
-    missing = [None] * int((~within).sum())
-    return [*_rows(flow(body, start, times[within])), *missing]
-
-
-def _line(body: Suslov3D, eps: float) -> dict[str, list[float]] | None:
-    """Directions of the two halves of the line of steady states."""
+def _repelling(body: Suslov3D, eps: float) -> list[float] | None:
+    """Direction of the repelling half of the line of steady states, if they are a line."""
     if body.I13 == 0 and body.I23 == 0:
         return None
-    repelling = math.copysign(1.0, eps) * repelling_direction(body)
-    return {"repelling": repelling.tolist(), "attracting": (-repelling).tolist()}
+    return list((math.copysign(1.0, eps) * repelling_direction(body)).tolist())
 
 
 def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
@@ -135,9 +122,9 @@ def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
 def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     """Orbits from both sides of the repelling half of the line, on levels that fill the view."""
     body, eps, extent = parameters.body, parameters.eps, parameters.extent
-    if eps == 0 or (body.I13 == 0 and body.I23 == 0):
+    direction = _repelling(body, eps)
+    if eps == 0 or direction is None:
         return None
-    direction = math.copysign(1.0, eps) * repelling_direction(body)
     corner = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
     y = to_xy(body, corner * np.outer(np.arange(1, _LEVELS + 1) / _LEVELS, direction))[:, 1]
     x = np.tan(_NEAR) * y / np.sqrt(body.I1 * body.I2)
@@ -161,17 +148,15 @@ def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
     return {"I3": I3, "matter": admissible, "radii": radii.tolist(), "axes": axes.tolist()}
 
 
+def _finite(value: Any) -> Any:
+    """Return a number, a row or a list of rows; None for numbers and rows that are not finite."""
+    array = np.asarray(value)
+    if array.ndim < 2:
+        return array.tolist() if np.isfinite(array).all() else None
+    finite = np.isfinite(array).all(axis=-1).tolist()
+    return [row if each else None for row, each in zip(array.tolist(), finite, strict=True)]
+
+
 def _short(array: FloatArray) -> list[list[float] | None]:
     """Rows rounded to a few digits, for drawing only."""
-    return [row and [float(f"{x:.{_DIGITS}g}") for x in row] for row in _rows(array)]
-
-
-def _number(value: Any) -> float | None:
-    """A number, or None if it is not finite."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _rows(array: FloatArray) -> list[list[float] | None]:
-    """Rows of numbers, and None for those that are not finite."""
-    finite = np.isfinite(array).tolist()
-    return [row if all(each) else None for row, each in zip(array.tolist(), finite, strict=True)]
+    return [row and [float(f"{x:.{_DIGITS}g}") for x in row] for row in _finite(array)]

@@ -17,11 +17,7 @@ from .scene import scene
 _ADDRESS = "127.0.0.1"
 # Timeout in seconds; browsers open connections that they may never use.
 _PATIENCE = 10.0
-_ASSETS = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/style.css": ("style.css", "text/css; charset=utf-8"),
-    "/explore.js": ("explore.js", "text/javascript; charset=utf-8"),
-}
+_ASSETS = {"index.html": "html", "style.css": "css", "explore.js": "javascript"}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -31,6 +27,11 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
+}
+_SETTINGS = {
+    "version": __version__,
+    "longest": STEPS,
+    "presets": [{"name": name, "parameters": each._asdict()} for name, each in PRESETS.items()],
 }
 
 
@@ -48,8 +49,10 @@ class Server(ThreadingHTTPServer):
         self.hosts = {f"{name}:{self.server_port}" for name in (_ADDRESS, "localhost")}
         folder = resources.files(__package__) / "page"
         self.assets = {
-            path: ((folder / name).read_bytes(), kind) for path, (name, kind) in _ASSETS.items()
+            "/" + name: ((folder / name).read_bytes(), f"text/{kind}; charset=utf-8")
+            for name, kind in _ASSETS.items()
         }
+        self.assets["/"] = self.assets.pop("/index.html")
 
     def server_bind(self) -> None:
         """Bind without a DNS lookup of the name of the address."""
@@ -85,10 +88,10 @@ class _Handler(BaseHTTPRequestHandler):
         path, _, query = self.path.partition("?")
         if path in self.server.assets:
             self._send(200, *self.server.assets[path])
-        elif path == "/settings":
-            self._send_json(200, settings())
-        elif path == "/scene":
-            self._send_json(*answer(query))
+        elif path in ("/settings", "/scene"):
+            status, value = (200, _SETTINGS) if path == "/settings" else answer(query)
+            text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+            self._send(status, text.encode(), "application/json")
         else:
             self._send(404, b"suslov-fast: no such page\n")
 
@@ -104,10 +107,6 @@ class _Handler(BaseHTTPRequestHandler):
         origin = self.headers.get("Origin")
         return origin is None or origin in {f"http://{host}" for host in self.server.hosts}
 
-    def _send_json(self, status: int, value: Any) -> None:
-        text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-        self._send(status, text.encode(), "application/json")
-
     def _send(self, status: int, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
         self.send_response(status)
         for name, value in _HEADERS.items():
@@ -120,18 +119,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
-
-
-def settings() -> dict[str, Any]:
-    """Return the version, the longest run and the presets of the page."""
-    return {
-        "version": __version__,
-        "longest": STEPS,
-        "presets": [
-            {"name": name, "parameters": parameters._asdict()}
-            for name, parameters in PRESETS.items()
-        ],
-    }
 
 
 def answer(query: str) -> tuple[int, dict[str, Any]]:

@@ -4,16 +4,12 @@ from fractions import Fraction
 
 import mpmath
 import naive
-import numba
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._engine import run as engine
-from suslov_fast._formulas import canonical_map
-from suslov_fast._kernels import tiles
 from suslov_fast._kernels.iterate import LANES
 
 METHODS = ("auto", "canonical", "ds2")
@@ -182,12 +178,6 @@ def test_where_nothing_moves(body, rng, method, save_every):
     np.testing.assert_allclose(run(body, steady, 0.2, 500).final, steady, rtol=1e-13, atol=0)
 
 
-def test_negative_eps_inverts(body, rng):
-    omega = rng.uniform(-2, 2, (50, 2))
-    back = sf.step(body, sf.step(body, omega, 0.3), -0.3)
-    np.testing.assert_allclose(back, omega, rtol=0, atol=1e-14)
-
-
 def test_orbits_tend_to_the_line(body):
     """Proposition 2, from both sides of the line."""
     final = sf.iterate(body, [[1, 0.5], [-1, -0.5]], 0.2, 3000, save_every=None).final
@@ -226,25 +216,6 @@ def test_no_subnormal_numbers_along_an_orbit():
         zeros.append((X == 0).all())
     assert not zeros[10]
     assert zeros[-1]
-
-
-# Formulas have nothing by which Python calls them.
-guarded_step = numba.njit(
-    lambda X, Z: canonical_map.guarded_step(X, Z, 0.0, np.inf), error_model="numpy"
-)
-careful_step = numba.njit(lambda X, Z: canonical_map.careful_step(X, Z), error_model="numpy")
-
-
-@pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
-def test_steps_without_subnormal_squares(k):
-    """Where X**2 would be subnormal it is left out, which changes no bit beside Y."""
-    for X in (1.25 * 2.0**k, -1.25 * 2.0**k):
-        normal = X * X >= 2.0**-1022
-        assert guarded_step(X, 0.0) == (X, X * X if normal else 0.0)
-        for Z in (-0.5, 0.25, 2.0**-400):
-            exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
-            assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
-            assert careful_step(X, Z) == guarded_step(X, Z)
 
 
 @pytest.mark.compiled
@@ -342,20 +313,6 @@ def test_mirror_images(unit, rng, method):
         assert (mirrored == orbit * signs).all()
 
 
-@pytest.mark.parametrize("k", [-1000, 1000])
-@every_method
-def test_the_longest_and_shortest_units_of_time(rng, method, k):
-    """As far as float64 goes, bit for bit and without a warning."""
-    omega = rng.normal(size=(50, 2)) * 10 ** rng.uniform(-2, 2, (50, 1))
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 50)), *rng.normal(size=(2, 50)))
-    for save_every in (5, None):
-        options = {"method": method, "on_singular": "ignore", "save_every": save_every}
-        expected = sf.iterate(body, omega, 0.3, 20, **options)
-        scaled = sf.iterate(body, np.ldexp(omega, k), np.ldexp(0.3, -k), 20, **options)
-        np.testing.assert_array_equal(np.ldexp(scaled.omega, -k), expected.omega)
-        assert (scaled.status == expected.status).all()
-
-
 def test_at_the_ends_of_float64(unit):
     following = sf.step(unit, [1e301, 0.5e301], 1e-301)
     np.testing.assert_allclose(following, [30e300 / 7, 65e300 / 7], rtol=1e-15)
@@ -363,51 +320,6 @@ def test_at_the_ends_of_float64(unit):
     tiny = sf.iterate(unit, [5e-310, 3e-310], 1e308, 3).omega
     usual = sf.iterate(unit, [5e-2, 3e-2], 1, 3).omega
     np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)
-
-
-@pytest.mark.parametrize("method", ["auto", "canonical"])
-@pytest.mark.parametrize("batch", [1, 7, LANES - 3, 3 * LANES + 5])
-def test_memory_of_saved_states(body, rng, monkeypatch, method, batch):
-    """Wherever rows begin, past the caches too, states are the same, and no others are written."""
-    large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
-    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
-    rows = large // (2 * batch) + 2 if batch > LANES else 11
-    omega, size = rng.normal(size=(batch, 2)), 2 * batch * rows
-    beside = np.stack([omega[[0, batch // 2, -1]], [[9.0, -30.0]] * 3])
-    expected = sf.iterate(body, beside, 0.2, rows - 1, method=method).omega[:, 0]
-    for start in (8, 9, 11):
-        room = np.full(size + 24, np.pi)
-        out = room[start : start + size].reshape(rows, batch, 2)
-        sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
-        assert (out[:, [0, batch // 2, -1]] == expected).all()
-        assert (np.delete(room, slice(start, start + size)) == np.pi).all()
-
-
-@every_method
-def test_large_states_beside_others(unit, rng, method):
-    """A state whose steps need no guard has the same bits beside one whose steps do."""
-    omega = rng.uniform(-1, 1, (20, 2)) * 10 ** rng.uniform(0, 6, (20, 1))
-    omega[:, 1] = rng.uniform(-1, 2, 20)
-    together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
-    for i, state in enumerate(omega):
-        alone = sf.iterate(unit, state, 1.0, 4, method=method)
-        assert (alone.omega == together.omega[:, i]).all()
-        assert alone.status == together.status[i]
-
-
-@pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_what_is_saved(body, rng, method):
-    """By a named method the saved states do not depend on which are saved; nor do orientations."""
-    omega, options = rng.normal(size=(20, 2)), {"method": method, "attitude": True}
-    every = sf.iterate(body, omega, 0.2, 300, **options)
-    turned = sf.attitude(body, every.omega, 0.2)
-    np.testing.assert_allclose(every.attitude, turned, rtol=0, atol=1e-14)
-    for save_every in (2, 7, 300, 1000, None):
-        some = sf.iterate(body, omega, 0.2, 300, save_every=save_every, **options)
-        assert some.n.tolist() == (list(range(0, 301, save_every)) if save_every else [300])
-        assert (some.omega == every.omega[some.n]).all()
-        assert (some.attitude == every.attitude[some.n]).all()
-        assert (some.final == every.final).all()
 
 
 def test_out(body, rng):
@@ -437,12 +349,6 @@ def test_a_run_keeps_what_it_began_with(body):
     assert (half.extend(50).final == whole.final).all()
 
 
-def test_no_steps(body):
-    start = sf.iterate(body, [[1, 2], [3, 4]], 0.2, 0)
-    assert (start.omega == [[[1, 2], [3, 4]]]).all()
-    assert (start.final == [[1, 2], [3, 4]]).all()
-
-
 def test_batches_of_many_axes(body):
     """What NumPy cannot hold is said to be too much before anything is computed."""
     most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
@@ -451,17 +357,6 @@ def test_batches_of_many_axes(body):
     assert result.attitude.shape == (4, *eps.shape[1:], 3, 3)
     with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
         sf.iterate(body, [1.0, 0.5], eps[np.newaxis], 3, attitude=True)
-
-
-@given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
-def test_parts_are_alike(size, most, lanes):
-    """As few as can be, but for whole lanes, and none of them much shorter than others."""
-    length = engine.alike(size, most, lanes)
-    count = -(-size // length)
-    assert length % lanes == 0
-    assert length < most + lanes
-    assert count <= -(-size // most)
-    assert size - (count - 1) * length > length - count * lanes
 
 
 def test_progress_and_parts(body, rng, small_parts):

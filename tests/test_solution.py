@@ -4,12 +4,10 @@ from fractions import Fraction
 from itertools import product
 
 import naive
-import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form
 
 
 def random_problem(rng):
@@ -259,22 +257,6 @@ def test_a_slow_orbit_arrives_after_enough_steps(scale):
     )
     ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
-
-
-@pytest.mark.parametrize("batch", [1, 133])
-def test_long_results(body, rng, monkeypatch, batch):
-    """They go past the caches and are cut into calls; no bit and no number beside them changes."""
-    monkeypatch.setattr(closed_form, "SLICE", 2**19)
-    rows = (2**21 // (2 * batch) if not numba.config.DISABLE_JIT else 90) + 77
-    omega, size = rng.normal(size=(batch, 2)), 2 * batch * rows
-    memory = np.full(size + 16, 7.0)
-    out = memory[3 : 3 + size].reshape((rows, batch, 2))
-    sf.iterate(body, omega, 0.2, rows - 1, out=out)
-    assert (np.delete(memory, slice(3, 3 + size)) == 7.0).all()
-    beside = np.stack([omega[-1], [9.0, -30.0]])
-    assert (sf.iterate(body, beside, 0.2, rows - 1).omega[:, 0] == out[:, -1]).all()
-    n = np.sqrt(np.arange(rows))
-    assert (sf.exact(body, omega, 0.2, n)[-5:] == sf.exact(body, omega, 0.2, n[-5:])).all()
 
 
 @pytest.mark.parametrize(

@@ -110,11 +110,6 @@ def test_step_full(body):
         sf.step_full(body, np.zeros((3, 3)), 0.1, [3, 3])
 
 
-def test_from_xy_of_a_body_without_coordinates():
-    with pytest.raises(ValueError, match="body: expected I13 or I23 other than 0, got both 0"):
-        sf.from_xy(sf.Suslov3D(1, 1, [1, 0], 0), [1, 2])
-
-
 def test_progress_without_tqdm(body, monkeypatch):
     for name in ("tqdm", "tqdm.auto"):
         monkeypatch.setitem(__import__("sys").modules, name, None)

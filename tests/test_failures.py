@@ -274,14 +274,6 @@ def test_raise(unit):
     assert np.isfinite(again.trajectories.omega[:, 0]).all()
 
 
-def test_step(unit):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 .* singular step, first: 0") as caught:
-        result = sf.step(unit, [ON_THE_POLE, HEALTHY], 1)
-    assert caught[0].filename == __file__
-    assert np.isnan(result[0]).all()
-    assert (result[1] == sf.step(unit, HEALTHY, 1)).all()
-
-
 def test_status_messages():
     assert {status.name for status in sf.Status} == {
         "OK", "SUPERCRITICAL", "SINGULAR", "NONFINITE",

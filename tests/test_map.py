@@ -322,25 +322,6 @@ def test_at_the_ends_of_float64(unit):
     np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)
 
 
-def test_out(body, rng):
-    """States go where they are asked to, beside the input or over it."""
-    omega = rng.normal(size=(2, 3, 2))
-    expected = sf.iterate(body, omega, 0.3, 33, save_every=2)
-    out = np.full((17, 2, 3, 2), 7.0)
-    other = sf.iterate(body, omega, 0.3, 33, save_every=2, out=out)
-    assert other.omega is out
-    assert (expected.omega == out).all()
-    assert (expected.final == other.final).all()
-    last = np.empty((1, 2, 3, 2))
-    assert sf.iterate(body, omega, 0.3, 33, out=last, save_every=None).omega is last
-    np.testing.assert_allclose(last[0], expected.final, rtol=1e-13)
-    flat = rng.normal(size=12)
-    expected = sf.iterate(body, flat[:2].copy(), flat[2:4].copy(), 2)
-    result = sf.iterate(body, flat[:2], flat[2:4], 2, out=flat.reshape(3, 2, 2))
-    assert (result.omega == expected.omega).all()
-    assert (result.eps == expected.eps).all()
-
-
 def test_a_run_keeps_what_it_began_with(body):
     omega = np.array([[1.0, 0.5], [0.3, 0.2]])
     whole = sf.iterate(body, omega, 0.2, 60, save_every=None)

@@ -61,21 +61,6 @@ def test_small_d(rng, m, equal, gap):
             assert naive.relative_error(computed, exact) < 1e-11 * max(1, size)
 
 
-def test_many_with_two_small_d(rng):
-    """They are eliminated side by side, beside others that are not."""
-    J, I = np.array([1.5, 2.0, 2.0, 3.0, 2.5]), rng.normal(size=5)
-    omega = rng.normal(size=(20, 5))
-    hard = np.arange(20) % 3 > 0
-    omega[hard] = [with_small_d(J, I, 0.3, state, 1, 0.0) for state in omega[hard]]
-    body = sf.SuslovND(J, I)
-    together = sf.iterate(body, omega, 0.3, 4, method="rank2").omega
-    for i, state in enumerate(omega):
-        assert (sf.iterate(body, state, 0.3, 4, method="rank2").omega == together[:, i]).all()
-    eliminated = sf.iterate(body, omega, 0.3, 1, method="gauss").final
-    size = abs(together[1]).max(axis=-1, keepdims=True)
-    assert (abs(together[1] - eliminated) / size).max() < 1e-11
-
-
 @every_method
 def test_three_small_d_are_singular(method):
     """With three equal J and d = 0 the matrix has rank n - 1 - 3 + 2."""

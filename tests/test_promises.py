@@ -408,7 +408,7 @@ def test_bodies_that_a_function_does_not_know(rng, name):
 def hard_steps(rng, size, m):
     """Every way through a step: d at or next to 0, singular A, speeds of all orders, NaN."""
     J, I = rng.uniform(1, 4, (size, m)), rng.normal(size=(size, m))
-    J[::2] = 2.0
+    J[::2], J[1::4, -1] = 2.0, J[1::4, 0]
     eps = rng.choice([-0.5, 0.1, 1.0], size)
     omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-2, 2, (size, 1))
     gap = rng.choice([0.0, 1e-9, 1e-3], size)
@@ -603,3 +603,22 @@ def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
         sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out, threads=1)
         assert (out[:, chosen] == expected).all()
         assert (np.delete(room, slice(start, start + size)) == np.pi).all()
+
+
+@pytest.mark.parametrize("kind", ["3D", "full", "nD"])
+def test_out(rng, kind):
+    """States go where they are asked to, beside the input or over it."""
+    body, omega, _ = sample(rng, kind, (), (2, 3), ())
+    begin, D = sf.iterate_full if kind == "full" else sf.iterate, omega.shape[-1]
+    expected = begin(body, omega, 0.1, 33, save_every=2)
+    out, last = np.full((17, 2, 3, D), 7.0), np.empty((1, 2, 3, D))
+    given = begin(body, omega, 0.1, 33, save_every=2, out=out)
+    assert given.omega is out
+    assert_same_run(given, expected)
+    assert begin(body, omega, 0.1, 33, out=last, save_every=None).omega is last
+    np.testing.assert_allclose(last[0], expected.final, rtol=1e-13)
+    over = rng.normal(size=6 * D)
+    expected = begin(body, over[:D].copy(), over[D : D + 2].copy(), 2)
+    given = begin(body, over[:D], over[D : D + 2], 2, out=over.reshape(3, 2, D))
+    assert_same_run(given, expected)
+    assert (given.eps == expected.eps).all()

@@ -426,7 +426,7 @@ def test_long_steps_of_large_states(unit):
     assert sf.first_integral(unit, [1e200, 1e200], 1e300) == 0  # 2e-600
 
 
-@pytest.mark.parametrize("name", ["jacobian", "discrete_reaction"])
+@pytest.mark.parametrize("name", ["jacobian", "discrete_reaction", "step"])
 @pytest.mark.parametrize("m", [2, 4])
 def test_states_without_a_next_one_are_counted(rng, monkeypatch, name, m):
     """In one warning, which names the first in C order, whatever task has found it."""
@@ -438,7 +438,7 @@ def test_states_without_a_next_one_are_counted(rng, monkeypatch, name, m):
     for tasks in (1, 64):
         monkeypatch.setattr(engine, "TASKS", tasks)
         with pytest.warns(
-            sf.SingularStepWarning, match=r"^3 of 1600 .* first: \(2, 17\)$"
+            sf.SingularStepWarning, match=r"^3 of 1600 .* first: \(2, 17\)"
         ) as caught:
             values = getattr(sf, name.removeprefix("discrete_"))(body, omega, 1.0)
         assert len(caught) == 1

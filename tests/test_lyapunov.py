@@ -56,14 +56,6 @@ def test_they_tend_to_the_multipliers_of_the_steady_state(case):
     np.testing.assert_allclose(2 * whole - first, expected, atol=1e-11)
 
 
-def test_steady_states(case):
-    body, omega0 = case
-    line = np.array([body.I23, -body.I13]) if len(omega0) == 2 else body.I
-    for c in (-1.0, 1.0):
-        total = sf.lyapunov_exponents(body, c * line, 0.2, 7).sum()
-        np.testing.assert_allclose(total, np.log(sf.multipliers(body, c, 0.2)).sum(), atol=1e-13)
-
-
 def test_at_and_next_to_poles(rng):
     """Two variables are the 3D map, where X = 0.5 has its pole at Y = 1.25."""
     next_to = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])

@@ -223,16 +223,3 @@ def test_what_is_out_of_range_is_iterated(rng):
         )
         assert same(auto.omega, rank2.omega)
         assert (auto.status == rank2.status).all()
-
-
-@every_kind
-def test_integrals_along_a_run(rng, kind):
-    J, I = solved_body(rng, 5, kind)
-    omega = rng.normal(size=(20, 5))
-    orbits = sf.iterate(sf.SuslovND(J, I), omega, 0.05, 10**6, save_every=10**4)
-    F = orbits.first_integral()
-    assert (abs(F / F[0] - 1)).max() < 1e-14
-    # The part orthogonal to I keeps its direction.
-    moved = orbits.omega - (orbits.omega @ I)[..., None] * I / (I @ I)
-    along = (moved * moved[0]).sum(axis=-1, keepdims=True) / (moved[0] ** 2).sum(axis=-1)[:, None]
-    np.testing.assert_allclose(moved, along * moved[0], rtol=0, atol=1e-14 * abs(omega).max())

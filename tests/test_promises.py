@@ -229,21 +229,16 @@ SHAPES = [((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 @every_case
 def test_broadcasting(rng, name, kind):
     """Every element of the batch is found as if it were alone."""
+    row = ROWS[name]
     for shapes in SHAPES:
-        check_broadcasting(ROWS[name], name, kind, sample(rng, kind, *shapes))
-
-
-def check_broadcasting(row, name, kind, problem_of):
-    body, omega, eps = problem_of
-    batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
-    state, step = (
-        np.broadcast_to(omega, (*batch, omega.shape[-1])),
-        np.broadcast_to(eps if row.steps else 0.0, batch),
-    )
-    assert all(each.shape[: len(batch)] == batch for each in values)
-    for index in np.ndindex(batch):
-        alone = row.values(part(body, index, batch), state[index], step[index])
-        same(name, kind, alone, [each[index] for each in values])
+        body, omega, eps = sample(rng, kind, *shapes)
+        batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
+        state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
+        step = np.broadcast_to(eps if row.steps else 0.0, batch)
+        assert all(each.shape[: len(batch)] == batch for each in values)
+        for index in np.ndindex(batch):
+            alone = row.values(part(body, index, batch), state[index], step[index])
+            same(name, kind, alone, [each[index] for each in values])
 
 
 # One of each kind of loop, but for that of test_nd.py: parallel loops take long to compile.

@@ -214,24 +214,6 @@ def test_large_singular_matrices(rng):
     assert np.count_nonzero(status == sf.Status.SINGULAR) > 57
 
 
-@every_method
-def test_poles_of_large_states(rng, method):
-    """What is left of a pivot by rounding is zero beside the pivots before it."""
-    I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
-    body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
-    omega = np.column_stack([-(2 * I + x * x), -x])
-    status = iterate(body, omega, 1.0, 1, method=method).status
-    assert np.count_nonzero(status == sf.Status.SINGULAR) > 190
-
-
-@every_method
-def test_next_to_a_pole_there_is_a_state(method):
-    """Two variables are the 3D map, where X = 0.5 has its pole at Y = 1.25."""
-    body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])
-    x, y = 0.5 * np.sqrt(2), 2 * (1.25 - 2.0**-47)
-    assert iterate(body, [-y, -x], 1.0, 1, method=method).status == sf.Status.OK
-
-
 def test_no_room_for_elimination():
     """Matrices beyond any address space are refused before anything is computed."""
     ones = np.ones(2**21)

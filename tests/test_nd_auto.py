@@ -132,18 +132,6 @@ def test_which_bodies_are_iterated(rng):
             np.testing.assert_allclose(auto.final, rank2.final, rtol=0, atol=1e-13)
 
 
-def test_n_3_is_the_three_dimensional_run(rng):
-    (I1, I2), (I13, I23) = rng.uniform(1, 4, (2, 9)), rng.normal(size=(2, 9))
-    omega = 30 * rng.normal(size=(9, 2))
-    three = sf.iterate(sf.Suslov3D(I1, I2, I13, I23), omega, 0.4, 50)
-    nd = sf.SuslovND(np.stack([I2, I1], axis=-1), -np.stack([I13, I23], axis=-1))
-    run = sf.iterate(nd, omega[:, ::-1] * [1, -1], 0.4, 50)
-    assert same(run.omega[0], omega[:, ::-1] * [1, -1])
-    np.testing.assert_allclose(run.omega, three.omega[..., ::-1] * [1, -1], rtol=0, atol=1e-12)
-    assert set(three.status) == {sf.Status.OK, sf.Status.SUPERCRITICAL}
-    assert set(run.status) == {sf.Status.OK}
-
-
 def test_states_that_do_not_move(rng):
     J, I = np.full((4, 3), 2.0), rng.normal(size=(4, 3))
     omega, eps = rng.normal(size=(4, 3)), np.array([0.3, 0.0, 0.3, 0.3])

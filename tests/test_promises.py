@@ -381,6 +381,11 @@ def test_bad_input(rng, name, kind):
         list(row.values(body, np.append(omega, 1.0), eps))
     with pytest.raises(TypeError, match=r"body: expected Suslov3D.*, got int"):
         row.call(1, omega, eps)
+    if row.steps:
+        with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
+            list(row.values(body, omega, np.inf))
+        with pytest.raises(ValueError, match=r"expected batch shapes that broadcast"):
+            row.call(body, np.stack([omega, omega]), np.ones(3))
     if row.threads:
         with pytest.raises(ValueError, match="threads: expected"):
             list(row.values(body, omega, eps, threads=0))

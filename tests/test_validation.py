@@ -84,15 +84,6 @@ def test_iterate(body, bad, error, message):
     assert (out == 7).all()
 
 
-@pytest.mark.parametrize("function", [sf.step, sf.criticality, sf.jacobian, sf.limits])
-def test_eps_of_other_functions(body, function):
-    """Other arguments of other functions are tested in `test_promises.py`."""
-    with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
-        function(body, OMEGA, INF)
-    with pytest.raises(ValueError, match=r"broadcast .* eps \(3,\)"):
-        function(body, OMEGA, [1, 2, 3])
-
-
 @pytest.mark.parametrize("steps", [(), (4,)])
 def test_the_full_map(body, steps):
     """By `step_full` and `iterate_full`."""

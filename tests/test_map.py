@@ -218,6 +218,17 @@ def test_no_subnormal_numbers_along_an_orbit():
     assert zeros[-1]
 
 
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+@pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
+def test_steps_without_subnormal_squares(k, method):
+    """Where X**2 would be subnormal it is left out, which changes no digit of the next state."""
+    for start in (-1.0, 0.5, 2.0**-400):
+        for omega in ([start, 1.25 * 2.0**k], [start, -1.25 * 2.0**k]):
+            exact = naive.step(1, 1, 0, 1, 1.0, omega)
+            final = sf.iterate(SHRINKING, omega, 1.0, 1, method=method).final
+            assert all(abs(c / e - 1) < 5e-16 for c, e in zip(final, exact, strict=True))
+
+
 @pytest.mark.compiled
 def test_the_last_numbers_of_a_decay():
     """x decays by a fixed factor each step, to all its digits, and ends at 0."""
@@ -325,6 +336,18 @@ def test_at_the_ends_of_float64(unit):
     tiny = sf.iterate(unit, [5e-310, 3e-310], 1e308, 3).omega
     usual = sf.iterate(unit, [5e-2, 3e-2], 1, 3).omega
     np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)
+
+
+@every_method
+def test_large_states_beside_others(unit, rng, method):
+    """A state whose steps need no guard has the same bits beside one whose steps do."""
+    omega = rng.uniform(-1, 1, (20, 2)) * 10 ** rng.uniform(0, 6, (20, 1))
+    omega[:, 1] = rng.uniform(-1, 2, 20)
+    together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
+    for i, state in enumerate(omega):
+        alone = sf.iterate(unit, state, 1.0, 4, method=method)
+        assert (alone.omega == together.omega[:, i]).all()
+        assert alone.status == together.status[i]
 
 
 def test_a_run_keeps_what_it_began_with(body):

@@ -131,7 +131,7 @@ def test_an_example_is_a_title_a_paragraph_and_a_script():
 
 
 def test_links_between_pages_lead_somewhere():
-    for path in PAGES:
+    for path in [*PAGES, DOCS.parent / "README.md"]:
         for target in re.findall(r"\]\(([^)#:]+)[^)]*\)", path.read_text(encoding="utf-8")):
             if "gallery" not in target and not target.startswith("http"):
                 assert (path.parent / target).exists(), (path.name, target)

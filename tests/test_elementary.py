@@ -1,11 +1,11 @@
-"""exp, log and powers of two of the kernels against 60 digits."""
+"""exp and log of the kernels against 60 digits."""
 
 import numba
 import numpy as np
 import pytest
 from naive import mpf, mpmath
 
-from suslov_fast._formulas import closed_form, elementary, units
+from suslov_fast._formulas import closed_form, elementary
 
 
 def callable_from_python(formula):
@@ -14,15 +14,10 @@ def callable_from_python(formula):
     return np.errstate(all="ignore")(compiled)
 
 
-exponent = callable_from_python(elementary.exponent)
 exponential = callable_from_python(elementary.exponential)
-halvings = callable_from_python(elementary.halvings)
 is_integer = callable_from_python(elementary.is_integer)
 logarithm_beyond = callable_from_python(elementary.logarithm_beyond)
 logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio)
-scaled = callable_from_python(elementary.scaled)
-scaled_far = callable_from_python(units.scaled)
-two_to_the = callable_from_python(elementary.two_to_the)
 
 
 def relative_error(computed, exact):
@@ -38,30 +33,6 @@ def test_exponential(rng, low):
         assert relative_error(1.0 + p, exact / mpf(2) ** int(k)) < 3e-16
         if k == 0 and x < 0:
             assert relative_error(p, exact - 1) < 3e-16
-
-
-def test_powers_of_two():
-    for k in (-1022.0, -1.0, 0.0, 7.0, 1023.0):
-        assert two_to_the(k) == 2.0**k
-    assert scaled(2.0**-1000, 2000.0) == 2.0**1000
-    assert scaled(1.0, -1074.0) == 2.0**-1074
-    assert np.isnan(scaled(np.nan, 3.0))
-    assert scaled_far(1.5, -1e4) == 0.0
-    assert scaled_far(1.5, 1e4) == np.inf
-    assert scaled_far(2.0**-1000, 1990.0) == 2.0**990
-
-
-def test_exponents(rng):
-    for v in np.append(10.0 ** rng.uniform(-300, 300, 100), [1.0, 0.75, 2.0**-1022]):
-        for sign in (1, -1):
-            k = exponent(sign * v)
-            assert 1.0 <= v * two_to_the(-k) < 2.0
-    assert [exponent(v) for v in (0.0, 5e-324, 2.0**1023, np.inf)] == [-1022, -1022, 1022, 1022]
-
-
-def test_halvings(rng):
-    for v in 10.0 ** rng.uniform(-300, 2, 50):
-        assert 0.5 <= scaled(v, -halvings(v)) ** 2 <= 2.0
 
 
 def test_logarithm(rng):

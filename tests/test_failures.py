@@ -15,7 +15,6 @@ METHODS = ("auto", "canonical", "ds2")
 # With the body `unit` and eps = 1: X**2 = Omega1**2 / 2 and Y = -Omega2 / 2.
 ON_THE_POLE = [1.0, -3.0]
 UNDEFINED = [0.0, -2.0]
-ONE_STEP_BEFORE_THE_POLE = [1.0, 0.2]
 HEALTHY = [0.3, 0.1]
 
 
@@ -70,6 +69,8 @@ def assert_no_next_state(body, omega, eps, message):
         assert np.isnan(sf.step_full(body, full, eps, 3)).all()
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.jacobian(body, omega, eps)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.lyapunov_exponents(body, omega, eps, 1)).all()
 
 
 @pytest.mark.parametrize("along", [1, 2])
@@ -91,6 +92,26 @@ def test_poles_of_rounded_states(rng, along):
         assert naive.relative_error(result.omega[1, k], exact) < 0.5
     assert (result.failed_at[result.status < 0] == 1).all()
     assert_no_next_state(body, omega, 1, "singular step")
+
+
+def test_poles_in_n_dimensions(rng):
+    """What is left of a pivot by rounding is zero beside the pivots before it; next to it is not.
+
+    Two variables are the 3D map.
+    """
+    I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
+    body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
+    omega = np.column_stack([-(2 * I + x * x), -x])
+    simple = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])  # with a pole at X = 0.5, Y = 1.25
+    next_to = [-2 * (1.25 - 2.0**-47), -0.5 * np.sqrt(2)]
+    for method in ("rank2", "gauss"):
+        run = sf.iterate(body, omega, 1, 1, method=method, on_singular="ignore")
+        assert np.count_nonzero(run.status == sf.Status.SINGULAR) > 190
+        assert sf.iterate(simple, next_to, 1, 1, method=method).status == sf.Status.OK
+    with pytest.warns(sf.SingularStepWarning):
+        exponents = sf.lyapunov_exponents(body, omega, 1, 1)
+    assert np.count_nonzero(np.isnan(exponents).all(axis=1)) > 190
+    assert np.isfinite(sf.lyapunov_exponents(simple, next_to, 1, 1)).all()
 
 
 @pytest.mark.parametrize("x", [1.0, 16.0])
@@ -272,14 +293,6 @@ def test_raise(unit):
     assert str(again) == str(caught.value)
     assert again.trajectories.status.tolist() == [0, -1]
     assert np.isfinite(again.trajectories.omega[:, 0]).all()
-
-
-def test_step(unit):
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 .* singular step, first: 0") as caught:
-        result = sf.step(unit, [ON_THE_POLE, HEALTHY], 1)
-    assert caught[0].filename == __file__
-    assert np.isnan(result[0]).all()
-    assert (result[1] == sf.step(unit, HEALTHY, 1)).all()
 
 
 def test_status_messages():

@@ -1,13 +1,10 @@
 """The scheme with three components, before Omega3 is set to 0."""
 
 import naive
-import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._formulas import full_map
-from suslov_fast._formulas.elementary import exponent
 
 # With eps = 1 the map has no next state where y = 2 + x**2; here x = Omega1 and y = -Omega2.
 UNIT = sf.Suslov3D(1, 1, 1, 0)
@@ -70,35 +67,10 @@ def test_result(body, rng):
 
 
 @pytest.mark.parametrize(("steps", "save_every"), [(0, 1), (0, None), (3, 5), (3, None)])
-def test_few_steps_and_empty_batches(body, steps, save_every):
+def test_few_steps(body, steps, save_every):
     orbit = run(body, [1.0, 0.5, 0.1], 0.1, steps, 3, save_every=save_every)
     assert len(orbit.omega) == 1
     assert steps or orbit.final.tolist() == [1.0, 0.5, 0.1]
-    empty = run(body, np.empty((2, 0, 3)), 0.1, steps, 3, save_every=save_every)
-    assert empty.omega.shape == (len(orbit.omega), 2, 0, 3)
-
-
-def test_out(body, rng):
-    omega0 = rng.normal(size=(5, 3))
-    out, last, overlapping = np.empty((11, 5, 3)), np.empty((1, 5, 3)), np.empty((11, 5, 3))
-    assert run(body, omega0, 0.1, 10, 3, out=out).omega is out
-    assert (out == run(body, omega0, 0.1, 10, 3).omega).all()
-    assert run(body, omega0, 0.1, 10, 3, out=last, save_every=None).omega is last
-    assert (last[0] == out[-1]).all()
-    overlapping[3] = omega0
-    assert (run(body, overlapping[3], 0.1, 10, 3, out=overlapping).omega == out).all()
-
-
-@pytest.mark.parametrize("save_every", [1, 7, None])
-def test_parts(rng, save_every, request):
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 300)), *rng.normal(size=(2, 300)))
-    omega0, eps, I3 = rng.normal(size=(300, 3)), rng.choice([-0.2, 0.0, 0.1], 300), 2.0
-    omega0[::50] = np.nan
-    expected = run(body, omega0, eps, 60, I3, save_every=save_every)
-    request.getfixturevalue("small_parts")
-    found = run(body, omega0, eps, 60, I3, save_every=save_every)
-    for name in ("omega", "final", "status", "failed_at"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)
 
 
 def test_failures():
@@ -155,20 +127,13 @@ def test_poles_where_the_third_component_counts(parameters, pole):
     assert np.isnan(orbit.omega[1:, 1]).all()
 
 
-@np.errstate(all="ignore")  # interpreted formulas warn
-@numba.njit(error_model="numpy")
-def formula_step(I1, I2, I13, I23, eps, I3, omega):
-    """A step by the formulas alone, of a state in its own unit."""
-    W = exponent(np.abs(omega).max())
-    k = full_map.full_coefficients(I1, I2, I13, I23, eps, I3, W)
-    state = omega * 2.0**-W
-    next1, next2, next3 = full_map.full_step(k, state[0], state[1], state[2])
-    return np.array([next1, next2, next3]) * 2.0**W
+def step(I1, I2, I13, I23, eps, I3, omega):
+    return sf.step_full(sf.Suslov3D(I1, I2, I13, I23, I3), omega, eps)
 
 
 @pytest.mark.parametrize("decades", [0, 60, 140])
 @pytest.mark.sampled(1)
-def test_the_formulas_in_any_units(rng, decades):
+def test_any_units(rng, decades):
     """Whatever is finite is found, of steps far too long for any motion too."""
     with naive.mp.workdps(900):
         for _ in range(25):
@@ -177,18 +142,7 @@ def test_the_formulas_in_any_units(rng, decades):
             parameters[4] *= 10.0 ** rng.uniform(-decades, decades)
             omega = rng.normal(size=3) * 10.0 ** rng.uniform(-decades, decades)
             exact = naive.step_full(*parameters, omega)
-            assert naive.relative_error(formula_step(*parameters, omega), exact) < 1e-12
-
-
-@pytest.mark.parametrize("k", [-1000, -332, 900])
-def test_the_formulas_scale_exactly(rng, k):
-    for _ in range(10):
-        (*body, I3), omega = rng.uniform(0.5, 4, 5), rng.normal(size=3)
-        expected = formula_step(*body, 0.3, I3, omega)
-        faster = formula_step(*body, np.ldexp(0.3, -k), I3, np.ldexp(omega, k))
-        assert (faster == np.ldexp(expected, k)).all()
-        heavier = formula_step(*np.ldexp(body, k), 0.3, np.ldexp(I3, k), omega)
-        assert (heavier == expected).all()
+            assert naive.relative_error(step(*parameters, omega), exact) < 1e-12
 
 
 def test_poles_to_rounding(rng):
@@ -204,7 +158,8 @@ def test_poles_to_rounding(rng):
         if root >= 0 and a != 0:
             found += 1
             w1 = float((-b + naive.mpmath.sqrt(root)) / (2 * a))
-            assert np.isnan(formula_step(*body, np.array([w1, *rest]))).all()
+            with pytest.warns(sf.SingularStepWarning):
+                assert np.isnan(step(*body, [w1, *rest])).all()
 
 
 def determinant(body, state):
@@ -218,10 +173,6 @@ def determinant(body, state):
     return a * d - b * c
 
 
-def test_bad_input(body):
-    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
-        sf.iterate_full(body, [1.0, 0.5, 0.1], 0.1, 4, 0.0)
-    with pytest.raises(ValueError, match="expected batch shapes that broadcast"):
-        sf.iterate_full(body, [1.0, 0.5, 0.1], [0.1] * 3, 4, [1.0, 2.0])
+def test_bad_output(body):
     with pytest.raises(ValueError, match=r"out: expected shape \(5, 3\), got \(3, 3\)"):
         sf.iterate_full(body, [1.0, 0.5, 0.1], 0.1, 4, 3.0, out=np.empty((3, 3)))

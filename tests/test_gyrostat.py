@@ -4,6 +4,7 @@ import mpmath
 import naive
 import numpy as np
 import pytest
+from test_quantities import error
 
 import suslov_fast as sf
 
@@ -33,11 +34,6 @@ def run(parameters, omega, steps, **options):
 def random_problem(rng):
     parameters = (*rng.uniform(0.5, 4, 2), *rng.normal(size=3), rng.uniform(-1, 1))
     return parameters, rng.normal(size=2) * 10 ** rng.uniform(-1, 1)
-
-
-def error(computed, exact):
-    computed, exact = mpmath.matrix(np.asarray(computed).tolist()), mpmath.matrix(exact)
-    return float(mpmath.norm(computed - exact) / mpmath.norm(exact))
 
 
 def rotor(parameters, omega):

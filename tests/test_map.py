@@ -4,16 +4,12 @@ from fractions import Fraction
 
 import mpmath
 import naive
-import numba
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import suslov_fast as sf
-from suslov_fast._engine import run as engine
-from suslov_fast._formulas import canonical_map
-from suslov_fast._kernels import tiles
 from suslov_fast._kernels.iterate import LANES
 
 METHODS = ("auto", "canonical", "ds2")
@@ -182,12 +178,6 @@ def test_where_nothing_moves(body, rng, method, save_every):
     np.testing.assert_allclose(run(body, steady, 0.2, 500).final, steady, rtol=1e-13, atol=0)
 
 
-def test_negative_eps_inverts(body, rng):
-    omega = rng.uniform(-2, 2, (50, 2))
-    back = sf.step(body, sf.step(body, omega, 0.3), -0.3)
-    np.testing.assert_allclose(back, omega, rtol=0, atol=1e-14)
-
-
 def test_orbits_tend_to_the_line(body):
     """Proposition 2, from both sides of the line."""
     final = sf.iterate(body, [[1, 0.5], [-1, -0.5]], 0.2, 3000, save_every=None).final
@@ -228,23 +218,15 @@ def test_no_subnormal_numbers_along_an_orbit():
     assert zeros[-1]
 
 
-# Formulas have nothing by which Python calls them.
-guarded_step = numba.njit(
-    lambda X, Z: canonical_map.guarded_step(X, Z, 0.0, np.inf), error_model="numpy"
-)
-careful_step = numba.njit(lambda X, Z: canonical_map.careful_step(X, Z), error_model="numpy")
-
-
+@pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
-def test_steps_without_subnormal_squares(k):
-    """Where X**2 would be subnormal it is left out, which changes no bit beside Y."""
-    for X in (1.25 * 2.0**k, -1.25 * 2.0**k):
-        normal = X * X >= 2.0**-1022
-        assert guarded_step(X, 0.0) == (X, X * X if normal else 0.0)
-        for Z in (-0.5, 0.25, 2.0**-400):
-            exact = Fraction(X) * (1 - Fraction(Z)) / (1 + Fraction(Z) + Fraction(X) ** 2)
-            assert guarded_step(X, Z) == (float(exact), float(Z + Fraction(X) * exact))
-            assert careful_step(X, Z) == guarded_step(X, Z)
+def test_steps_without_subnormal_squares(k, method):
+    """Where X**2 would be subnormal it is left out, which changes no digit of the next state."""
+    for start in (-1.0, 0.5, 2.0**-400):
+        for omega in ([start, 1.25 * 2.0**k], [start, -1.25 * 2.0**k]):
+            exact = naive.step(1, 1, 0, 1, 1.0, omega)
+            final = sf.iterate(SHRINKING, omega, 1.0, 1, method=method).final
+            assert all(abs(c / e - 1) < 5e-16 for c, e in zip(final, exact, strict=True))
 
 
 @pytest.mark.compiled
@@ -318,18 +300,23 @@ def test_large_states(unit, rng, size, method):
 
 
 @pytest.mark.parametrize(
-    "omega", [[1e3, 1e10], [1e10, 1e25], [3e14, 1e35], [1e16, -1e35], [1e18, -1e20], [1e61, 0.1]]
-)
+    "omega",
+    [
+        [1e3, 1e10], [1e10, 1e25], [3e14, 1e35], [1e16, -1e35], [1e18, -1e20], [1e61, 0.1],
+        [1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149],
+    ],
+)  # fmt: skip
 def test_far_too_large_states(unit, omega):
-    """What cancels here leaves nothing of 60 digits."""
-    with mpmath.workdps(300):
-        exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)[-1]
+    """What cancels here leaves nothing of 60 digits, and squares are far beyond float64."""
+    with mpmath.workdps(700):
+        exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)
+        assert naive.worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
         for state in (
             sf.iterate(unit, omega, 1, 40, save_every=None).final,
             sf.iterate(unit, omega, 1, 40, method="canonical").final,
             sf.exact(unit, omega, 1, 40),
         ):
-            assert naive.relative_error(state, exact) < 1e-15
+            assert naive.relative_error(state, exact[-1]) < 1e-15
 
 
 @every_method
@@ -342,20 +329,6 @@ def test_mirror_images(unit, rng, method):
         assert (mirrored == orbit * signs).all()
 
 
-@pytest.mark.parametrize("k", [-1000, 1000])
-@every_method
-def test_the_longest_and_shortest_units_of_time(rng, method, k):
-    """As far as float64 goes, bit for bit and without a warning."""
-    omega = rng.normal(size=(50, 2)) * 10 ** rng.uniform(-2, 2, (50, 1))
-    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 50)), *rng.normal(size=(2, 50)))
-    for save_every in (5, None):
-        options = {"method": method, "on_singular": "ignore", "save_every": save_every}
-        expected = sf.iterate(body, omega, 0.3, 20, **options)
-        scaled = sf.iterate(body, np.ldexp(omega, k), np.ldexp(0.3, -k), 20, **options)
-        np.testing.assert_array_equal(np.ldexp(scaled.omega, -k), expected.omega)
-        assert (scaled.status == expected.status).all()
-
-
 def test_at_the_ends_of_float64(unit):
     following = sf.step(unit, [1e301, 0.5e301], 1e-301)
     np.testing.assert_allclose(following, [30e300 / 7, 65e300 / 7], rtol=1e-15)
@@ -363,24 +336,6 @@ def test_at_the_ends_of_float64(unit):
     tiny = sf.iterate(unit, [5e-310, 3e-310], 1e308, 3).omega
     usual = sf.iterate(unit, [5e-2, 3e-2], 1, 3).omega
     np.testing.assert_allclose(tiny * 1e308, usual, rtol=1e-13)
-
-
-@pytest.mark.parametrize("method", ["auto", "canonical"])
-@pytest.mark.parametrize("batch", [1, 7, LANES - 3, 3 * LANES + 5])
-def test_memory_of_saved_states(body, rng, monkeypatch, method, batch):
-    """Wherever rows begin, past the caches too, states are the same, and no others are written."""
-    large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
-    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
-    rows = large // (2 * batch) + 2 if batch > LANES else 11
-    omega, size = rng.normal(size=(batch, 2)), 2 * batch * rows
-    beside = np.stack([omega[[0, batch // 2, -1]], [[9.0, -30.0]] * 3])
-    expected = sf.iterate(body, beside, 0.2, rows - 1, method=method).omega[:, 0]
-    for start in (8, 9, 11):
-        room = np.full(size + 24, np.pi)
-        out = room[start : start + size].reshape(rows, batch, 2)
-        sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out)
-        assert (out[:, [0, batch // 2, -1]] == expected).all()
-        assert (np.delete(room, slice(start, start + size)) == np.pi).all()
 
 
 @every_method
@@ -395,52 +350,12 @@ def test_large_states_beside_others(unit, rng, method):
         assert alone.status == together.status[i]
 
 
-@pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_what_is_saved(body, rng, method):
-    """By a named method the saved states do not depend on which are saved; nor do orientations."""
-    omega, options = rng.normal(size=(20, 2)), {"method": method, "attitude": True}
-    every = sf.iterate(body, omega, 0.2, 300, **options)
-    turned = sf.attitude(body, every.omega, 0.2)
-    np.testing.assert_allclose(every.attitude, turned, rtol=0, atol=1e-14)
-    for save_every in (2, 7, 300, 1000, None):
-        some = sf.iterate(body, omega, 0.2, 300, save_every=save_every, **options)
-        assert some.n.tolist() == (list(range(0, 301, save_every)) if save_every else [300])
-        assert (some.omega == every.omega[some.n]).all()
-        assert (some.attitude == every.attitude[some.n]).all()
-        assert (some.final == every.final).all()
-
-
-def test_out(body, rng):
-    """States go where they are asked to, beside the input or over it."""
-    omega = rng.normal(size=(2, 3, 2))
-    expected = sf.iterate(body, omega, 0.3, 33, save_every=2)
-    out = np.full((17, 2, 3, 2), 7.0)
-    other = sf.iterate(body, omega, 0.3, 33, save_every=2, out=out)
-    assert other.omega is out
-    assert (expected.omega == out).all()
-    assert (expected.final == other.final).all()
-    last = np.empty((1, 2, 3, 2))
-    assert sf.iterate(body, omega, 0.3, 33, out=last, save_every=None).omega is last
-    np.testing.assert_allclose(last[0], expected.final, rtol=1e-13)
-    flat = rng.normal(size=12)
-    expected = sf.iterate(body, flat[:2].copy(), flat[2:4].copy(), 2)
-    result = sf.iterate(body, flat[:2], flat[2:4], 2, out=flat.reshape(3, 2, 2))
-    assert (result.omega == expected.omega).all()
-    assert (result.eps == expected.eps).all()
-
-
 def test_a_run_keeps_what_it_began_with(body):
     omega = np.array([[1.0, 0.5], [0.3, 0.2]])
     whole = sf.iterate(body, omega, 0.2, 60, save_every=None)
     half = sf.iterate(body, omega, 0.2, 10, save_every=None)
     omega[:] = 7.0  # by whoever owns it
     assert (half.extend(50).final == whole.final).all()
-
-
-def test_no_steps(body):
-    start = sf.iterate(body, [[1, 2], [3, 4]], 0.2, 0)
-    assert (start.omega == [[[1, 2], [3, 4]]]).all()
-    assert (start.final == [[1, 2], [3, 4]]).all()
 
 
 def test_batches_of_many_axes(body):
@@ -451,17 +366,6 @@ def test_batches_of_many_axes(body):
     assert result.attitude.shape == (4, *eps.shape[1:], 3, 3)
     with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
         sf.iterate(body, [1.0, 0.5], eps[np.newaxis], 3, attitude=True)
-
-
-@given(st.integers(1, 10**6), st.integers(1, 10**6), st.sampled_from([8, 64, 128]))
-def test_parts_are_alike(size, most, lanes):
-    """As few as can be, but for whole lanes, and none of them much shorter than others."""
-    length = engine.alike(size, most, lanes)
-    count = -(-size // length)
-    assert length % lanes == 0
-    assert length < most + lanes
-    assert count <= -(-size // most)
-    assert size - (count - 1) * length > length - count * lanes
 
 
 def test_progress_and_parts(body, rng, small_parts):

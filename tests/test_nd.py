@@ -20,17 +20,6 @@ def iterate(body, omega, eps, steps, **options):
     return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
 
 
-def results(run):
-    return [run.omega, run.final, run.status, run.failed_at, run.attitude]
-
-
-def same(first, second):
-    return all(
-        one is two if one is None else np.array_equal(one, two, equal_nan=True)
-        for one, two in zip(first, second, strict=True)
-    )
-
-
 @every_method
 def test_reference_c(method):
     orbit = sf.iterate(BODY_C, [0.3, 0.9, -0.6], 0.4, 10, method=method)
@@ -72,21 +61,6 @@ def test_small_d(rng, m, equal, gap):
             assert naive.relative_error(computed, exact) < 1e-11 * max(1, size)
 
 
-def test_many_with_two_small_d(rng):
-    """They are eliminated side by side, beside others that are not."""
-    J, I = np.array([1.5, 2.0, 2.0, 3.0, 2.5]), rng.normal(size=5)
-    omega = rng.normal(size=(20, 5))
-    hard = np.arange(20) % 3 > 0
-    omega[hard] = [with_small_d(J, I, 0.3, state, 1, 0.0) for state in omega[hard]]
-    body = sf.SuslovND(J, I)
-    together = sf.iterate(body, omega, 0.3, 4, method="rank2").omega
-    for i, state in enumerate(omega):
-        assert (sf.iterate(body, state, 0.3, 4, method="rank2").omega == together[:, i]).all()
-    eliminated = sf.iterate(body, omega, 0.3, 1, method="gauss").final
-    size = abs(together[1]).max(axis=-1, keepdims=True)
-    assert (abs(together[1] - eliminated) / size).max() < 1e-11
-
-
 @every_method
 def test_three_small_d_are_singular(method):
     """With three equal J and d = 0 the matrix has rank n - 1 - 3 + 2."""
@@ -102,13 +76,6 @@ def test_three_small_d_are_singular(method):
     assert np.isnan(result.attitude[1:, 0]).all()
     alone = sf.iterate(sf.SuslovND(J, I), omega[1], 1.0, 5, method=method)
     assert (result.omega[:, 1] == alone.omega).all()
-
-
-@every_method
-def test_seven_equal_moments(rng, method):
-    body, omega = sf.SuslovND(np.full(7, 2.5), rng.normal(size=7)), rng.normal(size=7)
-    orbit = sf.iterate(body, omega, 0.3, 40, method=method)
-    np.testing.assert_allclose(orbit.omega, sf.exact(body, omega, 0.3, orbit.n), atol=1e-13)
 
 
 @every_method
@@ -160,72 +127,6 @@ def test_inverse_and_steady_states(rng, method):
     np.testing.assert_allclose(final, 0.7 * I, rtol=1e-13)
 
 
-def every_way_through_a_step(rng, size, m):
-    """Bodies, states and step sizes: d at or next to 0, singular A, speeds of all orders, NaN."""
-    J, I = rng.uniform(1, 4, (size, m)), rng.normal(size=(size, m))
-    J[::2] = 2.0
-    eps = rng.choice([-0.5, 0.1, 1.0], size)
-    omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-2, 2, (size, 1))
-    gap = rng.choice([0.0, 1e-9, 1e-3], size)
-    near = rng.random(size) < 0.5
-    omega[near] *= (2 * J[:, 0] * (1 - gap) / (eps * (I * omega).sum(axis=1)))[near, None]
-    gaps = np.sort(abs(1 - eps[:, None] / 2 * (I * omega).sum(axis=1)[:, None] / J))
-    assert m == 1 or (gaps[:, 1] < 0.1).any()  # for which the step of rank 2 is not enough
-    omega[::7] *= 1e300
-    omega[4] = np.nan
-    return sf.SuslovND(J, I), omega, eps
-
-
-@every_method
-@pytest.mark.parametrize("m", [1, 2, 4, 9])
-@pytest.mark.parametrize("save_every", [1, 5, None])
-def test_cuts_and_batches(rng, method, m, save_every):
-    """No bit depends on how a run is cut into calls, on the batch or on its order."""
-    body, omega, eps = every_way_through_a_step(rng, 70, m)
-    options = {"method": method, "save_every": save_every}
-    whole = iterate(body, omega, eps, 12, **options)
-    assert (whole.status[4], whole.failed_at[4]) == (sf.Status.NONFINITE, 0)
-    assert m < 4 or set(whole.status) == {-2, -1, 0}
-    if save_every == 5:
-        every = iterate(body, omega, eps, 12, method=method)
-        assert same([whole.omega, whole.final], [every.omega[::5], every.final])
-    cut = iterate(body, omega, eps, 0, **options)
-    for more in (1, 1, 5):
-        cut = cut.extend(more, on_singular="ignore")
-    for _ in range(2):  # what is gone on from stays as it is
-        assert same(results(cut.extend(5, on_singular="ignore")), results(whole))
-    order = rng.permutation(70)
-    shuffled = sf.SuslovND(body.J[order], body.I[order])
-    other = iterate(shuffled, omega[order], eps[order], 12, **options)
-    assert same(results(other)[1:4], [each[order] for each in results(whole)[1:4]])
-    for i in (0, 1, 4, 14, 33, 63, 64, 69):
-        alone = iterate(sf.SuslovND(body.J[i], body.I[i]), omega[i], eps[i], 12, **options)
-        assert same([alone.omega], [whole.omega[:, i]])
-        assert same(results(alone)[1:4], [each[i] for each in results(whole)[1:4]])
-
-
-@every_method
-def test_parts(rng, request, method):
-    """However the engine cuts a run, and though statuses are looked at in between."""
-    problem = every_way_through_a_step(rng, 200, 4)
-    options = {"method": method, "save_every": 7}
-    whole = iterate(*problem, 60, **options)
-    request.getfixturevalue("small_parts")
-    seen = []
-    parts = iterate(*problem, 60, progress=lambda *n: seen.append(n), threads=1, **options)
-    assert same(results(whole), results(parts))
-    assert len(seen) > 10
-    assert seen == sorted(seen)
-    assert seen[-1] == (60, 60)
-
-
-def test_auto_is_rank2(rng):
-    omega = rng.normal(size=(4, 3))
-    auto = sf.iterate(BODY_C, omega, 0.2, 9)
-    assert (auto.omega == sf.iterate(BODY_C, omega, 0.2, 9, method="rank2").omega).all()
-    assert (sf.step(BODY_C, omega, 0.2) == auto.omega[1]).all()
-
-
 @pytest.mark.compiled
 def test_large_populations_and_dimensions(rng):
     """Whatever the number of threads."""
@@ -242,33 +143,6 @@ def test_large_populations_and_dimensions(rng):
     assert np.ptp(sf.energy(single.body, single.omega)) < 1e-2
 
 
-@pytest.mark.parametrize("batch", [1, 7, 131])
-@pytest.mark.parametrize("m", [1, 3, 8, 24])
-def test_memory_of_saved_states(rng, m, batch):
-    """Wherever `out` begins and however its rows lie to the cache lines, all is written."""
-    J, I, eps, _ = random_problem(rng, m)
-    body, omega, steps = sf.SuslovND(J, I), rng.normal(size=(batch, m)) / m, 4
-    last = [
-        sf.iterate(body, omega, eps, n, save_every=None, method="rank2").final
-        for n in range(steps + 1)
-    ]
-    for shift in (0, 5):
-        memory = np.full(batch * (steps + 1) * m + 16, 7.0)
-        out = memory[shift : shift + memory.size - 16].reshape((steps + 1, batch, m))
-        sf.iterate(body, omega, eps, steps, out=out, method="rank2")
-        assert np.array_equal(out, last)
-        assert (np.delete(memory, slice(shift, shift + out.size)) == 7).all()
-
-
-def test_n_3_is_the_three_dimensional_map(rng):
-    """(Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1), I = (-I13, -I23)."""
-    I1, I2, I13, I23 = 3.0, 2.0, -0.4, 0.7
-    omega = rng.normal(size=(5, 2))
-    expected = sf.iterate(sf.Suslov3D(I1, I2, I13, I23), omega, 0.4, 30).omega
-    found = sf.iterate(sf.SuslovND([I2, I1], [-I13, -I23]), omega[:, ::-1] * [1, -1], 0.4, 30).omega
-    np.testing.assert_allclose(found, expected[..., ::-1] * [1, -1], atol=1e-13)
-
-
 @every_method
 @pytest.mark.parametrize(
     "omega", [[1e200, 1e-200, 1.0], [5e-324, 0.0, -1.7e308], [-0.0, 0.0, 1e-310]]
@@ -282,85 +156,6 @@ def test_what_does_not_move_stays_as_it_was_given(method, omega):
     start = sf.iterate(BODY_C, omega, 1e-200, 0, method=method)  # before anything moves
     assert (start.omega == omega).all()
     assert (start.final == omega).all()
-
-
-@every_method
-@pytest.mark.parametrize("exponent", [-1000, -600, 600, 1000])
-def test_units_by_powers_of_two_are_exact(rng, method, exponent):
-    body, omega, eps = every_way_through_a_step(rng, 30, 4)
-    omega, scale = np.clip(omega, -1e3, 1e3), 2.0**exponent
-    expected = iterate(body, omega, eps, 12, method=method)
-    for other, unit in (
-        ((body, omega * scale, eps / scale), scale),
-        ((sf.SuslovND(body.J * scale, body.I * scale), omega, eps), 1.0),
-        ((sf.SuslovND(body.J, body.I * scale), omega, eps / scale), 1.0),
-    ):
-        far = iterate(*other, 12, method=method)
-        assert np.array_equal(far.omega / unit, expected.omega, equal_nan=True)
-        assert (far.status == expected.status).all()
-
-
-@every_method
-def test_subnormal_states_alone_in_a_batch_and_in_cuts(rng, method):
-    body = sf.SuslovND(rng.uniform(1, 4, (70, 3)), 1e5 * rng.normal(size=(70, 3)))
-    omega = rng.uniform(1, 3, (70, 3)) * np.exp2(rng.integers(-1074, -1000, (70, 1)))
-    eps = rng.uniform(0.05, 1.5, 70) * 1e300
-    together = iterate(body, omega, eps, 30, method=method)
-    assert (np.ptp(together.omega, axis=0) > 0).any()
-    cut = iterate(body, omega, eps, 15, method=method).extend(15, on_singular="ignore")
-    assert same(results(together), results(cut))
-    for i in range(0, 70, 7):
-        alone = iterate(sf.SuslovND(body.J[i], body.I[i]), omega[i], eps[i], 30, method=method)
-        assert same([alone.omega], [together.omega[:, i]])
-
-
-def cayley(S):
-    return np.linalg.solve(np.eye(len(S)) - S / 2, np.eye(len(S)) + S / 2)
-
-
-@every_method
-@pytest.mark.parametrize("m", [1, 3, 6])
-def test_orientation(rng, method, m):
-    """R_next = R cay(eps (Omega + Omega_next) / 2) at each step, whatever is saved."""
-    J, I, eps, _ = random_problem(rng, m)
-    body, omega = sf.SuslovND(np.tile(J, (9, 1)), np.tile(I, (9, 1))), rng.normal(size=(9, m))
-    start = np.linalg.qr(rng.normal(size=(9, m + 1, m + 1)))[0]
-    start[:, 0] *= np.linalg.det(start)[:, None]
-    options = {"method": method, "attitude": start}
-    every = sf.iterate(body, omega, eps, 100, **options)
-    assert (every.omega == sf.iterate(body, omega, eps, 100, method=method).omega).all()
-    for b in (0, 8):
-        R = start[b]
-        for n, mean in enumerate(every.omega[:-1, b] / 2 + every.omega[1:, b] / 2):
-            assert abs(every.attitude[n, b] - R).max() < 1e-13
-            S = np.zeros((m + 1, m + 1))
-            S[:-1, -1], S[-1, :-1] = eps * mean, -eps * mean
-            R = R @ cayley(S)
-    for save_every in (7, None):
-        some = sf.iterate(body, omega, eps, 100, save_every=save_every, **options)
-        assert (some.attitude == every.attitude[some.n]).all()
-    pieces = sf.iterate(body, omega, eps, 5, **options).extend(43).extend(52)
-    assert same(results(pieces), results(every))
-
-
-def test_rounding_of_orientations_is_undone_each_16_steps(rng):
-    """Larger errors than those of rounding too, so that few steps show it."""
-    J, I, eps, omega = random_problem(rng, 4)
-    start = np.eye(5) + 1e-11 * rng.normal(size=(5, 5))
-    R = sf.iterate(sf.SuslovND(J, I), omega, eps, 16, attitude=start).attitude
-    errors = abs(R @ R.swapaxes(1, 2) - np.eye(5)).max(axis=(1, 2))
-    assert (errors[:16] > 1e-12).all()
-    assert errors[16] < 4e-15
-
-
-def test_half_a_turn_at_very_high_speed():
-    """An angle whose square is beyond float64."""
-    still = sf.SuslovND([1.0, 2.0, 3.0], [0.0] * 3)
-    R = sf.iterate(still, [3e200, 0.0, 4e200], 1.0, 1, attitude=True).attitude[1]
-    axis = np.array([0.6, 0.0, 0.8])
-    expected = np.diag([1.0, 1.0, 1.0, -1.0])
-    expected[:3, :3] -= 2 * np.outer(axis, axis)
-    np.testing.assert_allclose(R, expected, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -417,24 +212,6 @@ def test_large_singular_matrices(rng):
     omega *= (4.0 / (I * omega).sum(axis=1))[:, None]
     status = iterate(sf.SuslovND(J, I), omega, 1.0, 1, method="gauss").status
     assert np.count_nonzero(status == sf.Status.SINGULAR) > 57
-
-
-@every_method
-def test_poles_of_large_states(rng, method):
-    """What is left of a pivot by rounding is zero beside the pivots before it."""
-    I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
-    body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
-    omega = np.column_stack([-(2 * I + x * x), -x])
-    status = iterate(body, omega, 1.0, 1, method=method).status
-    assert np.count_nonzero(status == sf.Status.SINGULAR) > 190
-
-
-@every_method
-def test_next_to_a_pole_there_is_a_state(method):
-    """Two variables are the 3D map, where X = 0.5 has its pole at Y = 1.25."""
-    body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])
-    x, y = 0.5 * np.sqrt(2), 2 * (1.25 - 2.0**-47)
-    assert iterate(body, [-y, -x], 1.0, 1, method=method).status == sf.Status.OK
 
 
 def test_no_room_for_elimination():

@@ -7,8 +7,6 @@ import pytest
 from naive import mpf
 
 import suslov_fast as sf
-from suslov_fast._engine import closed_form, jump
-from suslov_fast._engine import run as engine
 from suslov_fast._formulas.reduction import as_product
 
 KINDS = ("equal", "axis")
@@ -134,121 +132,6 @@ def test_which_bodies_are_iterated(rng):
             np.testing.assert_allclose(auto.final, rank2.final, rtol=0, atol=1e-13)
 
 
-def test_n_3_is_the_three_dimensional_run(rng):
-    (I1, I2), (I13, I23) = rng.uniform(1, 4, (2, 9)), rng.normal(size=(2, 9))
-    omega = 30 * rng.normal(size=(9, 2))
-    three = sf.iterate(sf.Suslov3D(I1, I2, I13, I23), omega, 0.4, 50)
-    nd = sf.SuslovND(np.stack([I2, I1], axis=-1), -np.stack([I13, I23], axis=-1))
-    run = sf.iterate(nd, omega[:, ::-1] * [1, -1], 0.4, 50)
-    assert same(run.omega[0], omega[:, ::-1] * [1, -1])
-    np.testing.assert_allclose(run.omega, three.omega[..., ::-1] * [1, -1], rtol=0, atol=1e-12)
-    assert set(three.status) == {sf.Status.OK, sf.Status.SUPERCRITICAL}
-    assert set(run.status) == {sf.Status.OK}
-
-
-def mixed_batch(rng, size, m):
-    """Solved bodies and others, states of all kinds, some without a next one."""
-    J, I = np.empty((2, size, m))
-    for b in range(size):
-        J[b], I[b] = solved_body(rng, m, KINDS[b % 2])
-    J[::5, 0] *= 1.5  # solved no more, but for n = 3 or where I is along e_1
-    I[3::11] = 0.0
-    eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
-    omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
-    omega[4::13] = I[4::13] * rng.uniform(-2, 2, (len(omega[4::13]), 1))
-    omega[2::17] *= 1e280
-    omega[6] = np.nan
-    at_pole = 1
-    J[at_pole], I[at_pole], omega[at_pole], eps[at_pole] = 1.0, 0.0, 0.0, 1.0
-    I[at_pole, 0], omega[at_pole, :2] = 1.0, [3.0, 1.0][:m]
-    return sf.SuslovND(J, I), omega, eps
-
-
-def run(body, omega, eps, steps=40, **options):
-    return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
-
-
-def assert_same_run(first, second, chosen=slice(None)):
-    """Compare a run with some trajectories of another."""
-    assert same(first.omega, second.omega[:, chosen])
-    for name in ("final", "status", "failed_at"):
-        assert same(getattr(first, name), getattr(second, name)[chosen]), name
-
-
-def some(body, chosen):
-    return sf.SuslovND(body.J[chosen], body.I[chosen])
-
-
-@pytest.mark.parametrize("save_every", [1, 3, None])
-@pytest.mark.parametrize("m", [1, 2, 3, 8])
-def test_cuts_and_batches(rng, m, save_every):
-    """No bit depends on cuts into calls, the batch or its order, and no end on the method."""
-    body, omega, eps = mixed_batch(rng, 100, m)
-    whole = run(body, omega, eps, 300, save_every=save_every)
-    assert whole.status[6] == sf.Status.NONFINITE
-    assert m == 1 or (whole.status[1], whole.failed_at[1]) == (sf.Status.SINGULAR, 1)
-    assert not np.isinf(whole.omega).any()
-    iterated = run(body, omega, eps, 300, save_every=save_every, method="rank2")
-    assert same(whole.status, iterated.status)
-    assert same(whole.failed_at, iterated.failed_at)
-    assert same(np.isnan(whole.omega), np.isnan(iterated.omega))
-    order = rng.permutation(100)
-    shuffled = run(some(body, order), omega[order], eps[order], 300, save_every=save_every)
-    assert_same_run(shuffled, whole, order)
-    for i in (0, 1, 2, 3, 4, 5, 6, 63, 64, 99):
-        assert_same_run(run(some(body, i), omega[i], eps[i], 300, save_every=save_every), whole, i)
-    for cuts in ((20, 280), (256, 44), (1, 0, 298, 1)):
-        cut = run(body, omega, eps, cuts[0], save_every=save_every)
-        for more in cuts[1:]:
-            cut = cut.extend(more, on_singular="ignore")
-        assert_same_run(cut, whole)
-
-
-@every_kind
-def test_one_body_for_all(rng, kind):
-    body, omega = sf.SuslovND(*solved_body(rng, 4, kind)), rng.normal(size=(100, 4))
-    for steps, save_every in ((31, 1), (300, 7), (300, None)):
-        together = run(body, omega, 0.2, steps, save_every=save_every)
-        for i in (0, 99):
-            assert_same_run(run(body, omega[i], 0.2, steps, save_every=save_every), together, i)
-        few = run(body, omega[:8], 0.2, steps, save_every=save_every)
-        assert_same_run(few, together, slice(8))
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("m", [2, 4])
-def test_parts(rng, monkeypatch, m):
-    problem = mixed_batch(rng, 150, m)
-    whole = run(*problem, 500, save_every=2)
-    monkeypatch.setattr(closed_form, "SLICE", 2**12)
-    monkeypatch.setattr(jump, "_TOGETHER", 2**11)
-    monkeypatch.setattr(engine, "_TOGETHER", 2**12)
-    seen = []
-    cut = run(*problem, 500, save_every=2, progress=lambda *each: seen.append(each))
-    assert seen == sorted(seen)
-    assert len(seen) > 10
-    assert seen[-1] == (500, 500)
-    assert_same_run(cut, whole)
-    assert_same_run(run(*problem, 500, save_every=2, threads=1), whole)
-
-
-@pytest.mark.parametrize("batch", [1, 7, 66])
-@pytest.mark.parametrize("m", [1, 3, 8])
-def test_memory_of_saved_states(rng, batch, m):
-    """However rows lie to the cache lines, all is written, and nothing beside it."""
-    rows = 70
-    body, omega = sf.SuslovND(*solved_body(rng, m, "equal")), rng.normal(size=(batch, m))
-    expected = [sf.iterate(body, each, 0.2, rows - 1).omega for each in omega]
-    for shift in (0, 3):
-        memory = np.full(rows * batch * m + 16, 7.0)
-        out = memory[shift : shift + memory.size - 16].reshape((rows, batch, m))
-        sf.iterate(body, omega, 0.2, rows - 1, out=out, threads=1)
-        assert same(out, np.stack(expected, axis=1))
-        assert (np.delete(memory, slice(shift, shift + out.size)) == 7.0).all()
-    last = sf.iterate(body, omega, 0.2, rows - 1, save_every=rows - 1).final
-    np.testing.assert_allclose(out[-1], last, rtol=0, atol=1e-14 * abs(omega).max())
-
-
 def test_states_that_do_not_move(rng):
     J, I = np.full((4, 3), 2.0), rng.normal(size=(4, 3))
     omega, eps = rng.normal(size=(4, 3)), np.array([0.3, 0.0, 0.3, 0.3])
@@ -301,22 +184,6 @@ def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
         assert abs(residual) < 1e-14
 
 
-@every_kind
-@pytest.mark.parametrize("exponent", [-800, -100, 800])
-@pytest.mark.parametrize("m", [2, 4])
-def test_units_by_powers_of_two_are_exact(rng, kind, exponent, m):
-    J, I = solved_body(rng, m, kind)
-    omega, scale = 5 * rng.normal(size=(30, m)), 2.0**exponent
-    for save_every in (1, None):
-        expected = run(sf.SuslovND(J, I), omega, 0.3, save_every=save_every).omega
-        for body, state, eps, unit in (
-            (sf.SuslovND(J, I), omega * scale, 0.3 / scale, scale),
-            (sf.SuslovND(J * scale, I * scale), omega, 0.3, 1.0),
-            (sf.SuslovND(J, I * scale), omega, 0.3 / scale, 1.0),
-        ):
-            assert same(run(body, state, eps, save_every=save_every).omega / unit, expected)
-
-
 @pytest.mark.parametrize("across", [1e-250, 1e-150, 1e-30])
 def test_however_close_to_the_steady_states(across):
     """All components keep their digits, not beside the largest only."""
@@ -338,19 +205,9 @@ def test_what_is_out_of_range_is_iterated(rng):
         (sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3]), omega, eps),
         (sf.SuslovND([1e-95, 1.0, 1.0], [0.3, 0.0, 0.0]), omega[-1], 0.1),
     ):
-        auto, rank2 = (run(*problem, 9, method=method) for method in ("auto", "rank2"))
+        auto, rank2 = (
+            sf.iterate(*problem, 9, method=method, on_singular="ignore")
+            for method in ("auto", "rank2")
+        )
         assert same(auto.omega, rank2.omega)
         assert (auto.status == rank2.status).all()
-
-
-@every_kind
-def test_integrals_along_a_run(rng, kind):
-    J, I = solved_body(rng, 5, kind)
-    omega = rng.normal(size=(20, 5))
-    orbits = sf.iterate(sf.SuslovND(J, I), omega, 0.05, 10**6, save_every=10**4)
-    F = orbits.first_integral()
-    assert (abs(F / F[0] - 1)).max() < 1e-14
-    # The part orthogonal to I keeps its direction.
-    moved = orbits.omega - (orbits.omega @ I)[..., None] * I / (I @ I)
-    along = (moved * moved[0]).sum(axis=-1, keepdims=True) / (moved[0] ** 2).sum(axis=-1)[:, None]
-    np.testing.assert_allclose(moved, along * moved[0], rtol=0, atol=1e-14 * abs(omega).max())

@@ -8,13 +8,15 @@ import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form, states, threads
-from suslov_fast._kernels import maps_3d
+from suslov_fast._engine import closed_form, jump, states, threads
+from suslov_fast._engine import run as engine
+from suslov_fast._kernels import maps_3d, tiles
 from suslov_fast._kernels.iterate import LANES
 from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
@@ -152,7 +154,8 @@ ROWS = {
     "iterate: ds2": runs("3D", method="ds2", attitude=True),
     "iterate: rank2": runs("nD solved", method="rank2"),
     "iterate: gauss": runs("nD", method="gauss"),
-    "iterate_full": runs("full", sf.iterate_full),
+    "iterate_full": runs("full", sf.iterate_full, save_every=3),
+    "iterate_full: last states": runs("full", sf.iterate_full, save_every=None),
     "exact": solutions(sf.exact, 7, FORWARD, SCATTERED),
     "flow": Row(
         lambda b, w, e, **o: (sf.flow(b, w, 0.7, **o), sf.flow(b, w, FORWARD / 8, **o)),
@@ -226,21 +229,16 @@ SHAPES = [((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 @every_case
 def test_broadcasting(rng, name, kind):
     """Every element of the batch is found as if it were alone."""
+    row = ROWS[name]
     for shapes in SHAPES:
-        check_broadcasting(ROWS[name], name, kind, sample(rng, kind, *shapes))
-
-
-def check_broadcasting(row, name, kind, problem_of):
-    body, omega, eps = problem_of
-    batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
-    state, step = (
-        np.broadcast_to(omega, (*batch, omega.shape[-1])),
-        np.broadcast_to(eps if row.steps else 0.0, batch),
-    )
-    assert all(each.shape[: len(batch)] == batch for each in values)
-    for index in np.ndindex(batch):
-        alone = row.values(part(body, index, batch), state[index], step[index])
-        same(name, kind, alone, [each[index] for each in values])
+        body, omega, eps = sample(rng, kind, *shapes)
+        batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
+        state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
+        step = np.broadcast_to(eps if row.steps else 0.0, batch)
+        assert all(each.shape[: len(batch)] == batch for each in values)
+        for index in np.ndindex(batch):
+            alone = row.values(part(body, index, batch), state[index], step[index])
+            same(name, kind, alone, [each[index] for each in values])
 
 
 # One of each kind of loop, but for that of test_nd.py: parallel loops take long to compile.
@@ -290,6 +288,10 @@ UNITS = [
 ]  # fmt: skip
 
 
+# As far as float64 goes, for runs of the map alone.
+UNITS_OF_RUNS = [*UNITS, (0, 0, 990), (0, 0, -990)]
+
+
 def in_units(body, moments, products, rotor):
     powers = dict.fromkeys(body._names(), moments) | dict.fromkeys(body._couplings, products)
     powers |= {"k": rotor}
@@ -302,7 +304,8 @@ def test_units(rng, name, kind):
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (20,), (20,), (20,))
     before = list(row.values(body, omega, eps))
     rounding = 1e-13 if kind == "solved" or (name, kind) in ROUNDED else 0.0
-    for units in UNITS:
+    far = kind == "3D" and name.startswith("iterate")
+    for units in UNITS_OF_RUNS if far else UNITS:
         moments, products, omegas = units
         other = in_units(body, moments, products, products + omegas)
         moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
@@ -378,6 +381,11 @@ def test_bad_input(rng, name, kind):
         list(row.values(body, np.append(omega, 1.0), eps))
     with pytest.raises(TypeError, match=r"body: expected Suslov3D.*, got int"):
         row.call(1, omega, eps)
+    if row.steps:
+        with pytest.raises(ValueError, match="eps: expected finite real numbers, got inf"):
+            list(row.values(body, omega, np.inf))
+        with pytest.raises(ValueError, match=r"expected batch shapes that broadcast"):
+            row.call(body, np.stack([omega, omega]), np.ones(3))
     if row.threads:
         with pytest.raises(ValueError, match="threads: expected"):
             list(row.values(body, omega, eps, threads=0))
@@ -397,30 +405,220 @@ def test_bodies_that_a_function_does_not_know(rng, name):
             row.values(body, omega, eps).__next__()
 
 
-CUTS = ((30, (15, 15)), (30, (1, 0, 28, 1)), (300, (20, 280)), (300, (256, 44)))
+def hard_steps(rng, size, m):
+    """Every way through a step: d at or next to 0, singular A, speeds of all orders, NaN."""
+    J, I = rng.uniform(1, 4, (size, m)), rng.normal(size=(size, m))
+    J[::2], J[1::4, -1] = 2.0, J[1::4, 0]
+    eps = rng.choice([-0.5, 0.1, 1.0], size)
+    omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-2, 2, (size, 1))
+    gap = rng.choice([0.0, 1e-9, 1e-3], size)
+    near = rng.random(size) < 0.5
+    omega[near] *= (2 * J[:, 0] * (1 - gap) / (eps * (I * omega).sum(axis=1)))[near, None]
+    gaps = np.sort(abs(1 - eps[:, None] / 2 * (I * omega).sum(axis=1)[:, None] / J))
+    assert m == 1 or (gaps[:, 1] < 0.1).any()  # for which the step of rank 2 is not enough
+    omega[::7] *= 1e300
+    omega[4] = np.nan
+    return sf.SuslovND(J, I), omega, eps
+
+
+def subnormal_states(rng, size, m):
+    body = sf.SuslovND(rng.uniform(1, 4, (size, m)), 1e5 * rng.normal(size=(size, m)))
+    omega = rng.uniform(1, 3, (size, m)) * np.exp2(rng.integers(-1074, -1000, (size, 1)))
+    return body, omega, rng.uniform(0.05, 1.5, size) * 1e300
+
+
+def solved_bodies(rng, size, m):
+    """J and I: all J equal, or I along one axis and the other J equal."""
+    J, I = rng.uniform(1, 4, (size, 1)) * np.ones(m), rng.normal(size=(size, m))
+    along = np.arange(m) == rng.integers(m, size=(size, 1))
+    along[::2] = False
+    J = np.where(along, J * 10 ** rng.uniform(-1, 1, (size, 1)), J)
+    I[1::2] *= along[1::2]
+    return J, I
+
+
+def solved_and_others(rng, size, m):
+    """Solved bodies and others, states of all kinds, some without a next one."""
+    J, I = solved_bodies(rng, size, m)
+    J[::5, 0] *= 1.5  # solved no more, but for n = 3 or where I is along e_1
+    I[3::11] = 0.0
+    eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
+    omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
+    omega[4::13] = I[4::13] * rng.uniform(-2, 2, (len(omega[4::13]), 1))
+    omega[2::17] *= 1e280
+    omega[6] = np.nan
+    J[1], I[1], omega[1], eps[1] = 1.0, 0.0, 0.0, 1.0
+    I[1, 0], omega[1, :2] = 1.0, [3.0, 1.0][:m]  # at a pole
+    return sf.SuslovND(J, I), omega, eps
+
+
+def one_body(rng, size, m):
+    J, I = solved_bodies(rng, 2, m)
+    return sf.SuslovND(J[size % 2], I[size % 2]), rng.normal(size=(size, m)), np.full(size, 0.2)
+
+
+# Problems of n dimensions, and the methods for which they are hard.
+HARD = [
+    *((hard_steps, method, m) for method in ("rank2", "gauss") for m in (1, 2, 4, 9)),
+    *((subnormal_states, method, 3) for method in ("rank2", "gauss")),
+    *((solved_and_others, "auto", m) for m in (1, 2, 3, 8)),
+    (one_body, "auto", 4),
+]
+
+
+def cut_further(monkeypatch):
+    """Let runs by the closed form be cut into parts too."""
+    monkeypatch.setattr(closed_form, "SLICE", 2**12)
+    monkeypatch.setattr(jump, "_TOGETHER", 2**11)
+    monkeypatch.setattr(engine, "_TOGETHER", 2**12)
+
+
+every_hard_problem = pytest.mark.parametrize(("make", "method", "m"), HARD)
+
+
+def run(body, omega, eps, steps, **options):
+    return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
+
+
+def assert_same_run(first, second, chosen=slice(None)):
+    """Compare all of a run with some trajectories of another, bit for bit."""
+    for name in ("omega", "final", "status", "failed_at", "attitude"):
+        expected = getattr(second, name)
+        if expected is not None and name in ("omega", "attitude"):
+            expected = expected[:, chosen]
+        elif expected is not None:
+            expected = expected[chosen]
+        np.testing.assert_array_equal(getattr(first, name), expected, name)
+
+
+@every_hard_problem
+@pytest.mark.parametrize("save_every", [1, 5, None])
+def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
+    """No bit depends on the batch, its order or the parts of a call; no end on the method."""
+    body, omega, eps = make(rng, 100, m)
+    options = {"steps": 300 if method == "auto" else 30, "save_every": save_every, "method": method}
+    whole = run(body, omega, eps, **options)
+    assert not np.isinf(whole.omega).any()
+    if make in (hard_steps, solved_and_others):
+        assert set(whole.status) >= ({-2, 0} if m < 3 else {-2, -1, 0})
+    if make is subnormal_states and save_every == 1:
+        assert (np.ptp(whole.omega, axis=0) > 0).any()
+    if method == "auto":
+        iterated = run(body, omega, eps, **options | {"method": "rank2"})
+        assert (whole.status == iterated.status).all()
+        assert (whole.failed_at == iterated.failed_at).all()
+        assert (np.isnan(whole.omega) == np.isnan(iterated.omega)).all()
+    order = rng.permutation(100)
+    for i in (order, 0, 1, 2, 3, 4, 5, 14, 33, 63, 64, 99):
+        alone = part(body, i, (100,)) if body.shape else body
+        assert_same_run(run(alone, omega[i], eps[i], **options), whole, i)
+    request.getfixturevalue("small_parts")
+    cut_further(monkeypatch)
+    seen = []
+    options |= {"threads": 1, "progress": lambda *n: seen.append(n)}
+    assert_same_run(run(body, omega, eps, **options), whole)
+    assert seen == sorted(seen)
+    assert seen[-1] == (options["steps"],) * 2
+
+
+@pytest.mark.parametrize("k", [-1000, -600, 600, 1000])
+@pytest.mark.parametrize(
+    ("make", "method", "m"), [each for each in HARD if each[0] is not subnormal_states]
+)
+def test_units_of_hard_problems(rng, make, method, m, k):
+    body, omega, eps = make(rng, 30, m)
+    omega = np.clip(omega, -1e3, 1e3)
+    k = k if method != "auto" else k * 4 // 5  # beyond that, states are iterated
+    for save_every in (1, None):
+        options = {"method": method, "save_every": save_every}
+        expected = run(body, omega, eps, 40, **options)
+        for units in ((0, 0, k), (k, k, 0), (0, k, 0)):
+            moments, products, omegas = units
+            moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
+            far = run(in_units(body, moments, products, 0), *moved, 40, **options)
+            np.testing.assert_array_equal(np.ldexp(far.omega, -omegas), expected.omega)
+            assert (far.status == expected.status).all()
+
+
+CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
 
 
 @pytest.mark.parametrize("save_every", [1, 4, None])
 @pytest.mark.parametrize(
-    ("kind", "method", "attitude"),
+    ("kind", "method", "attitude", "m"),
     [
-        *(("3D", method, turns) for method in ("auto", "canonical", "ds2") for turns in (0, 1)),
-        *((kind, "auto", turns) for kind in ("gyrostat", "nD", "solved") for turns in (0, 1)),
-        ("nD", "gauss", 0), ("full", None, 0),
+        *(("3D", method, turns, 2) for method in ("auto", "canonical", "ds2") for turns in (0, 1)),
+        *((kind, "auto", turns, 3) for kind in ("gyrostat", "nD", "solved") for turns in (0, 1)),
+        ("nD", "gauss", 0, 4), ("full", None, 0, 3),
+        *((make, method, 0, m) for make, method, m in HARD),
     ],
 )  # fmt: skip
-def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, save_every):
+def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
     """However a run is cut into calls, it is the run that was never cut, bit for bit."""
-    body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
-    omega[3, 0], eps[4] = np.nan, 0.0
+    if kind in KINDS:
+        body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
+        omega[3, 0], eps[4] = np.nan, 0.0
+    else:
+        body, omega, eps = kind(rng, 70, m)
     begin = sf.iterate_full if kind == "full" else sf.iterate
     options = {} if kind == "full" else {"method": method, "attitude": bool(attitude)}
     options |= {"save_every": save_every, "on_singular": "ignore"}
     for steps, cuts in CUTS:
         whole = begin(body, omega, eps, steps, **options)
-        gone_on = begin(body, omega, eps, cuts[0], **options)
+        first = gone_on = begin(body, omega, eps, cuts[0], **options)
         for more in cuts[1:]:
             gone_on = gone_on.extend(more, on_singular="ignore")
-        for name in ("omega", "n", "final", "status", "failed_at", "attitude"):
-            expected, got = getattr(whole, name), getattr(gone_on, name)
-            np.testing.assert_array_equal(expected, got, name)
+        assert_same_run(gone_on, whole)
+        np.testing.assert_array_equal(gone_on.n, whole.n)
+        again = first.extend(cuts[1], on_singular="ignore")  # what is gone on from stays as it is
+        assert_same_run(again.extend(sum(cuts[2:]), on_singular="ignore"), whole)
+
+
+@pytest.mark.parametrize("batch", [1, 7, LANES - 3, 3 * LANES + 5])
+@pytest.mark.parametrize(
+    ("kind", "method", "m"),
+    [
+        ("3D", "auto", 2), ("3D", "canonical", 2),
+        *(("nD", "rank2", m) for m in (1, 3, 8, 24)), *(("solved", "auto", m) for m in (1, 3, 8)),
+    ],
+)  # fmt: skip
+def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
+    """Wherever rows begin, past the caches too, states are the same, and no others are written."""
+    large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
+    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
+    monkeypatch.setattr(closed_form, "SLICE", 2**19)
+    rows = large // (2 * batch) + 79 if kind == "3D" and batch in (1, 3 * LANES + 5) else 70
+    if kind == "3D":
+        body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    elif kind == "nD":
+        body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m))
+    else:
+        body = sf.SuslovND(np.full(m, 2.5), rng.normal(size=m))
+    omega, size = rng.normal(size=(batch, m)) / m, m * batch * rows
+    chosen = [0, batch // 2, -1]
+    expected = sf.iterate(body, omega[chosen], 0.2, rows - 1, method=method).omega
+    for start in (8, 9, 11):
+        room = np.full(size + 24, np.pi)
+        out = room[start : start + size].reshape(rows, batch, m)
+        sf.iterate(body, omega, 0.2, rows - 1, method=method, out=out, threads=1)
+        assert (out[:, chosen] == expected).all()
+        assert (np.delete(room, slice(start, start + size)) == np.pi).all()
+
+
+@pytest.mark.parametrize("kind", ["3D", "full", "nD"])
+def test_out(rng, kind):
+    """States go where they are asked to, beside the input or over it."""
+    body, omega, _ = sample(rng, kind, (), (2, 3), ())
+    begin, D = sf.iterate_full if kind == "full" else sf.iterate, omega.shape[-1]
+    expected = begin(body, omega, 0.1, 33, save_every=2)
+    out, last = np.full((17, 2, 3, D), 7.0), np.empty((1, 2, 3, D))
+    given = begin(body, omega, 0.1, 33, save_every=2, out=out)
+    assert given.omega is out
+    assert_same_run(given, expected)
+    assert begin(body, omega, 0.1, 33, out=last, save_every=None).omega is last
+    np.testing.assert_allclose(last[0], expected.final, rtol=1e-13)
+    over = rng.normal(size=6 * D)
+    expected = begin(body, over[:D].copy(), over[D : D + 2].copy(), 2)
+    given = begin(body, over[:D], over[D : D + 2], 2, out=over.reshape(3, 2, D))
+    assert_same_run(given, expected)
+    assert (given.eps == expected.eps).all()

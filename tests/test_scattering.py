@@ -50,32 +50,6 @@ def test_the_closed_form_of_the_reference():
         np.testing.assert_allclose(np.sin(angle / 2), abs(sine), rtol=1e-13)
 
 
-def discrete(body, eps, far):
-    """The angle of a run of the map, from and to where x / y is 2 exp(-far) sqrt(I1 I2)."""
-    start = sf.from_xy(body, [2 * np.exp(-far) / np.sqrt(body.I1 * body.I2), 1.0])
-    t = sf.criticality(body, start, eps)
-    steps = int(np.ceil(far / np.arctanh(t)))
-    omega = sf.iterate(body, start, eps, steps).omega
-    R = sf.attitude(body, omega, eps)
-    first, last = R[0, :, :2] @ omega[0], R[-1, :, :2] @ omega[-1]
-    return np.arctan2(np.linalg.norm(np.cross(first, last)), first @ last)
-
-
-@pytest.mark.compiled
-def test_limit_of_the_discrete_problem(rng):
-    for parameters in (*BODIES[:3], (*rng.uniform(0.5, 4, 2), *rng.normal(size=2))):
-        body = sf.Suslov3D(*parameters)
-        unit = body.I1 * body.I2
-        eps = unit * 0.02 / 2.0 ** np.arange(4)
-        angles = np.array([discrete(body, each, 27.0) for each in eps])
-        errors = angles - sf.scattering_angle(body)
-        order = np.polyfit(np.log(eps), np.log(abs(errors)), 1)[0]
-        assert abs(order - 2) < 0.01
-        once = (4 * angles[1:] - angles[:-1]) / 3
-        twice = (16 * once[1:] - once[:-1]) / 15
-        assert abs(twice[-1] - sf.scattering_angle(body)) < 1e-10
-
-
 positive = st.floats(1e-3, 1e3)
 signed = st.floats(1e-3, 1e3) | st.floats(-1e3, -1e-3) | st.just(0.0)
 

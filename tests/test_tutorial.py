@@ -9,14 +9,13 @@ from pathlib import Path
 
 import children
 import pytest
+from test_docs import PRINTED
 
 nbformat = pytest.importorskip("nbformat")
 pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 SCRIPT = Path(__file__).parent.parent / "docs" / "as_notebook.py"
-# What is printed, as the pages say it: after the call, or on lines of their own that follow it.
-PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
 # What a reader may look at beside the pages.
 SHOWN = {
     "orbits": "orbits",

@@ -1,8 +1,14 @@
 """Every function by one thread and by several."""
 
 import pytest
-import test_nd_auto
-from test_promises import check_threads, every_case
+from test_promises import (
+    assert_same_run,
+    check_threads,
+    cut_further,
+    every_case,
+    run,
+    solved_and_others,
+)
 
 from suslov_fast._engine import threads
 
@@ -15,6 +21,9 @@ def test_threads(rng, monkeypatch, name, kind):
 
 
 @pytest.mark.parametrize("m", [2, 4])
-def test_parts(rng, monkeypatch, m):
+def test_hard_problems(rng, monkeypatch, m):
+    problem = solved_and_others(rng, 150, m)
+    alone = run(*problem, 500, save_every=2, threads=1)
     monkeypatch.setattr(threads, "CROSSOVER", 1)  # serial within one block
-    test_nd_auto.test_parts(rng, monkeypatch, m)
+    cut_further(monkeypatch)
+    assert_same_run(run(*problem, 500, save_every=2), alone)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
-from .._checks import FloatArray
+from .._checks import FloatArray, wrong
 from .._states.conserved import energy, first_integral, modified_energy
 
 
@@ -62,9 +62,9 @@ def checked(body: Any, names: Any) -> tuple[str, ...]:
         return ()
     expected = f"names among {', '.join(REDUCTIONS)}"
     if isinstance(names, str) or not isinstance(names, Sequence):
-        raise TypeError(f"reductions: expected a list of {expected}, got {names!r}")
+        raise wrong("reductions", f"a list of {expected}", repr(names), TypeError)
     if not names or any(name not in REDUCTIONS for name in names):
-        raise ValueError(f"reductions: expected {expected}, got {names!r}")
+        raise wrong("reductions", expected, repr(names))
     for name in names:
         state = np.zeros(body.dimension)
         try:

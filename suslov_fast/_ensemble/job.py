@@ -28,23 +28,13 @@ _FEWEST, _ENOUGH = 64, 2**14
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run and its store; arguments as in `ensemble`, checked.
-
-    Attributes
-    ----------
-    source
-        Initial states of the batch; None if a worker receives those of its tile separately.
-    orientation
-        Orientations at step 0, which broadcast to the batch, or None.
-    tile
-        Number of trajectories of a tile along each axis of the batch.
-    rows
-        Number of saved states in a chunk.
-    """
+    """A run and its store; arguments as in `ensemble`, checked."""
 
     body: Any
     eps: FloatArray
+    # Initial states of the batch; None if a worker receives those of its tile separately.
     source: Source | None
+    # Orientations at step 0, which broadcast to the batch.
     orientation: FloatArray | None
     batch: tuple[int, ...]
     steps: int
@@ -52,7 +42,9 @@ class Job:
     method: str
     reductions: tuple[str, ...]
     dims: tuple[str, ...]
+    # Number of trajectories of a tile along each axis of the batch.
     tile: tuple[int, ...]
+    # Number of saved states in a chunk.
     rows: int
     store: Any
     compression: str | None

@@ -13,18 +13,12 @@ from .._states.conserved import energy, first_integral, modified_energy
 
 
 class Reduction(NamedTuple):
-    """One number, or one for each component, of each trajectory.
-
-    Attributes
-    ----------
-    reduce
-        Function of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
-    combine
-        Function of the values of two ranges of steps that returns the value of both together.
-    """
+    """One number, or one for each component, of each trajectory."""
 
     meaning: str
+    # Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
     reduce: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
+    # Of the values of two ranges of steps, to the value of both together.
     combine: Callable[[FloatArray, FloatArray], FloatArray]
     of_components: bool = False
 

@@ -117,8 +117,8 @@ class Kept:
         """Return the digest of all states, which are read once."""
         digest, shape = hashlib.sha256(), self.shape
         step = max(1, _TOGETHER // max(math.prod(shape[1:]), 1))
-        for k in range(0, shape[0], step) if shape else (None,):
-            where = () if k is None else (slice(k, min(k + step, shape[0])),)
+        parts = [(slice(k, k + step),) for k in range(0, shape[0], step)] if shape else [()]
+        for where in parts:
             digest.update(np.ascontiguousarray(self.part(where, self.array.shape[-1])).data)
         return {"shape": list(shape), "sha256": digest.hexdigest()}
 

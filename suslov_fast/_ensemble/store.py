@@ -21,7 +21,6 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -52,13 +51,7 @@ def resolved(store: Any) -> Any:
 
     Raises ImportError if a library that stores need is not installed.
     """
-    try:
-        for library in ("dask.array", "filelock", "xarray", "zarr"):
-            import_module(library)
-    except ImportError as error:
-        raise ImportError(
-            "ensemble needs dask, filelock, xarray and zarr: pip install 'suslov_fast[large]'"
-        ) from error
+    labelled.import_xarray("dask.array", "filelock", "zarr", extra="large")
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs
 

@@ -13,7 +13,6 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -72,12 +71,7 @@ def _suffix_of(path: PathLike) -> str:
     if suffix not in _LIBRARIES or name.endswith(("/", os.sep)):
         raise wrong("path", f"a name that ends in {', '.join(_LIBRARIES)}", repr(name))
     if library := _LIBRARIES[suffix]:
-        labelled.import_xarray()
-        try:
-            import_module(library)
-        except ImportError as error:
-            install = "none: pip install 'suslov_fast[xarray]'"
-            raise wrong(suffix, library, install, ImportError) from error
+        labelled.import_xarray(library)
     return suffix
 
 

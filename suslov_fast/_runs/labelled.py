@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,13 +21,15 @@ if TYPE_CHECKING:
 _TAKEN = ("n", "time", "component", "space", "body", "flat")
 
 
-def import_xarray() -> Any:
-    """Return the module xarray, or raise an ImportError with the command to install it."""
-    try:
-        import xarray
-    except ImportError as error:
-        raise ImportError("expected xarray, got none: pip install 'suslov_fast[xarray]'") from error
-    return xarray
+def import_xarray(*others: str, extra: str = "xarray") -> Any:
+    """Return the module xarray; ImportError with the command if it or others are not installed."""
+    for name in ("xarray", *others):
+        try:
+            import_module(name)
+        except ImportError as error:
+            install = f"pip install 'suslov_fast[{extra}]'"
+            raise ImportError(f"expected {name}, got none: {install}") from error
+    return import_module("xarray")
 
 
 def dataset_of(

@@ -33,22 +33,15 @@ HEADER = "format", "version", "map", "method", "steps", "save_every"
 
 
 class Entry(NamedTuple):
-    """An array of a run.
+    """An array of a run."""
 
-    Attributes
-    ----------
-    dims
-        Its axes, symbolic, or numbers: fixed lengths.
-    varying
-        True for parameters, of any shape that broadcasts to the batch.
-    optional
-        True if the entry may be absent.
-    """
-
+    # Symbolic axes, and fixed lengths.
     dims: tuple[str | int, ...]
     dtype: str = "float64"
     meaning: str = ""
+    # True for parameters, of any shape that broadcasts to the batch.
     varying: bool = False
+    # True if it may be absent.
     optional: bool = False
 
     def axes(self, batch: tuple[Any, ...], own: Mapping[Any, Any]) -> tuple[Any, ...]:
@@ -96,8 +89,8 @@ def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entr
     from .. import __version__
 
     values = (FORMAT, __version__, map.name, method, steps, save_every)
-    header = dict(zip(HEADER, values, strict=True))
-    return {name: np.asarray(value) for name, value in header.items() if value is not None}
+    header = zip(HEADER, values, strict=True)
+    return {name: np.asarray(value) for name, value in header if value is not None}
 
 
 def entries_of(run: Mapping[str, Any]) -> Entries:

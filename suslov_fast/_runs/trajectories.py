@@ -399,19 +399,13 @@ class Trajectories:
         return f"<table><caption>Trajectories</caption>{''.join(cells)}</table>"
 
     def _rows(self) -> list[tuple[str, object]]:
-        failed = np.count_nonzero(self.status < 0)
+        failed, n = np.count_nonzero(self.status < 0), self.n
         return [
             ("omega", self.omega.shape),
-            ("n", _first_and_last(self.n)),
+            ("n", f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))),
             ("eps", _range(self.eps)),
             ("failed", f"{failed} of {self.status.size}"),
         ]
-
-
-def _first_and_last(n: NDArray[np.int64]) -> str:
-    if n.size <= 2:
-        return ", ".join(map(str, n))
-    return f"{n[0]}, {n[1]} ... {n[-1]}"
 
 
 def _range(eps: float | FloatArray) -> str:

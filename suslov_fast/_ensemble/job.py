@@ -154,9 +154,8 @@ class Job:
 def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
     """Return a job with the chunk sizes of `chunk`, by default chunks of 16 MiB."""
     expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *job.dims))
-    D, size, saved = job.body.dimension, math.prod(job.batch), 1
-    if job.every is not None:
-        saved = job.steps // job.every + 1
+    D, size = job.body.dimension, math.prod(job.batch)
+    saved = 1 if job.every is None else job.steps // job.every + 1
     state_bytes = 8 * (D + (0 if job.orientation is None else (D + 1) ** 2))
     sizes: dict[str, int] = {}
     if isinstance(chunk, Mapping):

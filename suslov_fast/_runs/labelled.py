@@ -41,14 +41,12 @@ def dataset_of(
     xarray = import_xarray()
     header = read_header(entries)
     map = map_named(header["map"])
-    schema = {
-        name: entry
-        for name, entry in schema_of(map).items()
-        if name in entries and not name.startswith(RESUME)
-    }
+    schema = schema_of(map)
     batch = _names_of(dims, entries, schema)
     variables = {
-        name: _variable(name, entries[name], entry, batch) for name, entry in schema.items()
+        name: _variable(name, entries[name], schema[name], batch)
+        for name in schema
+        if name in entries and not name.startswith(RESUME)
     }
     # Strings of variable length: Zarr format 3 has none of fixed length.
     labels = np.array(map.components(body_of(map, entries)), dtype=object)
@@ -114,7 +112,7 @@ def _names_of(
 ) -> tuple[str, ...]:
     """Return names for the axes of a batch; a parameter may name its only varying axis."""
     batch = entries["status"].shape
-    parameters = {name for name, entry in schema.items() if entry.varying}
+    parameters = {name for name, entry in schema.items() if entry.varying and name in entries}
     names = batch_names(dims, len(batch), set(entries) - parameters)
     for axis, name in enumerate(names):
         if name in parameters:

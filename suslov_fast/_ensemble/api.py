@@ -140,7 +140,7 @@ def ensemble(
     if orientation is not None:
         shapes["attitude"] = orientation.shape[:-2]
     batch = common_shape(shapes)
-    steps = integer("steps", steps, 0, "an integer of at least 0")
+    steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     if compression is not None:

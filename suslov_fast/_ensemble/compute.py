@@ -67,12 +67,14 @@ def pieces(
         # With the closed form steps are free, and one piece soon contains them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         most, resume = int(speed * _DURATION), results.resume
-        for name in job.reductions if len(results.omega) else ():
-            begun = omega0.reshape(*shape, D)
-            values = REDUCTIONS[name].reduce(job.body, job.eps, results.omega, begun)
-            if name in reduced:
-                values = REDUCTIONS[name].combine(reduced[name], values)
-            reduced = {**reduced, name: values}
+        if len(results.omega):
+            before, first = reduced, omega0.reshape(*shape, D)
+            reduced = {
+                name: REDUCTIONS[name].reduce(job.body, job.eps, results.omega, first)
+                for name in job.reductions
+            }
+            for name in before:
+                reduced[name] = REDUCTIONS[name].combine(before[name], reduced[name])
         yield run, results, reduced
         del results  # the next piece takes the same memory
         start = stop
@@ -175,13 +177,11 @@ def run(job: Job, arrays: Arrays, tiles: Sequence[int], report: Report, stop: Ev
         for piece in pieces(job.part(tile), tile, job.starts(tile), arrays, None)
     )
     with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
-        writing: Future[None] | None = None
+        writing: Future[Any] = writer.submit(int)  # nothing to wait for
         for tile, piece in work:
-            if writing is not None:
-                writing.result()
+            writing.result()
             writing = writer.submit(keep, tile, piece)
             del piece
             if stop.is_set():
                 break
-        if writing is not None:
-            writing.result()
+        writing.result()

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, integer
-from .._engine.run import numbers_of_saved
+from .._checks import FloatArray, integer, wrong
+from .._engine.run import alike, numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
 from .reductions import REDUCTIONS
@@ -28,23 +28,13 @@ _FEWEST, _ENOUGH = 64, 2**14
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run and its store; arguments as in `ensemble`, checked.
-
-    Attributes
-    ----------
-    source
-        Initial states of the batch; None if a worker receives those of its tile separately.
-    orientation
-        Orientations at step 0, which broadcast to the batch, or None.
-    tile
-        Number of trajectories of a tile along each axis of the batch.
-    rows
-        Number of saved states in a chunk.
-    """
+    """A run and its store; arguments as in `ensemble`, checked."""
 
     body: Any
     eps: FloatArray
+    # Initial states of the batch; None if a worker receives those of its tile separately.
     source: Source | None
+    # Orientations at step 0, which broadcast to the batch.
     orientation: FloatArray | None
     batch: tuple[int, ...]
     steps: int
@@ -52,7 +42,9 @@ class Job:
     method: str
     reductions: tuple[str, ...]
     dims: tuple[str, ...]
+    # Number of trajectories of a tile along each axis of the batch.
     tile: tuple[int, ...]
+    # Number of saved states in a chunk.
     rows: int
     store: Any
     compression: str | None
@@ -109,12 +101,9 @@ class Job:
 
     def where(self, tile: int) -> Slices:
         """Return the part of the batch in a tile."""
-        return tuple(
-            slice(int(k) * part, min((int(k) + 1) * part, length))
-            for k, part, length in zip(
-                np.unravel_index(tile, self.grid), self.tile, self.batch, strict=True
-            )
-        )
+        starts = np.multiply(np.unravel_index(tile, self.grid), self.tile).tolist()
+        axes = zip(starts, self.tile, self.batch, strict=True)
+        return tuple(slice(k, min(k + part, length)) for k, part, length in axes)
 
     def shape(self, tile: int) -> tuple[int, ...]:
         """Return the shape of that part."""
@@ -128,20 +117,14 @@ class Job:
 
     def part(self, tile: int) -> Job:
         """Return the job with the parameters of one tile."""
-        where = self.where(tile)
+        where, own = self.where(tile), self.body._own_axes
 
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
             return array[own_part(array.shape[: array.ndim - own], where)]
 
-        parameters = {
-            name: cut(value, self.body._own_axes) for name, value in self.parameters.items()
-        }
-        return replace(
-            self,
-            body=type(self.body)(**parameters),
-            eps=cut(self.eps),
-            orientation=None if self.orientation is None else cut(self.orientation, 2),
-        )
+        body = type(self.body)(**{name: cut(each, own) for name, each in self.parameters.items()})
+        orientation = None if self.orientation is None else cut(self.orientation, 2)
+        return replace(self, body=body, eps=cut(self.eps), orientation=orientation)
 
     @property
     def parameters(self) -> dict[str, FloatArray]:
@@ -171,15 +154,14 @@ class Job:
 def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
     """Return a job with the chunk sizes of `chunk`, by default chunks of 16 MiB."""
     expected = "a number of trajectories, or sizes along some of " + ", ".join(("n", *job.dims))
-    D, size, saved = job.body.dimension, math.prod(job.batch), 1
-    if job.every is not None:
-        saved = job.steps // job.every + 1
+    D, size = job.body.dimension, math.prod(job.batch)
+    saved = 1 if job.every is None else job.steps // job.every + 1
     state_bytes = 8 * (D + (0 if job.orientation is None else (D + 1) ** 2))
     sizes: dict[str, int] = {}
     if isinstance(chunk, Mapping):
         sizes = {name: integer("chunk", each, 1, expected) for name, each in chunk.items()}
         if unknown := [str(name) for name in sizes if name not in ("n", *job.dims)]:
-            raise ValueError(f"chunk: expected {expected}, got {', '.join(unknown)}")
+            raise wrong("chunk", expected, ", ".join(unknown))
         count = size
     elif chunk is None:
         fit = min(max(_BYTES // (state_bytes * saved), _ENOUGH), _BYTES // state_bytes)
@@ -190,15 +172,11 @@ def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
     tile: tuple[int, ...] = ()
     for name, length in zip(reversed(job.dims), reversed(job.batch), strict=True):
         part = max(1, min(sizes.get(name, count), length))
-        tile = (_alike(length, part) if chunk is None else part, *tile)
+        # Parts of about equal size: a small part takes as much space as others.
+        tile = (alike(length, part, 1) if chunk is None and length else part, *tile)
         count = count if sizes else count // part
     fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
-    return replace(job, tile=tile, rows=sizes.get("n") or _alike(saved, fit))
-
-
-def _alike(length: int, most: int) -> int:
-    """Return the size of parts of about equal size: a small part takes as much space as others."""
-    return -(-length // -(-length // most)) if length else 1
+    return replace(job, tile=tile, rows=sizes.get("n") or alike(saved, fit, 1))
 
 
 def step_work(dimension: int) -> float:
@@ -214,10 +192,8 @@ def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -
         if stored.get(name) != asked[name]
     ]
     if differing:
-        raise ValueError(
-            f"store: expected a new store or that of this run, got {store} of another run, "
-            f"with {'; '.join(differing)}"
-        )
+        received = f"{store} of another run, with {'; '.join(differing)}"
+        raise wrong("store", "a new store or that of this run", received)
 
 
 def _short(value: Any) -> str:

@@ -8,23 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
-from .._checks import FloatArray
+from .._checks import FloatArray, wrong
 from .._states.conserved import energy, first_integral, modified_energy
 
 
 class Reduction(NamedTuple):
-    """One number, or one for each component, of each trajectory.
-
-    Attributes
-    ----------
-    reduce
-        Function of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
-    combine
-        Function of the values of two ranges of steps that returns the value of both together.
-    """
+    """One number, or one for each component, of each trajectory."""
 
     meaning: str
+    # Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
     reduce: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
+    # Of the values of two ranges of steps, to the value of both together.
     combine: Callable[[FloatArray, FloatArray], FloatArray]
     of_components: bool = False
 
@@ -62,9 +56,9 @@ def checked(body: Any, names: Any) -> tuple[str, ...]:
         return ()
     expected = f"names among {', '.join(REDUCTIONS)}"
     if isinstance(names, str) or not isinstance(names, Sequence):
-        raise TypeError(f"reductions: expected a list of {expected}, got {names!r}")
+        raise wrong("reductions", f"a list of {expected}", repr(names), TypeError)
     if not names or any(name not in REDUCTIONS for name in names):
-        raise ValueError(f"reductions: expected {expected}, got {names!r}")
+        raise wrong("reductions", expected, repr(names))
     for name in names:
         state = np.zeros(body.dimension)
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import math
 import os
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import FloatArray, integer, real_array, vectors
+from .._checks import FloatArray, integer, real_array, vectors, wrong
 
 Slices = tuple[slice, ...]
 
@@ -53,18 +52,17 @@ class RandomStarts:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        expected = "an integer of at least 0"
         size = self.size
         if isinstance(size, (tuple, list)):
-            size = tuple(integer("size", each, 0, expected) for each in size)
+            size = tuple(integer("size", each, 0) for each in size)
         else:
-            size = integer("size", size, 0, expected)
+            size = integer("size", size, 0)
         extent = real_array("extent", self.extent)
         if extent.ndim or not extent > 0:
-            raise ValueError(f"extent: expected a positive number, got {self.extent!r}")
+            raise wrong("extent", "a positive number", repr(self.extent))
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "extent", float(extent))
-        object.__setattr__(self, "seed", integer("seed", self.seed, 0, expected))
+        object.__setattr__(self, "seed", integer("seed", self.seed, 0))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -75,9 +73,8 @@ class RandomStarts:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
         # One value of the counter gives four 64-bit words.
         first, skipped = divmod(start * dimension, 4)
-        words = np.random.Philox(key=self.seed, counter=first).random_raw(
-            skipped + count * dimension
-        )
+        generator = np.random.Philox(key=self.seed, counter=first)
+        words = generator.random_raw(skipped + count * dimension)
         unit = (words[skipped:] >> np.uint64(11)) * 2.0**-53
         states: FloatArray = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
         return states.reshape(count, dimension)
@@ -86,15 +83,11 @@ class RandomStarts:
         """Return the states (..., D) of a part of the batch."""
         if not where:
             return self.states(1, 0, dimension).reshape(dimension)
-        *leading, last = where
-        axes = [range(each.start, each.stop) for each in leading]
-        count = last.stop - last.start
-        states = np.empty((*map(len, axes), count, dimension))
-        rows = states.reshape(-1, count, dimension)
-        for row, index in zip(rows, itertools.product(*axes), strict=True):
-            row[:] = self.states(
-                count, int(np.ravel_multi_index((*index, last.start), self.shape)), dimension
-            )
+        states = np.empty((*(each.stop - each.start for each in where), dimension))
+        first = [each.start for each in where]
+        for index in np.ndindex(states.shape[:-2]):
+            start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))
+            states[index] = self.states(states.shape[-2], start, dimension)
         return states
 
     def identity(self) -> Any:
@@ -124,8 +117,8 @@ class Kept:
         """Return the digest of all states, which are read once."""
         digest, shape = hashlib.sha256(), self.shape
         step = max(1, _TOGETHER // max(math.prod(shape[1:]), 1))
-        for k in range(0, shape[0], step) if shape else (None,):
-            where = () if k is None else (slice(k, min(k + step, shape[0])),)
+        parts = [(slice(k, k + step),) for k in range(0, shape[0], step)] if shape else [()]
+        for where in parts:
             digest.update(np.ascontiguousarray(self.part(where, self.array.shape[-1])).data)
         return {"shape": list(shape), "sha256": digest.hexdigest()}
 
@@ -140,14 +133,14 @@ def source_of(omega0: Any, dimension: int) -> Source:
     if isinstance(omega0, (str, os.PathLike)):
         path = os.fspath(omega0)
         if not path.endswith(".npy"):
-            raise ValueError(f"omega0: expected the name of a .npy file, got {omega0!r}")
+            raise wrong("omega0", "the name of a .npy file", repr(omega0))
         omega0 = np.load(path, mmap_mode="r", allow_pickle=False)
     elif hasattr(omega0, "dask"):
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
     else:
         return Kept(vectors("omega0", omega0, dimension, allow_nan=True).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
-        raise ValueError(f"omega0: expected shape (..., {dimension}), got {omega0.shape}")
+        raise wrong("omega0", f"shape (..., {dimension})", omega0.shape)
     return Kept(omega0)
 
 

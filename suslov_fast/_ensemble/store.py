@@ -25,12 +25,13 @@ from typing import Any
 
 import numpy as np
 
+from .._checks import wrong
 from .._engine.run import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._maps.registry import map_named
 from .._runs import labelled
 from .._runs.codecs import refuse_codecs
-from .._runs.schema import header_of
+from .._runs.schema import header_of, schema_of
 from .job import Job, require_same
 from .reductions import REDUCTIONS
 
@@ -50,15 +51,7 @@ def resolved(store: Any) -> Any:
 
     Raises ImportError if a library that stores need is not installed.
     """
-    try:
-        import dask.array  # noqa: F401
-        import filelock  # noqa: F401
-        import xarray  # noqa: F401
-        import zarr  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "ensemble needs dask, filelock, xarray and zarr: pip install 'suslov_fast[large]'"
-        ) from error
+    labelled.import_xarray("dask.array", "filelock", "zarr", extra="large")
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs
 
@@ -82,16 +75,13 @@ def only_writer(store: Any) -> Iterator[None]:
         return
     from filelock import FileLock, Timeout
 
-    lock = FileLock(f"{os.path.realpath(store)}.lock")
     try:
-        lock.acquire(blocking=False)
+        locked = FileLock(f"{os.path.realpath(store)}.lock").acquire(blocking=False)
     except Timeout:
         message = "expected a store without another writer, got one in use"
         raise BlockingIOError(errno.EAGAIN, message, store) from None
-    try:
+    with locked:
         yield
-    finally:
-        lock.release()
 
 
 def _group(store: Any, mode: Any = "r") -> Any:
@@ -110,10 +100,8 @@ def _notes(group: Any, store: Any) -> dict[str, Any]:
     notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
     if notes.get("layout") != _LAYOUT:
         source = group.attrs.get("source", "") if "run" in notes else ""
-        raise ValueError(
-            "store: expected a new name or a store written by ensemble of this version, "
-            f"got another{f', of {source}' if source else ''}: {store}"
-        )
+        received = f"another{f', of {source}' if source else ''}: {store}"
+        raise wrong("store", "a new name or a store written by ensemble of this version", received)
     return notes
 
 
@@ -153,9 +141,7 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
     require_same(identity, json.loads(notes["run"]), store)
     stored = int(group.attrs.get("steps", -1))
     if stored > job.steps:
-        raise ValueError(
-            f"steps: expected at least the {stored} of the run in {store}, got {job.steps}"
-        )
+        raise wrong("steps", f"at least the {stored} of the run in {store}", job.steps)
     job = replace(job, tile=tuple(notes["tile"]), rows=int(notes["rows"]))
     with advice(store):
         whole = zarr.open_group(store, mode="r").metadata.consolidated_metadata is not None
@@ -232,24 +218,21 @@ def _array(group: Any, name: str) -> Any:
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with placeholders without memory for results."""
     batch, D = job.batch, job.body.dimension
-    entries: dict[str, Any] = {
-        **header_of(job.map, job.method, job.steps, job.save_every),
-        "eps": job.eps,
-        **job.parameters,
-        "final": _nothing(*batch, D),
-        "status": _nothing(*batch, dtype="int8"),
-        "failed_at": _nothing(*batch, dtype="int64"),
-    }
+    entries = header_of(job.map, job.method, job.steps, job.save_every)
+    entries |= {"eps": job.eps, **job.parameters}
     if job.keeps_states:
-        rows = len(job.numbers)
-        entries |= {"n": job.numbers, "omega": _nothing(rows, *batch, D)}
-        if job.orientation is not None:
-            entries["attitude"] = _nothing(rows, *batch, D + 1, D + 1)
+        entries["n"] = job.numbers
+    sizes = {"n": len(job.numbers), "component": D, "space": D + 1, "body": D + 1}
+    for name, entry in schema_of(job.map).items():
+        if name in (*job.states, *job.ends):
+            shape = entry.axes(batch, sizes)
+            entries[name] = np.broadcast_to(np.zeros((), entry.dtype), shape)
     dataset = labelled.dataset_of(entries, job.dims, coords)
     for name in job.reductions:
         meaning, *_, of_components = REDUCTIONS[name]
         own = {"component": D} if of_components else {}
-        dataset[name] = ((*job.dims, *own), _nothing(*batch, *own.values()), {"long_name": meaning})
+        nothing = np.broadcast_to(0.0, (*batch, *own.values()))
+        dataset[name] = ((*job.dims, *own), nothing, {"long_name": meaning})
     status = dataset["status"].attrs
     status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
     status["flag_meanings"] += " PENDING"
@@ -257,10 +240,6 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         if variable.dtype.kind == "U":  # Zarr 3 has only strings of variable length
             dataset[name] = variable.astype(object)
     return dataset
-
-
-def _nothing(*shape: int, dtype: str = "float64") -> Any:
-    return np.broadcast_to(np.zeros((), dtype), shape)
 
 
 def open_arrays(job: Job) -> Arrays:
@@ -291,10 +270,11 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
 
     group = _group(store)
     if group is None and _stranger(store):
-        raise ValueError(f"store: expected a store written by ensemble, got another one: {store}")
+        raise wrong("store", "a store written by ensemble", f"another one: {store}")
     notes = {} if group is None else _notes(group, store)
     if group is None or "steps" not in group.attrs:
-        raise FileNotFoundError(f"store: expected a store written by ensemble, got none at {store}")
+        received = f"none at {store}"
+        raise wrong("store", "a store written by ensemble", received, FileNotFoundError)
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
         refuse_codecs(store)
@@ -325,7 +305,5 @@ def advice(store: Any) -> Iterator[None]:
     try:
         yield
     except (ValueError, RuntimeError, KeyError) as error:
-        raise ValueError(
-            f"store: expected an undamaged store, got {store}: {error}; "
-            "ensemble with verify=True repairs it"
-        ) from error
+        received = f"{store}: {error}; ensemble with verify=True repairs it"
+        raise wrong("store", "an undamaged store", received) from error

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from itertools import islice
 from threading import Event
@@ -21,20 +21,20 @@ _RETRIES = 2
 _WAITING = 2
 
 
-@contextmanager
-def client_of(scheduler: Any) -> Iterator[Any]:
-    """Yield a Dask client, passed as such or by the address of its scheduler; None for None."""
+def client_of(scheduler: Any) -> AbstractContextManager[Any]:
+    """Return the context of a client, passed as such or by the address of its scheduler, or None.
+
+    It closes only clients made here.
+    """
     if scheduler is None:
-        yield None
-        return
+        return nullcontext()
     from distributed import Client
 
     instance("scheduler", scheduler, (Client, str))
     if isinstance(scheduler, Client):
-        yield scheduler
-    else:
-        with Client(scheduler, set_as_default=False) as client:
-            yield client
+        return nullcontext(scheduler)
+    made: AbstractContextManager[Any] = Client(scheduler, set_as_default=False)
+    return made
 
 
 def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event) -> None:

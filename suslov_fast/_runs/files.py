@@ -13,12 +13,12 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
+from .._checks import wrong
 from . import labelled
 from .codecs import refuse_codecs
 from .replacing import replacing
@@ -66,20 +66,12 @@ def _suffix_of(path: PathLike) -> str:
     """Return the suffix of a file name, after a check that its library is installed."""
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str):
-        raise TypeError(f"path: expected a string or a path, got {type(path).__name__}")
+        raise wrong("path", "a string or a path", type(path).__name__, TypeError)
     suffix = Path(name).suffix.lower()
     if suffix not in _LIBRARIES or name.endswith(("/", os.sep)):
-        raise ValueError(
-            f"path: expected a name that ends in {', '.join(_LIBRARIES)}, got {name!r}"
-        )
+        raise wrong("path", f"a name that ends in {', '.join(_LIBRARIES)}", repr(name))
     if library := _LIBRARIES[suffix]:
-        labelled.import_xarray()
-        try:
-            import_module(library)
-        except ImportError as error:
-            raise ImportError(
-                f"{suffix}: expected {library}, got none: pip install 'suslov_fast[xarray]'"
-            ) from error
+        labelled.import_xarray(library)
     return suffix
 
 
@@ -90,15 +82,12 @@ def _write(new: Path, entries: Entries, suffix: str) -> None:
         return
     dataset = labelled.with_time(labelled.dataset_of(entries))
     dataset.attrs["crc32"] = _checksum(entries)  # these formats need not have one
-    resume = labelled.import_xarray().Dataset(
-        {
-            name.removeprefix(RESUME): ([f"{name[len(RESUME) :]}_{k}" for k in range(a.ndim)], a)
-            for name, a in entries.items()
-            if name.startswith(RESUME)
-        }
-    )
-    for variable in resume.variables.values():
-        variable.encoding["_FillValue"] = None
+    resume = labelled.import_xarray().Dataset()
+    for name, array in entries.items():
+        if name.startswith(RESUME):
+            name = name.removeprefix(RESUME)
+            resume[name] = ([f"{name}_{k}" for k in range(array.ndim)], array)
+            resume[name].encoding["_FillValue"] = None
     if suffix == ".zarr":
         # Zarr format 2, which all readers support and which has consolidated metadata.
         options = {"mode": "a", "zarr_format": 2, "consolidated": True}
@@ -129,9 +118,7 @@ def _read_npz(path: PathLike) -> Entries:
         return {name: _array_of(archive, name) for name in shapes}
 
 
-def _shape_of(
-    archive: zipfile.ZipFile, info: zipfile.ZipInfo
-) -> tuple[tuple[int, ...], np.dtype[Any]]:
+def _shape_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[Any, np.dtype[Any]]:
     """Return the shape and the dtype of an array without decoding it, after a check of its size."""
     form = np.lib.format
     with archive.open(info) as file:
@@ -173,7 +160,6 @@ def _read_dataset(path: PathLike, suffix: str) -> Entries:
 
 
 def _checksum(entries: Entries) -> int:
-    """Return a checksum of the entries."""
     total = 0
     for name, array in sorted(entries.items()):
         plain = array.dtype.kind not in "iuf"

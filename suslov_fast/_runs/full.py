@@ -14,8 +14,7 @@ from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
 from .._maps.registry import map_of
-from .iterate import finish
-from .trajectories import OnSingular, Trajectories, report
+from .trajectories import OnSingular, Trajectories, finish, report
 
 
 @filled
@@ -129,7 +128,7 @@ def iterate_full(
     """
     run = _checked(body, "omega0", omega0, eps, I3)
     run.steps, run.save_every, run.threads, run.progress = steps, save_every, threads, progress
-    return finish(run, out, on_singular)
+    return finish(run, on_singular, out)
 
 
 def _checked(

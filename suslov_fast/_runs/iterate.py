@@ -7,15 +7,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, integer, one_of
+from .._checks import FloatArray, one_of
 from .._docs import filled
 from .._engine.arguments import Body, check
-from .._engine.layout import checked_out, flat_matrices, flat_vectors, own_parameter, own_states
-from .._engine.progress import Progress, check_progress
+from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
+from .._engine.progress import Progress
 from .._engine.run import Run, execute
 from .._engine.threads import thread_count
 from .._maps.registry import map_of
-from .trajectories import OnSingular, Trajectories, report
+from .trajectories import OnSingular, Trajectories, finish, report
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
@@ -151,20 +151,4 @@ def iterate(
     run = Run(map, body, batch, states, own_eps, steps, save_every, method)
     run.orientation = flat_matrices(arrays[2], batch) if len(arrays) > 2 else None
     run.threads, run.progress = threads, progress
-    return finish(run, out, on_singular)
-
-
-def finish(run: Run, out: FloatArray | None, on_singular: OnSingular) -> Trajectories:
-    """Check the other arguments of `iterate`, compute the run, and warn the caller's caller."""
-    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
-    run.steps = integer("steps", run.steps, 0)
-    if run.save_every is not None:
-        expected = "None or an integer of at least 1"
-        run.save_every = integer("save_every", run.save_every, 1, expected)
-    run.threads = thread_count(run.threads)
-    check_progress(run.progress)
-    if out is not None:
-        out = checked_out(out, run.shape)
-    results = execute(run, out)
-    report(run, results, on_singular, 0, stacklevel=3)
-    return Trajectories.of(run, results)
+    return finish(run, on_singular, out)

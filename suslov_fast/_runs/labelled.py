@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._checks import wrong
 from .._engine.status import Status
 from .._maps.registry import map_named
 from .schema import HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
@@ -19,13 +21,15 @@ if TYPE_CHECKING:
 _TAKEN = ("n", "time", "component", "space", "body", "flat")
 
 
-def import_xarray() -> Any:
-    """Return the module xarray, or raise an ImportError with the command to install it."""
-    try:
-        import xarray
-    except ImportError as error:
-        raise ImportError("expected xarray, got none: pip install 'suslov_fast[xarray]'") from error
-    return xarray
+def import_xarray(*others: str, extra: str = "xarray") -> Any:
+    """Return the module xarray; ImportError with the command if it or others are not installed."""
+    for name in ("xarray", *others):
+        try:
+            import_module(name)
+        except ImportError as error:
+            install = f"pip install 'suslov_fast[{extra}]'"
+            raise ImportError(f"expected {name}, got none: {install}") from error
+    return import_module("xarray")
 
 
 def dataset_of(
@@ -37,15 +41,15 @@ def dataset_of(
     xarray = import_xarray()
     header = read_header(entries)
     map = map_named(header["map"])
-    schema = {name: entry for name, entry in schema_of(map).items() if name in entries}
+    schema = schema_of(map)
     batch = _names_of(dims, entries, schema)
     variables = {
-        name: _variable(name, entries[name], entry, batch)
-        for name, entry in schema.items()
-        if not name.startswith(RESUME)
+        name: _variable(name, entries[name], schema[name], batch)
+        for name in schema
+        if name in entries and not name.startswith(RESUME)
     }
     # Strings of variable length: Zarr format 3 has none of fixed length.
-    labels = np.array(map.components(body_of(entries)), dtype=object)
+    labels = np.array(map.components(body_of(map, entries)), dtype=object)
     dataset = xarray.Dataset(
         variables,
         coords={"component": ("component", labels, {"long_name": "component of angular velocity"})},
@@ -94,14 +98,12 @@ def batch_names(
         return ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
     names = (dims,) if isinstance(dims, str) else tuple(dims)
     if not all(isinstance(name, str) for name in names):
-        raise TypeError(f"dims: expected names, got {dims!r}")
+        raise wrong("dims", "names", repr(dims), TypeError)
     clashing = sorted({*_TAKEN, *HEADER, *taken} & set(names))
     if len(names) != axes or len(set(names)) != axes or clashing:
         but = f", of which {', '.join(clashing)} is taken" if clashing else ""
-        raise ValueError(
-            f"dims: expected a distinct name for each of the {axes} axes of the batch, "
-            f"got {dims!r}{but}"
-        )
+        expected = f"a distinct name for each of the {axes} axes of the batch"
+        raise wrong("dims", expected, f"{dims!r}{but}")
     return names
 
 
@@ -110,17 +112,16 @@ def _names_of(
 ) -> tuple[str, ...]:
     """Return names for the axes of a batch; a parameter may name its only varying axis."""
     batch = entries["status"].shape
-    parameters = {name for name, entry in schema.items() if entry.varying}
+    parameters = {name for name, entry in schema.items() if entry.varying and name in entries}
     names = batch_names(dims, len(batch), set(entries) - parameters)
     for axis, name in enumerate(names):
         if name in parameters:
             shape = entries[name].shape
             alone = tuple(length if k == axis else 1 for k, length in enumerate(batch))
             if (1,) * (len(batch) - len(shape)) + shape != alone:
-                raise ValueError(
-                    f"dims: expected {name} for an axis along which it varies, and along no "
-                    f"other, got {name} of shape {shape} in a batch of shape {batch}"
-                )
+                expected = f"{name} for an axis along which it varies, and along no other"
+                received = f"{name} of shape {shape} in a batch of shape {batch}"
+                raise wrong("dims", expected, received)
     return names
 
 
@@ -128,37 +129,28 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
     if coords is None:
         return dataset
     if not isinstance(coords, Mapping):
-        raise TypeError(
-            f"coords: expected a mapping of names to values, got {type(coords).__name__}"
-        )
-    taken = [str(name) for name in coords if name in dataset.variables or name in _TAKEN]
-    if taken:
-        raise ValueError(f"coords: expected names not in use, got {', '.join(taken)}")
+        raise wrong("coords", "a mapping of names to values", type(coords).__name__, TypeError)
+    if taken := [str(name) for name in coords if name in {*dataset.variables, *_TAKEN}]:
+        raise wrong("coords", "names not in use", ", ".join(taken))
     try:
         labelled = dataset.assign_coords(coords)
     except ValueError as error:
         raise ValueError(f"coords: {error}") from error
-    added = [str(name) for name in labelled.sizes if name not in dataset.sizes]
-    if added:
-        raise ValueError(
-            f"coords: expected values along {', '.join(map(str, dataset.sizes))}, "
-            f"got new dimensions {', '.join(added)}"
-        )
+    if added := [str(name) for name in labelled.sizes if name not in dataset.sizes]:
+        along = ", ".join(map(str, dataset.sizes))
+        raise wrong("coords", f"values along {along}", f"new dimensions {', '.join(added)}")
     return labelled
 
 
 def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
     """Return the entries of the run in a dataset."""
     if not isinstance(dataset, import_xarray().Dataset):
-        raise TypeError(f"dataset: expected an xarray.Dataset, got {type(dataset).__name__}")
+        raise wrong("dataset", "an xarray.Dataset", type(dataset).__name__, TypeError)
     header = read_header(dataset.attrs)
     schema = schema_of(map_named(header["map"]))
-    missing = [n for n, e in schema.items() if not e.optional and n not in dataset.variables]
-    if missing:
-        raise ValueError(
-            f"dataset: expected one from Trajectories.to_xarray, got one without "
-            f"{', '.join(missing)}"
-        )
+    if missing := [n for n, e in schema.items() if not e.optional and n not in dataset.variables]:
+        received = f"one without {', '.join(missing)}"
+        raise wrong("dataset", "one from Trajectories.to_xarray", received)
     entries = {name: np.asarray(value) for name, value in header.items()}
     batch = tuple(map(str, dataset["status"].dims))
     for name, entry in schema.items():
@@ -169,10 +161,8 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
             continue
         variable, order = dataset[name], entry.axes(batch, {})
         if set(variable.dims) != set(order):
-            raise ValueError(
-                f"dataset: expected {name} along {', '.join(order) or 'nothing'}, "
-                f"got it along {', '.join(map(str, variable.dims)) or 'nothing'}"
-            )
+            received = f"it along {', '.join(map(str, variable.dims)) or 'nothing'}"
+            raise wrong("dataset", f"{name} along {', '.join(order) or 'nothing'}", received)
         entries[name] = variable.transpose(*order).values
     return entries
 
@@ -182,14 +172,12 @@ def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDA
     variable = dataset[name]
     own = tuple(dim for dim in variable.dims if dim == "component")
     along = [dim for dim in variable.dims if dim not in own]
-    strangers = [str(dim) for dim in along if dim not in batch]
-    if strangers:
-        raise ValueError(f"dataset: expected {name} along the batch, got {', '.join(strangers)}")
+    if strangers := [str(dim) for dim in along if dim not in batch]:
+        raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))
     # A selected part of a batch may lack axes.
     fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
     axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
     names = batch[len(batch) - axes :]
     order = [*(dim for dim in names if dim in along), *own]
-    shape = [*(dataset.sizes[dim] if dim in along else 1 for dim in names)]
-    shape += [dataset.sizes[dim] for dim in own]
+    shape = [dataset.sizes[dim] if dim in order else 1 for dim in (*names, *own)]
     return np.asarray(variable.transpose(*order).values.reshape(shape))

@@ -1,31 +1,22 @@
 """Entries of files, datasets and stores of runs.
 
 A run consists of a header (numbers and strings) and arrays. `schema_of` lists the arrays of runs of
-a map, each as an `Entry` with symbolic axes:
-
-========= ==========================================
-"n"       saved states
-"batch"   all axes of the batch
-"flat"    trajectories, the batch in C order
-component components of a state
-"space"   axes of space, one more than components
-"body"    axes of the body, one more than components
-========= ==========================================
-
-`entries_of` and `run_of` convert a run to entries and back; `check` raises an error for
-wrong shapes and dtypes before arrays are decoded. The names of arrays needed to resume a run begin
-with `RESUME`; datasets omit them.
+a map, each as an `Entry` with symbolic axes: "n" (saved states), "batch" (all axes of the batch),
+"flat" (trajectories, the batch in C order), "component" (components of a state), "space" and "body"
+(axes of space and of the body, one more than components). The names of arrays needed to resume a
+run begin with `RESUME`; datasets omit them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._checks import wrong
 from .._engine.run import numbers_of_saved
 from .._maps.record import ENDS, Map
 from .._maps.registry import map_named
@@ -37,33 +28,20 @@ Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 FORMAT = 3
 RESUME = "resume/"
 # Entries of one number or one string; the last is absent if only the last state is saved.
-HEADER: dict[str, Callable[[Any], Any]] = {
-    "format": int,
-    "version": str,
-    "map": str,
-    "method": str,
-    "steps": int,
-    "save_every": int,
-}
+_KINDS = int, str, str, str, int, int
+HEADER = "format", "version", "map", "method", "steps", "save_every"
 
 
 class Entry(NamedTuple):
-    """An array of a run.
+    """An array of a run."""
 
-    Attributes
-    ----------
-    dims
-        Its axes, symbolic, or numbers: fixed lengths.
-    varying
-        True for parameters, of any shape that broadcasts to the batch.
-    optional
-        True if the entry may be absent.
-    """
-
+    # Symbolic axes, and fixed lengths.
     dims: tuple[str | int, ...]
     dtype: str = "float64"
     meaning: str = ""
+    # True for parameters, of any shape that broadcasts to the batch.
     varying: bool = False
+    # True if it may be absent.
     optional: bool = False
 
     def axes(self, batch: tuple[Any, ...], own: Mapping[Any, Any]) -> tuple[Any, ...]:
@@ -111,8 +89,8 @@ def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entr
     from .. import __version__
 
     values = (FORMAT, __version__, map.name, method, steps, save_every)
-    header = dict(zip(HEADER, values, strict=True))
-    return {name: np.asarray(value) for name, value in header.items() if value is not None}
+    header = zip(HEADER, values, strict=True)
+    return {name: np.asarray(value) for name, value in header if value is not None}
 
 
 def entries_of(run: Mapping[str, Any]) -> Entries:
@@ -144,20 +122,15 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     omega, eps, n = np.ascontiguousarray(entries["omega"]), entries["eps"], entries["n"]
     steps, every = header["steps"], header.get("save_every")
     if not np.array_equal(n, numbers_of_saved(steps, every)):
-        raise ValueError(
-            f"n: expected the saved steps of a run of {steps} steps with save_every={every}, "
-            f"got {np.array2string(n, threshold=4, edgeitems=2)}"
-        )
-    map, body = map_named(header["map"]), body_of(entries)
-    if omega.shape[-1] != len(map.components(body)):
-        raise ValueError(
-            f"omega: expected {len(map.components(body))} components, got {omega.shape[-1]}"
-        )
-    resume = {
-        name.removeprefix(RESUME): array
-        for name, array in entries.items()
-        if name.startswith(RESUME)
-    }
+        expected = f"the saved steps of a run of {steps} steps with save_every={every}"
+        raise wrong("n", expected, np.array2string(n, threshold=4, edgeitems=2))
+    map = map_named(header["map"])
+    body = body_of(map, entries)
+    components = len(map.components(body))
+    if omega.shape[-1] != components:
+        raise wrong("omega", f"{components} components", omega.shape[-1])
+    start = len(RESUME)
+    resume = {name[start:]: each for name, each in entries.items() if name.startswith(RESUME)}
     if "state" in resume:
         resume |= {kept.name: entries[kept.name].reshape(-1) for kept in ENDS}
     return {
@@ -175,10 +148,9 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     }
 
 
-def body_of(entries: Mapping[str, NDArray[Any]]) -> Any:
+def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
     """Return the body of a run."""
-    kind = map_named(read_header(entries)["map"]).body
-    return kind(**{name: entries[name] for name in kind._names() if name in entries})
+    return map.body(**{name: entries[name] for name in map.body._names() if name in entries})
 
 
 def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -198,20 +170,16 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     missing = [name for name in HEADER if name not in values and name != "save_every"]
     if missing:
         raise ValueError(f"expected a run, got one without {', '.join(missing)}")
-    header = {}
-    for name, kind in HEADER.items():
+    header: dict[str, Any] = {}
+    for name, kind in zip(HEADER, _KINDS, strict=True):
         if name in values:
             value = np.asarray(values[name])
             if value.ndim or value.dtype.kind != ("U" if kind is str else "i"):
-                raise ValueError(
-                    f"{name}: expected one {kind.__name__}, got {value.dtype} {value.shape}"
-                )
+                raise wrong(name, f"one {kind.__name__}", f"{value.dtype} {value.shape}")
             header[name] = kind(value)
-    if header["steps"] < 0 or header.get("save_every", 1) < 1:
-        raise ValueError(
-            f"steps, save_every: expected at least 0 and 1, got {header['steps']} and "
-            f"{header['save_every']}"
-        )
+    steps, every = header["steps"], header.get("save_every", 1)
+    if steps < 0 or every < 1:
+        raise wrong("steps, save_every", "at least 0 and 1", f"{steps} and {every}")
     return header
 
 
@@ -245,17 +213,9 @@ def check(values: Mapping[str, Any], shapes: Shapes) -> None:
         fits = shape == whole
         if entry.varying:
             own, expected = len(entry.dims) - 1, "a shape that broadcasts to"
-            fits = len(shape) >= own and shape[len(shape) - own :] == whole[len(batch) :]
-            fits = fits and _broadcasts(shape[: len(shape) - own], batch)
-        if not fits or dtype != np.dtype(entry.dtype):
-            raise ValueError(
-                f"{name}: expected {expected} {whole} and dtype {entry.dtype}, got {shape} and "
-                f"{dtype}"
+            fits = own <= len(shape) <= len(whole) and all(
+                a == b or (k >= own and a == 1)
+                for k, (a, b) in enumerate(zip(shape[::-1], whole[::-1], strict=False))
             )
-
-
-def _broadcasts(shape: tuple[int, ...], batch: tuple[int, ...]) -> bool:
-    try:
-        return np.broadcast_shapes(shape, batch) == batch
-    except ValueError:
-        return False
+        if not fits or dtype != np.dtype(entry.dtype):
+            raise wrong(name, f"{expected} {whole} and dtype {entry.dtype}", f"{shape} and {dtype}")

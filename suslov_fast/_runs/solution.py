@@ -70,9 +70,7 @@ def exact(
            [ 1.007482,  0.435551],
            [ 0.791446, -1.319077]])
     """
-    arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
-    numbers, count = _times("n", n), thread_count(threads)
-    states, missing = _solve("exact", body, arrays[0], arrays[1], batch, numbers, count)
+    states, missing = _solve("exact", body, omega0, eps, _times("n", n), threads)
     if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
@@ -123,9 +121,7 @@ def flow(
     >>> energy(body, states).round(12)
     array([2.125, 2.125, 2.125])
     """
-    (state,), batch = check(body, {"omega0": omega0})
-    times, count = _times("time", time), thread_count(threads)
-    states, missing = _solve("flow", body, state, 1.0, batch, times, count)
+    states, missing = _solve("flow", body, omega0, 1.0, _times("time", time), threads)
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states
 
@@ -158,8 +154,8 @@ def limits(
 
     Notes
     -----
-    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are
-    plus and minus 2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
+    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are plus and minus
+    2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
 
     %(poles)s
 
@@ -171,9 +167,7 @@ def limits(
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    arrays, batch = check(body, {"omega0": omega0}, {"eps": eps})
-    ends, count = np.array([-np.inf, np.inf]), thread_count(threads)
-    states, missing = _solve("limits", body, arrays[0], arrays[1], batch, ends, count)
+    states, missing = _solve("limits", body, omega0, eps, np.array([-np.inf, np.inf]), threads)
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states[0], states[1]
 
@@ -188,21 +182,22 @@ def _times(name: str, value: ArrayLike) -> FloatArray:
 def _solve(
     name: str,
     body: Body,
-    state: FloatArray,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
+    omega0: ArrayLike,
+    eps: ArrayLike,
     times: FloatArray,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
-    flow = name == "flow"
+    flow, threads = name == "flow", thread_count(threads)
+    arrays, batch = check(body, {"omega0": omega0}, {} if flow else {"eps": eps})
+    state, step = (*arrays, 1.0)[:2]
+    if not isinstance(body, Suslov3D):
+        check_solved(body, name)
+        if body.dimension == 2:
+            body = Suslov3D(*reduction.of_n_3(body.J, body.I))
     if isinstance(body, Suslov3D):
-        return states_at(body, state, eps, batch, times, flow, threads)
-    check_solved(body, name)
-    if body.dimension == 2:
-        three = Suslov3D(*reduction.of_n_3(body.J, body.I))
-        return states_at(three, state, eps, batch, times, flow, threads)
-    reduced = reduction.of_batch(body, state, eps, batch, threads)
+        return states_at(body, state, step, batch, times, flow, threads)
+    reduced = reduction.of_batch(body, state, step, batch, threads)
     step, size = reduced.three[:, 4], (len(reduced.state),)
     of_three, missing = states_at(reduced.body, reduced.state, step, size, times, flow, threads)
     states = np.empty((*times.shape, *batch, body.dimension))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, first_index, integer, one_of, spell
 from .._docs import filled
 from .._engine.arguments import Body
+from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved, worst
 from .._engine.status import SingularStepWarning, Status
@@ -155,8 +156,6 @@ class Trajectories:
         >>> bool((whole.omega == iterate(body, [1.0, 0.5], eps=0.2, steps=30).omega).all())
         True
         """
-        one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
-        check_progress(progress)
         if "omega0" not in self._resume:
             raise ValueError(
                 "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
@@ -175,12 +174,10 @@ class Trajectories:
             orientation=resume.pop("R0", None),
             start=self.steps,
             resume=resume,
-            threads=thread_count(threads),
+            threads=threads,
             progress=progress,
         )
-        results = execute(run, before=(self.omega, self.attitude))
-        report(run, results, on_singular, self.steps + 1, stacklevel=2)
-        return Trajectories.of(run, results)
+        return finish(run, on_singular, before=(self.omega, self.attitude))
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
@@ -402,19 +399,13 @@ class Trajectories:
         return f"<table><caption>Trajectories</caption>{''.join(cells)}</table>"
 
     def _rows(self) -> list[tuple[str, object]]:
-        failed = np.count_nonzero(self.status < 0)
+        failed, n = np.count_nonzero(self.status < 0), self.n
         return [
             ("omega", self.omega.shape),
-            ("n", _first_and_last(self.n)),
+            ("n", f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))),
             ("eps", _range(self.eps)),
             ("failed", f"{failed} of {self.status.size}"),
         ]
-
-
-def _first_and_last(n: NDArray[np.int64]) -> str:
-    if n.size <= 2:
-        return ", ".join(map(str, n))
-    return f"{n[0]}, {n[1]} ... {n[-1]}"
 
 
 def _range(eps: float | FloatArray) -> str:
@@ -422,6 +413,27 @@ def _range(eps: float | FloatArray) -> str:
         return "none"
     low, high = np.min(eps), np.max(eps)
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+
+
+def finish(
+    run: Run,
+    on_singular: OnSingular,
+    out: FloatArray | None = None,
+    before: tuple[FloatArray, FloatArray | None] | None = None,
+) -> Trajectories:
+    """Check the other arguments of `iterate`, compute the run, and warn the caller's caller."""
+    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
+    run.steps = integer("steps", run.steps, 0)
+    if run.save_every is not None:
+        expected = "None or an integer of at least 1"
+        run.save_every = integer("save_every", run.save_every, 1, expected)
+    run.threads = thread_count(run.threads)
+    check_progress(run.progress)
+    if out is not None:
+        out = checked_out(out, run.shape)
+    results = execute(run, out, before)
+    report(run, results, on_singular, 0 if before is None else run.start + 1, stacklevel=3)
+    return Trajectories.of(run, results)
 
 
 def report(run: Run, results: Results, on_singular: str, since: int, stacklevel: int) -> None:

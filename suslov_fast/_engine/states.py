@@ -150,7 +150,8 @@ def _parts(
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
     ndim, own, D = len(batch), body._own_axes, omega.shape[-1]
-    whole = np.broadcast_to(omega, (*batch, D))
+    # `broadcast_to` returns a read-only array, which would be copied for the kernel.
+    whole = omega if omega.shape == (*batch, D) else np.broadcast_to(omega, (*batch, D))
     values = [
         np.broadcast_to(each, (*batch, *np.shape(each)[np.ndim(each) - own :]))
         for each in body.parameters

@@ -12,7 +12,7 @@ from .instructions import (
     subtract_product,
     two_product,
 )
-from .kernel import Kernel, kernel, share
+from .kernels import Kernel, kernel, share
 from .options import formula, inner
 
 __all__ = [

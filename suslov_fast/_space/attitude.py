@@ -126,9 +126,10 @@ def attitude(
 def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
     """Return states (N + 1, ..., D) as the array (N + 1, B, D) for kernels."""
     length, *own, m = states.shape
-    aligned = states.reshape(length, *(1,) * (len(batch) - len(own)), *own, m)
-    full = np.broadcast_to(aligned, (length, *batch, m)).reshape(length, math.prod(batch), m)
-    return for_kernel(full)
+    if tuple(own) != batch:
+        aligned = states.reshape(length, *(1,) * (len(batch) - len(own)), *own, m)
+        states = np.broadcast_to(aligned, (length, *batch, m))
+    return for_kernel(states.reshape(length, math.prod(batch), m))
 
 
 def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:

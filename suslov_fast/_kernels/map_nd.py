@@ -14,9 +14,19 @@ import numpy as np
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
 from .._formulas.rotation import mean
-from .._jit import Kernel, carray, formula, inner, select, share, stack
+from .._jit import (
+    Kernel,
+    carray,
+    copy_line,
+    formula,
+    inner,
+    select,
+    share,
+    stack,
+    subtract_product,
+)
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import eliminate
+from .elimination import LINE, WIDTH, eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just
@@ -48,7 +58,10 @@ LANES = 64
     CHOSEN,  # the indices of lanes that need elimination
 ) = range(20)
 FIELDS = 20
-ROOM, ROOM_OF_ROW = FIELDS * LANES, 5 * LANES
+# Rows of `of` in `solve_lanes`: eps, eps p / 2, and, of a row of A, the factors c and g, the
+# diagonal entry of d, and the entry being computed.
+STEP, HALF_STEP, C, G, DIAGONAL, ENTRY = range(6)
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 6 * WIDTH
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
 # overlap of written rows with others: the pairs must lie in two halves, not side by side.)
@@ -98,28 +111,34 @@ def solve_lanes(J, I, omega, lane, chosen, room):
     """
     m = room.shape[1] - 2
     matrix, all_J, all_I, w = room[: m + 1], room[m + 1], room[m + 2], room[m + 3]
-    of = carray(stack(ROOM_OF_ROW), (5, LANES))
-    for first in range(0, chosen, room.shape[2]):
-        used = min(room.shape[2], chosen - first)
-        width = room.shape[2]
-        for k in range(width):
-            l = int(lane[CHOSEN, first + min(k, used - 1)])
-            of[3, k], of[4, k] = lane[EPS, l], lane[HALF, l]
-            for i in range(m):
+    of = carray(stack(ROOM_OF_ROW), (6, WIDTH))
+    for first in range(0, chosen, WIDTH):
+        last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
+        for k in range(WIDTH):
+            l = int(lane[CHOSEN, min(first + k, last)])
+            of[STEP, k], of[HALF_STEP, k] = lane[EPS, l], lane[HALF, l]
+        for i in range(m):
+            for k in range(WIDTH):
+                l = int(lane[CHOSEN, min(first + k, last)])
                 all_J[i, k], all_I[i, k], w[i, k] = at(J, i, l), at(I, i, l), omega[i, l]
         for i in range(m):
-            for k in range(width):
-                of[0, k], of[1, k] = matrix_row(all_J[i, k], all_I[i, k], w[i, k], of[3, k])
-                of[2, k] = 1.0 - of[4, k] / all_J[i, k]
+            for k in range(WIDTH):
+                c, g = matrix_row(all_J[i, k], all_I[i, k], w[i, k], of[STEP, k])
+                of[C, k], of[G, k] = c, g
+                of[DIAGONAL, k] = 1.0 - of[HALF_STEP, k] / all_J[i, k]
                 matrix[i, m, k] = w[i, k]
             for j in range(m):
-                for k in range(width):
-                    matrix[i, j, k] = -of[0, k] * w[j, k] - of[1, k] * all_I[j, k]
-            for k in range(width):
-                matrix[i, i, k] = of[2, k] + matrix[i, i, k]
+                for k in range(WIDTH):
+                    of[ENTRY, k] = 0.0
+                for k in range(0, WIDTH, LINE):
+                    subtract_product(of, (ENTRY, k), of, (C, k), w, (j, k))
+                    subtract_product(of, (ENTRY, k), of, (G, k), all_I, (j, k))
+                    copy_line(matrix, (i, j, k), of, (ENTRY, k))
+            for k in range(WIDTH):
+                matrix[i, i, k] = of[DIAGONAL, k] + matrix[i, i, k]
         eliminate(matrix)
-        for k in range(used):
-            for i in range(m):
+        for i in range(m):
+            for k in range(last + 1 - first):
                 omega[i, int(lane[CHOSEN, first + k])] = matrix[i, m, k]
 
 
@@ -139,7 +158,13 @@ def step_gauss(J, I, omega, work, lane, count, room):
         lane[CHOSEN, l] = l
     solve_lanes(J, I, omega, lane, count, room)
     for l in range(count):
-        lane[P, l], lane[SQUARE, l] = norms(I, omega, l)
+        lane[P, l], lane[SQUARE, l] = 0.0, 0.0
+    half = omega.shape[0] // 2
+    for i in range(half):  # as in `norms`, but lanes are inside
+        for l in range(count):
+            w_i, w_j = omega[i, l], omega[half + i, l]
+            lane[P, l] = lane[P, l] + at(I, i, l) * w_i + at(I, half + i, l) * w_j
+            lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
 @inner

@@ -19,7 +19,7 @@ omega = np.stack(np.meshgrid(axis, axis), axis=-1)
 constants = closed_form(body, omega, eps)
 n = np.where(constants.t < 1, -constants.k2 / (constants.k1 * eps), np.nan)
 
-figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
+figure, axes = plt.subplots(figsize=(6.4, 4.8), layout="constrained")
 image = axes.pcolormesh(axis, axis, n, cmap="coolwarm", vmin=-4, vmax=4, rasterized=True)
 axes.contour(axis, axis, constants.t, levels=[1.0], colors="black")
 line = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)

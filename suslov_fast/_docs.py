@@ -21,7 +21,7 @@ body : Suslov3D
     The body, or a batch of them.""",
     "omega": """\
 omega : array_like(float, shape=(..., D))
-Angular velocities. The result is NaN for states that are NaN.""",
+    Angular velocities. The result is NaN for states that are NaN.""",
     "omega_3d": """\
 omega : array_like(float, shape=(..., 2))
     Angular velocities (Omega1, Omega2). The result is NaN for states that are NaN.""",

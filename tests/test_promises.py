@@ -4,6 +4,7 @@ A row is a function with sample arguments for each class of bodies that it knows
 axes of the batch first, then time, then components.
 """
 
+import inspect
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -181,6 +182,14 @@ CASES = [
 ]
 every_case = pytest.mark.parametrize(("name", "kind"), CASES)
 every_row = pytest.mark.parametrize("name", ROWS)
+
+
+def test_every_function_of_states_is_in_the_table():
+    functions = [getattr(sf, name) for name in sf.__all__ if name.islower()]
+    batched = {
+        each.__name__ for each in functions if "threads" in inspect.signature(each).parameters
+    }
+    assert batched - {name.split(":")[0] for name in ROWS} == {"scattering_angle"}  # of a body
 
 
 def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):

@@ -131,6 +131,8 @@ def test_public_docstrings(thing):
             assert f"\n{section}\n---" in text
         for parameter in inspect.signature(thing).parameters:
             assert f"\n{parameter} : " in text or f"\n{parameter}, " in text or parameter == "self"
+    for of_parameter in re.findall(r"^\w+ : .*\n(.*)", text, re.MULTILINE):
+        assert of_parameter.startswith(("    ", "Returns")) or not of_parameter, of_parameter
 
 
 def test_typed():

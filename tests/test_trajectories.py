@@ -118,6 +118,23 @@ def test_observables_are_the_functions_of_states(sweep):
     assert same(sweep.reaction(), sf.reaction(sweep.body, sweep.omega, sweep.eps))
 
 
+@pytest.mark.parametrize("name", MAKE)
+def test_runs_keep_what_the_record_of_their_map_names(name):
+    run = RUNS[name]
+    D = run.omega.shape[-1]
+    lengths = {"flat": run.status.size, "component": D, "space": D + 1}
+    expected = {
+        kept.name: (kept.dtype, tuple(lengths.get(each, each) for each in kept.dims))
+        for kept in run._map.resume
+        if run.attitude is not None or not kept.attitude
+    }
+    others = {"omega0", "R0"}
+    kept = {name: a for name, a in run._resume.items() if name not in others}
+    # A run by the closed form keeps its states at step 0 alone.
+    assert not kept or kept.keys() == expected.keys()
+    assert all((a.dtype.name, a.shape) == expected[name] for name, a in kept.items())
+
+
 QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
 
 

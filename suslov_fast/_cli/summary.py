@@ -134,9 +134,10 @@ def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArr
     names = [name for name in _DRIFTS if _DRIFTS[name].removesuffix("_drift") in quantities]
     try:
         sf.first_integral(run.body, np.zeros(run.body.dimension), 1.0)
-        del names[1:]
+        solved = True
     except sf.NotIntegrableError:
-        del names[:1]
+        solved = False
+    names = [name for name in names if (name == "F") == solved]
     rows = max(1, _SLAB // max(1, run.omega[:1].size))
     parts = [run.omega[k : k + rows] for k in range(0, len(run.omega), rows)]
     if run.n[-1] != run.steps and run.final is not None:  # the last state is not saved

@@ -6,15 +6,17 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import aligned, common_shape, instance, real_number, rotations, states
 
-Body = Suslov3D | SuslovND
+AnyBody = Suslov3D | SuslovND | SuslovGyrostat
+WithoutRotor = Suslov3D | SuslovND
 
 
 def check(
-    body: Body,
+    body: AnyBody,
     by_name: dict[str, ArrayLike],
     numbers: dict[str, ArrayLike] | None = None,
     dimension: int | None = None,

@@ -24,12 +24,9 @@ _NO_TURN = 1.0, 0.0, 0.0, 0.0
 _VECTOR = 8
 
 
-def iterate(run: Run, kernel: Kernel, numbers: int = 2, work: float = 1.0) -> Results:
-    """Iterate by a kernel of `map_kernel`, which stores a state as `numbers` variables.
-
-    `work` is the cost of a step, in steps of the canonical map.
-    """
-    resume, turning = _resume(run), None
+def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
+    """Iterate by a kernel of `map_kernel`; `work` is the cost of a step, in those of the 3D map."""
+    resume, turning, numbers = _resume(run), None, kernel.names["numbers"]
     if not run.start:
         resume["state"] = np.empty((0 if run.single else run.size, numbers))
     if run.orientation is not None:

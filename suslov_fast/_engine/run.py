@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray
 from .._kernels import codes
-from .arguments import Body
+from .arguments import AnyBody
 from .layout import flat_parameter
 from .memory import require
 from .progress import Progress, reporter
@@ -73,7 +73,7 @@ class Run:
     """
 
     map: Map
-    body: Body
+    body: AnyBody
     batch: tuple[int, ...]
     omega0: FloatArray
     eps: float | FloatArray

@@ -6,12 +6,10 @@ from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.full_map import Coefficients, full_coefficients, full_matrix, full_step
 from .._jit import formula, select
 from . import codes
-from .iterate import map_kernel
+from .iterate import LARGEST, body_at, entry, map_kernel
 
 # Rows of a block: the coefficients, a bound of the state, and the unit of omega.
 _BOUND, _UNIT = 10, 11
-# Bound of the largest component below which states are finite.
-_LARGEST = 1e307
 
 
 @formula
@@ -23,22 +21,14 @@ def coefficients_at(c, l):
 
 @formula
 def enter(parameters, omega, b, c, s, l):
-    I1, I2, I13, I23, eps, I3 = parameters
+    I1, I2, I13, I23, eps = body_at(parameters[:5], b)
     omega1, omega2, omega3 = omega[b, 0], omega[b, 1], omega[b, 2]
     W = exponent(larger(larger(abs(omega1), abs(omega2)), abs(omega3)))
-    k = full_coefficients(
-        I1[min(b, I1.size - 1)],
-        I2[min(b, I2.size - 1)],
-        I13[min(b, I13.size - 1)],
-        I23[min(b, I23.size - 1)],
-        eps[min(b, eps.size - 1)],
-        I3[min(b, I3.size - 1)],
-        W,
-    )
+    k = full_coefficients(I1, I2, I13, I23, eps, entry(parameters[5], b), W)
     c[0, l], c[1, l], c[2, l], c[3, l], c[4, l] = k.one1, k.k1, k.k3, k.k5, k.k7
     c[5, l], c[6, l], c[7, l], c[8, l], c[9, l] = k.one2, k.k2, k.k4, k.k6, k.k8
     unit, inverse = two_to_the(W), two_to_the(-W)
-    c[_BOUND, l], c[_UNIT, l] = _LARGEST / larger(unit, 1.0), unit
+    c[_BOUND, l], c[_UNIT, l] = LARGEST / larger(unit, 1.0), unit
     missing = omega1 + omega2 + omega3 != omega1 + omega2 + omega3
     s[0, l] = select(missing, np.nan, omega1 * inverse)
     s[1, l], s[2, l] = omega2 * inverse, omega3 * inverse

@@ -6,31 +6,24 @@ from .._formulas import gyrostat as formulas
 from .._formulas.elementary import larger, two_to_the
 from .._jit import formula, select
 from . import codes
-from .iterate import map_kernel
+from .iterate import LARGEST, entry, map_kernel
 
 # Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
 _BOUND, _UNIT = 4, 5
-# Bound of the components below which states are finite.
-_LARGEST = 1e307
 
 
 @formula
 def enter(parameters, omega, b, c, s, l):
     I1, I2, I13, I23, k, eps = parameters
     I1, I2, I13, I23, k, eps, M, P, Q, E = formulas.normal_gyrostat(
-        I1[min(b, I1.size - 1)],
-        I2[min(b, I2.size - 1)],
-        I13[min(b, I13.size - 1)],
-        I23[min(b, I23.size - 1)],
-        k[min(b, k.size - 1)],
-        eps[min(b, eps.size - 1)],
+        entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(k, b), entry(eps, b)
     )
     b1, b2, K, shift, L, Z, omega1, omega2, _, _, W = formulas.enter(
         I1, I2, I13, I23, k, eps, M, P, Q, E, omega[b, 0], omega[b, 1]
     )
     unit = two_to_the(W)
     c[0, l], c[1, l], c[2, l], c[3, l] = b1, b2, K, shift
-    c[_BOUND, l], c[_UNIT, l] = _LARGEST / larger(unit, 1.0), unit
+    c[_BOUND, l], c[_UNIT, l] = LARGEST / larger(unit, 1.0), unit
     missing = np.isnan(omega[b, 0] + omega[b, 1])
     s[0, l], s[1, l] = select(missing, np.nan, L), Z
     s[2, l], s[3, l] = omega1, omega2

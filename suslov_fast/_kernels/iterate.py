@@ -11,6 +11,9 @@ advance(c, s, l)                       Make one step of a trajectory that cannot
 show(c, s, l, out, i)                  Write the angular velocity to out[i:].
 cause(c, s, l)                         Return the status of a trajectory that has no next state.
 
+A step makes s[0, l] NaN if there is no next state, and `show` then writes NaN. Lanes that are not
+guarded are not tested for this: without `guarded`, `enter` returns 1 unless no step can fail.
+
 and, for maps with steps of several kinds,
 
 careful(c, s, l)                       Make the same step without slow subnormal numbers.
@@ -43,8 +46,11 @@ from .tiles import lead_of, missing_of_first_block, write_row
 
 # 64 lanes lose a quarter to the outer loop; 256 are no faster.
 LANES = 128
-# Rows of a block: the largest numbers of constants and of state variables of a trajectory.
+# Rows of `c` and of `s`: a map has at most so many constants and state variables.
 CONSTANTS, STATE = 12, 4
+# Components of omega up to this are finite: float64 ends at 1.8e308, and a component is a sum of
+# up to three products.
+LARGEST = 1e307
 # Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
 _TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
 _C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
@@ -53,16 +59,16 @@ CHECK_EVERY = 256
 
 
 @formula
+def entry(parameter, b):
+    """Return the parameter of trajectory b, which may be one number for all."""
+    return parameter[min(b, parameter.size - 1)]
+
+
+@formula
 def body_at(parameters, b):
     """Return I1, I2, I13, I23 and eps of trajectory b."""
     I1, I2, I13, I23, eps = parameters
-    return (
-        I1[min(b, I1.size - 1)],
-        I2[min(b, I2.size - 1)],
-        I13[min(b, I13.size - 1)],
-        I23[min(b, I23.size - 1)],
-        eps[min(b, eps.size - 1)],
-    )
+    return entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(eps, b)
 
 
 @formula
@@ -188,6 +194,7 @@ def map_kernel(
     name, D, numbers, enter, advance, show, cause, careful=None, guarded=None, settle=None
 ):
     """Build the kernel of a map whose states have D components, stored as `numbers` variables."""
+    assert numbers <= STATE, "the rows of a block are too few"
     return Kernel(
         run_blocks,
         name,
@@ -221,7 +228,7 @@ def enter_turns(turning, omega, first, width, lanes, r):
         missing = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
         for k in range(4):
             r[k, l] = select(missing, np.nan, quaternions[b, k])
-        r[_TIME_STEP, l] = time_step[min(b, time_step.size - 1)]
+        r[_TIME_STEP, l] = entry(time_step, b)
         r[_BEFORE, l], r[_BEFORE + 1, l] = omega[b, 0], omega[b, 1]
 
 

@@ -8,11 +8,7 @@ from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, select
 from . import codes
-from .iterate import body_at, map_kernel
-
-# omega is finite if |X| + |Z| is below this over the largest entry of the matrix from (X, Z):
-# float64 ends at 1.8e308, and omega is a sum of three products.
-_LARGEST = 1e307
+from .iterate import LARGEST, body_at, map_kernel
 
 
 class Canonical(NamedTuple):
@@ -58,7 +54,8 @@ def enter_canonical(parameters, omega, b, c, s, l):
     X, Y, lost = select(rests, 0.0, X), select(rests, 0.0, Y), select(rests, 0.0, lost)
     shift, Z = canonical_map.shifted(Y, lost)
     largest = larger(larger(abs(m11), abs(m12)), larger(abs(m21), abs(m22)))
-    bound = (_LARGEST / larger(unit, 1.0)) / largest
+    # omega is finite if |X| + |Z| is below this.
+    bound = (LARGEST / larger(unit, 1.0)) / largest
     c[0, l], c[1, l], c[2, l], c[3, l] = m11, -m12, m21, -m22
     c[4, l] = select(rests, omega1, 0.0) + m12 * shift
     c[5, l] = select(rests, omega2, 0.0) + m22 * shift
@@ -146,7 +143,7 @@ def enter_printed(parameters, omega, b, c, s, l):
     _, Y, _ = coordinates.to_canonical(I1, I2, I13, I23, step, state1, state2)
     rests = (eps == 0.0) | (I13 == 0.0) & (I23 == 0.0)
     c[0, l], c[1, l], c[2, l], c[3, l] = printed_map.printed_coefficients(I1, I2, I13, I23, step)
-    c[4, l] = select(rests, np.inf, _LARGEST / larger(unit, 1.0))
+    c[4, l] = select(rests, np.inf, LARGEST / larger(unit, 1.0))
     c[5, l] = select(rests, 1.0, unit)
     missing = omega1 + omega2 != omega1 + omega2
     s[0, l] = select(missing, np.nan, select(rests, omega1, state1))

@@ -44,6 +44,6 @@ def _map_of_class(body: str) -> Map:
     return map_named(next(name for name, each in _BODIES.items() if each == body))
 
 
-def map_of(body: Any, full: bool = False) -> Map:
-    """Return the map of a body, or with `full` its three-component scheme."""
-    return map_named("suslov3d_full") if full else _map_of_class(type(body).__name__)
+def map_of(body: Any) -> Map:
+    """Return the map of a body, that of `iterate`."""
+    return _map_of_class(type(body).__name__)

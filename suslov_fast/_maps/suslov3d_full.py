@@ -26,7 +26,7 @@ MAP = Map(
     components=lambda body: ("Omega1", "Omega2", "Omega3"),
     methods=("auto",),
     parameters=_parameters,
-    run=partial(iterate, kernel=full, numbers=3, work=2.0),
+    run=partial(iterate, kernel=full, work=2.0),
     kept=(Kept("state", ("flat", 3)),),
     quantities=frozenset(),
     carries_attitude=False,

@@ -17,7 +17,7 @@ MAP = Map(
     methods=("auto",),
     # Not scaled here: the kernel scales each trajectory.
     parameters=partial(for_loops, units=False),
-    run=partial(iterate, kernel=gyrostat, numbers=4, work=2.0),
+    run=partial(iterate, kernel=gyrostat, work=2.0),
     kept=(
         Kept("state", ("flat", 4)),
         Kept("turn", ("flat", 4), attitude=True),

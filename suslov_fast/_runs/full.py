@@ -13,7 +13,7 @@ from .._engine.arguments import check
 from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
-from .._maps.registry import map_of
+from .._maps.registry import map_named
 from .trajectories import OnSingular, Trajectories, finish, report
 
 
@@ -142,4 +142,4 @@ def _checked(
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     arrays, batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    return Run(map_of(body, full=True), body, batch, states, own_eps, steps=1, save_every=None)
+    return Run(map_named("suslov3d_full"), body, batch, states, own_eps, steps=1, save_every=None)

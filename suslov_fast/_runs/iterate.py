@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, one_of
 from .._docs import filled
-from .._engine.arguments import Body, check
+from .._engine.arguments import AnyBody, check
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
@@ -21,7 +21,9 @@ Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
 
 @filled
-def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None) -> FloatArray:
+def step(
+    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
     """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
 
     Parameters
@@ -65,7 +67,7 @@ def step(body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = 
 
 @filled
 def iterate(
-    body: Body,
+    body: AnyBody,
     omega0: ArrayLike,
     eps: ArrayLike,
     steps: int,

@@ -12,7 +12,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray, real_number
 from .._docs import filled
 from .._engine import reduction
-from .._engine.arguments import Body, check
+from .._engine.arguments import WithoutRotor, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
@@ -22,7 +22,12 @@ _BEYOND = "the state or an intermediate result exceeds the range of float64"
 
 @filled
 def exact(
-    body: Body, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
+    body: WithoutRotor,
+    omega0: ArrayLike,
+    eps: ArrayLike,
+    n: ArrayLike,
+    *,
+    threads: int | None = None,
 ) -> FloatArray:
     """Return state n of the map by the closed form, without iteration.
 
@@ -81,7 +86,7 @@ def exact(
 
 @filled
 def flow(
-    body: Body, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
+    body: WithoutRotor, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Return the continuous motion at given times, by its closed form.
 
@@ -128,7 +133,7 @@ def flow(
 
 @filled
 def limits(
-    body: Body, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: WithoutRotor, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map for n to minus and to plus infinity.
 
@@ -181,7 +186,7 @@ def _times(name: str, value: ArrayLike) -> FloatArray:
 
 def _solve(
     name: str,
-    body: Body,
+    body: WithoutRotor,
     omega0: ArrayLike,
     eps: ArrayLike,
     times: FloatArray,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, integer, one_of, spell
 from .._docs import filled
-from .._engine.arguments import Body
+from .._engine.arguments import AnyBody
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved, worst
@@ -87,7 +87,7 @@ class Trajectories:
 
     omega: FloatArray
     eps: float | FloatArray
-    body: Body
+    body: AnyBody
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     final: FloatArray

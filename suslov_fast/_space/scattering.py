@@ -18,7 +18,7 @@ _WORK = 100
 
 
 @filled
-def scattering_angle(body: Suslov3D, threads: int | None = None) -> FloatArray:
+def scattering_angle(body: Suslov3D, *, threads: int | None = None) -> FloatArray:
     """Angle in space between the angular velocities at time -infinity and at +infinity.
 
     In the continuous problem every motion leaves one steady rotation and tends to another. The

@@ -9,7 +9,7 @@ from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, vectors
 from .._docs import filled
-from .._engine.arguments import Body, check
+from .._engine.arguments import WithoutRotor, check
 
 # Relative tolerance of antisymmetry and of the constraint.
 _ROUNDING = 1e-12
@@ -17,7 +17,7 @@ _ROUNDING = 1e-12
 
 @filled
 def to_matrix(
-    body: Body,
+    body: WithoutRotor,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -62,7 +62,9 @@ def to_matrix(
 
 
 @filled
-def from_matrix(body: Body, matrix: ArrayLike, *, rotation: ArrayLike | None = None) -> FloatArray:
+def from_matrix(
+    body: WithoutRotor, matrix: ArrayLike, *, rotation: ArrayLike | None = None
+) -> FloatArray:
     """Angular velocities from antisymmetric matrices, the inverse of :func:`to_matrix`.
 
     Parameters
@@ -202,7 +204,7 @@ def from_vector(
 
 @filled
 def momentum(
-    body: Body,
+    body: WithoutRotor,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,

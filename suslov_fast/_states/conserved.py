@@ -15,7 +15,7 @@ from .table import find
 
 
 @filled
-def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArray:
+def energy(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
 
     In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2. The map conserves
@@ -47,7 +47,7 @@ def energy(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArra
 
 @filled
 def first_integral(
-    body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """First integral F of the map.
 
@@ -93,7 +93,7 @@ def first_integral(
 
 @filled
 def modified_energy(
-    body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
@@ -130,7 +130,7 @@ def modified_energy(
 
 @filled
 def criticality(
-    body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
@@ -172,7 +172,7 @@ def criticality(
 
 @filled
 def invariant_density(
-    body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Density of the invariant measure of the map, in (Omega1, Omega2).
 

@@ -12,7 +12,7 @@ from .table import find
 
 
 @filled
-def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> FloatArray:
+def vector_field(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Time derivative of omega in the continuous motion.
 
     Parameters
@@ -46,7 +46,7 @@ def vector_field(body: Any, omega: ArrayLike, threads: int | None = None) -> Flo
 
 @filled
 def reaction(
-    body: Any, omega: ArrayLike, eps: ArrayLike | None = None, threads: int | None = None
+    body: Any, omega: ArrayLike, eps: ArrayLike | None = None, *, threads: int | None = None
 ) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 

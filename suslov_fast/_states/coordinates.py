@@ -14,7 +14,7 @@ from .table import find
 
 
 @filled
-def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> FloatArray:
+def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
     The steady states are the line x = 0. x is accurate to rounding near that line too.
@@ -49,7 +49,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, threads: int | None = None) -> Float
 
 
 @filled
-def from_xy(body: Suslov3D, xy: ArrayLike, threads: int | None = None) -> FloatArray:
+def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
 
     Parameters
@@ -93,7 +93,7 @@ class ClosedForm(NamedTuple):
 
 @filled
 def closed_form(
-    body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, threads: int | None = None
+    body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> ClosedForm:
     """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
 

@@ -11,12 +11,14 @@ from .._bodies.nd import SuslovND
 from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
 from .._docs import filled
-from .._engine.arguments import Body, check
+from .._engine.arguments import WithoutRotor, check
 from .table import find
 
 
 @filled
-def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
+def jacobian(
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
     """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
 
     Parameters
@@ -54,7 +56,9 @@ def jacobian(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = 
 
 
 @filled
-def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = None) -> FloatArray:
+def matrix(
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     Parameters
@@ -95,7 +99,7 @@ def matrix(body: Any, omega: ArrayLike, eps: ArrayLike, threads: int | None = No
 
 
 @filled
-def multipliers(body: Body, c: ArrayLike, eps: ArrayLike) -> FloatArray:
+def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
 
     Parameters

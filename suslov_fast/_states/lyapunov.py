@@ -14,7 +14,7 @@ from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray, first_index, integer, spell
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import Body, check
+from .._engine.arguments import WithoutRotor, check
 from .._engine.layout import flat_vectors, for_kernel
 from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
@@ -29,7 +29,7 @@ _STEP = 20
 
 @filled
 def lyapunov_exponents(
-    body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, threads: int | None = None
+    body: WithoutRotor, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 

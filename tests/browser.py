@@ -34,7 +34,7 @@ def _moved(descriptor):
 
 
 class Browser:
-    """A browser with one page; skips the test if there is none, or it cannot be driven."""
+    """A browser with one page; skips the test if no browser can be started."""
 
     def __init__(self, folder):
         path = next(filter(None, map(shutil.which, NAMES)), None)
@@ -99,10 +99,10 @@ class Browser:
         return answer["result"].get("value")
 
     def wait(self, script):
-        """Wait until a script finds something true."""
+        """Wait until a script returns a true value, and return the value."""
         end = time.monotonic() + PATIENCE
         while not (found := self.value(script)):
-            assert time.monotonic() < end, f"never came true: {script}"
+            assert time.monotonic() < end, f"timed out: {script}"
             time.sleep(0.02)
         return found
 

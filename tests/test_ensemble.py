@@ -1,4 +1,4 @@
-"""Stored runs are those of `iterate`, bit for bit, however they are cut and gone on with."""
+"""Stored runs equal those of `iterate`, bit for bit, for any chunks and continuations."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ def starts(rng, *shape, D=2):
 
 
 def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
-    """Run `ensemble`, the settings of which are `ours`, and `iterate`; compare the results."""
+    """Run `ensemble`, with additional settings `ours`, and `iterate`; compare the results."""
     dataset = ensemble(body, omega0, eps, steps, store=store, **(ours or {}), **settings)
     orbits = iterate(body, omega0, eps, steps, on_singular="ignore", **settings)
     assert_same(dataset, orbits)
@@ -72,7 +72,7 @@ def test_a_stored_run_is_that_of_iterate(
     ours = {"compression": compression, "chunk": {"trajectory": 7, "n": 8}}
     dataset, _ = compare(store, body, omega0, 0.3, 40, ours=ours, **settings)
     assert dataset.attrs["tiles_done"] == "3 of 3"
-    # Longer by less than a chunk, and by more.
+    # Extend by less than a chunk, and by more.
     compare(store, body, omega0, 0.3, 41, ours=ours, **settings)
     compare(store, body, omega0, 0.3, 73, ours={**ours, "verify": True}, **settings)
 
@@ -167,7 +167,7 @@ def test_starts_come_from_anywhere(tmp_path):
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
         assert_same(ensemble(BODY, omega0, 0.2, 20, store=store, chunk=9), orbits)
-    # The same states are the same run, wherever they come from.
+    # A run is identified by its initial states, not by their source.
     ensemble(BODY, array, 0.2, 20, store=tmp_path / "file.zarr")
     array[-1, -1, -1] += 1e-9
     np.save(tmp_path / "starts.npy", array)
@@ -287,12 +287,12 @@ def test_a_signal_stops_after_the_pieces_in_hand(store, rng, number):
     omega0 = starts(rng, 50)
     before = signal.getsignal(number)
     ours = {"chunk": {"trajectory": 10, "n": 5}}
-    for steps in (30, 60):  # of a new store, and of one that is lengthened
+    for steps in (30, 60):  # a new store, and an extended one
         calls = []
 
         def ask(done, total, calls=calls):
             calls.append(done)
-            if len(calls) == 9:  # a tile is finished by then, and some are not
+            if len(calls) == 9:  # some tiles are finished by then, and some are not
                 os.kill(os.getpid(), number)
 
         with pytest.raises(KeyboardInterrupt, match=r"of 5 tiles .*resume"):

@@ -1,4 +1,4 @@
-"""Stores on the command line: made, continued, replaced, looked at."""
+"""Stores on the command line: creation, continuation, replacement, inspection."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Stores: damaged, in other places, of others, written to twice, half written."""
+"""Stores: damaged, incomplete, of other programs, in other places, and with two writers."""
 
 import errno
 import itertools
@@ -71,7 +71,7 @@ HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
 
 @pytest.mark.parametrize(
     ("name", "harm"),
-    # One harm for each; the slow tests have them all.
+    # One kind of damage for each variable; the slow tests have all.
     list(zip(VARIABLES, itertools.cycle(HARMS), strict=False)),
 )
 @pytest.mark.sampled(4)
@@ -126,12 +126,12 @@ def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
     before = len(made)
     next((store / "omega").rglob("1")).joinpath("0", "1", "0").unlink()
     assert_same(ensemble(**ASKED, steps=31, store=store, verify=True), expected(31))
-    assert made[before] == 0  # one tile alone
+    assert made[before] == 0  # only one tile is computed
     assert len(set(made[before:])) == len(made[before:])
 
 
 def fails_and_goes_on(store, monkeypatch, room):
-    """Create and lengthen a store while every write from some number on fails; return True then."""
+    """Create and extend a store while writes fail after `room` writes; return True if any did."""
     left = [room]
     methods = {name: getattr(zarr.storage.LocalStore, name) for name in ("set", "delete")}
 
@@ -159,7 +159,7 @@ def fails_and_goes_on(store, monkeypatch, room):
         steps = dataset.attrs["steps"]
         assert dataset.n.values.tolist() == expected(steps).n.tolist()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of metadata in one place
+            warnings.simplefilter("ignore", RuntimeWarning)  # no consolidated metadata
             assert xarray.open_zarr(store).sizes["n"] in (11, 16)
         omega = dataset.omega.values
         assert np.array_equal(omega, np.where(np.isnan(omega), omega, expected(steps).omega), True)

@@ -199,7 +199,7 @@ def test_overflow_of_the_denominator(unit, method, omega):
 
 
 def test_the_closed_form_declines_what_leaves_float64(unit):
-    """`exact` warns and returns NaN for states with overflowing squares; `iterate` saves no infinity."""
+    """For overflowing squares, `exact` warns and returns NaN, and `iterate` saves no infinity."""
     with pytest.warns(RuntimeWarning, match="1 of 2 states: .* exceeds the range of float64"):
         states = sf.exact(unit, [[1e200, 0.0], HEALTHY], 1, 1)
     assert np.isnan(states[0]).all()

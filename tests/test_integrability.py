@@ -1,4 +1,4 @@
-"""Exact experiments on Kahan maps, against published facts and SymPy."""
+"""Exact computations for Kahan maps, against published results and SymPy."""
 
 import math
 import random
@@ -312,7 +312,7 @@ def test_exceptional_primes_and_lines_are_drawn_again(monkeypatch):
 
 
 def test_linear_and_trivial_fields():
-    """The identity has all integrals, a rotation the radius."""
+    """All polynomials are integrals of the identity; the squared radius is one of a rotation."""
     for map in (kahan(QuadraticField(np.zeros((2, 2, 2))), 1), kahan(CUBIC, 0)):
         assert len(hk_bases(map, 1).integrals) == len(darboux_polynomials(map, 1)) == 3
     rotation = kahan(field_of(lambda x: (x[1], -x[0]), 2), 1)

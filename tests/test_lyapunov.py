@@ -45,7 +45,7 @@ def test_any_dimension(rng, n):
 
 @pytest.mark.compiled
 def test_they_tend_to_the_multipliers_of_the_steady_state(case):
-    """The error is proportional to 1 / steps, so extrapolation from two runs is exact to rounding."""
+    """The error is proportional to 1 / steps; extrapolation from two runs removes it."""
     body, omega0 = case
     last = sf.iterate(body, omega0, 0.2, 20_000, save_every=None).final
     line = [body.I23, -body.I13] if len(omega0) == 2 else body.I

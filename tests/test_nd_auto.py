@@ -116,7 +116,7 @@ CASES = [
 
 
 def test_which_bodies_are_iterated(rng):
-    """`auto` equals `rank2` bitwise for few steps, with the orientation, and without a closed form."""
+    """For few steps, with the orientation, or without closed form, `auto` has the bits of `rank2`."""
     omega = rng.normal(size=(9, 3))
     for J, I, solved in CASES:
         body = sf.SuslovND(J, I)
@@ -198,7 +198,7 @@ def test_however_close_to_the_steady_states(across):
 
 
 def test_what_is_out_of_range_is_iterated(rng):
-    """`auto` equals `rank2` bitwise at the ends of the range of float64 and for huge steps."""
+    """`auto` has the bits of `rank2` at the ends of the range of float64 and for huge steps."""
     omega = rng.normal(size=(5, 3)) * np.array([1e-300, 1e300, 1.6e307, 5e-310, 1.0])[:, None]
     eps = np.array([1e299, 1e-300, 1e-308, 1e300, 1e100])
     for problem in (

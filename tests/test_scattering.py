@@ -34,13 +34,13 @@ def closed_form(I1, I2, I13, I23):
 @pytest.mark.parametrize("parameters", BODIES[:3])
 @pytest.mark.sampled(1)
 def test_against_long_integration(parameters):
-    """Poisson equations integrated with the exact flow; the truncation error is of the order of 1e-17."""
+    """Poisson equations integrated with the exact flow, truncated at an error of about 1e-17."""
     expected = naive.scattering_angle(*parameters)
     assert abs(mpf(float(sf.scattering_angle(sf.Suslov3D(*parameters)))) - expected) < 4e-15
 
 
 def test_the_closed_form_of_the_reference():
-    """For gamma = 0, sin(angle / 2) is |cos(pi sqrt(beta**2 - alpha**2) / 2)| / cosh(pi alpha / 2)."""
+    """sin(angle / 2) = |cos(pi sqrt(beta**2 - alpha**2) / 2)| / cosh(pi alpha / 2) if gamma = 0."""
     for I1, I2, I13, I23 in ((4, 2, 0, -1.2), (4, 2, 1.7, 0), (3, 3, 2, -1.1)):
         k = np.hypot(I13, I23)
         alpha, beta = I1 * I2 * k / (I13**2 * I2 + I23**2 * I1), np.sqrt(I1 * I2) / k

@@ -1,4 +1,4 @@
-"""The rules that the package is built by, and the examples of its docstrings."""
+"""The rules of the architecture, and the examples in docstrings."""
 
 import ast
 import doctest
@@ -60,7 +60,7 @@ def test_formulas_and_kernels_are_numbers_only():
         assert not loops or path in KERNELS, path
 
 
-# An exception, such as MemoryError, does not leave a parallel loop.
+# Exceptions such as MemoryError are lost in a parallel loop.
 ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
 
 
@@ -71,7 +71,7 @@ def test_kernels_allocate_nothing():
 
 
 def importing(path):
-    """Yield the modules of the package that a file imports, but for those that only types need."""
+    """Yield the modules of the package that a file imports, except for type checkers only."""
     parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
     checking = {
         id(inner)
@@ -90,7 +90,7 @@ def importing(path):
                     yield module
 
 
-# The rooms from the bottom up: a module imports from its own room and from those below.
+# Layers from the bottom up: a module imports only from its own layer and those below.
 ROOMS = """
     _docs _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
     integrability _cli __main__
@@ -100,7 +100,7 @@ EXCEPTIONS = {("_runs", "_show")}
 
 
 def test_imports_point_down_and_never_in_circles():
-    """Be it through others, or where a function is called; all may ask for the version."""
+    """Indirect imports and imports in functions count, too; any module may import the version."""
     graph = {name: set(importing(path)) - {PACKAGE.name} for name, path in FILES.items()}
     assert sum(map(len, graph.values())) > 100
     graphlib.TopologicalSorter(graph).prepare()

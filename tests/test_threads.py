@@ -158,7 +158,7 @@ def test_signals_at_random_moments(alarm):
 
 
 def test_a_handler_that_computes():
-    """A call by a handler that interrupts a parallel call runs serially; the outer call continues."""
+    """A handler may call a kernel during a parallel call: the kernel runs serially."""
     calls = []
 
     class Inner:

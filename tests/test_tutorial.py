@@ -1,4 +1,4 @@
-"""The tutorial as a notebook: run by a kernel, as a reader of the download would run it."""
+"""The tutorial as a notebook, run by a Jupyter kernel."""
 
 import importlib.util
 import json
@@ -16,7 +16,7 @@ pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 SCRIPT = Path(__file__).parent.parent / "docs" / "as_notebook.py"
-# What a reader may look at beside the pages.
+# Objects that a reader may display beside the pages.
 SHOWN = {
     "orbits": "orbits",
     "body": "Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)",
@@ -50,7 +50,7 @@ TUTORIAL = load()
 
 
 def test_every_step_is_there(tmp_path):
-    """The notebook, and the scripts for a type checker, have all blocks of all pages."""
+    """The notebook, and the scripts for a type checker, contain all blocks of all pages."""
     pages = {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
     assert set(TUTORIAL.pages()) == pages
     assert len(TUTORIAL.pages()) == 7
@@ -81,7 +81,7 @@ def test_the_notebook_shows_nothing_that_only_pages_can():
 
 @pytest.fixture(scope="module")
 def executed(tmp_path_factory):
-    """The cells of the notebook, and of more that look at what it made, with their outputs."""
+    """Return the executed cells of the notebook, and of more cells that display its variables."""
     folder = tmp_path_factory.mktemp("notebook")
     notebook = nbformat.from_dict(TUTORIAL.notebook())
     looking = [nbformat.v4.new_code_cell(code) for code in [*SHOWN.values(), BAR]]

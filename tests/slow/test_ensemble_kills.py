@@ -1,4 +1,4 @@
-"""Tens of kills of every kind of run, failures of every write, and a full file system."""
+"""Many kills of every kind of run, failures of writes, and a full file system."""
 
 import os
 import subprocess

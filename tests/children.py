@@ -71,8 +71,8 @@ def run(code, *arguments, timeout=300, **environment):
     """Run a child that must succeed, and return its output."""
     process = start(code, *arguments, **environment)
     output, errors = finish(process, timeout)
-    told = f"{output[-2000:]}{errors[-4000:]}"
-    assert process.returncode == 0, f"ended with {process.returncode}: {told}"
+    text = f"{output[-2000:]}{errors[-4000:]}"
+    assert process.returncode == 0, f"ended with {process.returncode}: {text}"
     return output
 
 

@@ -359,7 +359,7 @@ def far_state_nd(J, I, eps, omega, n):
 def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
     """Angle between the angular velocities in space at tau = -far and far, tau = C t / a.
 
-    The Poisson equation g' = g x omega of a vector g fixed in space, along omega at first, is solved
+    The Poisson equation g' = g x omega of a vector g fixed in space, initially along omega, is
     solved by Taylor series, with omega = (y = -tanh, x = sech / sqrt(a)) in scaled coordinates (7).
     """
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)

@@ -52,7 +52,7 @@ def test_against_cayley_matrices_in_n_dimensions(rng, eps):
     [("canonical", 0), ("ds2", 0)]
     + [(method, m) for method in ("rank2", "gauss") for m in (1, 3, 6)],
 )
-def test_what_is_saved(rng, body, method, m):
+def test_results_do_not_depend_on_save_every(rng, body, method, m):
     """With a named method, states and orientations do not depend on `save_every`."""
     body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m)) if m else body
     omega = rng.normal(size=(9, body.dimension))
@@ -144,7 +144,7 @@ def test_nan_from_the_first_nan_on(case):
         assert np.isnan(R[first:]).all()
 
 
-def test_states_that_do_not_follow_each_other(case):
+def test_states_that_are_not_consecutive(case):
     body, omega0 = case
     omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
     other = type(body)(*body.parameters[:-1], body.parameters[-1] + 0.1)
@@ -164,7 +164,7 @@ def test_states_that_do_not_follow_each_other(case):
 
 
 @pytest.mark.parametrize("k", [-900, -400, 400, 900])
-def test_states_that_do_not_follow_in_any_unit(case, k):
+def test_states_that_are_not_consecutive_in_any_unit(case, k):
     body, omega0 = case
     omega = np.ldexp(states(body, omega0, 0.2, 5), k)
     assert np.isfinite(sf.attitude(body, omega, np.ldexp(0.2, -k))).all()
@@ -177,7 +177,7 @@ def test_states_that_do_not_follow_in_any_unit(case, k):
     [("auto", None, 300), ("canonical", None, 300), ("ds2", None, 300)]
     + [(method, *each) for method in ("rank2", "gauss") for each in ((2, 60), (4, 60), (9, 20))],
 )
-def test_whatever_iterate_returns_follows(rng, method, n, size):
+def test_states_of_iterate_are_accepted(rng, method, n, size):
     """`attitude` accepts all states of `iterate`, in any regime and unit, and next to poles."""
     if n is None:
         products = rng.normal(size=(2, size)) * rng.choice([0, 1], size)

@@ -46,7 +46,7 @@ FULL = made(
 )
 
 
-def test_files_name_no_machine_and_no_person(tmp_path):
+def test_files_contain_no_host_and_no_user(tmp_path):
     extra = {"table": "last states", "key": "auto", "label": "ours", "whose": OURS}
     extra |= {"work": 100, "threads": 1, "limit": ["divisions", 2]}
     benchmark = {"name": "b[1]", "fullname": "secret/b", "stats": {"min": 0.25, "max": 0.5}}
@@ -98,7 +98,7 @@ def test_cells_of_the_tables():
         assert [cell.removesuffix(" |").strip() for cell in found[name]] == cells, name
 
 
-def test_what_passes_a_limit_raises_it():
+def test_a_rate_above_a_limit_raises_the_limit():
     ours, c = row("ours", 1e-4, limit=("divisions", 1)), row("C", 5e-5, limit=("divisions", 2))
     found = made(row("divisions", 1e-4, whose=MACHINE, limit=("divisions", 1)), c, ours)
     assert [found.share(each) for each in (c, ours)] == [1, 0.25]

@@ -49,7 +49,7 @@ def test_parameters_are_kept():
 
 
 @each_body
-def test_a_body_is_a_value(body):
+def test_equality_copies_and_immutability(body):
     """Bodies are immutable, equal their copies, hash alike, and return from JSON bit for bit."""
     units_of(body)  # cached units do not count in comparisons
     plain = json.loads(json.dumps(body.to_dict()))

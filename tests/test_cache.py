@@ -88,7 +88,7 @@ def cached(folder):
     return sorted((folder / "core" / "_kernels" / "__pycache__").glob("*.nb?"))
 
 
-def test_later_processes_compile_only_what_is_edited_or_damaged(folder):
+def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
     """A process distinguishes the cached loops that other processes compiled."""
     every = "twice", "half", "opposite"
     assert call(folder, "twice") == ([TWICE], 0)
@@ -109,7 +109,7 @@ def test_later_processes_compile_only_what_is_edited_or_damaged(folder):
     assert len(cached(folder)) == len(before)  # files of the earlier source are deleted
 
 
-def test_without_a_folder_to_write_to(folder):
+def test_without_a_writable_folder(folder):
     """Each process compiles for itself, as in a read-only installation."""
     blocked = folder / "core" / "_kernels" / "__pycache__"
     blocked.write_text("not a folder")
@@ -118,7 +118,7 @@ def test_without_a_folder_to_write_to(folder):
     assert blocked.read_text() == "not a folder"
 
 
-def test_a_numba_whose_cache_is_organised_otherwise(folder):
+def test_numba_with_another_cache_class(folder):
     """If Numba's cache class is not the expected one, it is used unchanged."""
     cache = folder / "core" / "_jit" / "cache.py"
     cache.write_text(cache.read_text().replace('"_cache"', '"_cache_of_another_numba"'))

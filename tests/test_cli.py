@@ -359,7 +359,7 @@ def test_force(tmp_path):
     assert sf.Trajectories.load(tmp_path / "o.npz").status.shape == (3,)
 
 
-def test_sizes_are_said_before(tmp_path, monkeypatch):
+def test_sizes_of_large_files_are_announced(tmp_path, monkeypatch):
     from suslov_fast._cli import terminal
 
     monkeypatch.setattr(terminal, "_LARGE", 2**20)
@@ -450,7 +450,7 @@ def test_a_disk_that_is_full(tmp_path):
 # ------------------------------------------------------------------ other commands
 
 
-def test_warm_up_calls_everything(monkeypatch):
+def test_warm_up_calls_all_functions(monkeypatch):
     """`warm-up` calls every public function with at least one body."""
     from suslov_fast._cli import warm_up
 

@@ -90,7 +90,7 @@ def test_equations_are_named_by_their_numbers():
         assert not re.search(rf"(?<![\w)]){labels}", text), path
 
 
-def test_tests_that_pages_name_exist():
+def test_named_tests_and_files_exist():
     text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
     for file, test in re.findall(r"`(test_\w+\.py)::(\w+)`", text):
         assert f"def {test}(" in (Path(__file__).parent / file).read_text(encoding="utf-8"), test

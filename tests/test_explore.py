@@ -51,7 +51,7 @@ def rows(found, size=2):
 
 @pytest.mark.filterwarnings("ignore:.*range of float64:RuntimeWarning")
 @pytest.mark.parametrize("case", CASES)
-def test_numbers_are_those_of_the_package(case):
+def test_numbers_equal_those_of_the_package(case):
     parameters, regime, name = CASES[case]
     found = json.loads(json.dumps(scene(parameters._replace(portrait=1)), allow_nan=False))
     body, omega0, eps = parameters.body, parameters.omega0, parameters.eps
@@ -76,7 +76,7 @@ def test_numbers_are_those_of_the_package(case):
 
 
 @pytest.mark.parametrize("case", MOVING)
-def test_what_is_drawn_is_what_it_says(case):
+def test_curves_and_portrait(case):
     """Check the levels, the half lines, the orbits of the map, and the ellipsoid of inertia."""
     parameters = CASES[case][0]._replace(portrait=1)
     found, body, eps = scene(parameters), parameters.body, parameters.eps
@@ -104,7 +104,7 @@ def test_what_is_drawn_is_what_it_says(case):
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
-def test_presets_are_what_they_say():
+def test_presets_match_their_names():
     for name, parameters in PRESETS.items():
         found, names = scene(parameters), {}
         with warnings.catch_warnings():

@@ -155,7 +155,7 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, me
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_which_orbits_are_supercritical(unit, method):
+def test_supercritical_orbits(unit, method):
     """Orbits with |Y| >= 1 are supercritical; the identity (I13 = I23 = 0) never is."""
     omega2 = np.array([-3.0, -2.5, -1.99, 0.0, 1.99, 2.0, 2.5, 300.0])
     omega = np.column_stack([np.full(8, 1e-3), omega2])
@@ -198,7 +198,7 @@ def test_overflow_of_the_denominator(unit, method, omega):
     assert naive.relative_error(sf.step_full(unit, [*omega, 0.0], 1, 3), exact) < 1e-14
 
 
-def test_the_closed_form_declines_what_leaves_float64(unit):
+def test_the_closed_form_beyond_float64(unit):
     """For overflowing squares, `exact` warns and returns NaN, and `iterate` saves no infinity."""
     with pytest.warns(RuntimeWarning, match="1 of 2 states: .* exceeds the range of float64"):
         states = sf.exact(unit, [[1e200, 0.0], HEALTHY], 1, 1)
@@ -244,7 +244,7 @@ def overflowing():
 
 
 @pytest.mark.parametrize(("omega", "eps"), list(overflowing()))
-def test_overflow_on_the_way(unit, omega, eps):
+def test_overflow_of_an_intermediate_state(unit, omega, eps):
     """An orbit ends at a state beyond float64, even if later states would be in range."""
     for method, save_every in itertools.product(METHODS, (1, 2, None)):
         options = {"method": method, "save_every": save_every, "on_singular": "ignore"}
@@ -268,7 +268,7 @@ def test_as_large_as_float64_allows(unit, method):
 
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_overflow_of_one_component_on_the_way(method, swapped):
+def test_overflow_of_one_component(method, swapped):
     """One component overflows although t < 1, since I1 and I2 are far apart; the other does not."""
     body, omega = sf.Suslov3D(1, 2.0**-66, 0, 1), np.array([2.0**997, 2.0**997])
     if swapped:
@@ -280,8 +280,8 @@ def test_overflow_of_one_component_on_the_way(method, swapped):
     assert np.isnan(alone.final).all()
     assert np.isnan(alone.omega[alone.failed_at :]).all()
     assert np.isfinite(alone.omega[: alone.failed_at]).all()
-    wild = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
-    batch = sf.iterate(body, [omega, wild], eps, 60, method=method, on_singular="ignore")
+    guarded = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
+    batch = sf.iterate(body, [omega, guarded], eps, 60, method=method, on_singular="ignore")
     assert np.array_equal(batch.omega[:, 0], alone.omega, equal_nan=True)
 
 
@@ -305,7 +305,7 @@ def test_status_messages():
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("save_every", [1, 7, None])
-def test_a_loop_that_ends_too_early_is_noticed(body, monkeypatch, method, save_every):
+def test_skipped_trajectories_are_detected(body, monkeypatch, method, save_every):
     monkeypatch.setattr(threads, "run", lambda *arguments: None)
     with pytest.raises(RuntimeError, match="a kernel skipped trajectories"):
         sf.iterate(body, [1.0, 0.5], 0.2, 100, method=method, save_every=save_every)

@@ -36,7 +36,7 @@ def altered(path, **changes):
 
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.sampled(36)
-def test_nothing_is_lost_and_the_run_goes_on(name, suffix, tmp_path):
+def test_round_trip_and_continuation(name, suffix, tmp_path):
     """Save, load and extend runs of every map, with and without an orientation, in every format."""
     run, path = RUNS[name], tmp_path / f"run{suffix}"
     assert run.save(path) is None
@@ -64,7 +64,7 @@ def test_npz_needs_numpy_alone(tmp_path, monkeypatch):
         assert plain["method"] == "auto"
 
 
-def test_what_xarray_opens(suffix, tmp_path):
+def test_xarray_opens_saved_runs(suffix, tmp_path):
     """xarray opens a saved run without a warning, with its labels."""
     if suffix == ".npz":
         pytest.skip("not for xarray")
@@ -78,7 +78,7 @@ def test_what_xarray_opens(suffix, tmp_path):
 
 
 @pytest.mark.parametrize("library", ["xarray", "netCDF4", "zarr"])
-def test_what_is_missing(library, tmp_path, monkeypatch):
+def test_missing_libraries(library, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     path = tmp_path / ("run.zarr" if library == "zarr" else "run.nc")
     for attempt in (RUNS["turning"].save, sf.Trajectories.load):
@@ -88,7 +88,7 @@ def test_what_is_missing(library, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["run", "run.txt", "run.npz/", ".npz", "", 3, None, b"run.npz"])
-def test_other_names(name):
+def test_bad_names(name):
     error = ValueError if isinstance(name, str) else TypeError
     for attempt in (RUNS["turning"].save, sf.Trajectories.load):
         with pytest.raises(error, match=r"ends in \.npz, \.nc, \.zarr|path"):
@@ -100,7 +100,7 @@ def test_no_such_file(suffix, tmp_path):
         sf.Trajectories.load(tmp_path / f"missing{suffix}")
 
 
-def test_files_of_something_else(suffix, tmp_path):
+def test_other_files(suffix, tmp_path):
     expected = pytest.raises(
         ValueError, match=rf"other\{suffix}: expected a .*that Trajectories.save"
     )
@@ -163,7 +163,7 @@ ENTRIES = [
 
 
 @pytest.mark.parametrize(("name", "value", "message"), ENTRIES)
-def test_entries_that_do_not_belong_together(name, value, message, tmp_path):
+def test_inconsistent_entries(name, value, message, tmp_path):
     path = tmp_path / "run.npz"
     RUNS["turning"].save(path)
     altered(path, **{name: value(RUNS["turning"]) if callable(value) else value})
@@ -240,7 +240,7 @@ def test_code_in_a_store_is_not_run(where, dtype, filters, compressor, tmp_path,
 
 @pytest.mark.parametrize("codec", ["zlib", "zstd", "lz4"])
 @pytest.mark.sampled(1)
-def test_stores_that_are_compressed_anew(codec, tmp_path):
+def test_recompressed_stores(codec, tmp_path):
     xarray, numcodecs = pytest.importorskip("xarray"), pytest.importorskip("numcodecs")
     RUNS["turning"].save(tmp_path / "run.zarr")
     compressor = numcodecs.get_codec({"id": codec})
@@ -294,7 +294,7 @@ def test_a_cut_file(suffix, tmp_path):
             sf.Trajectories.load(path)
 
 
-def test_a_failure_leaves_what_was_there(suffix, tmp_path, monkeypatch):
+def test_a_failed_write_keeps_the_old_file(suffix, tmp_path, monkeypatch):
     path = tmp_path / f"run{suffix}"
     RUNS["batch"].save(path)
 
@@ -342,7 +342,7 @@ def test_links(suffix, tmp_path):
 
 
 @posix
-def test_where_nothing_can_be_written(suffix, tmp_path):
+def test_unwritable_folders(suffix, tmp_path):
     (tmp_path / "file").touch()
     for folder in (tmp_path / "missing", tmp_path / "file"):
         with pytest.raises(OSError, match="expected a name in a folder that can be written to"):
@@ -350,7 +350,7 @@ def test_where_nothing_can_be_written(suffix, tmp_path):
 
 
 @posix
-def test_what_is_not_replaced(suffix, tmp_path):
+def test_other_paths_are_not_replaced(suffix, tmp_path):
     path = tmp_path / f"run{suffix}"
     os.mkfifo(path)
     with pytest.raises(OSError, match="neither a file"):

@@ -99,7 +99,7 @@ def test_next_to_the_steady_states(rng, distance):
         assert abs(float(last / first / growth) - 1) < 1e-10
 
 
-def test_next_to_poles_and_there():
+def test_next_to_and_at_poles():
     """1 - Y + L (2 L - K) / (I1 I2) = 0 at poles; next to them the step is accurate to rounding."""
     parameters = 1.0, 1.0, 1.0, 0.0, 0.0, 1.0
     for gap in (1e-3, 1e-6, 1e-9):

@@ -195,7 +195,7 @@ def test_growth_of_sequences(sequence, kind, entropy):
     assert growth(sequence)[:2] == (kind, pytest.approx(entropy, nan_ok=True))
 
 
-def test_growth_says_what_it_is_based_on():
+def test_growth_states_its_basis():
     assert growth([1, 1, 2, 3, 5, 8]).based_on == "d(k+2) = 1 d(k+1) + 1 d(k), all 6 degrees"
     assert growth([2, 4, 8]).based_on == "3 degrees without a short recurrence"
     # One exception at the end leaves no recurrence.

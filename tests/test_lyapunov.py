@@ -56,7 +56,7 @@ def test_they_tend_to_the_multipliers_of_the_steady_state(case):
     np.testing.assert_allclose(2 * whole - first, expected, atol=1e-11)
 
 
-def test_where_nothing_moves(rng):
+def test_the_identity_map(rng):
     states = rng.normal(size=(3, 2))
     for body, eps in ((THREE, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):
         assert (sf.lyapunov_exponents(body, states, eps, 5) == 0).all()

@@ -156,7 +156,7 @@ def test_one_step_of_larger_states_in_fractions(rng):
 
 @pytest.mark.parametrize("save_every", [1, None])
 @every_method
-def test_where_nothing_moves(body, rng, method, save_every):
+def test_fixed_points(body, rng, method, save_every):
     def run(body, omega, eps, steps=9):
         return sf.iterate(body, omega, eps, steps, method=method, save_every=save_every)
 
@@ -230,7 +230,7 @@ def test_steps_without_subnormal_squares(k, method):
 
 
 @pytest.mark.compiled
-def test_the_last_numbers_of_a_decay():
+def test_decay_to_zero():
     """x decays by a constant factor per step, with full accuracy, down to 0."""
     body = sf.Suslov3D(4, 2, 0, -0.2)  # Omega2 is proportional to x
     orbit = sf.iterate(body, [5.0, 1.0], 1.0, 20_000)
@@ -243,19 +243,19 @@ def test_the_last_numbers_of_a_decay():
 
 
 @pytest.mark.parametrize("batch", [1, LANES + 1])
-def test_states_are_shown_before_they_are_flushed(batch):
+def test_states_are_saved_before_they_are_flushed(batch):
     """X is flushed to 0 only after its state is saved, in any batch and division of the run."""
     body = sf.Suslov3D(2.351018099947861, 3.388972810861883, 0.0, -0.5920589833785945)
     omega, eps = np.tile([-0.43643524714322124, -1.169801907772864], (batch, 1)), 0.869683938565067
     states = sf.iterate(body, omega, eps, 3073, method="canonical").omega
     assert (states[3072, :, 1] != 0.0).all()
     assert (states[3073:, :, 1] == 0.0).all()
-    gone_on = sf.iterate(body, omega, eps, 3072, method="canonical").extend(1).omega
-    assert (gone_on == states).all()
+    extended = sf.iterate(body, omega, eps, 3072, method="canonical").extend(1).omega
+    assert (extended == states).all()
 
 
 @pytest.mark.parametrize(("decay", "zero"), [(3.0, False), (3.6, False), (3.7, True)])
-def test_only_what_is_negligible_is_flushed(decay, zero):
+def test_only_negligible_numbers_are_flushed(decay, zero):
     """X is flushed to 0 below 2**-960."""
     omega, steps = shrinking_start(decay, 2.0**-20), 257
     final = sf.iterate(SHRINKING, omega, 1.0, steps, method="canonical", save_every=None).final
@@ -266,7 +266,7 @@ def test_only_what_is_negligible_is_flushed(decay, zero):
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
-def test_a_repelled_orbit_leaves_however_close_it_starts(method):
+def test_growth_from_tiny_distances_to_the_repelling_line(method):
     """A growing X is not flushed to 0, however small."""
     body, omega, steps = sf.Suslov3D(2, 1, 0, 0.5), [1.5, 1e-300], 1200
     orbit = sf.iterate(body, omega, 1.0, steps, save_every=10, method=method)
@@ -306,7 +306,7 @@ def test_large_states(unit, rng, size, method):
         [1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149],
     ],
 )  # fmt: skip
-def test_far_too_large_states(unit, omega):
+def test_huge_states(unit, omega):
     """The reference needs 700 digits because of cancellation; squares overflow float64."""
     with mpmath.workdps(700):
         exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)
@@ -350,7 +350,7 @@ def test_large_states_beside_others(unit, rng, method):
         assert alone.status == together.status[i]
 
 
-def test_a_run_keeps_what_it_began_with(body):
+def test_runs_copy_their_arguments(body):
     omega = np.array([[1.0, 0.5], [0.3, 0.2]])
     whole = sf.iterate(body, omega, 0.2, 60, save_every=None)
     half = sf.iterate(body, omega, 0.2, 10, save_every=None)

@@ -107,7 +107,7 @@ omega, steps = np.full((9, 20_000), 19.98), 2
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("problem", LARGE)
 @pytest.mark.sampled(2)
-def test_memory_that_ends_is_an_error(problem, threads):
+def test_exhausted_memory_is_an_error(problem, threads):
     """Exhausted memory raises MemoryError, although Numba loses errors inside `prange`."""
     code = f"""
 import resource, sys

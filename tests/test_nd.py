@@ -103,7 +103,7 @@ def test_the_ends_of_the_range(method, largest):
 
 
 @pytest.mark.parametrize("speed", [1e2, 1e4, 1e8, 1e16, 1e40])
-def test_steps_far_too_long(rng, speed):
+def test_huge_steps(rng, speed):
     """One step takes |omega| to about |omega| / speed**2, and the scaling follows the state."""
     for _ in range(3):
         J, I, eps, omega = random_problem(rng, 4, speed)
@@ -147,7 +147,7 @@ def test_large_populations_and_dimensions(rng):
 @pytest.mark.parametrize(
     "omega", [[1e200, 1e-200, 1.0], [5e-324, 0.0, -1.7e308], [-0.0, 0.0, 1e-310]]
 )
-def test_what_does_not_move_stays_as_it_was_given(method, omega):
+def test_fixed_points_keep_their_bits(method, omega):
     body = sf.SuslovND([1.0, 2.0, 3.0], [[0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3])
     whole = sf.iterate(body, omega, [0.3, 0.0, 0.0], 7, method=method)
     for run in (whole, sf.iterate(body, omega, [0.3, 0.0, 0.0], 3, method=method).extend(4)):
@@ -165,7 +165,7 @@ def test_what_does_not_move_stays_as_it_was_given(method, omega):
         pytest.param([0.0, 0.001], [0.01, 0.02], 5, id="two small"),
     ],
 )
-def test_the_short_step_is_left_where_elimination_is_better(rng, low, high, factor):
+def test_rank2_uses_elimination_for_small_d(rng, low, high, factor):
     gaps = rng.uniform(low, high, (60, len(low))) * rng.choice([-1, 1], (60, len(low)))
     problems = []
     for own in gaps:
@@ -184,7 +184,7 @@ def test_the_short_step_is_left_where_elimination_is_better(rng, low, high, fact
     assert np.quantile(ratios, 0.9) < factor
 
 
-def test_poles_beside_one_small_d_are_poles(rng):
+def test_poles_with_one_small_d(rng):
     """A is singular to rounding at omega times -1 over an eigenvalue of A(omega) - Id."""
     problems = []
     for _ in range(300):
@@ -214,7 +214,7 @@ def test_large_singular_matrices(rng):
     assert np.count_nonzero(status == sf.Status.SINGULAR) > 57
 
 
-def test_no_room_for_elimination():
+def test_elimination_beyond_memory():
     """Matrices beyond any address space are refused before anything is computed."""
     ones = np.ones(2**21)
     with pytest.raises(MemoryError, match=r"bytes to work in|elimination works in"):

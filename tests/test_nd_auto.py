@@ -115,8 +115,8 @@ CASES = [
 ]
 
 
-def test_which_bodies_are_iterated(rng):
-    """For few steps, with the orientation, or without closed form, `auto` has the bits of `rank2`."""
+def test_iterated_bodies(rng):
+    """For few steps, with orientation, or without closed form, `auto` has the bits of `rank2`."""
     omega = rng.normal(size=(9, 3))
     for J, I, solved in CASES:
         body = sf.SuslovND(J, I)
@@ -132,7 +132,7 @@ def test_which_bodies_are_iterated(rng):
             np.testing.assert_allclose(auto.final, rank2.final, rtol=0, atol=1e-13)
 
 
-def test_states_that_do_not_move(rng):
+def test_fixed_points(rng):
     J, I = np.full((4, 3), 2.0), rng.normal(size=(4, 3))
     omega, eps = rng.normal(size=(4, 3)), np.array([0.3, 0.0, 0.3, 0.3])
     I[0] = 0.0
@@ -176,7 +176,7 @@ def test_orbits_past_their_pole_jump():
     np.testing.assert_allclose(far.omega[1:], expected[1:], rtol=1e-9, atol=1e-9)
 
 
-def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
+def test_singular_equations():
     """On Y = 1, with equal J, the next state is not unique; the closed form gives a solution."""
     J, I, omega = [2.0] * 4, [1.0, 0.0, 0.5, 0.25], [2.0, 1.0, 3.0, 2.0]
     states = sf.iterate(sf.SuslovND(J, I), omega, 1.0, 1).omega
@@ -185,7 +185,7 @@ def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
 
 
 @pytest.mark.parametrize("across", [1e-250, 1e-150, 1e-30])
-def test_however_close_to_the_steady_states(across):
+def test_orbits_next_to_the_steady_states(across):
     """Each component is accurate relative to itself, not only to the largest."""
     J, I = [3.0, 2.0, 2.0, 2.0], [0.7, 0.0, 0.0, 0.0]
     omega = [1.0, 0.3 * across, -0.4 * across, 1.1 * across]
@@ -197,7 +197,7 @@ def test_however_close_to_the_steady_states(across):
                 assert abs(computed / expected - 1) < 1e-14
 
 
-def test_what_is_out_of_range_is_iterated(rng):
+def test_problems_out_of_range_are_iterated(rng):
     """`auto` has the bits of `rank2` at the ends of the range of float64 and for huge steps."""
     omega = rng.normal(size=(5, 3)) * np.array([1e-300, 1e300, 1.6e307, 5e-310, 1.0])[:, None]
     eps = np.array([1e299, 1e-300, 1e-308, 1e300, 1e100])

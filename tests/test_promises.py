@@ -265,7 +265,7 @@ def check_threads(rng, monkeypatch, name, kind):
 
 
 @every_case
-def test_calls_are_cut_into_parts(rng, monkeypatch, small_parts, name, kind):
+def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
     """A call divided into parts gives the bits of the undivided call."""
     row, problem_of = ROWS[name], sample(rng, kind)
     pieces = list(row.values(*problem_of))
@@ -392,7 +392,7 @@ def test_bad_input(rng, name, kind):
 
 
 @every_row
-def test_bodies_that_a_function_does_not_know(rng, name):
+def test_unsupported_bodies(rng, name):
     """The error names the supported classes of bodies."""
     row = ROWS[name]
     for kind in {"3D", "gyrostat", "nD"} - set(row.kinds):
@@ -553,7 +553,7 @@ CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
         *((make, method, 0, m) for make, method, m in HARD),
     ],
 )  # fmt: skip
-def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
+def test_extended_runs(rng, kind, method, attitude, m, save_every):
     """A run divided into several calls equals the undivided run, bit for bit."""
     if kind in KINDS:
         body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
@@ -565,11 +565,11 @@ def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
     options |= {"save_every": save_every, "on_singular": "ignore"}
     for steps, cuts in CUTS:
         whole = begin(body, omega, eps, steps, **options)
-        first = gone_on = begin(body, omega, eps, cuts[0], **options)
+        first = extended = begin(body, omega, eps, cuts[0], **options)
         for more in cuts[1:]:
-            gone_on = gone_on.extend(more, on_singular="ignore")
-        assert_same_run(gone_on, whole)
-        np.testing.assert_array_equal(gone_on.n, whole.n)
+            extended = extended.extend(more, on_singular="ignore")
+        assert_same_run(extended, whole)
+        np.testing.assert_array_equal(extended.n, whole.n)
         again = first.extend(cuts[1], on_singular="ignore")  # `extend` leaves the run unchanged
         assert_same_run(again.extend(sum(cuts[2:]), on_singular="ignore"), whole)
 

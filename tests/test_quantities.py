@@ -334,7 +334,7 @@ def test_jacobian_of_small_steps_is_the_identity_and_the_derivative_of_the_field
     assert (sf.jacobian(sf.Suslov3D(2, 1, 0, 0), [1, 2], 0.3) == np.eye(2)).all()
 
 
-def test_jacobian_agrees_with_the_step_on_what_is_a_pole(unit):
+def test_jacobian_and_step_agree_on_poles(unit):
     """Consecutive floats through the pole at (1, -3), and states next to (0, -2)."""
     omega2 = -3.0 + 2.0**-51 * np.arange(-10, 11)
     near = [[1, w2] for w2 in omega2] + [[1e-9, -2], [1e-7, -2], [0, -2], [0, -1.9]]
@@ -423,7 +423,7 @@ def test_long_steps_of_large_states(unit):
 
 @pytest.mark.parametrize("name", ["jacobian", "discrete_reaction", "step"])
 @pytest.mark.parametrize("m", [2, 4])
-def test_states_without_a_next_one_are_counted(rng, monkeypatch, name, m):
+def test_poles_are_counted(rng, monkeypatch, name, m):
     """One warning counts the poles and names the first in C order, for any number of tasks."""
     body = sf.Suslov3D(1, 1, 1, 0) if m == 2 else sf.SuslovND([2, 2, 2, 3], [1, 0, 0.5, 0.25])
     pole = [1.0, -3.0] if m == 2 else [2, 1, 3, 2]

@@ -50,7 +50,7 @@ def test_shell_blocks(tmp_path, monkeypatch):
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 
-def test_it_is_short():
+def test_length():
     assert README.count("\n") <= 150
     assert {name for name, _ in BLOCKS} == {"python", "sh", "sh setup", "text"}
 

@@ -108,7 +108,7 @@ def test_batches(rng):
     assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)
 
 
-def test_nothing_moves():
+def test_products_of_zero():
     angles = sf.scattering_angle(sf.Suslov3D(4, 1, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]))
     assert np.isnan(angles).tolist() == [True, False, False]
 

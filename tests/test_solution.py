@@ -71,7 +71,7 @@ def test_limits_against_the_paper(rng):
         np.testing.assert_allclose(plus, -np.sign(eps) * point, rtol=1e-13)
 
 
-def test_states_that_do_not_move(body):
+def test_fixed_points(body):
     for still, omega, eps in (
         (body, [0.0, 0.0], 0.2),
         (body, [1.0, 0.5], 0.0),
@@ -180,7 +180,7 @@ DIGITS = [
 
 
 @pytest.mark.parametrize(("omega", "n"), DIGITS)
-def test_a_component_keeps_its_digits_however_small_it_is(omega, n):
+def test_small_components_keep_their_digits(omega, n):
     exact = naive.far_state(2, 1, 0.0, 0.5, 0.9, omega, n)
     computed = sf.exact(sf.Suslov3D(2, 1, 0.0, 0.5), omega, 0.9, n)
     assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
@@ -217,7 +217,7 @@ def test_the_unit_of_time(unit, k):
             np.testing.assert_array_equal(computed, np.ldexp(expected, k))
 
 
-def test_limits_of_the_state_that_has_no_next(unit):
+def test_limits_of_the_undefined_state(unit):
     """At (X, Y) = (0, 1) the map is 0 / 0, and the inverse map has a fixed point."""
     minus, plus = sf.limits(unit, [0.0, -2.0], 1)
     assert np.isnan(plus).all()
@@ -228,12 +228,12 @@ def test_limits_of_the_state_that_has_no_next(unit):
 
 
 @pytest.mark.parametrize("scale", [1e-90, 1e-120, 1e-145])
-def test_a_slow_orbit_arrives_after_enough_steps(scale):
+def test_slow_orbits_reach_their_limits(scale):
     """An orbit with tiny steps follows the flow and has its limits."""
     body, n = sf.Suslov3D(1, 1, 1, 0), 50.0
-    like = sf.flow(body, [1.0, 1.0], n)
+    expected = sf.flow(body, [1.0, 1.0], n)
     np.testing.assert_allclose(
-        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, like, rtol=1e-12, atol=1e-14
+        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, expected, rtol=1e-12, atol=1e-14
     )
     ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)

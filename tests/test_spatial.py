@@ -20,7 +20,7 @@ def random_rotation(rng, n):
     return q
 
 
-def test_matrices_are_what_carries_the_orientation(case):
+def test_matrices_against_the_orientation(case):
     """R_next is R times the exponential of eps Omega, to second order."""
     body, omega0 = case
     eps = 1e-4

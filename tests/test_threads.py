@@ -175,7 +175,7 @@ def test_a_handler_that_computes():
     assert not threads._owned()
 
 
-def test_who_comes_second_is_served_serially():
+def test_a_second_parallel_call_runs_serially():
     calls = []
 
     class Second:
@@ -222,9 +222,9 @@ def test_ctrl_c():
             thread.join()
         """
     )
-    told = [tuple(map(int, line.split())) for line in output.splitlines()]
-    assert len(told) == 2
-    for returns, steps in told:
+    measured = [tuple(map(int, line.split())) for line in output.splitlines()]
+    assert len(measured) == 2
+    for returns, steps in measured:
         assert returns <= 2
         assert steps < 2**33  # about a second on the fastest machines
 

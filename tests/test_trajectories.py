@@ -220,7 +220,7 @@ def test_a_parameter_as_a_coordinate():
             run.to_xarray(dims=dims)
 
 
-def test_a_dataset_holds_what_a_user_looks_at():
+def test_contents_of_a_dataset():
     """A dataset has no data for continuation, no `Conventions`, and units for pure numbers only."""
     pytest.importorskip("xarray")
     run = RUNS["turning"]
@@ -368,7 +368,7 @@ def test_plot(components):
         orbits.plot(components=(0, 3))
 
 
-def test_the_rule_of_poles_stands_in_the_same_words():
+def test_docstrings_state_the_rule_of_poles_in_the_same_words():
     first, last = "At a pole there is no next state", "pole is NaN."
     wordings = set()
     for function in (sf.step, sf.iterate, sf.exact, sf.limits):

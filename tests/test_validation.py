@@ -186,7 +186,7 @@ LABELS = [
 
 
 @pytest.mark.parametrize(("omega", "error", "message"), LABELS)
-def test_labels_that_would_be_ignored(body, omega, error, message):
+def test_conflicting_labels(body, omega, error, message):
     value = omega()
     for call in (lambda: sf.step(body, value, 0.2), lambda: sf.energy(body, value)):
         with pytest.raises(error, match=f"omega: .*{message}"):

@@ -61,7 +61,7 @@ for method, label, limit in (
 for method in ("auto", "canonical"):
     label, at_most = f'`iterate`, `method="{method}"`', AT_MOST[method]
     for batch in (10**k for k in range(7)):
-        # Below 64 orbits, the time is that of a small call.
+        # Below 64 orbits, the overhead of a call dominates.
         more = {"x": batch, "at_most": at_most if batch >= 64 else 1.3}
         add("batch", method, label, last_states(last(method), batch, 50), **more)
     for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):

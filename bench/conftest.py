@@ -35,7 +35,7 @@ def measure(benchmark):
         except ImportError as error:
             pytest.skip(str(error))
         error = work.error() if work.error and (full or (case.x or 0) <= 1000) else None
-        # A faster case with another result is no peer.
+        # A wrong result disqualifies a case.
         assert (error or 0.0) < WRONG
         names = ("table", "key", "label", "x", "limit", "whose")
         row = {name: getattr(case, name) for name in names}

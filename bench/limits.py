@@ -18,7 +18,7 @@ def divisions(size, threads):
 
 
 def stores(kind):
-    """Stores in units of 16 bytes, one state."""
+    """Stores, in units of 16 bytes (one state)."""
 
     def make(size, threads):
         to = aligned((size(LARGE, SMALL),))

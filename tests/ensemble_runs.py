@@ -89,7 +89,7 @@ def alone(store, kind, seed, kills):
     while True:
         child = os.fork()
         if not child:
-            with suppress(ValueError):  # the store is longer already
+            with suppress(ValueError):  # the store already has more steps
                 ensemble(**arguments(kind), steps=130, store=store)
             ensemble(**arguments(kind), steps=300, store=store)
             os._exit(0)

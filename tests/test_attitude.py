@@ -117,7 +117,7 @@ def test_orthogonal_after_a_thousand_steps_in_many_dimensions(rng):
     + [(1e-280, 1e307), (1e-150, 1e307), (1e155, 1.0), (1e300, 1e-280), (1e300, 1e300)],
 )
 def test_half_a_turn(eps, size):
-    """For such |eps omega| a step is a half turn: R = 2 u u^T - 1 about u, or in the plane of u."""
+    """For huge |eps omega| a step is a half turn: R = 2 u u^T - 1 about u, or in the plane of u."""
     u, e = np.array([0.6, -0.8, 0.0, 0.0]), np.eye(4)[-1]
     in_3d = 2 * np.outer(u[:3], u[:3]) - np.eye(3)
     in_4d = np.eye(4) - 2 * np.outer(u, u) - 2 * np.outer(e, e)

@@ -209,7 +209,7 @@ def test_flat_bodies_and_second_moments():
 
 
 def test_admissible_I3(rng):
-    """tr(T)/2 - T is positive definite just inside the interval, and indefinite just outside."""
+    """tr(T)/2 - T is positive definite just inside the interval but not just outside it."""
     I1, I2 = 10 ** rng.uniform(-1, 1, (2, 400))
     I13, I23 = rng.uniform(-1, 1, (2, 400)) * np.minimum(I1, I2)
     I13[::7] = 0.0

@@ -256,7 +256,7 @@ def test_overflow_of_an_intermediate_state(unit, omega, eps):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_as_large_as_float64_allows(unit, method):
-    """States of 1e306 have the bits of the same orbit in smaller units."""
+    """An orbit through states of 1e306 equals the orbit in smaller units, bit for bit."""
     eps = 2.0**-990
     omega = np.array([1.0, -3.0 + 2.0**-26])
     small = sf.iterate(unit, omega, 1, 5, method=method).omega

@@ -47,7 +47,7 @@ print(out.tobytes().hex())
 
 @pytest.mark.parametrize("disable_jit", ["0", "1"])
 def test_instructions(disable_jit):
-    """Compiled and interpreted instructions give the bits of exact arithmetic."""
+    """Compiled and interpreted instructions agree with exact arithmetic, bit for bit."""
     output = children.run(KERNEL, 0, NUMBA_DISABLE_JIT=disable_jit)
     serial, parallel = (np.frombuffer(bytes.fromhex(line)) for line in output.split())
     assert serial.tobytes() == parallel.tobytes()

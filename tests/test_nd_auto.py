@@ -82,7 +82,7 @@ def test_far_states(rng, kind, where, n):
 
 
 def test_slow_orbits_turn_after_very_many_steps(rng):
-    """Such states depend on every digit of the level of the first integral."""
+    """Slow orbits depend on every digit of the level of the first integral."""
     J, I = solved_body(rng, 4, "equal")
     omega = 1e-5 * starts(rng, J, I, 1.0, "anywhere")
     for n in (10**5, 10**6):
@@ -116,7 +116,7 @@ CASES = [
 
 
 def test_iterated_bodies(rng):
-    """For few steps, with orientation, or without closed form, `auto` has the bits of `rank2`."""
+    """`auto` equals `rank2` bit for bit for few steps, with orientation, or without closed form."""
     omega = rng.normal(size=(9, 3))
     for J, I, solved in CASES:
         body = sf.SuslovND(J, I)
@@ -198,7 +198,7 @@ def test_orbits_next_to_the_steady_states(across):
 
 
 def test_problems_out_of_range_are_iterated(rng):
-    """`auto` has the bits of `rank2` at the ends of the range of float64 and for huge steps."""
+    """`auto` equals `rank2` bit for bit at the ends of the range of float64 and for huge steps."""
     omega = rng.normal(size=(5, 3)) * np.array([1e-300, 1e300, 1.6e307, 5e-310, 1.0])[:, None]
     eps = np.array([1e299, 1e-300, 1e-308, 1e300, 1e100])
     for problem in (

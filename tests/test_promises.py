@@ -266,7 +266,7 @@ def check_threads(rng, monkeypatch, name, kind):
 
 @every_case
 def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
-    """A call divided into parts gives the bits of the undivided call."""
+    """A call divided into parts equals the undivided call, bit for bit."""
     row, problem_of = ROWS[name], sample(rng, kind)
     pieces = list(row.values(*problem_of))
     monkeypatch.undo()

@@ -150,7 +150,7 @@ def test_integrals_of_solved_bodies_in_n_dimensions(rng):
 
 
 def test_criticality_agrees_with_the_status():
-    """The two agree also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
+    """Criticality and status agree, also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
     body = sf.Suslov3D(1, 1, 1, 0)
     y = 2 * (1 + np.array([-1e-15, -1.2e-16, 0, 2.3e-16, 1e-15]))
     x = np.array([0, 1e-9, 1e-3, 1, 1e6])[:, None]

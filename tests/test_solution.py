@@ -172,7 +172,7 @@ def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
 
 
 # A component that grows from 1e-300 to the order of 1 and falls below 1e-270, and one that decays
-# to 1e-236 from X = 0.02, Y = 1/2, by the n-th power of a factor of its level.
+# to 1e-236 from X = 0.02, Y = 1/2, like r**n.
 DIGITS = [
     *(([1.5, 1e-300], n) for n in (600, 900, 1200, 1500, 1900)),
     *(([2 / 0.9, 0.04 / 0.45], n) for n in (200, 500)),

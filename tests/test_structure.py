@@ -71,7 +71,7 @@ def test_kernels_allocate_nothing():
 
 
 def importing(path):
-    """Yield the modules of the package that a file imports, except for type checkers only."""
+    """Yield the modules of the package that a file imports, except those for type checkers only."""
     parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
     checking = {
         id(inner)

@@ -1,4 +1,4 @@
-"""C by gcc, vectorised over blocks of trajectories: several forms of the map."""
+"""C compiled by gcc: several forms of the map, vectorised over blocks of trajectories."""
 
 import formulas
 import numpy as np

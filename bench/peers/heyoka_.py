@@ -8,7 +8,7 @@ import formulas
 import heyoka as hy
 import numpy as np
 
-SIDE_BY_SIDE = 16  # the fastest width of those tried
+SIDE_BY_SIDE = 16  # the fastest number of those tried
 
 
 @functools.cache

@@ -25,7 +25,7 @@ met = 0
 while met < 3000:
     begin = omega.copy()
     try:
-        # Repeat after a second, in case that Python dropped the first exception.
+        # Repeat after a second, in case Python dropped the first exception.
         signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-5, 5e-3), 1.0)
         while True:
             assert (run(threads=2) == expected).all()

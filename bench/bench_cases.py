@@ -1,4 +1,4 @@
-"""The calls of this package, the limits of the machine, and the same work by other means."""
+"""Benchmarks of this package, of the limits of the machine, and of other implementations."""
 
 import cases
 import limits
@@ -9,6 +9,6 @@ import pytest
 CASES = [*cases.CASES, *limits.CASES, *peers.CASES, *processes.cases()]
 
 
-@pytest.mark.filterwarnings("ignore")  # those of the peers
+@pytest.mark.filterwarnings("ignore")  # warnings of the peers
 def bench_case(measure, case, threads):
     measure(case, threads)

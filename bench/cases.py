@@ -1,6 +1,6 @@
-"""The benchmarks of this package: what each one times, and the row of results that it makes.
+"""The benchmarks of this package: the timed calls and their rows of results.
 
-Everything goes through the public API, with arguments that versions 0.2 and 0.3 both take.
+All calls use the public API, with arguments that versions 0.2 and 0.3 both accept.
 """
 
 from functools import partial
@@ -28,13 +28,13 @@ CASES: list[Case] = []
 
 
 def add(*arguments, **keywords):
-    """Put a case on the list."""
+    """Add a case to the list."""
     CASES.append(Case(*arguments, **keywords))
 
 
 # ------------------------------------------------------------------ three dimensions
 
-# Times as long as 0.2, for batches of 64 and more.
+# Allowed times for batches of 64 and more, as multiples of those of 0.2.
 AT_MOST = {"auto": 1.2, "canonical": 1.1, "ds2": 1.2}
 
 
@@ -61,7 +61,7 @@ for method, label, limit in (
 for method in ("auto", "canonical"):
     label, at_most = f'`iterate`, `method="{method}"`', AT_MOST[method]
     for batch in (10**k for k in range(7)):
-        # Below 64 orbits the time is that of a small call.
+        # Below 64 orbits, the overhead of a call dominates.
         more = {"x": batch, "at_most": at_most if batch >= 64 else 1.3}
         add("batch", method, label, last_states(last(method), batch, 50), **more)
     for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):
@@ -90,7 +90,7 @@ for method, every, memory in (
 
 
 def scattered(count):
-    """Random n."""
+    """Random numbers of steps."""
     return lambda size: np.random.default_rng(1).integers(-(10**6), 10**6, size(count, 16))
 
 
@@ -106,7 +106,7 @@ for key, label, batch, numbers in (
 make = motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
 add("motion", "flow", "`flow`, the closed form", make, at_most=1.6)
 
-# Quantities that need eps, and those that do not, with the size of a value.
+# Quantities: True if eps is an argument, and the number of values per state.
 QUANTITIES = {
     "first_integral": (True, 1),
     "modified_energy": (True, 1),
@@ -135,7 +135,7 @@ def last_nd(method):
 
 
 def saved_states_nd(components, integrable):
-    """All states in n dimensions, into memory that is used again."""
+    """All states in n dimensions, into reused memory."""
 
     def make(size, threads):
         body, omega0 = problem_nd(components, size(4096, 16), integrable)

@@ -1,4 +1,4 @@
-"""The charts, from results."""
+"""Charts of the results."""
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -6,8 +6,8 @@ from matplotlib.lines import Line2D
 from tables import caption
 
 OURS, C, NUMPY, LIMIT = "#c8442b", "#35507a", "#6f8f6a", "#2c2c2c"
-SECOND = "#e0a03a"  # another line of this package
-# Colour and marker of each kind of rows.
+SECOND = "#e0a03a"  # second line of this package
+# Colour and marker of each kind of row.
 KINDS = {
     "this package": (OURS, "o"),
     "C": (C, "s"),
@@ -29,9 +29,9 @@ STYLE = {
 
 
 def speed(results):
-    """Last states and saved states, ours and peers, beside the limits: a dot for each.
+    """Draw last states and saved states, one dot per row, beside the limits of the machine.
 
-    Saved states as shares of a limit: memory may have been faster for one row than for another.
+    Saved states are shares of a limit, since the speed of memory may vary between rows.
     """
     last = [(row, row.rate) for row in results.best("last states")]
     shares = [(row, 100 * (results.share(row) or 0)) for row in results.best("saved states")]
@@ -50,7 +50,7 @@ def speed(results):
         for y, (row, value) in enumerate(rows):
             colour, marker = KINDS[row.whose]
             axis.plot(value, y, marker, color=colour, markersize=9, markeredgewidth=2)
-            # Figures stand beside the axes, where no line crosses them.
+            # Numbers beside the axes, where no line crosses them.
             error = f"error {row.error:.0e}" if row.error is not None else ""
             for x, text in ((1.1, written.format(value)), (1.24, error)):
                 place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
@@ -92,14 +92,14 @@ PANELS = (
 
 
 def height(results, row, unit):
-    """The value of a row in the unit of its panel."""
+    """Value of a row in the unit of its panel."""
     if unit.startswith("%"):
         return 100 * (results.share(row) or 0)
     return 1e9 / row.rate if unit.startswith("ns") else row.rate / 1e9
 
 
 def scaling(results):
-    """Against everything that may grow."""
+    """Draw rates against the batch size, `save_every` and n."""
     figure = Figure(figsize=(11, 9), layout="constrained")
     for axis, panel in zip(figure.subplots(2, 2).flat, PANELS, strict=True):
         table, title, x, y, styles = panel
@@ -121,7 +121,7 @@ def scaling(results):
 
 
 def draw(results, folder):
-    """All charts, each with the machine and the versions below."""
+    """Save all charts, with the machine and the versions below."""
     with matplotlib.rc_context(STYLE):
         for name, chart in (("speed", speed), ("scaling", scaling)):
             figure = chart(results)

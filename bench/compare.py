@@ -1,13 +1,13 @@
-"""Compare two revisions in one run; exit status 1 if the second is slower than it may be.
+"""Compare two revisions in one run; exit status 1 if the second is slower than allowed.
 
-`python bench/compare.py REV_A [REV_B]` checks both revisions out (a folder is taken as it is; by
-default REV_B is this working tree). A process for each runs the cases of this working tree, in
-turns, A B, B A, and so on: machines are fast and slow for seconds at a time, and only ratios of one
-run say anything. A case is too slow if both the median of the ratios B / A and the ratio of the
-minima exceed what the case allows, or `--threshold` for all. A case that A cannot run has nothing
-to be compared with; one that B alone cannot run counts as too slow. Last come processes of each
-revision, from start to end, in multiples of `import numba`. `--quick` takes one case for each
-allowance (2 to 4 minutes, most of them for compiling both revisions anew).
+`python bench/compare.py REV_A [REV_B]` checks out both revisions (a folder is used as it is; the
+default of REV_B is this working tree). One process per revision runs the cases of this working
+tree, in turns A B, B A, and so on: the speed of a machine varies over seconds, so that only ratios
+from one run are meaningful. A case is too slow if both the median of the ratios B / A and the ratio
+of the minima exceed the limit of the case, or `--threshold` for all cases. A case that fails in A
+is not compared; a case that fails in B alone counts as too slow. Finally, whole processes of each
+revision are timed, in multiples of `import numba`. `--quick` runs one case for each limit (2 to 4
+minutes, mostly for compiling both revisions).
 """
 
 import argparse
@@ -25,11 +25,11 @@ from statistics import median
 import processes
 
 BENCH = Path(__file__).parent
-TURN = 0.02  # seconds that a turn lasts at least
+TURN = 0.02  # minimum seconds per turn
 
 
 def serve():
-    """Run cases as they are asked for on the standard input: the process of one revision."""
+    """Run the cases requested on standard input, in the process of one revision."""
     import numba
     from cases import CASES
 
@@ -41,7 +41,7 @@ def serve():
         index, calls, tiny = json.loads(line)
         try:
             if calls == 0:
-                case, current = CASES[index], None  # frees the memory of the case before
+                case, current = CASES[index], None  # frees the memory of the previous case
                 threads = 1 if case.threads == "one" else numba.config.NUMBA_NUM_THREADS
                 numba.set_num_threads(threads)
                 current = case.make(min if tiny else lambda large, _: large, threads)
@@ -52,7 +52,7 @@ def serve():
             answer = (time.perf_counter() - begin) / max(calls, 1)
         except Exception as error:
             answer = f"{type(error).__name__}: {error}"
-        time.sleep(0.005)  # until the threads of this process have stopped to wait for work
+        time.sleep(0.005)  # until the threads of this process stop spinning
         print(json.dumps(answer), flush=True)
 
 
@@ -84,12 +84,12 @@ class Worker:
 
 
 def in_order(k):
-    """Which revision comes first and second in turn k: A B, B A, ..."""
+    """Order of the revisions in turn k: A B, B A, ..."""
     return (0, 1) if k % 2 == 0 else (1, 0)
 
 
 def turns(workers, index, rounds, tiny):
-    """Seconds per call of a case, in turns: a list for A and one for B, or errors."""
+    """Measure seconds per call of a case in turns; return lists for A and B, or errors."""
     for worker in workers:
         worker.send(index, 0, tiny)  # both compile at once
     first = [worker.receive() for worker in workers]
@@ -105,7 +105,7 @@ def turns(workers, index, rounds, tiny):
 
 
 def ratios(a, b):
-    """The median of the ratios B / A of each turn, and the ratio of the minima."""
+    """Return the median of the ratios B / A of all turns, and the ratio of the minima."""
     return median(y / x for x, y in zip(a, b, strict=True)), min(b) / min(a)
 
 
@@ -134,14 +134,14 @@ def compare_cases(trees, folder, rounds, chosen, threshold, tiny):
 
 
 def compare_processes(trees, folder, rounds, quick):
-    """Print the times of processes in multiples of `import numba`; return those that are late."""
+    """Print times of processes in multiples of `import numba`; return those that are too slow."""
     times = {}
 
     def measure(which, key, label, code, at_most, cache=None):
         seconds = processes.run(code, trees[which], cache)
         times.setdefault((key, label, at_most), ([], []))[which].append(seconds)
 
-    for tree in trees:  # as an installed package has it
+    for tree in trees:  # installed packages have bytecode
         compileall.compile_dir(Path(tree) / "suslov_fast", quiet=2)
     for k in range(rounds):
         for key, (label, code, at_most) in processes.IMPORTS.items():
@@ -158,7 +158,7 @@ def compare_processes(trees, folder, rounds, quick):
 
 
 def report_processes(times):
-    """Print minima, as seconds and as multiples of `import numba`; return what takes too long."""
+    """Print minima in seconds and in multiples of `import numba`; return the slow ones."""
     best = {key: (label, at_most, *map(min, both)) for (key, label, at_most), both in times.items()}
     too_slow = []
     print(f"\n{'process':44}{'A':>11}{'B':>11} s, x numba: A       B  at most")
@@ -173,7 +173,7 @@ def report_processes(times):
 
 @contextlib.contextmanager
 def checked_out(revision, folder):
-    """A folder with the package of a revision, or the folder of that name."""
+    """Yield the folder `revision`, or a folder with that revision of the package."""
     if (Path(revision) / "suslov_fast").is_dir():
         yield Path(revision).resolve()
         return

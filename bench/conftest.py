@@ -1,4 +1,4 @@
-"""How a case is measured, and what is written beside its time."""
+"""Measurement of a case, and the data stored with its time."""
 
 import numba
 import pytest
@@ -6,7 +6,7 @@ import results
 
 import suslov_fast
 
-WRONG = 1e-9  # far above what rounding and the tolerances of integrators leave
+WRONG = 1e-9  # far above rounding errors and the tolerances of integrators
 
 
 def pytest_configure(config):
@@ -35,7 +35,7 @@ def measure(benchmark):
         except ImportError as error:
             pytest.skip(str(error))
         error = work.error() if work.error and (full or (case.x or 0) <= 1000) else None
-        # A case that computes something else, and faster, is no peer.
+        # A wrong result disqualifies a case.
         assert (error or 0.0) < WRONG
         names = ("table", "key", "label", "x", "limit", "whose")
         row = {name: getattr(case, name) for name in names}
@@ -51,7 +51,7 @@ def measure(benchmark):
 
 
 def pytest_generate_tests(metafunc):
-    """Each case of the module, with the numbers of threads that it asks for."""
+    """Parametrize by the cases of the module and their numbers of threads."""
     if "case" not in metafunc.fixturenames:
         return
     most = int(numba.config.NUMBA_NUM_THREADS)

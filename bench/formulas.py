@@ -1,6 +1,6 @@
-"""The formulas of the paper as one writes them first: for numbers, arrays and symbols.
+"""Straightforward implementations of the paper's formulas for numbers, arrays and symbols.
 
-The peers compute with them, and the references in long doubles. Nothing here is from the package.
+The peers and the references in long doubles use them. They share no code with the package.
 """
 
 import numpy as np
@@ -26,13 +26,13 @@ def velocity(p, q):
 
 
 def advance(X, Y):
-    """One step of the map without parameters."""
+    """One step of the parameter-free map."""
     X_next = X * (1 + Y) / (1 - Y + X * X)
     return X_next, Y - X * X_next
 
 
 class Formulas:
-    """Formulas of the states (p, q), with the constants of the body in one kind of number."""
+    """Formulas for states (p, q), with the constants of the body in a given type of number."""
 
     def __init__(self, number=float):
         self.I1, self.I2, self.I13, self.I23, self.eps = map(number, (*BODY, EPS))
@@ -48,7 +48,7 @@ class Formulas:
         return p / self.D, q / self.D
 
     def enter(self, p, q):
-        """The variables of the map without parameters."""
+        """Variables of the parameter-free map."""
         x, y = self.to_xy(p, q)
         return self.sx * x, self.sy * y
 
@@ -79,7 +79,7 @@ class Formulas:
 
 
 def matrix_nd(J, I, eps, omega):
-    """The matrix A(Omega) of the map in n dimensions, one for each state."""
+    """Matrix A(Omega) of the map in n dimensions for each state."""
     p = (omega * I).sum(-1)[:, None, None]
     h = (eps / (2 * J))[:, None]
     rank2 = 2 * I[:, None] * omega[:, None, :] - I * omega[:, :, None]

@@ -1,4 +1,4 @@
-"""The limits of the machine, as benchmarks beside those that they limit."""
+"""Benchmarks of the limits of the machine."""
 
 import native
 import numpy as np
@@ -18,7 +18,7 @@ def divisions(size, threads):
 
 
 def stores(kind):
-    """Stores, in states of 16 bytes."""
+    """Stores, in units of 16 bytes (one state)."""
 
     def make(size, threads):
         to = aligned((size(LARGE, SMALL),))
@@ -33,7 +33,7 @@ def new_memory(size, threads):
 
 
 def copy(size, threads):
-    """Bytes read and written, in pieces of 24, into memory that is used again."""
+    """Copy in units of 24 bytes, read or written, into reused memory."""
     source, to = (aligned((size(LARGE // 2, SMALL),)) for _ in range(2))
     call = lambda: native.call("limits.c", "copy", source, to, to.size, threads)  # noqa: E731
     return Work(call, 2 * to.nbytes // 24)

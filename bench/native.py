@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-# C is compiled for the processor that Numba compiles for.
+# gcc compiles for the processor that Numba compiles for.
 PROCESSOR = os.environ.get("NUMBA_CPU_NAME")
 ARCHITECTURE = {None: "native", "generic": "x86-64"}.get(PROCESSOR, PROCESSOR)
 FLAGS = ["-O3", f"-march={ARCHITECTURE}", "-fopenmp", "-shared", "-fPIC"]
@@ -31,7 +31,7 @@ def _library(name, *flags):
 def call(name, function, *arguments, flags=()):
     """Call a C function with arrays of doubles, integers (long) and floats (double).
 
-    Raises ImportError where there is no gcc, or no such function for this processor.
+    Raises ImportError if gcc, or the function for this processor, is missing.
     """
     found = getattr(_library(name, *flags), function, None)
     if found is None:
@@ -41,7 +41,7 @@ def call(name, function, *arguments, flags=()):
 
 
 def version():
-    """The version of gcc, or None without it."""
+    """Version of gcc, or None if gcc is missing."""
     if shutil.which("gcc") is None:
         return None
     done = subprocess.run(["gcc", "-dumpfullversion"], capture_output=True, text=True)

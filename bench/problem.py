@@ -20,12 +20,12 @@ CHECKED_ND, STEPS_ND = 8, 5
 
 
 def starts(batch):
-    """Angular velocities in the square |Omega1|, |Omega2| <= 2; larger batches begin the same."""
+    """Random states with |Omega1|, |Omega2| <= 2; larger batches extend smaller ones."""
     return np.random.default_rng(0).uniform(-2, 2, (batch, 2))
 
 
 def random_states(count):
-    """States away from where a quantity is infinite."""
+    """Random states away from singularities of the quantities."""
     return np.random.default_rng(2).uniform(0.5, 2, (count, 2))
 
 
@@ -39,7 +39,7 @@ def problem_nd(components, batch, integrable=False):
 
 
 def aligned(shape, offset=0):
-    """A C-contiguous array of zeros, touched, at a multiple of 64 bytes plus some doubles."""
+    """Return a touched C-contiguous array of zeros, at a multiple of 64 bytes plus some doubles."""
     size = int(np.prod(shape))
     room = np.empty(size + 16)
     room.fill(0.0)
@@ -64,7 +64,7 @@ def orbit(batch, steps):
 
 @functools.cache
 def motion(batch, time):
-    """The continuous motion of the first trajectories: x' = xy/a, y' = -x^2."""
+    """Continuous motion of the first trajectories: x' = xy/a, y' = -x^2."""
     a = PRECISE.a
     x, y = PRECISE.to_xy(*starts(batch).T.astype(np.longdouble))
     R = np.sqrt(a * x * x + y * y)

@@ -1,4 +1,4 @@
-"""Processes from their start to their end: imports, the first use ever, a second process."""
+"""Times of whole processes: imports, calls with an empty cache, calls with cached kernels."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ import suslov_fast
 BODY_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
 BODY_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
 IMPORT = "import numpy as np, suslov_fast as s; "
-# What to say of it, and how many times `import numba` it may take.
+# Label, code, and the allowed time in multiples of `import numba`.
 IMPORTS = {
     "python": ("Python alone", "pass", None),
     "import-numba": ("`import numba`", "import numba", None),
@@ -30,7 +30,7 @@ FIRST, SECOND = 20, 2.2
 
 
 def run(code, tree, cache):
-    """Run code in a process with the package of that folder; return the seconds it took."""
+    """Run code in a process with the package of a folder; return the elapsed seconds."""
     environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""}
     if cache is not None:
         environment["NUMBA_CACHE_DIR"] = str(cache)
@@ -40,7 +40,7 @@ def run(code, tree, cache):
 
 
 def cases():
-    """Processes with the kernels that are there, compiled before, or with none compiled."""
+    """Yield cases of processes with cached kernels and with an empty cache."""
     from work import Case, Work
 
     tree = Path(suslov_fast.__path__[0]).parent
@@ -50,7 +50,7 @@ def cases():
             with tempfile.TemporaryDirectory() as folder:
                 run(code, tree, folder if fresh else None)
 
-        # A test runs one process, which is test enough.
+        # As a test, one trivial process is enough.
         return lambda size, threads: Work(
             call if size(1, 0) else lambda: run("pass", tree, None), 1
         )

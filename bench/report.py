@@ -1,8 +1,8 @@
-"""Measure everything, and write the tables and charts.
+"""Run all benchmarks, and write tables and charts.
 
 `python bench/report.py` runs the benchmarks in several short passes, takes the best time of each,
 and writes to `results/`: `benchmarks.json`, all tables as `tables.md`, and the charts. With files
-as arguments (of this script, or of `pytest bench --benchmark-json`) it draws those and measures
+as arguments (of this script, or of `pytest bench --benchmark-json`), it draws them and measures
 nothing. `--write` also replaces the table in README.md.
 """
 
@@ -17,15 +17,15 @@ import results
 import tables
 
 README = results.BENCH.parent / "README.md"
-# Passes are short and follow each other: a shared machine is slow for seconds at a time.
+# Short, consecutive passes, since the speed of a shared machine varies over seconds.
 PASSES = 4
 PYTEST = "-q --benchmark-enable --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
 
 
 def measure(passes, select):
-    """The results of several passes over all benchmarks, each in a process of its own."""
+    """Run several passes over all benchmarks, each in its own process, and merge the results."""
     several = []
-    # The peers that solve linear systems are measured on one thread, like the others beside them.
+    # Linear solvers of the peers use one thread, like the rows beside them.
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
     with tempfile.TemporaryDirectory() as folder:
@@ -39,7 +39,7 @@ def measure(passes, select):
 
 
 def main(arguments=None):
-    """Measure or load, print, draw, and write if asked to."""
+    """Measure or load, print, draw, and write if requested."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
@@ -47,7 +47,7 @@ def main(arguments=None):
     parser.add_argument("-k", dest="select", default="", help="only benchmarks that match")
     parser.add_argument("--to", type=Path, default=results.BENCH / "results", help="folder")
     options = parser.parse_args(arguments)
-    import charts  # needs matplotlib: say so before all is measured
+    import charts  # fails early without matplotlib
 
     if options.files:
         measured = results.merge([results.load(path) for path in options.files])

@@ -1,4 +1,4 @@
-"""What benchmarks measured: rows of results, their files, and shares of the machine's limits."""
+"""Results of benchmarks: rows, their files, and shares of the machine's limits."""
 
 import importlib.metadata
 import json
@@ -14,11 +14,11 @@ PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka"]
 
 
 class Row(NamedTuple):
-    """One benchmark, measured.
+    """One measured benchmark.
 
     `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
-    of the machine and how much of it a unit needs, `x` the place in a chart or in a table with
-    columns.
+    of the machine and the amount of it that a unit needs, `x` the position in a chart or in a table
+    with columns.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Results(NamedTuple):
         return next(iter(self.of(table, key=key, **wanted)), None)
 
     def best(self, table):
-        """Rows of a table, each key with the most threads it was measured with."""
+        """Rows of a table, for each key those with the most threads."""
         rows, most = self.of(table), {}
         for row in rows:
             key = row.key, row.whose, row.x
@@ -68,8 +68,8 @@ class Results(NamedTuple):
     def share(self, row):
         """Share of its limit that a row reaches, or None.
 
-        The limit is the most that any row got: a row that passes the benchmark of the limit shows
-        that the limit was measured at a bad moment.
+        The limit is the highest rate of any row: if a row exceeds the benchmark of the limit, the
+        benchmark ran at a slow moment.
         """
         if row.limit is None:
             return None
@@ -88,7 +88,7 @@ def dump(results, path):
 
 
 def load(path):
-    """Results from a file of `dump`, or of pytest-benchmark: nothing that names machine or user."""
+    """Load a file of `dump` or of pytest-benchmark, without names of machines and users."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
     if "benchmarks" in content:
         content = {
@@ -105,7 +105,7 @@ def load(path):
 
 
 def merge(several):
-    """The best time of each benchmark; all come from one machine with one set of versions."""
+    """Merge results from one machine with one set of versions: the best time of each benchmark."""
     best = {}
     for results in several:
         if results.machine != several[0].machine:
@@ -121,7 +121,7 @@ def merge(several):
 
 
 def machine(described):
-    """Processor, threads and versions, from what pytest-benchmark says; nothing names the host."""
+    """Processor, threads and versions from the data of pytest-benchmark, without the host name."""
     import numba
     from llvmlite import binding
 

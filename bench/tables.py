@@ -1,4 +1,4 @@
-"""Results as tables in Markdown: one for the README, all of them for a page of their own."""
+"""Results as Markdown tables: one for the README, all of them for a separate page."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ HEADLINE = ("auto", "canonical", "c-projective", "c-printed", "numpy")
 
 
 def figure(value, digits=3):
-    """A number in so many digits, without exponent."""
+    """Format a number with some significant digits, without exponent."""
     return "" if value is None else f"{float(f'{value:.{digits}g}'):,.10g}"
 
 
@@ -16,13 +16,13 @@ def error_of(results, row):
 
 
 def share(results, row):
-    """Share of the limit of the machine."""
+    """Share of the limit of the machine, in percent."""
     value = results.share(row)
     return "" if value is None else f"{100 * value:.0f} %"
 
 
 def rate(scale):
-    """Column of units per second, in so many."""
+    """Column of units per second, divided by a scale."""
     return lambda results, row: figure(row.rate / scale)
 
 
@@ -32,7 +32,7 @@ def seconds_per_unit(scale):
 
 
 def of_printed(results, row):
-    """Rate as a multiple of that of the printed map in C."""
+    """Rate relative to the printed map in C."""
     base = results.one("last states", "c-printed")
     return figure(row.rate / base.rate, 2) if base else ""
 
@@ -42,13 +42,13 @@ def divisions(results, row):
 
 
 def one_thread(results, row):
-    """Nanoseconds on one thread."""
+    """Nanoseconds per unit on one thread."""
     one = results.one(row.table, row.key, whose=row.whose, threads=1)
     return figure(1e9 / one.rate) if one and row.threads > 1 else ""
 
 
 def times_numpy(results, row):
-    """Rates on one thread, ours as a multiple of NumPy's."""
+    """Our rate on one thread relative to NumPy's."""
     one = results.one(row.table, row.key, whose="this package", threads=1)
     numpy = results.one(row.table, row.key, whose="NumPy")
     return figure(one.rate / numpy.rate, 2) if one and numpy and row.whose != "NumPy" else ""
@@ -60,10 +60,10 @@ def of_import_numba(results, row):
 
 
 class Table(NamedTuple):
-    """A table of results: text above it, and columns, (header, function of results and row).
+    """A table of results: the text above it, and columns (header, function of results and row).
 
     With `across`, a table has a line for each key and a column for each x; `across` is the header
-    of the lines, and the one column says what is in the cells.
+    of the first column, and the single column is the function that fills the cells.
     """
 
     name: str
@@ -98,7 +98,7 @@ class Table(NamedTuple):
 
 
 def named(results, row):
-    """The name of a row: ours in bold, with its threads where others have more."""
+    """Name of a row: ours in bold, with the number of threads if others have more."""
     ours = "**suslov_fast**, " if row.whose == "this package" else ""
     counts = {each.threads for each in results.best(row.table)}
     few = row.threads == 1 and counts != {1} and row.table not in ("calls", "processes")
@@ -203,7 +203,7 @@ def caption(results):
 
 
 def everything(results):
-    """A page with all tables, beside the charts."""
+    """Page with all tables and the charts."""
     conditions = (
         f"Measured on {caption(results)}. The best of each in {results.passes} passes. Errors are "
         "the largest relative ones of 64 trajectories (8 in n dimensions) against long doubles. A "
@@ -218,7 +218,7 @@ def everything(results):
 
 
 def summary(results):
-    """The table of the README, with the markers around it."""
+    """Table of the README, with the markers around it."""
     text = (
         "Steps per second for the last states of 65,536 trajectories after 1000 steps, with the "
         f"largest relative error of 64 of them. Measured on {caption(results)}."
@@ -232,7 +232,7 @@ def summary(results):
 
 
 def replace(text, new):
-    """The text with new tables between its markers."""
+    """Replace the tables between the markers of a text."""
     if text.count(BEGIN) != 1 or text.count(END) != 1:
         raise ValueError(f"expected one {BEGIN!r} and one {END!r}")
     head, rest = text.split(BEGIN)

@@ -1,6 +1,6 @@
-"""What a case does: calls of one size, and their error against long doubles.
+"""The work of a case: calls of one size, and their error against long doubles.
 
-Each function here makes the `make` of a case from a call, ours or that of a peer.
+Each function here returns the `make` of a case for a call of this package or of a peer.
 """
 
 import importlib
@@ -31,7 +31,7 @@ import suslov_fast
 
 
 class Work(NamedTuple):
-    """A call, how many units of work it does, and its error as a function without arguments."""
+    """A call, its units of work, and a function that returns its error."""
 
     call: Callable[[], object]
     work: int
@@ -39,11 +39,11 @@ class Work(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One benchmark, before any memory is taken.
+    """One benchmark, before any memory is allocated.
 
     `make` takes a function `size(full, small)`, which chooses the size of a problem, and the number
-    of threads. `limit` is one of the machine, and how much of it a unit of work needs. A call may
-    take `at_most` times as long as that of the revision it is compared with.
+    of threads. `limit` is a limit of the machine and the amount of it that a unit of work needs. A
+    call may take `at_most` times as long as in the revision it is compared with.
     """
 
     table: str
@@ -54,9 +54,9 @@ class Case(NamedTuple):
     limit: tuple[str, float] | None = None
     whose: str = "this package"
     at_most: float = 1.2
-    quick: bool = False  # whether `compare.py --quick` measures it
+    quick: bool = False  # measured by `compare.py --quick`
     threads: str = "all"  # or "one" or "both"
-    once: bool = False  # takes long: measured once, in the first pass alone
+    once: bool = False  # slow: measured once, in the first pass only
 
     @property
     def name(self):
@@ -64,12 +64,12 @@ class Case(NamedTuple):
 
 
 def load(function):
-    """A function, or that of a peer, "module.name"; ImportError without the peer's library."""
+    """Return a function, or import a peer's "module.name"; ImportError without its library."""
     if callable(function):
         return function
     module, name = function.split(".")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of libraries being imported
+        warnings.simplefilter("ignore")  # warnings of imported libraries
         return getattr(importlib.import_module(f"peers.{module}"), name)
 
 
@@ -90,7 +90,7 @@ def last_states(function, batch=65_536, steps=STEPS):
 
 
 def saved_states(function, batch=65_536, saved=257, every=1, memory="reused"):
-    """Saved states by a function of (omega0, steps, threads, out), and of `every` beyond 1."""
+    """Saved states by a function of (omega0, steps, threads, out), and `every` if it exceeds 1."""
 
     def make(size, threads):
         call = load(function)
@@ -114,7 +114,7 @@ def saved_states(function, batch=65_536, saved=257, every=1, memory="reused"):
 
 
 def jumps(function, batch, numbers, checked=False):
-    """States at some n by a function of (omega0, n); `numbers` makes n of a size."""
+    """States n by a function of (omega0, n); `numbers(size)` returns n."""
 
     def make(size, threads):
         call, omega0, n = load(function), starts(size(batch, 16)), numbers(size)
@@ -179,7 +179,7 @@ def quantities(function, name):
 
 
 def orientations(what, n):
-    """Orientations of 4096 bodies along 100 steps, or exponents of their orbits."""
+    """Orientations of 4096 bodies along 100 steps, or Lyapunov exponents of their orbits."""
 
     def make(size, threads):
         batch, steps = size(4096, 16), size(100, 5)

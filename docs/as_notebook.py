@@ -1,7 +1,7 @@
 """The tutorial as a Jupyter notebook, and as scripts for a type checker.
 
 `python docs/as_notebook.py FILE.ipynb` writes the notebook, `--scripts FOLDER` a script for each
-page. It needs nothing but Python.
+page. The script needs only Python.
 """
 
 import argparse
@@ -11,7 +11,7 @@ from pathlib import Path
 
 TUTORIAL = Path(__file__).parent / "tutorial"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
-# What only the pages can show: figures and lists of contents.
+# Directives for pages only: figures and tables of contents.
 DIRECTIVE = re.compile(r"^(:::+|```)\{.*?^\1\n", re.MULTILINE | re.DOTALL)
 ROLE = re.compile(r"\{\w+\}`(?:([^`<]*?) *<[^`>]*>|~?([^`]*))`")
 DEFINITION = re.compile(r"^(\S.*)\n: ", re.MULTILINE)
@@ -20,18 +20,18 @@ LINK = re.compile(r"\[([^\]]*)\]\((?!https?:)[^)]*\)")
 
 
 def pages():
-    """The steps of the tutorial, in their order."""
+    """Names of the tutorial pages, in order."""
     (names,) = re.findall(r"```\{toctree\}.*?\n\n(.*?)```", _text("index"), re.DOTALL)
     return names.split()
 
 
 def code(name):
-    """The blocks of Python of a page."""
+    """Python blocks of a page."""
     return BLOCK.findall(_text(name))
 
 
 def cells(name):
-    """A page as cells: pairs of a kind and a text."""
+    """Split a page into cells: pairs of a kind and a text."""
     found = []
     for number, part in enumerate(BLOCK.split(_text(name))):
         kind = "code" if number % 2 else "markdown"
@@ -42,7 +42,7 @@ def cells(name):
 
 
 def notebook():
-    """The whole tutorial, in the format of Jupyter."""
+    """Return the whole tutorial in the format of Jupyter."""
     texts = [cell for name in pages() for cell in cells(name)]
     head = "# The tutorial of suslov_fast\n\nIt needs `pip install 'suslov_fast[algebra,xarray]'`."
     return {
@@ -77,14 +77,14 @@ def _text(name):
 
 
 def _plain(text):
-    """Markdown that a notebook can show: no roles, no directives, no links between pages."""
+    """Convert to Markdown for a notebook: no roles, no directives, no links between pages."""
     text = DIRECTIVE.sub("", text)
     text = DEFINITION.sub(r"- \1: ", ROLE.sub(_named, text))
     return LINK.sub(r"\1", NEXT.sub("", text)).strip()
 
 
 def _named(match):
-    """The title that a role gives, or the name of what it points to."""
+    """Title of a role, or the name of its target."""
     title, target = match.groups()
     return title if title else f"`{target.rpartition('.')[2]}`"
 
@@ -95,7 +95,7 @@ def _cell(name, kind, text):
 
 
 def main():
-    """Write what is asked for."""
+    """Write the requested files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("notebook", nargs="?", type=Path)
     parser.add_argument("--scripts", type=Path, metavar="FOLDER")

@@ -1,4 +1,4 @@
-"""How Sphinx builds the pages: `tox -e docs`."""
+"""Configuration of Sphinx; `tox -e docs` builds the pages."""
 
 import sys
 import warnings
@@ -38,7 +38,7 @@ myst_enable_extensions = ["amsmath", "dollarmath", "deflist", "colon_fence"]
 myst_heading_anchors = 3
 myst_dmath_double_inline = True
 
-# Types of parameters are written out in the docstrings, with their shapes.
+# Docstrings state the types of parameters, with their shapes.
 autodoc_typehints = "none"
 autosummary_generate = True
 numpydoc_show_class_members = False
@@ -63,7 +63,7 @@ copybutton_exclude = ".linenos, .gp, .go"
 
 
 def drawn(block, block_vars, gallery_conf):
-    """Save what functions of the package have drawn: figures that pyplot does not know."""
+    """Save figures drawn by functions of the package, which pyplot does not know."""
     names = block_vars["example_globals"]
     if "animation" in names:
         animation = names["animation"]
@@ -82,7 +82,7 @@ def drawn(block, block_vars, gallery_conf):
 
 
 def mathml(display):
-    """Write formulas as browsers read them: no script, and nothing fetched when a page is read."""
+    """Write formulas as MathML: browsers need no script and fetch nothing."""
 
     def write(self, node):
         tag = "div" if display == "block" else "span"
@@ -94,7 +94,7 @@ def mathml(display):
 
 
 def setup(app):
-    """Tell Sphinx how formulas are written."""
+    """Register MathML as the format of formulas."""
     app.add_html_math_renderer("mathml", mathml("inline"), mathml("block"))
 
 
@@ -118,8 +118,8 @@ sphinx_gallery_conf = {
 }
 suppress_warnings = ["config.cache"]
 
-# The tutorial for readers to download.
+# The tutorial as a download.
 as_notebook.write(Path(__file__).parent / "_build" / "tutorial.ipynb")
 
-# Warnings of the examples are errors, as they are in the tests.
+# Warnings in the examples are errors, as in the tests.
 warnings.filterwarnings("error", category=RuntimeWarning)

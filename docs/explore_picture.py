@@ -1,6 +1,6 @@
 """Take the screenshot of the page: `PYTHONPATH=tests python docs/explore_picture.py`.
 
-It needs Chromium or Chrome, and Pillow.
+The script needs Chromium or Chrome, and Pillow.
 """
 
 import tempfile
@@ -18,7 +18,7 @@ PICTURE = Path(__file__).parent / "_static" / "explore.png"
 
 
 def main():
-    """Open the page, stop it at a state, and save a screenshot with few colours."""
+    """Open the page, stop the motion at a state, and save a screenshot with few colours."""
     parameters = PRESETS["Long steps: t = 0.5"]
     query = urlencode(parameters._asdict() | {"show": "portrait F energy flow"})
     with Server(0) as server, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:

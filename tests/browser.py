@@ -23,7 +23,7 @@ OPTIONS = (
 LAUNCH = "import os, sys; os.dup2(int(sys.argv[1]), 3); os.dup2(int(sys.argv[2]), 4); "
 LAUNCH += "os.execv(sys.argv[3], sys.argv[3:])"
 # Seconds; the first picture may wait for the compiler on a busy machine.
-PATIENCE = 300.0
+TIMEOUT = 300.0
 
 
 def _moved(descriptor):
@@ -34,7 +34,7 @@ def _moved(descriptor):
 
 
 class Browser:
-    """A browser with one page; skips the test if there is none, or it cannot be driven."""
+    """A browser with one page; skips the test if no browser can be started."""
 
     def __init__(self, folder):
         path = next(filter(None, map(shutil.which, NAMES)), None)
@@ -75,7 +75,7 @@ class Browser:
         if self._session:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while (answer := self._receive(end)).get("id") != number:
             self.events.append(answer)
         assert "error" not in answer, (method, answer)
@@ -99,10 +99,10 @@ class Browser:
         return answer["result"].get("value")
 
     def wait(self, script):
-        """Wait until a script finds something true."""
-        end = time.monotonic() + PATIENCE
+        """Wait until a script returns a true value, and return the value."""
+        end = time.monotonic() + TIMEOUT
         while not (found := self.value(script)):
-            assert time.monotonic() < end, f"never came true: {script}"
+            assert time.monotonic() < end, f"timed out: {script}"
             time.sleep(0.02)
         return found
 

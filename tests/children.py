@@ -1,4 +1,4 @@
-"""Child processes: what aborts, hangs or needs other settings is tested in one."""
+"""Child processes, for tests that may abort or hang, or that need other settings."""
 
 import functools
 import os
@@ -21,7 +21,7 @@ def run(**options):
 expected = run(threads=1)
 """
 
-# Children of a process one of whose threads computes all the time.
+# Forks of a process in which another thread computes all the time.
 FORKS = (
     SETUP
     + """
@@ -46,7 +46,7 @@ thread.join()
 
 
 def start(code, *arguments, **environment):
-    """A child with pipes that runs code, which may be indented, or the script of a path."""
+    """Start a child that runs code, which may be indented, or the script at a path."""
     what = [code] if isinstance(code, Path) else ["-c", textwrap.dedent(code)]
     return subprocess.Popen(
         [sys.executable, *map(str, [*what, *arguments])],
@@ -59,7 +59,7 @@ def start(code, *arguments, **environment):
 
 
 def finish(process, timeout=300):
-    """Its output and errors; a child that hangs is killed, and an error."""
+    """Return the output and errors of a child; kill a child that hangs, and raise."""
     try:
         return process.communicate(timeout=timeout)
     finally:
@@ -68,23 +68,23 @@ def finish(process, timeout=300):
 
 
 def run(code, *arguments, timeout=300, **environment):
-    """The output of a child that must end well."""
+    """Run a child that must succeed, and return its output."""
     process = start(code, *arguments, **environment)
     output, errors = finish(process, timeout)
-    told = f"{output[-2000:]}{errors[-4000:]}"
-    assert process.returncode == 0, f"ended with {process.returncode}: {told}"
+    text = f"{output[-2000:]}{errors[-4000:]}"
+    assert process.returncode == 0, f"ended with {process.returncode}: {text}"
     return output
 
 
 def layer(name):
-    """The settings under which a child uses a threading layer of Numba; skips without it."""
+    """Return the environment for a threading layer of Numba; skip the test if it is missing."""
     if not _has(name):
         pytest.skip(f"Numba has no threading layer {name} here")
     return _settings(name)
 
 
 def _settings(name):
-    # Where pip puts the library of TBB, which the loader does not search by itself.
+    # pip installs the TBB library in a folder that the loader does not search.
     places = [str(Path(sys.prefix) / "lib"), os.environ.get("LD_LIBRARY_PATH", "")]
     return {
         "NUMBA_THREADING_LAYER": name,

@@ -10,18 +10,18 @@ from hypothesis import settings
 from suslov_fast import Suslov3D, SuslovND
 from suslov_fast._engine import run as engine
 
-# The first call of a kernel compiles it, which no deadline allows for.
+# No deadline, since the first call of a kernel compiles it.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("suslov_fast")
 
-# What is started in the background ignores Ctrl-C, and so would all that it starts.
+# Processes started in the background ignore Ctrl-C, and so would their children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(items):
-    """Mark the slow tests: a folder, and all but some cases of those marked `sampled`."""
+    """Mark slow tests: those in tests/slow, and all but some cases of tests marked `sampled`."""
     cases = defaultdict(list)
     for item in items:
         if "slow" in item.path.parent.parts:
@@ -46,7 +46,7 @@ def rng():
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    """Let runs be cut into many parts, along the batch and along time."""
+    """Divide runs into many parts, along the batch and along time."""
     monkeypatch.setattr(engine, "_PART", 2**12)
     monkeypatch.setattr(engine, "_ABREAST", 1)
     monkeypatch.setattr(engine, "_LENGTH", 1)
@@ -55,19 +55,19 @@ def small_parts(monkeypatch):
 
 @pytest.fixture
 def body():
-    """The paper's first picture."""
+    """Body of the paper's first picture."""
     return Suslov3D(4, 1, -0.5, -0.3)
 
 
 @pytest.fixture
 def unit():
-    """A body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
+    """Body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
     return Suslov3D(1, 1, 1, 0)
 
 
 @pytest.fixture(params=["3D", "nD"])
 def case(request, body):
-    """A body and a state of it."""
+    """Body and a state of it."""
     if request.param == "3D":
         return body, [1.0, 0.5]
     return SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
@@ -75,7 +75,7 @@ def case(request, body):
 
 @pytest.fixture(autouse=True)
 def _figures():
-    """Leave no figures open and no settings of Matplotlib changed, whatever a test runs."""
+    """Close all figures and restore the settings of Matplotlib after each test."""
     yield
     if "matplotlib.pyplot" in sys.modules:
         import matplotlib

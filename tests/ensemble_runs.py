@@ -1,11 +1,11 @@
-"""Stored runs: their arguments, comparisons, and processes and workers that are killed.
+"""Arguments and comparisons of stored runs, and stored runs with kills of processes or workers.
 
 As a script:
 
-    ensemble_runs.py alone STORE KIND SEED KILLS     processes that compute a store by themselves
+    ensemble_runs.py alone STORE KIND SEED KILLS     processes without a cluster
     ensemble_runs.py workers STORE KIND SEED KILLS   workers of a Dask cluster
 
-finish the store in the end, and print the number of steps and of kills.
+Each finishes the store, and prints the numbers of steps and kills.
 """
 
 import os
@@ -35,7 +35,7 @@ KINDS = {
 
 
 def arguments(kind, tiles=24):
-    """A run of many small pieces."""
+    """Arguments of a run with many small chunks."""
     nd = SuslovND(J=np.linspace(1.0, 3.0, 7), I=np.linspace(-0.3, 0.5, 7))
     starts = RandomStarts(16 * tiles, 1.5, seed=4)
     chunk = {"trajectory": 16, "n": 5}
@@ -44,7 +44,7 @@ def arguments(kind, tiles=24):
 
 
 def assert_same(dataset, orbits):
-    """Compare all that is stored with what `iterate` returns, bit for bit."""
+    """Compare all stored variables with the results of `iterate`, bit for bit."""
     for name in ("omega", "final", "status", "failed_at", "attitude", "n"):
         expected = getattr(orbits, name)
         if expected is None:
@@ -70,7 +70,7 @@ def assert_undisturbed(store, kind, steps):
     dataset = ensemble(**arguments(kind), steps=steps, store=other)
     assert dataset.attrs["tiles_done"] == "24 of 24"
     found, expected = contents(store), contents(other)
-    for name in ("n/c/0", "n/c/1", "n/c/2", "n/c/3"):  # n is cut as the first run was
+    for name in ("n/c/0", "n/c/1", "n/c/2", "n/c/3"):  # chunks of n are those of the first run
         found.pop(name, None), expected.pop(name, None)
     assert sorted(found) == sorted(expected)
     assert [name for name in found if found[name] != expected[name]] == []
@@ -83,13 +83,13 @@ def assert_undisturbed(store, kind, steps):
 
 
 def alone(store, kind, seed, kills):
-    """Processes, each killed at a random moment, the last of which may finish."""
+    """Kill processes at random moments, then let one finish."""
     chance, killed = random.Random(seed), 0
     longest = 1.0
     while True:
         child = os.fork()
         if not child:
-            with suppress(ValueError):  # it is longer already
+            with suppress(ValueError):  # the store already has more steps
                 ensemble(**arguments(kind), steps=130, store=store)
             ensemble(**arguments(kind), steps=300, store=store)
             os._exit(0)
@@ -100,7 +100,7 @@ def alone(store, kind, seed, kills):
         if status == 0 and killed >= kills:
             return 300, killed
         if status == 0:
-            longest /= 2.0  # it was faster: kills go on in a new store
+            longest /= 2.0  # finished before the kill: start a new store
             shutil.rmtree(store)
         else:
             assert os.WIFSIGNALED(status), status
@@ -108,7 +108,7 @@ def alone(store, kind, seed, kills):
 
 
 def workers(store, kind, seed, kills):
-    """Workers of a cluster, killed one after the other while it computes."""
+    """Compute on a cluster, and kill its workers one after the other."""
     import dask
     from distributed import Client, LocalCluster
 
@@ -141,7 +141,7 @@ def workers(store, kind, seed, kills):
         killer = threading.Thread(target=kill, args=(client,), daemon=True)
         killer.start()
         steps = 0
-        while steps == 0 or len(killed) < kills:  # go on until enough are killed
+        while steps == 0 or len(killed) < kills:  # continue until enough workers are killed
             steps += 300
             address = cluster.scheduler_address
             ensemble(**arguments(kind), steps=steps, store=store, scheduler=address)

@@ -1,7 +1,7 @@
 """The paper's equations as printed, in arithmetic of 60 digits or in fractions.
 
-Nothing here comes from the package. The coefficients of the unknowns in an implicit equation are
-found by evaluating it, and the linear system is solved; the equations' numbers are the paper's.
+The module shares no code with the package. Implicit equations are solved as linear systems, whose
+coefficients are found by evaluating the equations. Equation numbers are those of the paper.
 """
 
 from fractions import Fraction
@@ -19,7 +19,7 @@ def exactly(*numbers):
 
 
 def ds1(I1, I2, I13, I23, eps, omega, following):
-    """Left sides minus right sides of the two equations (4)."""
+    """Residuals of the two equations (4)."""
     (w1, w2), (v1, v2) = omega, following
     return [
         I1 * (v1 - w1) - eps * (-I13 / 2 * (v1 * w2 + w1 * v2) - I23 * w2 * v2),
@@ -28,7 +28,7 @@ def ds1(I1, I2, I13, I23, eps, omega, following):
 
 
 def ds(I1, I2, I13, I23, eps, I3, omega, following):
-    """Left sides minus right sides of the three equations (3)."""
+    """Residuals of the three equations (3)."""
     (w1, w2, w3), (v1, v2, v3) = omega, following
     right1 = (
         I2 / 2 * (v2 * w3 + w2 * v3)
@@ -52,7 +52,7 @@ def ds(I1, I2, I13, I23, eps, I3, omega, following):
 
 
 def solve_affine(residual, dimension, number=mpf):
-    """Find the zero of an affine function by elimination; None if it has not exactly one."""
+    """Find the zero of an affine function by elimination; None if there is not exactly one."""
     zero = [number(0)] * dimension
     constant = residual(zero)
     columns = []
@@ -84,7 +84,7 @@ def rational_step(I1, I2, I13, I23, eps, omega):
 
 
 def orbit(I1, I2, I13, I23, eps, omega, steps):
-    """The states 0 ... steps."""
+    """States 0 to `steps`."""
     return iterated(lambda state: step(I1, I2, I13, I23, eps, state), omega, steps)
 
 
@@ -109,7 +109,7 @@ def first_integral(I1, I2, I13, I23, eps, omega):
 
 
 def xy(I1, I2, I13, I23, omega):
-    """Equation (7)."""
+    """x and y of equation (7)."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     w1, w2 = (mpf(component) for component in omega)
     return I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
@@ -134,7 +134,7 @@ def closed_form(I1, I2, I13, I23, eps, omega):
 
 
 def invariant_density(I1, I2, I13, I23, eps, omega):
-    """That of dx dy / (x (4 I1 I2 + eps**2 x**2))."""
+    """Density of the invariant measure dx dy / (x (4 I1 I2 + eps**2 x**2))."""
     x, _ = xy(I1, I2, I13, I23, omega)
     I1, I2, eps = exactly(I1, I2, eps)
     return 1 / (x * (4 * I1 * I2 + eps**2 * x**2))
@@ -186,7 +186,7 @@ def worst_error(states, exact):
 
 
 def energy_error(J, computed, exact):
-    """The error in the norm of the energy, relative to that of the exact state."""
+    """Error in the energy norm, relative to the norm of the exact state."""
     difference = [mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)]
     return float(mpmath.sqrt(energy_nd(J, difference) / energy_nd(J, exact)))
 
@@ -202,7 +202,7 @@ def vector_field(I1, I2, I13, I23, omega):
 
 @mp.workdps(30)
 def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
-    """The solution of equations (2) at a time, by Taylor series in 30 digits."""
+    """Solution of equations (2) at a time, by Taylor series in 30 digits."""
     I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
     h /= steps
     state = exactly(*omega)
@@ -221,7 +221,7 @@ def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
 
 
 def derivative(function, state, digits=20):
-    """The derivative of a function of vectors by central differences."""
+    """Derivative of a function of vectors, by central differences."""
     h, m = mpf(10) ** -digits, range(len(state))
     columns = []
     for j in m:
@@ -235,19 +235,19 @@ def derivative(function, state, digits=20):
 
 
 def jacobian(I1, I2, I13, I23, eps, omega):
-    """The derivative of the map by central differences in 60 digits."""
+    """Derivative of the map, by central differences in 60 digits."""
     return derivative(lambda state: step(I1, I2, I13, I23, eps, state), exactly(*omega))
 
 
 def reaction(I1, I2, I13, I23, omega, derivative):
-    """The multiplier of the third equation (2)."""
+    """Multiplier in the third equation (2)."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     w1, w2 = (mpf(component) for component in omega)
     return I13 * derivative[0] + I23 * derivative[1] - (I1 - I2) * w1 * w2
 
 
 def discrete_reaction(I1, I2, I13, I23, eps, omega, following):
-    """The same with a difference quotient and a polarised product."""
+    """Multiplier of the discrete equations, with a difference quotient and a polarised product."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
     (w1, w2), (v1, v2) = omega, following
     x, x_next = I13 * w1 + I23 * w2, I13 * v1 + I23 * v2
@@ -255,7 +255,7 @@ def discrete_reaction(I1, I2, I13, I23, eps, omega, following):
 
 
 def attitude(omega, eps):
-    """R_next = R cay(eps (Omega + Omega_next) / 2), with matrices as they stand."""
+    """Rotations R_next = R cay(eps (Omega + Omega_next) / 2), by matrix inversion."""
 
     def hat(w1, w2):
         return mpmath.matrix([[0, 0, w2], [0, 0, -w1], [-w2, w1, 0]])
@@ -272,7 +272,7 @@ def attitude(omega, eps):
 
 
 def dsn(J, I, eps, omega, following):
-    """Left sides minus right sides of equations (15)."""
+    """Residuals of equations (15)."""
     m = range(len(J))
     product = sum(following[i] * omega[i] for i in m)
     p, p_next = sum(I[i] * omega[i] for i in m), sum(I[i] * following[i] for i in m)
@@ -299,7 +299,7 @@ def energy_nd(J, omega):
 
 
 def vector_field_nd(J, I, omega):
-    """The right side of equations (14) over J."""
+    """Right sides of equations (14), divided by J."""
     J, I, w = exactly(*J), exactly(*I), [mpf(component) for component in omega]
     p, square = sum(i * v for i, v in zip(I, w, strict=True)), sum(v * v for v in w)
     return [(p * w[k] - I[k] * square) / J[k] for k in range(len(J))]
@@ -308,7 +308,7 @@ def vector_field_nd(J, I, omega):
 def reaction_nd(J, I, omega, following, derivative):
     """lambda = M' - [M, Omega] of equations (13), M = I Omega + Omega I, products polarised.
 
-    The trace of the second moments of mass is free: what J leaves open cancels.
+    J does not determine the trace of the second moments of mass, which cancels.
     """
     J, I, n = exactly(*J), exactly(*I), len(J) + 1
     inertia = mpmath.diag([J_i - J[0] for J_i in J] + [J[0]])
@@ -357,15 +357,15 @@ def far_state_nd(J, I, eps, omega, n):
 
 @mp.workdps(30)
 def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
-    """The angle between the angular velocities in space at tau = -far and far, tau = C t / a.
+    """Angle between the angular velocities in space at tau = -far and far, tau = C t / a.
 
-    By Taylor series of the Poisson equation g' = g x omega of a vector that is fixed in space, with
-    omega = (y = -tanh, x = sech / sqrt(a)) of equation (xy): the vector begins along omega.
+    The Poisson equation g' = g x omega of a vector g fixed in space, initially along omega, is
+    solved by Taylor series, with omega = (y = -tanh, x = sech / sqrt(a)) in scaled coordinates (7).
     """
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
     root = mpmath.sqrt(a)
-    # d omega / d tau in units of tau: omega a over C.
+    # omega a / C, since the time is tau.
     along = [a * I23 / D, -a * I13 / D]
     across = [root * I13 * I2 / D, root * I23 * I1 / D]
     length = mpmath.hypot(*along)
@@ -392,6 +392,6 @@ def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
             for i in range(2):
                 omega[i].append(along[i] * -next_tanh + across[i] * next_sech)
         g = [sum(c * h**k for k, c in enumerate(row)) for row in series]
-    # The vector in the body's frame; at the end omega is -along.
+    # g is in the body's frame; at the end omega is -along.
     cosine = -(g[0] * along[0] + g[1] * along[1]) / length
     return mpmath.atan2(mpmath.sqrt(max(1 - cosine**2, 0)), cosine)

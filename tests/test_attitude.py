@@ -17,7 +17,7 @@ def orthogonality(R):
 
 
 def hat(omega, n=None):
-    """The matrix of (Omega1, Omega2), or with n that of the components Omega_in."""
+    """Antisymmetric matrix of (Omega1, Omega2), or with `n` of the components Omega_in."""
     column = [omega[1], -omega[0]] if n is None and len(omega) == 2 else omega
     S = np.zeros((len(omega) + 1,) * 2)
     S[:-1, -1], S[-1, :-1] = column, np.negative(column)
@@ -52,8 +52,8 @@ def test_against_cayley_matrices_in_n_dimensions(rng, eps):
     [("canonical", 0), ("ds2", 0)]
     + [(method, m) for method in ("rank2", "gauss") for m in (1, 3, 6)],
 )
-def test_what_is_saved(rng, body, method, m):
-    """By a named method no state and no orientation depends on which are saved."""
+def test_results_do_not_depend_on_save_every(rng, body, method, m):
+    """With a named method, states and orientations do not depend on `save_every`."""
     body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m)) if m else body
     omega = rng.normal(size=(9, body.dimension))
     start = np.linalg.qr(rng.normal(size=(9, m + 1 if m else 3, m + 1 if m else 3)))[0]
@@ -74,7 +74,7 @@ def test_what_is_saved(rng, body, method, m):
 
 
 def test_order_2(case):
-    """Against the integration of R' = R Omega along the exact flow; order by regression."""
+    """Order by regression, against an integration of R' = R Omega along the exact flow."""
     body, omega0 = case
     m, n = len(omega0), len(omega0) + 1
 
@@ -104,7 +104,7 @@ def test_orthogonal_over_a_million_steps(case):
 
 
 def test_orthogonal_after_a_thousand_steps_in_many_dimensions(rng):
-    """Without cleaning up it is not: 2e-14."""
+    """Without reorthogonalization, the error would be 2e-14."""
     body = sf.SuslovND(rng.uniform(1, 3, 8), rng.normal(size=8))
     R = sf.attitude(body, states(body, rng.normal(size=8), 0.3, 1000), 0.3)
     assert orthogonality(R) < 5e-15
@@ -117,7 +117,7 @@ def test_orthogonal_after_a_thousand_steps_in_many_dimensions(rng):
     + [(1e-280, 1e307), (1e-150, 1e307), (1e155, 1.0), (1e300, 1e-280), (1e300, 1e300)],
 )
 def test_half_a_turn(eps, size):
-    """Where |eps omega| is that large: R = 2 u u^T - 1 about the axis u, in the plane of u."""
+    """For huge |eps omega| a step is a half turn: R = 2 u u^T - 1 about u, or in the plane of u."""
     u, e = np.array([0.6, -0.8, 0.0, 0.0]), np.eye(4)[-1]
     in_3d = 2 * np.outer(u[:3], u[:3]) - np.eye(3)
     in_4d = np.eye(4) - 2 * np.outer(u, u) - 2 * np.outer(e, e)
@@ -144,7 +144,7 @@ def test_nan_from_the_first_nan_on(case):
         assert np.isnan(R[first:]).all()
 
 
-def test_states_that_do_not_follow_each_other(case):
+def test_states_that_are_not_consecutive(case):
     body, omega0 = case
     omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
     other = type(body)(*body.parameters[:-1], body.parameters[-1] + 0.1)
@@ -164,7 +164,7 @@ def test_states_that_do_not_follow_each_other(case):
 
 
 @pytest.mark.parametrize("k", [-900, -400, 400, 900])
-def test_states_that_do_not_follow_in_any_unit(case, k):
+def test_states_that_are_not_consecutive_in_any_unit(case, k):
     body, omega0 = case
     omega = np.ldexp(states(body, omega0, 0.2, 5), k)
     assert np.isfinite(sf.attitude(body, omega, np.ldexp(0.2, -k))).all()
@@ -177,8 +177,8 @@ def test_states_that_do_not_follow_in_any_unit(case, k):
     [("auto", None, 300), ("canonical", None, 300), ("ds2", None, 300)]
     + [(method, *each) for method in ("rank2", "gauss") for each in ((2, 60), (4, 60), (9, 20))],
 )
-def test_whatever_iterate_returns_follows(rng, method, n, size):
-    """Every regime, units far apart, states next to poles and after them."""
+def test_states_of_iterate_are_accepted(rng, method, n, size):
+    """`attitude` accepts all states of `iterate`, in any regime and unit, and next to poles."""
     if n is None:
         products = rng.normal(size=(2, size)) * rng.choice([0, 1], size)
         body, range_ = sf.Suslov3D(*10 ** rng.uniform(-4, 4, (2, size)), *products), 6

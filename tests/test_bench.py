@@ -1,4 +1,4 @@
-"""The tools that report and compare benchmarks, on made-up results: nothing is timed here."""
+"""The tools that report and compare benchmarks, on invented results: nothing is timed."""
 
 import json
 
@@ -46,7 +46,7 @@ FULL = made(
 )
 
 
-def test_files_name_no_machine_and_no_person(tmp_path):
+def test_files_contain_no_host_and_no_user(tmp_path):
     extra = {"table": "last states", "key": "auto", "label": "ours", "whose": OURS}
     extra |= {"work": 100, "threads": 1, "limit": ["divisions", 2]}
     benchmark = {"name": "b[1]", "fullname": "secret/b", "stats": {"min": 0.25, "max": 0.5}}
@@ -78,7 +78,7 @@ def test_merging_takes_the_best_time_of_each():
 
 
 CELLS = {
-    # 1e10 steps per second, of 2e10 divisions.
+    # 1e10 steps per second; the limit is 2e10 divisions per second.
     "**suslov_fast**, auto": ["10", "2", "1", "50 %", "1e-15"],
     "c-printed": ["5", "1", "2", "50 %", "1e-15"],
     "python, one thread": ["0.001", "0.0002", "", "", ""],
@@ -98,11 +98,11 @@ def test_cells_of_the_tables():
         assert [cell.removesuffix(" |").strip() for cell in found[name]] == cells, name
 
 
-def test_what_passes_a_limit_raises_it():
+def test_a_rate_above_a_limit_raises_the_limit():
     ours, c = row("ours", 1e-4, limit=("divisions", 1)), row("C", 5e-5, limit=("divisions", 2))
     found = made(row("divisions", 1e-4, whose=MACHINE, limit=("divisions", 1)), c, ours)
     assert [found.share(each) for each in (c, ours)] == [1, 0.25]
-    assert made(c).share(c) is None, "nothing to compare with"
+    assert made(c).share(c) is None, "no row measures the limit"
 
 
 def test_the_readme_and_the_page_show_the_stored_results():
@@ -135,7 +135,7 @@ def test_each_case_has_a_table_and_a_name_of_its_own():
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_two_revisions_are_compared(monkeypatch, capfd):
-    """The working tree with itself, with room; then equal times, with a threshold none can meet."""
+    """The working tree with itself and a huge threshold; then equal times and a tiny threshold."""
     options = ["--tiny", "--rounds", "1", "--no-processes", "-k", "quantities-energy"]
     here = str(results.BENCH.parent)
     assert compare.main([here, here, *options, "--threshold", "1e9"]) == 0

@@ -49,9 +49,9 @@ def test_parameters_are_kept():
 
 
 @each_body
-def test_a_body_is_a_value(body):
-    """Equal to its copies, hashed as they are, never changed, and back from JSON bit for bit."""
-    units_of(body)  # what is kept of it is no part of the value
+def test_equality_copies_and_immutability(body):
+    """Bodies are immutable, equal their copies, hash alike, and return from JSON bit for bit."""
+    units_of(body)  # cached units do not count in comparisons
     plain = json.loads(json.dumps(body.to_dict()))
     copies = [pickle.loads(pickle.dumps(body)), copy.copy(body), copy.deepcopy(body)]
     for twin in [*copies, type(body).from_dict(plain), replace(body)]:
@@ -130,7 +130,7 @@ SPECIAL_AXES = [[0, 0, -1], [1, 0, 0], [1e-9, 0, -1], [0, -1, 0]]
     [((), (3,)), ((50,), (50, 3)), ((4, 1), (3, 3)), *(((), axis) for axis in SPECIAL_AXES)],
 )
 def test_from_inertia(rng, shape, axis):
-    """Of random axes in arrays of such a shape, and of special ones."""
+    """Random inertia matrices and axes of these shapes, and special axes."""
     inertia = random_inertia(rng, shape)
     axis = rng.normal(size=axis) if isinstance(axis, tuple) else np.array(axis)
     body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
@@ -160,7 +160,7 @@ def test_an_adapted_basis_is_kept(axis, I1):
 
 
 def test_the_motion_does_not_depend_on_the_basis(rng):
-    """Turn the body and its axis: the angular velocities turn along."""
+    """Angular velocities rotate with the body and its axis."""
     inertia, axis = random_inertia(rng), rng.normal(size=3)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
@@ -209,7 +209,7 @@ def test_flat_bodies_and_second_moments():
 
 
 def test_admissible_I3(rng):
-    """Just inside the interval tr(T)/2 - T is positive definite, just outside it is not."""
+    """tr(T)/2 - T is positive definite just inside the interval but not just outside it."""
     I1, I2 = 10 ** rng.uniform(-1, 1, (2, 400))
     I13, I23 = rng.uniform(-1, 1, (2, 400)) * np.minimum(I1, I2)
     I13[::7] = 0.0
@@ -244,7 +244,7 @@ def test_admissible_I3_of_scaled_bodies():
 
 
 def test_moments_far_apart():
-    """eps I13 / I1 is 1e-3; Omega2 does not change to rounding."""
+    """eps I13 / I1 is 1e-3, and Omega2 is constant to rounding."""
     far_apart, expected = sf.Suslov3D(1e-270, 1e270, 1, 1), [1.0, 1.0]
     with naive.mp.workdps(900):
         for _ in range(5):
@@ -255,7 +255,7 @@ def test_moments_far_apart():
 
 
 def test_functions_without_a_gyrostat():
-    """Others are in `test_promises.py`."""
+    """Functions that reject a gyrostat; `test_promises.py` tests the others."""
     run = sf.iterate(GYROSTAT, [1.1, -0.4], 0.35, 30)
     np.testing.assert_allclose(run.first_integral(), run.first_integral()[0], rtol=1e-13)
     for call in (

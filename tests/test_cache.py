@@ -1,4 +1,4 @@
-"""Compiled kernels on disk: fast in a second process, never stale, never fatal."""
+"""The cache of compiled kernels: used by later processes, never stale, never fatal."""
 
 import re
 import shutil
@@ -11,8 +11,8 @@ from suslov_fast import _jit
 
 pytestmark = pytest.mark.compiled
 
-# A package whose kernels compile fast, around the modules that keep what is compiled: loops of one
-# factory, which differ in a formula of another module.
+# A small package with a copy of `_jit` and kernels that compile fast: loops made by one function,
+# which differ in a formula of another module.
 FILES = {
     "__init__.py": "",
     "_formulas/__init__.py": "",
@@ -77,7 +77,7 @@ def folder(tmp_path):
 
 
 def call(folder, *names, **environment):
-    """The results of kernels in a new process, and how many came from the cache."""
+    """Return the results of kernels in a new process, and the number loaded from the cache."""
     environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
     output = children.run(CALL, str(folder), *names, **environment)
     results = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
@@ -88,15 +88,15 @@ def cached(folder):
     return sorted((folder / "core" / "_kernels" / "__pycache__").glob("*.nb?"))
 
 
-def test_later_processes_compile_only_what_is_edited_or_damaged(folder):
-    """Loops that different processes compiled are told apart by the one that loads them."""
+def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
+    """A process distinguishes the cached loops that other processes compiled."""
     every = "twice", "half", "opposite"
     assert call(folder, "twice") == ([TWICE], 0)
     assert call(folder, "half", "opposite") == ([HALF, OPPOSITE], 0)
     assert call(folder, *every) == ([TWICE, HALF, OPPOSITE], 3)
     before = cached(folder)
     damages = lambda content: b"", lambda content: content[:-40], lambda content: b"garbage"
-    names = "opposite_twice", "half", "opposite"  # of which the first begins like the last
+    names = "opposite_twice", "half", "opposite"  # the first begins with the name of the last
     for name, damage in zip(names, damages, strict=True):
         damaged = [path for path in before if re.search(rf"\.{name}_[0-9a-f]+-", path.name)]
         assert len(damaged) == 2
@@ -106,10 +106,10 @@ def test_later_processes_compile_only_what_is_edited_or_damaged(folder):
     formulas = folder / "core" / "_formulas" / "small.py"
     formulas.write_text(formulas.read_text().replace("2.0", "3.0"))
     assert call(folder, *every) == (["twice 0.0 3.0 6.0", HALF, OPPOSITE], 0)
-    assert len(cached(folder)) == len(before)  # those of the earlier source are gone
+    assert len(cached(folder)) == len(before)  # files of the earlier source are deleted
 
 
-def test_without_a_folder_to_write_to(folder):
+def test_without_a_writable_folder(folder):
     """Each process compiles for itself, as in a read-only installation."""
     blocked = folder / "core" / "_kernels" / "__pycache__"
     blocked.write_text("not a folder")
@@ -118,8 +118,8 @@ def test_without_a_folder_to_write_to(folder):
     assert blocked.read_text() == "not a folder"
 
 
-def test_a_numba_whose_cache_is_organised_otherwise(folder):
-    """Then its own cache is used as it is."""
+def test_numba_with_another_cache_class(folder):
+    """If Numba's cache class is not the expected one, it is used unchanged."""
     cache = folder / "core" / "_jit" / "cache.py"
     cache.write_text(cache.read_text().replace('"_cache"', '"_cache_of_another_numba"'))
     assert call(folder, "twice") == ([TWICE], 0)

@@ -1,4 +1,4 @@
-"""The command line, as a newcomer meets it."""
+"""The command line."""
 
 import contextlib
 import inspect
@@ -24,7 +24,7 @@ COMMAND = [sys.executable, "-m", "suslov_fast"]
 
 
 def run(line, folder="."):
-    """Run the command in this process, which has imported and loaded everything."""
+    """Run the command in this process, where all modules and kernels are loaded."""
     output, errors = io.StringIO(), io.StringIO()
     before = os.getcwd()
     os.chdir(folder)
@@ -39,7 +39,7 @@ def run(line, folder="."):
 
 
 def succeed(line, folder="."):
-    """Run a command that succeeds in silence, and return its output."""
+    """Run a command that must succeed without messages, and return its output."""
     done = run(line, folder)
     assert (done.code, done.err) == (0, "")
     return done.out
@@ -56,7 +56,7 @@ def summary(text):
     return rows
 
 
-# ------------------------------------------------------------------ what is printed
+# ------------------------------------------------------------------ output
 
 
 def test_help_needs_no_kernels():
@@ -81,7 +81,7 @@ def test_help():
 @pytest.mark.compiled
 def test_quick_start(tmp_path):
     done = subprocess.run([*COMMAND, "run"], capture_output=True, text=True, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, ""), "no bar where there is no terminal"
+    assert (done.returncode, done.stderr) == (0, ""), "no progress bar without a terminal"
     rows = summary(done.stdout)
     largest = float(rows.pop("drift of F")[0].removesuffix(", largest relative"))
     assert 0 < largest < 1e-12
@@ -100,7 +100,7 @@ def test_quick_start(tmp_path):
 
 
 def test_rates():
-    """Steps are counted where they are taken, states elsewhere."""
+    """The rate is in steps if the method iterates, and in states otherwise."""
     line = "run --trajectories 50 --steps 30 --save-every 10 --method"
     auto, canonical = facts_of(f"{line} auto"), facts_of(f"{line} canonical")
     assert auto["states_per_second"] * auto["seconds"] == pytest.approx(50 * 4)
@@ -143,7 +143,7 @@ def test_info_on_batches_of_bodies_and_steps(tmp_path, monkeypatch):
 
 
 def test_drifts(tmp_path, rng):
-    """Bodies whose first integral is not known have two energies; states are compared with 0."""
+    """Runs without a known first integral have the drifts of two energies, relative to state 0."""
     body = sf.SuslovND([1.0, 2.0, 3.0], [0.4, -0.7, 0.5])
     orbits = sf.iterate(body, rng.normal(size=(7, 3)), 0.3, 11, save_every=2)
     orbits.save(tmp_path / "o.npz")
@@ -244,9 +244,9 @@ def test_orientation(tmp_path):
     np.testing.assert_allclose(matrix, matrix[0] @ plain, atol=1e-15)
 
 
-# ------------------------------------------------------------------ mistakes
+# ------------------------------------------------------------------ errors
 
-# The exit status, a command line, and what stderr says in one line.
+# Exit status, command line, and a part of the message on stderr.
 MISTAKES = """
 2 | | expected one of run, info, warm-up, pictures, animate, explore, got nothing
 2 | walk | unknown command 'walk'; expected one of run
@@ -336,7 +336,7 @@ def names(folder):
 @posix
 @pytest.mark.parametrize("mistake", MISTAKES.strip().splitlines())
 def test_mistakes(bad_files, mistake):
-    """One line, the right exit status, nothing written."""
+    """An error prints one line, has the right exit status, and writes no file."""
     status, line, message = map(str.strip, mistake.split("|"))
     for library, used in (("matplotlib", ("animate", "pictures")), ("dask", (".zarr",))):
         if any(each in line for each in used):
@@ -359,7 +359,7 @@ def test_force(tmp_path):
     assert sf.Trajectories.load(tmp_path / "o.npz").status.shape == (3,)
 
 
-def test_sizes_are_said_before(tmp_path, monkeypatch):
+def test_sizes_of_large_files_are_announced(tmp_path, monkeypatch):
     from suslov_fast._cli import terminal
 
     monkeypatch.setattr(terminal, "_LARGE", 2**20)
@@ -386,7 +386,7 @@ def test_signals_leave_nothing_behind(tmp_path, name):
         time.sleep(0.5)
         process.send_signal(getattr(signal, name))
         errors = process.communicate(timeout=60)[1]
-    assert process.returncode in (130, -signal.SIGINT)  # a shell says 130 for both
+    assert process.returncode in (130, -signal.SIGINT)  # a shell reports 130 for both
     assert errors.endswith("suslov-fast: interrupted\n")
     assert [path.name for path in tmp_path.iterdir()] == ["o.npz"]
     assert sf.Trajectories.load(tmp_path / "o.npz").steps == 1000
@@ -427,7 +427,7 @@ def test_streams():
 @posix
 @pytest.mark.slow
 def test_a_disk_that_is_full(tmp_path):
-    """An old file stays, and nothing is left beside it."""
+    """A write that fails keeps the old file and leaves no other."""
     import resource
 
     path, line = tmp_path / "o.npz", "run --trajectories 2e4 --steps 3 --force -o o.npz"
@@ -450,8 +450,8 @@ def test_a_disk_that_is_full(tmp_path):
 # ------------------------------------------------------------------ other commands
 
 
-def test_warm_up_calls_everything(monkeypatch):
-    """Every public function, with one body at least."""
+def test_warm_up_calls_all_functions(monkeypatch):
+    """`warm-up` calls every public function with at least one body."""
     from suslov_fast._cli import warm_up
 
     monkeypatch.setattr(warm_up, "_COUNTS", (3,))

@@ -1,4 +1,4 @@
-"""Every page of the documentation runs, and prints what its comments say."""
+"""All pages of the documentation run, and print the output in their comments."""
 
 import contextlib
 import io
@@ -19,7 +19,7 @@ HOWTO = re.findall(
 
 
 def order(path):
-    """How-tos in the order of their index, in which they run in one folder."""
+    """Sort key: how-tos follow the order of their index, since they share a folder."""
     return path.parent, HOWTO.index(path.stem) if path.stem in HOWTO else 0, path
 
 
@@ -28,7 +28,7 @@ PAGES = [
     for path in sorted(DOCS.rglob("*.md"), key=order)
     if not {"_build", "gallery", "reference"} & set(path.relative_to(DOCS).parts)
 ]
-# What a page says that it prints: after the call, or on lines of their own that follow it.
+# Output in comments: after the call, or on separate lines below it.
 PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
 DIRECTIVES = {"{toctree}", "{include}", "{eval-rst}"}
 
@@ -64,7 +64,7 @@ def folder(tmp_path_factory):
 @pytest.mark.compiled
 @pytest.mark.parametrize("path", [path for path in PAGES if blocks(path, "python")], ids=name)
 def test_page(path, folder, tmp_path, monkeypatch):
-    """Its blocks of Python, one after the other; how-tos share a folder, as on one machine."""
+    """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""
     pytest.importorskip("matplotlib").use("Agg")
     if path.stem != "threads":  # parallel loops take long to compile
         monkeypatch.setattr(threads, "CROSSOVER", math.inf)
@@ -83,14 +83,14 @@ def test_the_index_of_how_tos_has_every_page():
 
 
 def test_equations_are_named_by_their_numbers():
-    """Labels of the LaTeX source are invisible in the paper; one table has them."""
+    """Pages do not cite the labels of the LaTeX source, which the paper does not show."""
     labels = r"\((s1?|ds[12n]?|i[12]|xy1?|phi|k1|nsus1?)\)"
     for path in PAGES:
         text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
         assert not re.search(rf"(?<![\w)]){labels}", text), path
 
 
-def test_tests_that_pages_name_exist():
+def test_named_tests_and_files_exist():
     text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
     for file, test in re.findall(r"`(test_\w+\.py)::(\w+)`", text):
         assert f"def {test}(" in (Path(__file__).parent / file).read_text(encoding="utf-8"), test
@@ -101,7 +101,7 @@ def test_tests_that_pages_name_exist():
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_the_table_of_discretizations():
-    """What does not depend on the machine is what the script prints."""
+    """The page has the output of the script, except for times."""
     pytest.importorskip("matplotlib").use("Agg")
     script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
     printed = run(script.partition("# %%\n# Processor time")[0], "discretizations.py", {})
@@ -123,7 +123,7 @@ def test_the_citation_is_of_this_version():
 
 
 def test_an_example_is_a_title_a_paragraph_and_a_script():
-    """They run when the pages are built; here only what they are made of."""
+    """Check the form of the examples; the build of the pages runs them."""
     for path in (DOCS / "examples").glob("*.py"):
         text = path.read_text(encoding="utf-8")
         compile(text, path.name, "exec")

@@ -9,7 +9,7 @@ from suslov_fast._formulas import closed_form, elementary
 
 
 def callable_from_python(formula):
-    """Formulas are compiled without what Python needs to call them, and interpreted they warn."""
+    """Call a formula, which has no Python wrapper, without the warnings of interpreted code."""
     compiled = numba.njit(lambda *numbers: formula(*numbers), error_model="numpy")
     return np.errstate(all="ignore")(compiled)
 
@@ -43,7 +43,7 @@ def test_logarithm(rng):
 
 @pytest.mark.parametrize("center", [0.0, 1.0])
 def test_the_logarithm_of_a_ratio_has_more_digits(rng, center):
-    """T being the sum of two numbers, (1 - T)/(1 + T) has a logarithm of some 65 bits."""
+    """For T given as a sum of two numbers, the error of log((1 - T)/(1 + T)) is below 1e-17."""
     for _ in range(60):
         T = abs(center + 10.0 ** rng.uniform(-15, 1) * rng.choice([-1, 1]))
         lost = 2.0**-54 * T * rng.uniform(0.1, 1)

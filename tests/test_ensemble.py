@@ -1,4 +1,4 @@
-"""Stored runs are those of `iterate`, bit for bit, however they are cut and gone on with."""
+"""Stored runs equal those of `iterate`, bit for bit, for any chunks and continuations."""
 
 import os
 import signal
@@ -38,7 +38,7 @@ def starts(rng, *shape, D=2):
 
 
 def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
-    """Run `ensemble`, the settings of which are `ours`, and `iterate`; compare the results."""
+    """Run `ensemble`, with additional settings `ours`, and `iterate`; compare the results."""
     dataset = ensemble(body, omega0, eps, steps, store=store, **(ours or {}), **settings)
     orbits = iterate(body, omega0, eps, steps, on_singular="ignore", **settings)
     assert_same(dataset, orbits)
@@ -63,16 +63,14 @@ def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
     ],
 )
 @pytest.mark.sampled(4)
-def test_a_stored_run_is_that_of_iterate(
-    store, rng, body, method, save_every, attitude, compression
-):
+def test_a_stored_run_equals_iterate(store, rng, body, method, save_every, attitude, compression):
     omega0 = starts(rng, 20, D=body.dimension)
     omega0[3], omega0[9] = np.nan, 1e308
     settings = {"save_every": save_every, "method": method, "attitude": attitude}
     ours = {"compression": compression, "chunk": {"trajectory": 7, "n": 8}}
     dataset, _ = compare(store, body, omega0, 0.3, 40, ours=ours, **settings)
     assert dataset.attrs["tiles_done"] == "3 of 3"
-    # Longer by less than a chunk, and by more.
+    # Extend by less than a chunk, and by more.
     compare(store, body, omega0, 0.3, 41, ours=ours, **settings)
     compare(store, body, omega0, 0.3, 73, ours={**ours, "verify": True}, **settings)
 
@@ -129,7 +127,7 @@ def test_batches_of_any_shape(store, rng, shape):
 
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
 @pytest.mark.sampled(1)
-def test_failed_trajectories_are_whole(store, monkeypatch, method):
+def test_failed_trajectories_are_not_recomputed(store, monkeypatch, method):
     from suslov_fast._ensemble import compute
 
     body = Suslov3D(1, 1, 1, 0)
@@ -152,7 +150,7 @@ def test_steps_of_the_closed_form_cost_nothing(store, monkeypatch, save_every):
     assert len(made) < 20
 
 
-def test_starts_come_from_anywhere(tmp_path):
+def test_sources_of_initial_states(tmp_path):
     dask = pytest.importorskip("dask.array")
     random = RandomStarts((5, 10), 2.0, seed=5)
     array = random.states(50).reshape(5, 10, 2)
@@ -167,7 +165,7 @@ def test_starts_come_from_anywhere(tmp_path):
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
         assert_same(ensemble(BODY, omega0, 0.2, 20, store=store, chunk=9), orbits)
-    # The same states are the same run, wherever they come from.
+    # A run is identified by its initial states, not by their source.
     ensemble(BODY, array, 0.2, 20, store=tmp_path / "file.zarr")
     array[-1, -1, -1] += 1e-9
     np.save(tmp_path / "starts.npy", array)
@@ -219,7 +217,7 @@ def test_reductions(store, rng, body, save_every):
 ASKED = {"body": BODY, "omega0": [[1.0, 0.5]], "eps": 0.2, "steps": 20, "save_every": 2}
 
 
-def test_what_another_run_left_is_refused(store):
+def test_stores_of_other_runs_are_refused(store):
     ensemble(**ASKED, store=store)
     before = contents(store)
     others = {
@@ -283,16 +281,16 @@ def test_random_starts_are_checked():
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.sampled(1)
-def test_a_signal_stops_after_the_pieces_in_hand(store, rng, number):
+def test_a_signal_stops_after_the_current_chunks(store, rng, number):
     omega0 = starts(rng, 50)
     before = signal.getsignal(number)
     ours = {"chunk": {"trajectory": 10, "n": 5}}
-    for steps in (30, 60):  # of a new store, and of one that is lengthened
+    for steps in (30, 60):  # a new store, and an extended one
         calls = []
 
         def ask(done, total, calls=calls):
             calls.append(done)
-            if len(calls) == 9:  # a tile is finished by then, and some are not
+            if len(calls) == 9:  # some tiles are finished by then, and some are not
                 os.kill(os.getpid(), number)
 
         with pytest.raises(KeyboardInterrupt, match=r"of 5 tiles .*resume"):
@@ -329,14 +327,14 @@ def test_progress_reaches_the_end_in_a_thread(store):
 
 
 @pytest.mark.parametrize("name", ["dask", "zarr", "xarray", "filelock"])
-def test_what_is_not_installed_is_said(store, monkeypatch, name):
+def test_missing_libraries(store, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, "dask.array", raising=False)
     with pytest.raises(ImportError, match=r"suslov_fast\[large\]"):
         ensemble(**ASKED, store=store)
 
 
-def test_workers_compute(store):
+def test_workers_of_a_cluster(store):
     from distributed import Client
 
     random = RandomStarts(50, 1.5)

@@ -1,4 +1,4 @@
-"""Stores on the command line: made, continued, replaced, looked at."""
+"""Stores on the command line: creation, continuation, replacement, inspection."""
 
 import os
 import signal
@@ -43,7 +43,7 @@ def test_a_sweep_in_n_dimensions(tmp_path):
     assert facts["drift"] == {"E": float(dataset.energy_drift.max())}
 
 
-def test_the_same_run_goes_on_and_another_is_refused(tmp_path):
+def test_the_same_run_continues_and_another_is_refused(tmp_path):
     succeed(ASKED, tmp_path)
     longer = ASKED.replace("--steps 40", "--steps 60")
     assert facts_of(longer, tmp_path)["steps"] == 60
@@ -62,7 +62,7 @@ def test_the_same_run_goes_on_and_another_is_refused(tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.slow
-def test_a_signal_says_how_to_go_on(tmp_path, number):
+def test_the_message_of_a_signal(tmp_path, number):
     line = "run --trajectories 1e6 --chunk 500 --steps 1e6 --method canonical -o o.zarr"
     pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
     with subprocess.Popen([*COMMAND, *line.split()], **pipes) as child:

@@ -1,4 +1,4 @@
-"""Stores: damaged, in other places, of others, written to twice, half written."""
+"""Stores: damaged, incomplete, of other programs, in other places, and with two writers."""
 
 import errno
 import itertools
@@ -71,15 +71,15 @@ HARMS = ["bit", "block", "cut", "chunk", "metadata", "array"]
 
 @pytest.mark.parametrize(
     ("name", "harm"),
-    # One harm for each; the slow tests have them all.
+    # One kind of damage for each variable; the slow tests have all.
     list(zip(VARIABLES, itertools.cycle(HARMS), strict=False)),
 )
 @pytest.mark.sampled(4)
-def test_damage_is_mended(tmp_path, finished, name, harm):
-    mends(tmp_path, finished, name, harm)
+def test_damage_is_repaired(tmp_path, finished, name, harm):
+    check_repair(tmp_path, finished, name, harm)
 
 
-def mends(tmp_path, finished, name, harm):
+def check_repair(tmp_path, finished, name, harm):
     store = tmp_path / "run.zarr"
     shutil.copytree(finished, store)
     paths = [path for path in sorted((store / name).rglob("*")) if path.is_file()]
@@ -112,7 +112,7 @@ def test_a_store_without_parameters_is_refused(tmp_path, finished, name):
             ensemble(**ASKED, steps=20, store=store)
 
 
-def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
+def test_complete_tiles_are_not_recomputed(tmp_path, finished, monkeypatch):
     from suslov_fast._ensemble import compute
 
     made, go_on = [], compute.go_on
@@ -126,12 +126,12 @@ def test_what_is_whole_is_not_computed_anew(tmp_path, finished, monkeypatch):
     before = len(made)
     next((store / "omega").rglob("1")).joinpath("0", "1", "0").unlink()
     assert_same(ensemble(**ASKED, steps=31, store=store, verify=True), expected(31))
-    assert made[before] == 0  # one tile alone
+    assert made[before] == 0  # only one tile is computed
     assert len(set(made[before:])) == len(made[before:])
 
 
-def fails_and_goes_on(store, monkeypatch, room):
-    """Create and lengthen a store while every write from some number on fails; return True then."""
+def check_failing_writes(store, monkeypatch, room):
+    """Create and extend a store while writes fail after `room` writes; return True if any did."""
     left = [room]
     methods = {name: getattr(zarr.storage.LocalStore, name) for name in ("set", "delete")}
 
@@ -159,7 +159,7 @@ def fails_and_goes_on(store, monkeypatch, room):
         steps = dataset.attrs["steps"]
         assert dataset.n.values.tolist() == expected(steps).n.tolist()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of metadata in one place
+            warnings.simplefilter("ignore", RuntimeWarning)  # no consolidated metadata
             assert xarray.open_zarr(store).sizes["n"] in (11, 16)
         omega = dataset.omega.values
         assert np.array_equal(omega, np.where(np.isnan(omega), omega, expected(steps).omega), True)
@@ -171,14 +171,14 @@ def fails_and_goes_on(store, monkeypatch, room):
 
 
 @pytest.mark.slow
-def test_every_write_may_be_the_last(tmp_path, monkeypatch):
+def test_failures_of_writes(tmp_path, monkeypatch):
     rooms = [0, 20, 40, 60, 100, 10**6]
-    failed = [fails_and_goes_on(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]
+    failed = [check_failing_writes(tmp_path / f"{k}.zarr", monkeypatch, k) for k in rooms]
     assert failed[:4] == [True] * 4
     assert not failed[-1]
 
 
-def test_one_writer_whatever_the_name(tmp_path):
+def test_one_writer_for_all_names_of_a_store(tmp_path):
     store, other = tmp_path / "run.zarr", tmp_path / "link.zarr"
     store.mkdir()
     other.symlink_to(store)
@@ -217,7 +217,7 @@ def test_the_lock_follows_no_link(tmp_path):
 
 @pytest.mark.parametrize("place", ["file", "memory", "object"])
 @pytest.mark.sampled(1)
-def test_other_places(tmp_path, place):
+def test_stores_by_url_and_as_objects(tmp_path, place):
     store = {
         "file": f"file://{tmp_path}/run.zarr",
         "memory": f"memory://{tmp_path}/run.zarr",
@@ -231,7 +231,7 @@ def test_other_places(tmp_path, place):
         ensemble(**{**ASKED, "method": "ds2"}, steps=31, store=store)
 
 
-def test_what_is_no_store_is_left_alone(tmp_path):
+def test_other_folders_and_stores_are_not_touched(tmp_path):
     asked = {**ASKED, "steps": 20}
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "a.txt").write_text("mine")

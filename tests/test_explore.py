@@ -1,4 +1,4 @@
-"""The page of `suslov-fast explore`: its numbers, its server, and the page in a browser."""
+"""The page of `suslov-fast explore`: its numbers, its server, and its behaviour in a browser."""
 
 import contextlib
 import http.client
@@ -51,7 +51,7 @@ def rows(found, size=2):
 
 @pytest.mark.filterwarnings("ignore:.*range of float64:RuntimeWarning")
 @pytest.mark.parametrize("case", CASES)
-def test_numbers_are_those_of_the_package(case):
+def test_numbers_equal_those_of_the_package(case):
     parameters, regime, name = CASES[case]
     found = json.loads(json.dumps(scene(parameters._replace(portrait=1)), allow_nan=False))
     body, omega0, eps = parameters.body, parameters.omega0, parameters.eps
@@ -76,8 +76,8 @@ def test_numbers_are_those_of_the_package(case):
 
 
 @pytest.mark.parametrize("case", MOVING)
-def test_what_is_drawn_is_what_it_says(case):
-    """Curves are levels, half lines are steady, orbits are of the map, the ellipsoid of inertia."""
+def test_curves_and_portrait(case):
+    """Check the levels, the half lines, the orbits of the map, and the ellipsoid of inertia."""
     parameters = CASES[case][0]._replace(portrait=1)
     found, body, eps = scene(parameters), parameters.body, parameters.eps
     for branch in found["levels"]["F"]:
@@ -104,7 +104,7 @@ def test_what_is_drawn_is_what_it_says(case):
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
-def test_presets_are_what_they_say():
+def test_presets_match_their_names():
     for name, parameters in PRESETS.items():
         found, names = scene(parameters), {}
         with warnings.catch_warnings():
@@ -223,7 +223,7 @@ def test_odd_requests(server, capfd):
     for path in ("http://[", "/scene?%ff=%00", "/?\x00"):
         status = raw(server, f"GET {path} HTTP/1.1\r\n{host}\r\n")[9:12]
         assert status in ("200", "400", "404")
-    if os.name == "posix":  # a client that leaves before the answer
+    if os.name == "posix":  # a client that disconnects before the answer
         with socket.create_connection(("127.0.0.1", server.server_port)) as connection:
             connection.sendall(f"GET /scene?{query(PICTURE_1)} HTTP/1.1\r\n{host}\r\n".encode())
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
@@ -279,7 +279,7 @@ def browser(tmp_path_factory):
 
 @pytest.fixture
 def page(browser, server):
-    """The page as it opens; afterwards no error was logged, and no other server was asked."""
+    """The initial page; afterwards, check that it logged no error and contacted no other server."""
     browser.look(1280, 800)
     browser.events.clear()
     show(browser, server)
@@ -371,7 +371,7 @@ def test_the_start_follows_mouse_and_keys(page):
     press("mouseMoved", [-1.5, 2.0])
     assert press("mouseReleased", [-1.5, 2.0]) == pytest.approx([-1.5, 2.0], abs=0.02)
     x, y = press("mouseMoved", [3.0, 3.0])
-    assert [x, y] == pytest.approx([-1.5, 2.0], abs=0.02), "the button is released"
+    assert [x, y] == pytest.approx([-1.5, 2.0], abs=0.02), "no effect once released"
     press_key("ArrowRight")
     press_key("ArrowUp")
     moved = page.value("scene.omega[0]")
@@ -425,7 +425,7 @@ def test_the_body_turns(page):
     page.value("byId('play').click()")
     assert page.value("playing") is False
     assert pixels(page, "space") != before
-    # Between two states it turns about one axis, from the one to the other.
+    # Between two states the body turns about one axis, with constant speed.
     ends = page.value("[orientation(20, 0), orientation(20, 1 - 1e-12), scene.attitude[21]]")
     np.testing.assert_allclose(ends[1], ends[2], atol=1e-10)
     half = np.reshape(page.value("orientation(20, 0.5)"), (3, 3))
@@ -444,7 +444,7 @@ def test_widths_and_colours(page):
         page.wait(f"innerWidth === {width} && byId('plane').width === byId('plane').clientWidth")
         assert page.value("document.documentElement.scrollWidth <= innerWidth")
         assert page.value("Math.min(byId('plane').clientWidth, byId('plane').clientHeight)") > 200
-        # No value is broken in two, and all fields are above the fold.
+        # All values are on one line, and all fields are visible without scrolling.
         heights = page.value(
             "[...document.querySelectorAll('dd')].map((each) => each.clientHeight)"
         )
@@ -457,4 +457,4 @@ def test_widths_and_colours(page):
         " !each.getAttribute('aria-label') && !(each.labels?.length) && !each.textContent.trim())"
         ".map(each => each.outerHTML)"
     )
-    assert nameless == [], "every control has a name"
+    assert nameless == [], "every control needs a name"

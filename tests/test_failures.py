@@ -1,4 +1,4 @@
-"""Poles, overflow, and what is said of them."""
+"""Poles and overflow, and the warnings and errors about them."""
 
 import itertools
 import pickle
@@ -19,7 +19,7 @@ HEALTHY = [0.3, 0.1]
 
 
 def before_the_pole(steps):
-    """A state from which the map gets to a pole in so many steps, to rounding."""
+    """Return a state that the map takes to a pole in this many steps, up to rounding."""
     omega = np.array(ON_THE_POLE)
     for _ in range(steps):
         omega = sf.step(sf.Suslov3D(1, 1, 1, 0), omega, -1)
@@ -50,9 +50,9 @@ def test_singular_steps(unit, method, save_every):
 @pytest.mark.parametrize("x", [0.5, 1.0, 3.0, 10.0, 1e3, 1e5])
 @pytest.mark.parametrize("I1", [1.0, 2.0, 3.0, 5.0])
 def test_poles_of_exact_data(I1, x):
-    """The parabola y = 2a/eps + eps x**2, where sqrt(2a) is not exact.
+    """Poles on the parabola y = 2a/eps + eps x**2, with inexact sqrt(2a).
 
-    What is left of a difference by rounding is zero beside the terms of the difference.
+    A difference of the size of the rounding errors of its terms counts as zero.
     """
     body, omega = sf.Suslov3D(I1, 1, 1, 0), [x, -(2 * I1 + x * x)]
     for method in METHODS:
@@ -63,7 +63,7 @@ def test_poles_of_exact_data(I1, x):
 
 
 def assert_no_next_state(body, omega, eps, message):
-    """Other functions of the map say so too."""
+    """`step_full`, `jacobian` and `lyapunov_exponents` warn and return NaN."""
     full = np.insert(omega, 2, 0.0, axis=-1)
     with pytest.warns(sf.SingularStepWarning, match=message):
         assert np.isnan(sf.step_full(body, full, eps, 3)).all()
@@ -75,7 +75,7 @@ def assert_no_next_state(body, omega, eps, message):
 
 @pytest.mark.parametrize("along", [1, 2])
 def test_poles_of_rounded_states(rng, along):
-    """As near to a pole as float64 has a state: what is left of terms is as large as it gets."""
+    """Rounded states on a pole: their denominators are the largest that count as zero."""
     I, x = rng.uniform(0.5, 4, 100), 10 ** rng.uniform(-2, 5, 100)
     body = sf.Suslov3D(I, 1, 1, 0) if along == 1 else sf.Suslov3D(1, I, 0, 1)
     omega = np.column_stack([x, -(2 * I + x * x)])
@@ -84,7 +84,7 @@ def test_poles_of_rounded_states(rng, along):
         result = sf.iterate(body, omega, 1, 3, method=method, on_singular="ignore")
         assert (result.status == sf.Status.SINGULAR).all()
         assert (result.failed_at == 1).all()
-    # The closed form has some of these states, as well as rounding of the first lets it.
+    # The closed form finds some of these states, as accurately as the rounded state allows.
     result = sf.iterate(body, omega, 1, 3, on_singular="ignore")
     for k in np.flatnonzero(result.status != sf.Status.SINGULAR):
         parameters = [np.broadcast_to(each, 100)[k] for each in body.parameters]
@@ -95,9 +95,9 @@ def test_poles_of_rounded_states(rng, along):
 
 
 def test_poles_in_n_dimensions(rng):
-    """What is left of a pivot by rounding is zero beside the pivots before it; next to it is not.
+    """A pivot of the size of its rounding errors counts as zero; a larger one does not.
 
-    Two variables are the 3D map.
+    With two variables, the map is that of three dimensions.
     """
     I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
     body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
@@ -116,7 +116,7 @@ def test_poles_in_n_dimensions(rng):
 
 @pytest.mark.parametrize("x", [1.0, 16.0])
 def test_no_state_next_to_a_pole_is_lost(unit, x):
-    """A few roundings away from the pole there is a next state, and it is right."""
+    """A few ulps away from a pole, the next state exists and is accurate."""
     for gap in 2.0 ** np.arange(-47, -40):
         omega = np.array([x, -(2 + x * x) * (1 - gap)])
         exact = naive.step(1, 1, 1, 0, 1, omega)
@@ -129,7 +129,7 @@ def test_no_state_next_to_a_pole_is_lost(unit, x):
 
 
 def test_steady_states_next_to_the_critical_one(unit):
-    """1 - Y is as small there as rounding makes it, but nothing is divided by it."""
+    """1 - Y is as small as its rounding errors, but the step does not divide by it."""
     for k, method in itertools.product((40, 50, 51, 52), ("auto", "canonical")):
         omega = [0.0, -2.0 * (1 - 2.0**-k)]
         result = sf.iterate(unit, omega, 1, 5, method=method)
@@ -139,7 +139,7 @@ def test_steady_states_next_to_the_critical_one(unit):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, method):
-    """Numbers of missing states count from the start of the run."""
+    """`failed_at` counts from the start of the run, not of the part."""
     omega = np.array([before_the_pole(3), HEALTHY, ON_THE_POLE, before_the_pole(1), [1e200, 0]])
     omega = np.concatenate([omega, [[np.nan, 0.0]]])
     whole = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
@@ -155,8 +155,8 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, me
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_which_orbits_are_supercritical(unit, method):
-    """Those with |Y| >= 1, on either side; not the identity, however fast."""
+def test_supercritical_orbits(unit, method):
+    """Orbits with |Y| >= 1 are supercritical; the identity (I13 = I23 = 0) never is."""
     omega2 = np.array([-3.0, -2.5, -1.99, 0.0, 1.99, 2.0, 2.5, 300.0])
     omega = np.column_stack([np.full(8, 1e-3), omega2])
     status = sf.iterate(unit, omega, 1, 2, method=method).status
@@ -189,7 +189,7 @@ def test_overflow(body, method, omega):
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
 @pytest.mark.parametrize("omega", [[1e200, 0], [1e155, 1e100]])
 def test_overflow_of_the_denominator(unit, method, omega):
-    """A quotient by it would be 0, which is finite and wrong; in a unit of its own nothing does."""
+    """Division by an overflowed denominator must not give 0; `step_full` rescales instead."""
     result = sf.iterate(unit, omega, 1, 5, method=method, on_singular="ignore")
     assert result.status == sf.Status.NONFINITE
     assert result.failed_at == 1
@@ -198,8 +198,8 @@ def test_overflow_of_the_denominator(unit, method, omega):
     assert naive.relative_error(sf.step_full(unit, [*omega, 0.0], 1, 3), exact) < 1e-14
 
 
-def test_the_closed_form_declines_what_leaves_float64(unit):
-    """Where a square does, or a state may: `exact` has no state there, and says so."""
+def test_the_closed_form_beyond_float64(unit):
+    """For overflowing squares, `exact` warns and returns NaN, and `iterate` saves no infinity."""
     with pytest.warns(RuntimeWarning, match="1 of 2 states: .* exceeds the range of float64"):
         states = sf.exact(unit, [[1e200, 0.0], HEALTHY], 1, 1)
     assert np.isnan(states[0]).all()
@@ -212,7 +212,7 @@ def test_the_closed_form_declines_what_leaves_float64(unit):
 
 
 def test_large_but_representable():
-    """Where the square of X is in range, a state below t = 1 has a next one."""
+    """A state with t < 1 has a next state if X**2 is in range."""
     unit = sf.Suslov3D(1, 1, 1, 0)
     for x in (1e20, 1e70, 1e150):
         result = sf.iterate(unit, [x, -1.0], 1, 5, save_every=None)
@@ -221,7 +221,7 @@ def test_large_but_representable():
 
 
 def test_both_kinds_in_one_message(unit):
-    """Trajectories of a batch of several axes are named by their index."""
+    """The warning names trajectories of a batch with several axes by their indices."""
     omega = np.tile(HEALTHY, (3, 4, 1))
     omega[1, 2], omega[2, 0], omega[0, 3] = ON_THE_POLE, UNDEFINED, [1e200, 0]
     with pytest.warns(sf.SingularStepWarning) as caught:
@@ -234,18 +234,18 @@ def test_both_kinds_in_one_message(unit):
 
 
 def overflowing():
-    """States and steps to a next one beyond float64: in one component, the other, or both."""
+    """States and step sizes whose next state overflows in one component, the other, or both."""
     for omega in ([0.1, -2.01 + 3e-12], [1.0, -3.0 + 1e-11], [16.0, -258.0 + 2e-8]):
         yield np.array(omega) / 1e-298, 1e-298
-    # Omega1 is a thousand times Omega2 there, or the other way round.
+    # Poles with small and with large X.
     for omega, gap, eps in (([1e-3, -2 - 1e-6], 2e-14, 1e-298), ([1e3, -2 - 1e6], 2e-3, 1e-295)):
         for side, sign1, sign2 in itertools.product((1, -1), repeat=3):
             yield np.add(omega, [0, side * gap]) / eps * [sign1, sign2], eps * sign2
 
 
 @pytest.mark.parametrize(("omega", "eps"), list(overflowing()))
-def test_overflow_on_the_way(unit, omega, eps):
-    """A state beyond float64 between others that are not: the orbit ends there all the same."""
+def test_overflow_of_an_intermediate_state(unit, omega, eps):
+    """An orbit ends at a state beyond float64, even if later states would be in range."""
     for method, save_every in itertools.product(METHODS, (1, 2, None)):
         options = {"method": method, "save_every": save_every, "on_singular": "ignore"}
         result = sf.iterate(unit, omega, eps, 5, **options)
@@ -256,7 +256,7 @@ def test_overflow_on_the_way(unit, omega, eps):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_as_large_as_float64_allows(unit, method):
-    """A state of 1e306 is one like others."""
+    """An orbit through states of 1e306 equals the orbit in smaller units, bit for bit."""
     eps = 2.0**-990
     omega = np.array([1.0, -3.0 + 2.0**-26])
     small = sf.iterate(unit, omega, 1, 5, method=method).omega
@@ -268,8 +268,8 @@ def test_as_large_as_float64_allows(unit, method):
 
 @pytest.mark.parametrize("swapped", [False, True])
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
-def test_overflow_of_one_component_on_the_way(method, swapped):
-    """Below t = 1, where a body is much longer than wide; the other component stays in range."""
+def test_overflow_of_one_component(method, swapped):
+    """One component overflows although t < 1, since I1 and I2 are far apart; the other does not."""
     body, omega = sf.Suslov3D(1, 2.0**-66, 0, 1), np.array([2.0**997, 2.0**997])
     if swapped:
         body, omega = sf.Suslov3D(2.0**-66, 1, 1, 0), omega[::-1] * [1, -1]
@@ -280,13 +280,13 @@ def test_overflow_of_one_component_on_the_way(method, swapped):
     assert np.isnan(alone.final).all()
     assert np.isnan(alone.omega[alone.failed_at :]).all()
     assert np.isfinite(alone.omega[: alone.failed_at]).all()
-    wild = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
-    batch = sf.iterate(body, [omega, wild], eps, 60, method=method, on_singular="ignore")
+    guarded = [2.0**990, 2.0**1000][:: -1 if swapped else 1]
+    batch = sf.iterate(body, [omega, guarded], eps, 60, method=method, on_singular="ignore")
     assert np.array_equal(batch.omega[:, 0], alone.omega, equal_nan=True)
 
 
 def test_raise(unit):
-    """The error carries the run, and comes back whole from another process."""
+    """The error carries the run and survives pickling."""
     with pytest.raises(sf.SingularStepError, match="1 of 2 trajectories: singular step") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     again = pickle.loads(pickle.dumps(caught.value))
@@ -305,7 +305,7 @@ def test_status_messages():
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("save_every", [1, 7, None])
-def test_a_loop_that_ends_too_early_is_noticed(body, monkeypatch, method, save_every):
+def test_skipped_trajectories_are_detected(body, monkeypatch, method, save_every):
     monkeypatch.setattr(threads, "run", lambda *arguments: None)
     with pytest.raises(RuntimeError, match="a kernel skipped trajectories"):
         sf.iterate(body, [1.0, 0.5], 0.2, 100, method=method, save_every=save_every)

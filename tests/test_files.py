@@ -1,4 +1,4 @@
-"""Runs in files: nothing is lost, nothing is half written, and nothing that is read runs code."""
+"""Runs in files: exact round trips, atomic writes, and no execution of code from a file."""
 
 import json
 import os
@@ -28,7 +28,7 @@ def suffix(request):
 
 
 def altered(path, **changes):
-    """Write a .npz again, with other entries; those that are None are left out."""
+    """Rewrite a .npz file with changed entries, and without those that are None."""
     with np.load(path) as archive:
         entries = dict(archive) | changes
     np.savez(path, **{name: value for name, value in entries.items() if value is not None})
@@ -36,8 +36,8 @@ def altered(path, **changes):
 
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.sampled(36)
-def test_nothing_is_lost_and_the_run_goes_on(name, suffix, tmp_path):
-    """Every map, with and without an orientation, in every format: what was loaded goes on."""
+def test_round_trip_and_continuation(name, suffix, tmp_path):
+    """Save, load and extend runs of every map, with and without an orientation, in every format."""
     run, path = RUNS[name], tmp_path / f"run{suffix}"
     assert run.save(path) is None
     loaded = sf.Trajectories.load(path)
@@ -64,8 +64,8 @@ def test_npz_needs_numpy_alone(tmp_path, monkeypatch):
         assert plain["method"] == "auto"
 
 
-def test_what_xarray_opens(suffix, tmp_path):
-    """Without a warning, and with the labels."""
+def test_xarray_opens_saved_runs(suffix, tmp_path):
+    """xarray opens a saved run without a warning, with its labels."""
     if suffix == ".npz":
         pytest.skip("not for xarray")
     xarray = pytest.importorskip("xarray")
@@ -78,7 +78,7 @@ def test_what_xarray_opens(suffix, tmp_path):
 
 
 @pytest.mark.parametrize("library", ["xarray", "netCDF4", "zarr"])
-def test_what_is_missing(library, tmp_path, monkeypatch):
+def test_missing_libraries(library, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     path = tmp_path / ("run.zarr" if library == "zarr" else "run.nc")
     for attempt in (RUNS["turning"].save, sf.Trajectories.load):
@@ -88,7 +88,7 @@ def test_what_is_missing(library, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["run", "run.txt", "run.npz/", ".npz", "", 3, None, b"run.npz"])
-def test_other_names(name):
+def test_bad_names(name):
     error = ValueError if isinstance(name, str) else TypeError
     for attempt in (RUNS["turning"].save, sf.Trajectories.load):
         with pytest.raises(error, match=r"ends in \.npz, \.nc, \.zarr|path"):
@@ -100,7 +100,7 @@ def test_no_such_file(suffix, tmp_path):
         sf.Trajectories.load(tmp_path / f"missing{suffix}")
 
 
-def test_files_of_something_else(suffix, tmp_path):
+def test_other_files(suffix, tmp_path):
     expected = pytest.raises(
         ValueError, match=rf"other\{suffix}: expected a .*that Trajectories.save"
     )
@@ -119,7 +119,7 @@ def test_files_of_something_else(suffix, tmp_path):
 
 
 def test_files_of_version_0_2(suffix, tmp_path):
-    """They had the format 1, as an entry or as an attribute of the dataset."""
+    """Files of version 0.2 have the format 1, as an entry or as an attribute of the dataset."""
     path = tmp_path / f"run{suffix}"
     RUNS["batch"].save(path)
     if suffix == ".npz":
@@ -163,7 +163,7 @@ ENTRIES = [
 
 
 @pytest.mark.parametrize(("name", "value", "message"), ENTRIES)
-def test_entries_that_do_not_belong_together(name, value, message, tmp_path):
+def test_inconsistent_entries(name, value, message, tmp_path):
     path = tmp_path / "run.npz"
     RUNS["turning"].save(path)
     altered(path, **{name: value(RUNS["turning"]) if callable(value) else value})
@@ -172,7 +172,7 @@ def test_entries_that_do_not_belong_together(name, value, message, tmp_path):
 
 
 def test_an_archive_that_would_fill_the_memory(tmp_path, monkeypatch):
-    """Refused by names and headers, before any array is decoded."""
+    """Names and headers are checked before any array is decoded."""
     RUNS["turning"].save(tmp_path / "run.npz")
     np.save(tmp_path / "bomb.npy", np.zeros(10**7))
     with zipfile.ZipFile(tmp_path / "run.npz", "a", zipfile.ZIP_DEFLATED) as archive:
@@ -190,7 +190,7 @@ def test_an_archive_that_would_fill_the_memory(tmp_path, monkeypatch):
 
 
 class Bomb:
-    """What runs code when it is read as a pickle."""
+    """An object that runs code when it is unpickled."""
 
     def __reduce__(self):
         return os.mkdir, ("exploded",)
@@ -240,7 +240,7 @@ def test_code_in_a_store_is_not_run(where, dtype, filters, compressor, tmp_path,
 
 @pytest.mark.parametrize("codec", ["zlib", "zstd", "lz4"])
 @pytest.mark.sampled(1)
-def test_stores_that_are_compressed_anew(codec, tmp_path):
+def test_recompressed_stores(codec, tmp_path):
     xarray, numcodecs = pytest.importorskip("xarray"), pytest.importorskip("numcodecs")
     RUNS["turning"].save(tmp_path / "run.zarr")
     compressor = numcodecs.get_codec({"id": codec})
@@ -259,7 +259,7 @@ def flipped(data, position):
 
 @pytest.mark.sampled(1)
 def test_damage_is_found_or_harmless(suffix, tmp_path):
-    """Any one bit flipped anywhere: an error of ours, or the same run."""
+    """With any bit flipped, `load` raises an error that names the file, or returns the same run."""
     path = tmp_path / f"run{suffix}"
     RUNS["batch"].save(path)
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
@@ -268,7 +268,7 @@ def test_damage_is_found_or_harmless(suffix, tmp_path):
     for file in files:
         data = file.read_bytes()
         low, high = 0, len(data)
-        if suffix == ".nc":  # of damaged metadata, the HDF5 library itself may crash
+        if suffix == ".nc":  # damaged metadata may crash the HDF5 library
             low = data.index(RUNS["batch"].omega.tobytes())
             high = low + RUNS["batch"].omega.nbytes
         for position in rng.integers(low, high, 3 if suffix == ".zarr" else 60):
@@ -294,7 +294,7 @@ def test_a_cut_file(suffix, tmp_path):
             sf.Trajectories.load(path)
 
 
-def test_a_failure_leaves_what_was_there(suffix, tmp_path, monkeypatch):
+def test_a_failed_write_keeps_the_old_file(suffix, tmp_path, monkeypatch):
     path = tmp_path / f"run{suffix}"
     RUNS["batch"].save(path)
 
@@ -314,7 +314,7 @@ def test_a_failure_leaves_what_was_there(suffix, tmp_path, monkeypatch):
 
 @posix
 def test_modes(suffix, tmp_path):
-    """That of a new file is the usual one, and that of a file that is replaced is kept."""
+    """A new file has the usual mode, and a replaced file keeps its mode."""
     path, folder = tmp_path / f"run{suffix}", suffix == ".zarr"
     before = os.umask(0o027)
     try:
@@ -334,7 +334,7 @@ def test_links(suffix, tmp_path):
     (tmp_path / "there").mkdir()
     target, link = tmp_path / "there" / f"target{suffix}", tmp_path / f"link{suffix}"
     link.symlink_to(target)
-    for run in (RUNS["batch"], RUNS["turning"]):  # when there is nothing yet, and when there is
+    for run in (RUNS["batch"], RUNS["turning"]):  # a missing target, then an existing one
         run.save(link)
         assert link.is_symlink()
         assert_same_run(run, sf.Trajectories.load(target))
@@ -342,7 +342,7 @@ def test_links(suffix, tmp_path):
 
 
 @posix
-def test_where_nothing_can_be_written(suffix, tmp_path):
+def test_unwritable_folders(suffix, tmp_path):
     (tmp_path / "file").touch()
     for folder in (tmp_path / "missing", tmp_path / "file"):
         with pytest.raises(OSError, match="expected a name in a folder that can be written to"):
@@ -350,7 +350,7 @@ def test_where_nothing_can_be_written(suffix, tmp_path):
 
 
 @posix
-def test_what_is_not_replaced(suffix, tmp_path):
+def test_other_paths_are_not_replaced(suffix, tmp_path):
     path = tmp_path / f"run{suffix}"
     os.mkfifo(path)
     with pytest.raises(OSError, match="neither a file"):

@@ -9,7 +9,7 @@ import suslov_fast as sf
 # With eps = 1 the map has no next state where y = 2 + x**2; here x = Omega1 and y = -Omega2.
 UNIT = sf.Suslov3D(1, 1, 1, 0)
 ON_A_POLE = [1.0, -3.0, 0.0]
-# In a unit of 2**990, so near to the pole that the next state is beyond float64.
+# In units of 2**990 the next state overflows.
 HUGE, NEXT_TO_THE_POLE = 2.0**990, np.array([1.0, -3.0 + 1e-11, 0.0])
 
 
@@ -27,7 +27,7 @@ def test_against_the_printed_scheme(rng):
 
 
 def test_the_third_component(body, rng):
-    """It changes its sign; where it is 0 the scheme is the map."""
+    """Omega3 changes sign at each step; for Omega3 = 0 the scheme equals the map."""
     orbit = run(body, [1.0, 0.5, 0.25], 0.1, 50, 3)
     assert (orbit.omega[:, 2] == np.resize([0.25, -0.25], 51)).all()
     omega = rng.normal(size=(6, 2))
@@ -42,7 +42,7 @@ def test_the_third_component(body, rng):
     [(0.1, "0.075", "-0.178"), (0.01, "0.0806", "-2.42"), (0.001, "0.0812", "-24.9")],
 )
 def test_no_limit_unless_the_third_component_vanishes(body, eps, still, moving):
-    """The table of the docstring."""
+    """Check the table in the docstring of `iterate_full`."""
     for third, expected in ((0.0, still), (0.1, moving)):
         orbit = run(body, [1.0, 0.5, third], eps, 1, 3)
         assert f"{(orbit.final[0] - 1.0) / eps:.3g}" == expected
@@ -94,7 +94,7 @@ def test_failures():
     [(ON_A_POLE, 1.0, sf.Status.SINGULAR), (NEXT_TO_THE_POLE, HUGE, sf.Status.NONFINITE)],
 )
 def test_failure_after_several_steps(cuts, pole, unit, status):
-    """In the middle of a call, at its end, or at its beginning."""
+    """The failing step is in the middle, at the end or at the beginning of a call."""
     before = run(UNIT, pole, -1.0, 4, 3.0).final
     orbit = run(UNIT, before * unit, 1.0 / unit, 0, 3.0)
     for more in cuts:
@@ -105,8 +105,8 @@ def test_failure_after_several_steps(cuts, pole, unit, status):
     assert np.isfinite(orbit.omega[:5]).all()
 
 
-def test_states_far_beyond_the_step_have_a_next_one():
-    """Units are taken out: eps omega is 1e400, and the next state is small."""
+def test_huge_states_and_steps():
+    """Scaling prevents overflow: eps omega is 1e400, and the next state is small."""
     for omega in ([1e200, 1e200, 1e200], [1e200, -3e199, 2e199]):
         computed = run(UNIT, omega, 1e200, 1, 3.0)
         assert computed.ok
@@ -119,7 +119,7 @@ def test_states_far_beyond_the_step_have_a_next_one():
     ("parameters", "pole"), [((1, 1, 1, 0), [1.0, -8.0, 1.0]), ((1, 1, 0, 1), [8.0, 1.0, 1.0])]
 )
 def test_poles_where_the_third_component_counts(parameters, pole):
-    """With eps = 1 and I3 = 3 the determinant of the two equations is 0 without rounding."""
+    """With eps = 1 and I3 = 3 the determinant of the two equations is exactly 0."""
     orbit = run(sf.Suslov3D(*parameters), [[0.1, 0.2, 0.3], pole], 1.0, 3, 3.0)
     assert orbit.status.tolist() == [sf.Status.OK, sf.Status.SINGULAR]
     assert orbit.failed_at.tolist() == [-1, 1]
@@ -134,7 +134,7 @@ def step(I1, I2, I13, I23, eps, I3, omega):
 @pytest.mark.parametrize("decades", [0, 60, 140])
 @pytest.mark.sampled(1)
 def test_any_units(rng, decades):
-    """Whatever is finite is found, of steps far too long for any motion too."""
+    """Finite next states are accurate in any units and for steps of any length."""
     with naive.mp.workdps(900):
         for _ in range(25):
             parameters = rng.uniform(0.5, 4, 6) * 10.0 ** rng.uniform(-decades, decades)
@@ -146,7 +146,7 @@ def test_any_units(rng, decades):
 
 
 def test_poles_to_rounding(rng):
-    """Next to a pole of a large state the determinant is rounding of its terms, and no number."""
+    """Next to a pole of a large state, the determinant is only the rounding error of its terms."""
     found = 0
     while found < 25:
         (I1, I2, I3), (I13, I23) = rng.uniform(0.5, 4, 3), rng.uniform(0.5, 2, 2)
@@ -163,7 +163,7 @@ def test_poles_to_rounding(rng):
 
 
 def determinant(body, state):
-    """The determinant of the two equations for the next Omega1 and Omega2."""
+    """Determinant of the two linear equations for the next Omega1 and Omega2."""
 
     def residual(*following):
         return naive.ds(*naive.exactly(*body), state, [*naive.exactly(*following), -state[2]])

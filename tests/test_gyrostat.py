@@ -1,4 +1,4 @@
-"""The gyrostat's step and quantities against its implicit equations in 60 digits."""
+"""Step and quantities of the gyrostat against its implicit equations in 60 digits."""
 
 import mpmath
 import naive
@@ -12,7 +12,7 @@ REFERENCE = (2.3, 1.4, 0.5, -0.7, 0.9, 0.35), (1.1, -0.4)
 
 
 def implicit(I1, I2, I13, I23, k, eps, omega, following):
-    """Left sides minus right sides of equations (4), and the mean of Omega and Omega_next for k."""
+    """Residuals of equations (4) with the terms in k, averaged over Omega and Omega_next."""
     (w1, w2), (v1, v2) = omega, following
     first, second = naive.ds1(I1, I2, I13, I23, eps, omega, following)
     return [first + eps * k * (w2 + v2) / 2, second - eps * k * (w1 + v1) / 2]
@@ -76,7 +76,7 @@ def test_against_the_implicit_equations(rng):
 @pytest.mark.parametrize("k", [0.0, 1e-3, 0.9])
 @pytest.mark.parametrize("products", [(0.5, -0.7), (0.0, 0.0)])
 def test_long_orbits(k, products):
-    """Also of a body whose state turns about its axis, I13 = I23 = 0."""
+    """Long orbits, also for I13 = I23 = 0, when Omega turns steadily about the axis."""
     parameters = (2.3, 1.4, *products, k, 0.35)
     exact = exact_orbit(parameters, [1.1, -0.4], 120)[-1]
     assert naive.relative_error(run(parameters, [1.1, -0.4], 120).final, exact) < 3e-13
@@ -84,7 +84,7 @@ def test_long_orbits(k, products):
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-12, 1e-15])
 def test_next_to_the_steady_states(rng, distance):
-    """l and its growth keep their digits, also over many steps."""
+    """l, and its growth over many steps, keep their relative accuracy."""
     for _ in range(5):
         (I1, I2, I13, I23, k, eps), _ = random_problem(rng)
         parameters = I1, I2, I13, I23, k, 0.2 * eps
@@ -99,8 +99,8 @@ def test_next_to_the_steady_states(rng, distance):
         assert abs(float(last / first / growth) - 1) < 1e-10
 
 
-def test_next_to_poles_and_there():
-    """1 - Y + L (2 L - K) / (I1 I2) = 0: the error stays below that of rounding the state."""
+def test_next_to_and_at_poles():
+    """1 - Y + L (2 L - K) / (I1 I2) = 0 at poles; next to them the step is accurate to rounding."""
     parameters = 1.0, 1.0, 1.0, 0.0, 0.0, 1.0
     for gap in (1e-3, 1e-6, 1e-9):
         omega = np.array([np.sqrt(2 * gap), -2 * (1 - gap)])

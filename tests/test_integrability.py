@@ -1,4 +1,4 @@
-"""Exact experiments on Kahan maps, against published facts and SymPy."""
+"""Exact computations for Kahan maps, against published results and SymPy."""
 
 import math
 import random
@@ -195,7 +195,7 @@ def test_growth_of_sequences(sequence, kind, entropy):
     assert growth(sequence)[:2] == (kind, pytest.approx(entropy, nan_ok=True))
 
 
-def test_growth_says_what_it_is_based_on():
+def test_growth_states_its_basis():
     assert growth([1, 1, 2, 3, 5, 8]).based_on == "d(k+2) = 1 d(k+1) + 1 d(k), all 6 degrees"
     assert growth([2, 4, 8]).based_on == "3 degrees without a short recurrence"
     # One exception at the end leaves no recurrence.
@@ -312,7 +312,7 @@ def test_exceptional_primes_and_lines_are_drawn_again(monkeypatch):
 
 
 def test_linear_and_trivial_fields():
-    """The identity has all integrals, a rotation the radius."""
+    """All polynomials are integrals of the identity; the squared radius is one of a rotation."""
     for map in (kahan(QuadraticField(np.zeros((2, 2, 2))), 1), kahan(CUBIC, 0)):
         assert len(hk_bases(map, 1).integrals) == len(darboux_polynomials(map, 1)) == 3
     rotation = kahan(field_of(lambda x: (x[1], -x[0]), 2), 1)

@@ -1,4 +1,4 @@
-"""The instructions that Numba lacks, their Python twins, and checked indices."""
+"""The instructions that Numba lacks, their Python equivalents, and bounds checks."""
 
 import children
 import numpy as np
@@ -47,7 +47,7 @@ print(out.tobytes().hex())
 
 @pytest.mark.parametrize("disable_jit", ["0", "1"])
 def test_instructions(disable_jit):
-    """Compiled and interpreted they give the same bits, those of exact arithmetic."""
+    """Compiled and interpreted instructions agree with exact arithmetic, bit for bit."""
     output = children.run(KERNEL, 0, NUMBA_DISABLE_JIT=disable_jit)
     serial, parallel = (np.frombuffer(bytes.fromhex(line)) for line in output.split())
     assert serial.tobytes() == parallel.tobytes()
@@ -67,7 +67,7 @@ def test_instructions(disable_jit):
 
 @pytest.mark.compiled
 def test_a_wrong_index_is_an_error_where_bounds_are_checked():
-    """So that the suite, run with NUMBA_BOUNDSCHECK=1, checks all kernels, those of rows too."""
+    """With NUMBA_BOUNDSCHECK=1, all kernels check indices, including those of rows on the stack."""
     process = children.start(KERNEL, 1, NUMBA_BOUNDSCHECK="1", NUMBA_DISABLE_JIT="0")
     _, errors = children.finish(process)
     assert process.returncode == 1

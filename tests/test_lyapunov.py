@@ -1,4 +1,4 @@
-"""Lyapunov exponents, against derivatives multiplied one by one and the limiting steady states."""
+"""Lyapunov exponents against products of Jacobians and the limiting steady states."""
 
 import naive
 import numpy as np
@@ -10,7 +10,7 @@ THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 
 
 def check_one_by_one(body, omega, eps, steps, tolerance):
-    """Against NumPy's QR of each derivative; their sum against the mean of log |det|."""
+    """Compare with NumPy's QR of each Jacobian, and the sum with the mean of log |det|."""
     exponents = sf.lyapunov_exponents(body, omega, eps, steps)
     Q, total, of_det = np.eye(len(omega)), np.zeros(len(omega)), 0.0
     for _ in range(steps):
@@ -31,7 +31,7 @@ def test_against_derivatives_one_by_one(case, eps, steps):
 
 @pytest.mark.parametrize("omega0", [(-40.0, -250.0), (35.0, -20.0), (-300.0, 500.0)])
 def test_orbits_beyond_the_regime_of_the_flow(omega0):
-    """t > 1, through infinity and past it."""
+    """Orbits with t > 1 jump through infinity."""
     body = sf.Suslov3D(3, 3, -0.2, -0.2)
     assert sf.criticality(body, omega0, 1.0) > 1
     check_one_by_one(body, omega0, 1.0, 12, 1e-11)
@@ -45,7 +45,7 @@ def test_any_dimension(rng, n):
 
 @pytest.mark.compiled
 def test_they_tend_to_the_multipliers_of_the_steady_state(case):
-    """Like 1 / steps, so that twice the second half less the whole is there to rounding."""
+    """The error is proportional to 1 / steps; extrapolation from two runs removes it."""
     body, omega0 = case
     last = sf.iterate(body, omega0, 0.2, 20_000, save_every=None).final
     line = [body.I23, -body.I13] if len(omega0) == 2 else body.I
@@ -56,7 +56,7 @@ def test_they_tend_to_the_multipliers_of_the_steady_state(case):
     np.testing.assert_allclose(2 * whole - first, expected, atol=1e-11)
 
 
-def test_where_nothing_moves(rng):
+def test_the_identity_map(rng):
     states = rng.normal(size=(3, 2))
     for body, eps in ((THREE, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):
         assert (sf.lyapunov_exponents(body, states, eps, 5) == 0).all()
@@ -68,7 +68,7 @@ def test_where_nothing_moves(rng):
 
 @pytest.mark.compiled
 def test_long_growth_does_not_leave_the_range(case):
-    """|det DPhi| over the whole run is far below the least float."""
+    """|det DPhi| over the whole run underflows, but the exponents are finite."""
     body, omega0 = case
     state = np.multiply(omega0, 30.0)
     exponents = sf.lyapunov_exponents(body, state, 0.2, 5000)
@@ -93,7 +93,7 @@ def test_failures(unit):
 
 
 def test_steps_that_are_not_invertible(unit):
-    """y = -2a / eps collapses to a point."""
+    """The map takes the line y = -2a / eps to a point."""
     exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
     assert exponents[1] == -np.inf
     assert np.isfinite(exponents[0])
@@ -102,7 +102,7 @@ def test_steps_that_are_not_invertible(unit):
 @pytest.mark.parametrize("gap", [1e-4, 1e-8, 1e-12, 3e-15])
 @pytest.mark.parametrize("eps", [1.0, -1.0])
 def test_next_to_t_1(unit, gap, eps):
-    """The sum is the mean of log |det DPhi|, which is rho(0) / rho(n) of the invariant measure."""
+    """The sum is log |rho(0) / rho(n)| / n, with the density rho of the invariant measure."""
     omega, steps = [1e-3, -eps * 2 * (1 - gap)], 40
     states = naive.orbit(1, 1, 1, 0, eps, omega, steps)
     density = [naive.invariant_density(1, 1, 1, 0, eps, state) for state in (states[0], states[-1])]

@@ -31,7 +31,7 @@ def random_problem(rng):
 
 
 def assert_follows(parameters, omega, eps, steps, bound, methods=METHODS):
-    """Compare all states by every method, and the last one of `auto`."""
+    """Compare all states of every method, and the last state of `auto`, with 60 digits."""
     body, exact = sf.Suslov3D(*parameters), naive.orbit(*parameters, eps, omega, steps)
     for method in methods:
         orbit = sf.iterate(body, omega, eps, steps, method=method)
@@ -68,7 +68,7 @@ def test_the_bodies_of_the_pictures(parameters):
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-8, 1e-15])
 def test_orbits_that_leave_the_repelling_line(rng, distance):
-    """x is a tiny difference at first, and all that follows is proportional to it."""
+    """The initial x is a tiny difference, and all later x are proportional to it."""
     seen = 0
     while seen < 3:
         (I1, I2, I13, I23), eps, _ = random_problem(rng)
@@ -81,7 +81,7 @@ def test_orbits_that_leave_the_repelling_line(rng, distance):
 
 @pytest.mark.parametrize("gap", [0.5, 1e-2, 1e-4, 1e-8, 1e-13])
 def test_orbits_up_to_the_critical_line(rng, gap):
-    """There 1 - Y is small, and what follows is proportional to it."""
+    """1 - Y is small, and later states are proportional to it."""
     seen = 0
     while seen < 3:
         I1, I2, I13, I23 = parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
@@ -116,7 +116,7 @@ def test_supercritical_orbits(rng):
 
 def test_one_step_equals_the_paper(rng):
     problems = [random_problem(rng) for _ in range(30)]
-    # Next to a pole, where a relative error of 1e-16 in the data grows as the state does.
+    # Next to a pole, a relative error of 1e-16 in the data grows with the state.
     problems += [((1, 1, 1, 0), 1.0, np.array([1, gap - 3])) for gap in (1e-3, 1e-6, 1e-9)]
     for parameters, eps, omega in problems:
         exact = naive.step(*parameters, eps, omega)
@@ -141,7 +141,7 @@ def test_one_step_satisfies_ds1(I1, I2, I13, I23, eps, omega1, omega2):
 
 
 def test_one_step_of_larger_states_in_fractions(rng):
-    """2 < |X| < 40 and Y of that size, where Y - X X' would lose the digits of Y'."""
+    """For 2 < |X| < 40 and Y of that size, Y - X X' would lose the digits of Y'."""
     exactly = (2, 1, 1, 0)  # X = eps Omega1 / 2 and Y = -eps Omega2 / 4 without rounding
     omega = rng.uniform(2, 40, (150, 2)) * rng.choice([-1, 1], (150, 2)) * [2, 4]
     X, Y = omega[:, 0] / 2, -omega[:, 1] / 4
@@ -156,7 +156,7 @@ def test_one_step_of_larger_states_in_fractions(rng):
 
 @pytest.mark.parametrize("save_every", [1, None])
 @every_method
-def test_where_nothing_moves(body, rng, method, save_every):
+def test_fixed_points(body, rng, method, save_every):
     def run(body, omega, eps, steps=9):
         return sf.iterate(body, omega, eps, steps, method=method, save_every=save_every)
 
@@ -195,7 +195,7 @@ def test_F_over_a_long_run(body, rng, method):
     assert abs(F / F[0] - 1).max() < 2e-13
 
 
-# Omega2 becomes 2**decay times smaller at each step of this body; X = eps Omega2 / sqrt(2).
+# Each step of this body divides Omega2 by 2**decay; X = eps Omega2 / sqrt(2).
 SHRINKING = sf.Suslov3D(1, 1, 0, 1)
 
 
@@ -205,7 +205,7 @@ def shrinking_start(decay, size):
 
 
 def test_no_subnormal_numbers_along_an_orbit():
-    """They are several times slower; a factor of 0.9 a step keeps clear of them by far."""
+    """Subnormal numbers are slow: x is flushed to 0 before it becomes subnormal."""
     omega = [shrinking_start(decay, 1e-3) for decay in (0.13, 0.15, 0.17)]
     run = sf.iterate(SHRINKING, omega, 1.0, 256, method="canonical", save_every=None)
     zeros = []
@@ -221,7 +221,7 @@ def test_no_subnormal_numbers_along_an_orbit():
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("k", [-900, -530, -515, -512, -510, -509, -400])
 def test_steps_without_subnormal_squares(k, method):
-    """Where X**2 would be subnormal it is left out, which changes no digit of the next state."""
+    """Steps leave out a subnormal X**2, which changes no digit of the next state."""
     for start in (-1.0, 0.5, 2.0**-400):
         for omega in ([start, 1.25 * 2.0**k], [start, -1.25 * 2.0**k]):
             exact = naive.step(1, 1, 0, 1, 1.0, omega)
@@ -230,8 +230,8 @@ def test_steps_without_subnormal_squares(k, method):
 
 
 @pytest.mark.compiled
-def test_the_last_numbers_of_a_decay():
-    """x decays by a fixed factor each step, to all its digits, and ends at 0."""
+def test_decay_to_zero():
+    """x decays by a constant factor per step, with full accuracy, down to 0."""
     body = sf.Suslov3D(4, 2, 0, -0.2)  # Omega2 is proportional to x
     orbit = sf.iterate(body, [5.0, 1.0], 1.0, 20_000)
     x = orbit.omega[:, 1]
@@ -243,20 +243,20 @@ def test_the_last_numbers_of_a_decay():
 
 
 @pytest.mark.parametrize("batch", [1, LANES + 1])
-def test_states_are_shown_before_they_are_flushed(batch):
-    """X becomes 0 after a state that is shown as it was, in whatever batch and cut."""
+def test_states_are_saved_before_they_are_flushed(batch):
+    """X is flushed to 0 only after its state is saved, in any batch and division of the run."""
     body = sf.Suslov3D(2.351018099947861, 3.388972810861883, 0.0, -0.5920589833785945)
     omega, eps = np.tile([-0.43643524714322124, -1.169801907772864], (batch, 1)), 0.869683938565067
     states = sf.iterate(body, omega, eps, 3073, method="canonical").omega
     assert (states[3072, :, 1] != 0.0).all()
     assert (states[3073:, :, 1] == 0.0).all()
-    gone_on = sf.iterate(body, omega, eps, 3072, method="canonical").extend(1).omega
-    assert (gone_on == states).all()
+    extended = sf.iterate(body, omega, eps, 3072, method="canonical").extend(1).omega
+    assert (extended == states).all()
 
 
 @pytest.mark.parametrize(("decay", "zero"), [(3.0, False), (3.6, False), (3.7, True)])
-def test_only_what_is_negligible_is_flushed(decay, zero):
-    """0 below 2**-960."""
+def test_only_negligible_numbers_are_flushed(decay, zero):
+    """X is flushed to 0 below 2**-960."""
     omega, steps = shrinking_start(decay, 2.0**-20), 257
     final = sf.iterate(SHRINKING, omega, 1.0, steps, method="canonical", save_every=None).final
     exact = naive.far_state(1, 1, 0, 1, 1.0, omega, steps)
@@ -266,8 +266,8 @@ def test_only_what_is_negligible_is_flushed(decay, zero):
 
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
-def test_a_repelled_orbit_leaves_however_close_it_starts(method):
-    """X is as small as what is flushed to 0 elsewhere, but it grows."""
+def test_growth_from_tiny_distances_to_the_repelling_line(method):
+    """A growing X is not flushed to 0, however small."""
     body, omega, steps = sf.Suslov3D(2, 1, 0, 0.5), [1.5, 1e-300], 1200
     orbit = sf.iterate(body, omega, 1.0, steps, save_every=10, method=method)
     exact = sf.exact(body, omega, 1.0, orbit.n)
@@ -278,7 +278,7 @@ def test_a_repelled_orbit_leaves_however_close_it_starts(method):
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("size", [5e-324, 1e-310, 1e-290, 1e-150, 1e-14])
 def test_slow_states(unit, method, size):
-    """Too slow to be held in the coordinates of the map, or just not."""
+    """Steps so small that X and Y underflow, or nearly so."""
     omega = np.array([0.7, -0.4])
     final = sf.iterate(unit, omega, size, 3, method=method, save_every=None).final
     exact = naive.orbit(1, 1, 1, 0, size, omega, 3)[-1]
@@ -291,7 +291,7 @@ def test_slow_states(unit, method, size):
 @pytest.mark.parametrize("method", ["canonical", "ds2"])
 @pytest.mark.parametrize("size", [10.0, 1e3, 1e5, 1e12])
 def test_large_states(unit, rng, size, method):
-    """One step takes most of them back to the order of 1: Y - X X' would cancel."""
+    """One step takes most large states to the order of 1; Y - X X' would cancel."""
     for omega in size * rng.uniform(-1, 1, (6, 2)):
         exact = np.array(naive.orbit(1, 1, 1, 0, 1, omega, 8), float)
         final = sf.iterate(unit, omega, 1, 8, method=method).final
@@ -306,8 +306,8 @@ def test_large_states(unit, rng, size, method):
         [1e140, -1e141], [1e145, 3e140], [1e149, 1e120], [1e-140, 1e149],
     ],
 )  # fmt: skip
-def test_far_too_large_states(unit, omega):
-    """What cancels here leaves nothing of 60 digits, and squares are far beyond float64."""
+def test_huge_states(unit, omega):
+    """The reference needs 700 digits because of cancellation; squares overflow float64."""
     with mpmath.workdps(700):
         exact = naive.orbit(1, 1, 1, 0, 1, omega, 40)
         assert naive.worst_error(sf.exact(unit, omega, 1, np.arange(5)), exact) < 1e-14
@@ -321,7 +321,7 @@ def test_far_too_large_states(unit, omega):
 
 @every_method
 def test_mirror_images(unit, rng, method):
-    """x changes sign and nothing else, bit for bit; so do y and the step size together."""
+    """Bit for bit, the map commutes with x -> -x, and with (y, eps) -> -(y, eps)."""
     omega = rng.normal(size=(30, 2)) * 10 ** rng.uniform(-1, 2, (30, 1))
     orbit = sf.iterate(unit, omega, 1, 8, method=method).omega
     for signs in ([-1, 1], [1, -1], [-1, -1]):
@@ -340,7 +340,7 @@ def test_at_the_ends_of_float64(unit):
 
 @every_method
 def test_large_states_beside_others(unit, rng, method):
-    """A state whose steps need no guard has the same bits beside one whose steps do."""
+    """States have the same bits alone and beside a state whose steps are guarded."""
     omega = rng.uniform(-1, 1, (20, 2)) * 10 ** rng.uniform(0, 6, (20, 1))
     omega[:, 1] = rng.uniform(-1, 2, 20)
     together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
@@ -350,16 +350,16 @@ def test_large_states_beside_others(unit, rng, method):
         assert alone.status == together.status[i]
 
 
-def test_a_run_keeps_what_it_began_with(body):
+def test_runs_copy_their_arguments(body):
     omega = np.array([[1.0, 0.5], [0.3, 0.2]])
     whole = sf.iterate(body, omega, 0.2, 60, save_every=None)
     half = sf.iterate(body, omega, 0.2, 10, save_every=None)
-    omega[:] = 7.0  # by whoever owns it
+    omega[:] = 7.0  # the caller changes the array
     assert (half.extend(50).final == whole.final).all()
 
 
 def test_batches_of_many_axes(body):
-    """What NumPy cannot hold is said to be too much before anything is computed."""
+    """NumPy's limit on the number of axes is checked before any computation."""
     most = 29 if np.lib.NumpyVersion(np.__version__) < "2.0.0" else 32
     eps = np.full((1,) * most, 0.2)
     result = sf.iterate(body, [1.0, 0.5], eps[..., 0], 3, attitude=True)
@@ -372,7 +372,7 @@ def test_progress_and_parts(body, rng, small_parts):
     seen, omega = [], rng.normal(size=(70, 2))
     sf.iterate(body, omega, 0.2, 700, save_every=7, progress=lambda *n: seen.append(n))
     sf.iterate(body, omega, 0.2, 700, method="ds2", progress=lambda *n: seen.append(n))
-    assert seen[0] == (700, 700)  # of the closed form
+    assert seen[0] == (700, 700)  # the closed form
     assert len(seen) > 4
     assert seen[1:] == sorted(seen[1:])
     assert seen[-1] == (700, 700)

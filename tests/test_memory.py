@@ -1,4 +1,4 @@
-"""How much memory is available, as far as the system tells, and how much calls take."""
+"""Available memory as the system reports it, and the memory that calls need."""
 
 import functools
 import sys
@@ -38,7 +38,7 @@ def group(folder, bound, used, cached):
         (LINUX | group(GROUPS, 8 * GB, 7 * GB, 2 * GB), 3 * GB),
         (LINUX | group(GROUPS, 8 * GB, 9 * GB, 0), 0),
         (LINUX | group(GROUPS, 99 * GB, 0, 0), 16 * GB),
-        # The group and those around it; in a container the root alone is seen.
+        # The cgroup and its parents; a container sees only the root.
         (INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0), 7 * GB),
         (INSIDE | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
         (INSIDE | group(GROUPS, 2 * GB, GB, 0), GB),
@@ -69,7 +69,7 @@ def test_require(monkeypatch):
     memory.require(10 * GB - memory.SMALL, "lower the batch")
     with pytest.raises(MemoryError, match=r"got 10,737,418,240 bytes; lower 7 or \(1, 2\)$"):
         memory.require(10 * GB, "lower {} or {}", 7, (1, 2))
-    monkeypatch.setattr(memory, "available", lambda: None)  # what is unknown is allowed
+    monkeypatch.setattr(memory, "available", lambda: None)  # no limit if unknown
     memory.require(2**70, "")
     monkeypatch.setattr(memory, "available", lambda: pytest.fail("was asked"))
     memory.require(memory.SMALL, "")
@@ -77,7 +77,7 @@ def test_require(monkeypatch):
 
 @pytest.mark.parametrize("function", [sf.step, functools.partial(sf.exact, n=7)])
 def test_large_calls_make_no_copies(body, rng, function):
-    """Beside the result some bytes for each state: new memory takes longer than a step."""
+    """Calls allocate little beside the result, since new memory costs more than a step."""
     if numba.config.DISABLE_JIT:
         pytest.skip("blocks of kernels are arrays where they are not compiled")
     omega = rng.normal(size=(20_000, 2))
@@ -92,7 +92,7 @@ def test_large_calls_make_no_copies(body, rng, function):
     assert peak < 1.7 * result.nbytes
 
 
-# What needs more than a gigabyte, though the states that it begins with do not.
+# Problems whose runs need more than a gigabyte, unlike their initial states.
 LARGE = {
     "3D": "body, omega, steps = sf.Suslov3D(4, 1, -0.5, -0.3), np.ones((1_000_000, 2)), 70",
     "n = 20001": """
@@ -107,8 +107,8 @@ omega, steps = np.full((9, 20_000), 19.98), 2
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("problem", LARGE)
 @pytest.mark.sampled(2)
-def test_memory_that_ends_is_an_error(problem, threads):
-    """Numba loses errors inside `prange`: what is left are states that nobody computed."""
+def test_exhausted_memory_is_an_error(problem, threads):
+    """Exhausted memory raises MemoryError, although Numba loses errors inside `prange`."""
     code = f"""
 import resource, sys
 import numpy as np, suslov_fast as sf

@@ -49,7 +49,7 @@ def with_small_d(J, I, eps, omega, i, gap):
 @pytest.mark.parametrize("gap", [1e-1, 1e-3, 1e-6, 1e-9, 1e-12, 0.0])
 @pytest.mark.parametrize(("m", "equal"), [(3, False), (6, False), (5, True)])
 def test_small_d(rng, m, equal, gap):
-    """Where one d_i or two nearly vanish A is regular, and the sums of the O(n) step are not."""
+    """If one d_i or two nearly vanish, A is regular, but the sums of the O(n) step are singular."""
     for k in range(1, m, 2):
         J, I, eps, omega = random_problem(rng, m)
         J[0] = J[k] if equal else J[0]
@@ -80,14 +80,14 @@ def test_three_small_d_are_singular(method):
 
 @every_method
 def test_overflow(method):
-    """Next to a pole of the body of n = 3 with I13 = 1, where the next state is beyond float64."""
+    """The next state overflows next to a pole of the body with n = 3 and I13 = 1."""
     body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])
     omega = np.array([[-3.0 + 1e-10, -1.0], [0.1, 0.2]]) * 1e300
     result = iterate(body, omega, 1e-300, 3, method=method)
     assert result.status.tolist() == [sf.Status.NONFINITE, sf.Status.OK]
     assert result.failed_at.tolist() == [1, -1]
     assert np.isnan(result.omega[1:, 0]).all()
-    body = sf.SuslovND([1.0, 2.0, 3.0], [1e300, 1e300, 0.0])  # and nothing singular in sight
+    body = sf.SuslovND([1.0, 2.0, 3.0], [1e300, 1e300, 0.0])  # no nearly singular matrix
     far = iterate(body, [1e300, 1.0, 1.0], 1e300, 1, method=method)
     assert far.status == sf.Status.NONFINITE
 
@@ -103,8 +103,8 @@ def test_the_ends_of_the_range(method, largest):
 
 
 @pytest.mark.parametrize("speed", [1e2, 1e4, 1e8, 1e16, 1e40])
-def test_steps_far_too_long(rng, speed):
-    """One step goes from |omega| to |omega| / speed**2 or so; its unit follows the state."""
+def test_huge_steps(rng, speed):
+    """One step takes |omega| to about |omega| / speed**2, and the scaling follows the state."""
     for _ in range(3):
         J, I, eps, omega = random_problem(rng, 4, speed)
         exact = naive.orbit_nd(J, I, eps, omega, 1)
@@ -129,7 +129,7 @@ def test_inverse_and_steady_states(rng, method):
 
 @pytest.mark.compiled
 def test_large_populations_and_dimensions(rng):
-    """Whatever the number of threads."""
+    """Results do not depend on the number of threads."""
     body = sf.SuslovND(rng.uniform(1, 4, (30_000, 9)), rng.normal(size=(30_000, 9)))
     omega = rng.normal(size=(30_000, 9))
     alone, together = (
@@ -147,13 +147,13 @@ def test_large_populations_and_dimensions(rng):
 @pytest.mark.parametrize(
     "omega", [[1e200, 1e-200, 1.0], [5e-324, 0.0, -1.7e308], [-0.0, 0.0, 1e-310]]
 )
-def test_what_does_not_move_stays_as_it_was_given(method, omega):
+def test_fixed_points_keep_their_bits(method, omega):
     body = sf.SuslovND([1.0, 2.0, 3.0], [[0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3])
     whole = sf.iterate(body, omega, [0.3, 0.0, 0.0], 7, method=method)
     for run in (whole, sf.iterate(body, omega, [0.3, 0.0, 0.0], 3, method=method).extend(4)):
         assert (run.omega == omega).all()
         assert (run.final == omega).all()
-    start = sf.iterate(BODY_C, omega, 1e-200, 0, method=method)  # before anything moves
+    start = sf.iterate(BODY_C, omega, 1e-200, 0, method=method)  # no step taken
     assert (start.omega == omega).all()
     assert (start.final == omega).all()
 
@@ -165,7 +165,7 @@ def test_what_does_not_move_stays_as_it_was_given(method, omega):
         pytest.param([0.0, 0.001], [0.01, 0.02], 5, id="two small"),
     ],
 )
-def test_the_short_step_is_left_where_elimination_is_better(rng, low, high, factor):
+def test_rank2_uses_elimination_for_small_d(rng, low, high, factor):
     gaps = rng.uniform(low, high, (60, len(low))) * rng.choice([-1, 1], (60, len(low)))
     problems = []
     for own in gaps:
@@ -184,8 +184,8 @@ def test_the_short_step_is_left_where_elimination_is_better(rng, low, high, fact
     assert np.quantile(ratios, 0.9) < factor
 
 
-def test_poles_beside_one_small_d_are_poles(rng):
-    """A is singular to rounding: -1 over an eigenvalue of A - Id is a factor of omega."""
+def test_poles_with_one_small_d(rng):
+    """A is singular to rounding at omega times -1 over an eigenvalue of A(omega) - Id."""
     problems = []
     for _ in range(300):
         J, I, omega = rng.uniform(1, 4, 3), rng.normal(size=3), rng.normal(size=3)
@@ -206,7 +206,7 @@ def test_poles_beside_one_small_d_are_poles(rng):
 
 
 def test_large_singular_matrices(rng):
-    """Rounding leaves pivots that grow with the number of equations."""
+    """The rounding errors of vanishing pivots grow with the number of equations."""
     J, I, omega = rng.uniform(1, 4, (60, 30)), *rng.normal(size=(2, 60, 30))
     J[:, :3] = 2.0
     omega *= (4.0 / (I * omega).sum(axis=1))[:, None]
@@ -214,7 +214,7 @@ def test_large_singular_matrices(rng):
     assert np.count_nonzero(status == sf.Status.SINGULAR) > 57
 
 
-def test_no_room_for_elimination():
+def test_elimination_beyond_memory():
     """Matrices beyond any address space are refused before anything is computed."""
     ones = np.ones(2**21)
     with pytest.raises(MemoryError, match=r"bytes to work in|elimination works in"):

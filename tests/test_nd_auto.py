@@ -1,4 +1,4 @@
-"""Where n dimensions are solved, `auto` takes states from the closed form."""
+"""`auto` uses the closed form for the n-dimensional bodies that have one."""
 
 import naive
 import numba
@@ -17,7 +17,7 @@ def same(first, second):
 
 
 def solved_body(rng, m, kind):
-    """J and I: all J equal, or I along one axis and the other J equal."""
+    """Random J and I with a closed form: all J equal, or I along one axis and the other J equal."""
     J, I = np.full(m, rng.uniform(1, 4)), rng.normal(size=m)
     if kind == "axis":
         k = rng.integers(m)
@@ -27,9 +27,9 @@ def solved_body(rng, m, kind):
 
 
 def starts(rng, J, I, eps, where):
-    """A state in some part of phase space."""
+    """Random state in a region of phase space."""
     omega = rng.normal(size=len(J))
-    # Y of the closed form is 1 at criticality; J of a vector orthogonal to I.
+    # Y = half . omega, with J of a direction orthogonal to I; Y = 1 at criticality.
     half = eps * I / (2 * J[abs(I).argmax() - 1])
     omega *= rng.uniform(0.05, 0.9) / abs(half @ omega)
     if where == "next to the steady states":
@@ -82,7 +82,7 @@ def test_far_states(rng, kind, where, n):
 
 
 def test_slow_orbits_turn_after_very_many_steps(rng):
-    """Every digit of the level counts there."""
+    """Slow orbits depend on every digit of the level of the first integral."""
     J, I = solved_body(rng, 4, "equal")
     omega = 1e-5 * starts(rng, J, I, 1.0, "anywhere")
     for n in (10**5, 10**6):
@@ -104,7 +104,7 @@ def test_two_numbers_whose_product_has_76_bits(rng):
 
 
 AFTER_2 = np.nextafter(2.0, 3.0)
-# J and I, and whether such bodies are solved: to the last bit.
+# J, I, and True if the body has a closed form, for which J and I are compared exactly.
 CASES = [
     ([2.0, 2.0, 2.0], [0.1, 0.2, 0.3], True),
     ([2.0, 2.0, AFTER_2], [0.1, 0.2, 0.3], False),
@@ -115,8 +115,8 @@ CASES = [
 ]
 
 
-def test_which_bodies_are_iterated(rng):
-    """As `rank2` does, bit for bit; and so is the orientation, and few steps to the last."""
+def test_iterated_bodies(rng):
+    """`auto` equals `rank2` bit for bit for few steps, with orientation, or without closed form."""
     omega = rng.normal(size=(9, 3))
     for J, I, solved in CASES:
         body = sf.SuslovND(J, I)
@@ -132,7 +132,7 @@ def test_which_bodies_are_iterated(rng):
             np.testing.assert_allclose(auto.final, rank2.final, rtol=0, atol=1e-13)
 
 
-def test_states_that_do_not_move(rng):
+def test_fixed_points(rng):
     J, I = np.full((4, 3), 2.0), rng.normal(size=(4, 3))
     omega, eps = rng.normal(size=(4, 3)), np.array([0.3, 0.0, 0.3, 0.3])
     I[0] = 0.0
@@ -147,7 +147,7 @@ def test_states_that_do_not_move(rng):
 
 
 def test_poles():
-    """One of them is the steady state whose d vanishes."""
+    """One of the poles is the steady state with d = 0."""
     body, pole = sf.SuslovND([1.0] * 3, [1.0, 0.0, 0.0]), [3.0, 1.0, 0.0]  # Y = 1.5, X**2 = 0.5
     omega = [[0.1, 0.2, 0.3], pole, [5.0, 0.0, 0.1], [2.0, 0.0, 0.0]]
     with pytest.warns(sf.SingularStepWarning, match="2 of 4 trajectories: singular step, first: 1"):
@@ -161,7 +161,7 @@ def test_poles():
 
 
 def test_orbits_past_their_pole_jump():
-    """Far states of orbits that pass it after some 800 steps, in few steps of many."""
+    """States of orbits that pass a pole after about 800 steps, against `rank2` and `exact`."""
     body = sf.SuslovND([1.0] * 4, [0.0, 1.0, 0.0, 0.0])
     omega = np.array([[1.0, 1e3, 0.0, 0.0], [0.6, 1e3, 0.0, 0.8]])
     stepped = sf.iterate(body, omega, 1.0, 1000, method="rank2")
@@ -176,8 +176,8 @@ def test_orbits_past_their_pole_jump():
     np.testing.assert_allclose(far.omega[1:], expected[1:], rtol=1e-9, atol=1e-9)
 
 
-def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
-    """On Y = 1, with three equal J, the equations leave a direction open; an orbit goes on."""
+def test_singular_equations():
+    """On Y = 1, with equal J, the next state is not unique; the closed form gives a solution."""
     J, I, omega = [2.0] * 4, [1.0, 0.0, 0.5, 0.25], [2.0, 1.0, 3.0, 2.0]
     states = sf.iterate(sf.SuslovND(J, I), omega, 1.0, 1).omega
     for residual in naive.dsn(naive.exactly(*J), naive.exactly(*I), 1, *states.tolist()):
@@ -185,8 +185,8 @@ def test_where_an_orbit_beyond_a_matrix_that_is_singular_goes():
 
 
 @pytest.mark.parametrize("across", [1e-250, 1e-150, 1e-30])
-def test_however_close_to_the_steady_states(across):
-    """All components keep their digits, not beside the largest only."""
+def test_orbits_next_to_the_steady_states(across):
+    """Each component is accurate relative to itself, not only to the largest."""
     J, I = [3.0, 2.0, 2.0, 2.0], [0.7, 0.0, 0.0, 0.0]
     omega = [1.0, 0.3 * across, -0.4 * across, 1.1 * across]
     for n in (10, 700, 3000):
@@ -197,8 +197,8 @@ def test_however_close_to_the_steady_states(across):
                 assert abs(computed / expected - 1) < 1e-14
 
 
-def test_what_is_out_of_range_is_iterated(rng):
-    """As `rank2` does, bit for bit: states at the ends of float64, steps far too long."""
+def test_problems_out_of_range_are_iterated(rng):
+    """`auto` equals `rank2` bit for bit at the ends of the range of float64 and for huge steps."""
     omega = rng.normal(size=(5, 3)) * np.array([1e-300, 1e300, 1.6e307, 5e-310, 1.0])[:, None]
     eps = np.array([1e299, 1e-300, 1e-308, 1e300, 1e100])
     for problem in (

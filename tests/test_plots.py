@@ -1,4 +1,4 @@
-"""Pictures show what the functions compute, in a style that journals accept."""
+"""Plots show the values of the functions, in a style that journals accept."""
 
 import io
 import re
@@ -13,7 +13,7 @@ from suslov_fast._bodies.paper import PICTURES
 matplotlib = pytest.importorskip("matplotlib")
 Figure = pytest.importorskip("matplotlib.figure").Figure
 
-# The end of Section 4 of the paper, arXiv:0807.2966, as its source has it.
+# The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.
 PAPER = r"""
 picture 1: $\epsilon=0.2, I_1=4, I_2=1, I_{13}=-0.5, I_{23}=-0.3$, for picture 2: $\epsilon=0.2,
 I_1=4, I_2=3, I_{13}=-0.4, I_{23}=-0.2$, for picture 3: $\epsilon=0.02, I_1=4, I_2=2, I_{13}=0,
@@ -124,14 +124,14 @@ def test_scattering_shows_bodies_alone():
         body = sf.Suslov3D(np.sqrt(ratio), 1 / np.sqrt(ratio), I13, I23)
         assert np.isfinite(body.admissible_I3()[0]).all()
         shown = lines.levels[[len(path.vertices) > 0 for path in lines.get_paths()]]
-        assert shown.size >= 2, "labelled angles are angles of bodies"
+        assert shown.size >= 2, "too few contours in the region of bodies"
 
 
 def test_animation(body):
     animation = sf.animate_body(steps=6, every=3)
     frames = list(animation.new_frame_seq())
     assert frames == [0, 3, 6]
-    animation._draw_was_started = True  # nothing is saved here
+    animation._draw_was_started = True  # prevents a warning about an unsaved animation
     for number in frames:
         animation._func(number)
     axes = animation._fig.axes[0]
@@ -165,7 +165,7 @@ def test_without_matplotlib(monkeypatch):
 
 @pytest.mark.parametrize(("family", "fontset"), [("serif", "dejavuserif"), ("sans-serif", None)])
 def test_style(family, fontset):
-    """TrueType fonts, mathematics in the font of the text, and the user's settings as they were."""
+    """Plots use TrueType fonts, set mathematics in the text font, and keep the user's settings."""
     with matplotlib.rc_context({"font.family": family, "pdf.compression": 0}):
         before = dict(matplotlib.rcParams)
         axes = sf.plot_phase(*PICTURES[1], levels=2)

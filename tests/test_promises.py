@@ -1,7 +1,7 @@
-"""What every public function promises of a batch: one table of functions, one test per promise.
+"""Properties of all public functions on batches: one table of functions, one test per property.
 
-A row is a function with sample arguments for each class of bodies that it knows. Values have the
-axes of the batch first, then time, then components.
+A row is a function with sample arguments for each class of bodies that it accepts. Values have
+the axes of the batch first, then time, then components.
 """
 
 import inspect
@@ -23,7 +23,7 @@ from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 
 SIZE, STEPS = LANES + 13, 12
-# None: only where moments and products share a unit, and with it that of eps is that of time.
+# None: tested only if moments and products have one unit, so that eps has the unit of time.
 TURNS = (0, None, 0)
 
 
@@ -49,7 +49,7 @@ def solved_body(rng, shape):
     return sf.SuslovND(J, rng.uniform(-1, 1, (*shape, 3)))
 
 
-# The sample bodies, and how many components a state has.
+# Functions that make sample bodies, and the number of components of a state.
 KINDS = {
     "3D": (body_3d, 2),
     "full": (full_body, 3),
@@ -60,9 +60,9 @@ KINDS = {
 
 
 class Row(NamedTuple):
-    """`call(body, omega, eps, **options)` returns results, those with time first in `timed`.
+    """`call(body, omega, eps, **options)` returns results; those in `timed` have time first.
 
-    Units are the powers of the units of moments, products of inertia and omega, for each result.
+    `units` are the exponents of the units of moments, products and omega in each result.
     """
 
     call: Callable[..., Any]
@@ -97,7 +97,7 @@ def of_steps(function, kinds, *units, **more):
 
 
 def runs(kinds, function=sf.iterate, **options):
-    """Saved and last states, with the orientation where it is carried along."""
+    """Row of saved and last states, with the orientation if the run has it."""
 
     def call(body, omega, eps, **others):
         run = function(body, omega, eps, STEPS, on_singular="ignore", **options, **others)
@@ -111,7 +111,7 @@ def runs(kinds, function=sf.iterate, **options):
 
 
 def solutions(function, *numbers):
-    """States at given numbers of steps."""
+    """Row of states at given numbers of steps."""
 
     def call(body, omega, eps, **options):
         return tuple(function(body, omega, eps, each, **options) for each in numbers)
@@ -172,7 +172,7 @@ ROWS = {
     "to_vector": space(sf.to_vector, "3D", (0, 0, 1)),
     "momentum": space(sf.momentum, "3D nD", (1, None, 1)),
 }  # fmt: skip
-# LAPACK may round otherwise where matrices lie elsewhere in memory.
+# LAPACK may round differently if matrices are aligned differently in memory.
 ROUNDED = {("jacobian", "nD"): 1e-13}
 
 CASES = [
@@ -193,14 +193,14 @@ def test_every_function_of_states_is_in_the_table():
 
 
 def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
-    """Bodies, states and step sizes of such shapes: t below and above 1, eps of both signs."""
+    """Bodies, states and step sizes of these shapes: t below and above 1, eps of both signs."""
     make, D = KINDS[kind]
     size = 10 ** rng.uniform(-1, 1, (*omega, 1))
     return make(rng, body), rng.normal(size=(*omega, D)) * size, rng.uniform(-0.5, 0.5, eps)
 
 
 def part(body, index, batch=None):
-    """Some bodies of a batch."""
+    """Select bodies of a batch."""
     own = type(body)._own_axes
     taken = {}
     for name, value in body._values.items():
@@ -211,7 +211,7 @@ def part(body, index, batch=None):
 
 
 def same(name, kind, first, second):
-    """Compare bit for bit, or to rounding where that is all that is promised."""
+    """Compare bit for bit, or to rounding for functions in ROUNDED."""
     rounding = ROUNDED.get((name, kind), 0.0)
     for one, other in zip(first, second, strict=True):
         assert one.shape == other.shape
@@ -237,7 +237,7 @@ SHAPES = [((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 
 @every_case
 def test_broadcasting(rng, name, kind):
-    """Every element of the batch is found as if it were alone."""
+    """Each element of a broadcast batch equals the result for that element alone."""
     row = ROWS[name]
     for shapes in SHAPES:
         body, omega, eps = sample(rng, kind, *shapes)
@@ -250,8 +250,8 @@ def test_broadcasting(rng, name, kind):
             same(name, kind, alone, [each[index] for each in values])
 
 
-# One of each kind of loop, but for that of test_nd.py: parallel loops take long to compile.
-# tests/slow/test_threads.py takes all.
+# One function for each kind of loop, except that of test_nd.py: parallel loops compile slowly.
+# tests/slow/test_threads.py tests all functions.
 THREADED = [
     ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),
     ("attitude", "3D"),
@@ -274,8 +274,8 @@ def check_threads(rng, monkeypatch, name, kind):
 
 
 @every_case
-def test_calls_are_cut_into_parts(rng, monkeypatch, small_parts, name, kind):
-    """Each piece of a large call gives what the whole gives."""
+def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
+    """A call divided into parts equals the undivided call, bit for bit."""
     row, problem_of = ROWS[name], sample(rng, kind)
     pieces = list(row.values(*problem_of))
     monkeypatch.undo()
@@ -297,7 +297,7 @@ UNITS = [
 ]  # fmt: skip
 
 
-# As far as float64 goes, for runs of the map alone.
+# For runs of the map alone, up to the ends of the range of float64.
 UNITS_OF_RUNS = [*UNITS, (0, 0, 990), (0, 0, -990)]
 
 
@@ -349,7 +349,7 @@ def test_nan_is_passed_on_without_a_warning(rng, name, kind):
 
 @every_case
 def test_any_memory(rng, name, kind):
-    """Read-only, of other orders, types and alignments, masked or lists: only the numbers count."""
+    """Results depend only on the numbers, not on memory layout, alignment, type or container."""
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (6,), (5, 6), ())
     omega = np.asarray(omega, np.float32).astype(float)
     kept, expected = omega.copy(), list(row.values(body, omega, eps))
@@ -371,7 +371,7 @@ def test_any_memory(rng, name, kind):
 @every_case
 @pytest.mark.parametrize("many", [False, True])
 def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
-    """Kernels find infinite states themselves where there are LARGE numbers."""
+    """Infinite states raise an error; in arrays of LARGE size, kernels detect them."""
     if many:
         for module in (_checks, states):
             monkeypatch.setattr(module, "LARGE", 64)
@@ -401,8 +401,8 @@ def test_bad_input(rng, name, kind):
 
 
 @every_row
-def test_bodies_that_a_function_does_not_know(rng, name):
-    """The error names those that it knows."""
+def test_unsupported_bodies(rng, name):
+    """The error names the supported classes of bodies."""
     row = ROWS[name]
     for kind in {"3D", "gyrostat", "nD"} - set(row.kinds):
         if (kind == "nD" and "solved" in row.kinds) or name == "step_full" or ":" in name:
@@ -415,7 +415,7 @@ def test_bodies_that_a_function_does_not_know(rng, name):
 
 
 def hard_steps(rng, size, m):
-    """Every way through a step: d at or next to 0, singular A, speeds of all orders, NaN."""
+    """Problems for every branch of a step: d at or next to 0, singular A, all speeds, NaN."""
     J, I = rng.uniform(1, 4, (size, m)), rng.normal(size=(size, m))
     J[::2], J[1::4, -1] = 2.0, J[1::4, 0]
     eps = rng.choice([-0.5, 0.1, 1.0], size)
@@ -424,7 +424,7 @@ def hard_steps(rng, size, m):
     near = rng.random(size) < 0.5
     omega[near] *= (2 * J[:, 0] * (1 - gap) / (eps * (I * omega).sum(axis=1)))[near, None]
     gaps = np.sort(abs(1 - eps[:, None] / 2 * (I * omega).sum(axis=1)[:, None] / J))
-    assert m == 1 or (gaps[:, 1] < 0.1).any()  # for which the step of rank 2 is not enough
+    assert m == 1 or (gaps[:, 1] < 0.1).any()  # two small d, for which the step uses elimination
     omega[::7] *= 1e300
     omega[4] = np.nan
     return sf.SuslovND(J, I), omega, eps
@@ -437,7 +437,7 @@ def subnormal_states(rng, size, m):
 
 
 def solved_bodies(rng, size, m):
-    """J and I: all J equal, or I along one axis and the other J equal."""
+    """Random J and I with a closed form: all J equal, or I along one axis and the other J equal."""
     J, I = rng.uniform(1, 4, (size, 1)) * np.ones(m), rng.normal(size=(size, m))
     along = np.arange(m) == rng.integers(m, size=(size, 1))
     along[::2] = False
@@ -447,9 +447,9 @@ def solved_bodies(rng, size, m):
 
 
 def solved_and_others(rng, size, m):
-    """Solved bodies and others, states of all kinds, some without a next one."""
+    """Bodies with and without a closed form, and all kinds of states, including poles."""
     J, I = solved_bodies(rng, size, m)
-    J[::5, 0] *= 1.5  # solved no more, but for n = 3 or where I is along e_1
+    J[::5, 0] *= 1.5  # no closed form any more, except for n = 3 or I along e_1
     I[3::11] = 0.0
     eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
     omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
@@ -466,7 +466,7 @@ def one_body(rng, size, m):
     return sf.SuslovND(J[size % 2], I[size % 2]), rng.normal(size=(size, m)), np.full(size, 0.2)
 
 
-# Problems of n dimensions, and the methods for which they are hard.
+# Problems in n dimensions, the methods that they test, and numbers of components.
 HARD = [
     *((hard_steps, method, m) for method in ("rank2", "gauss") for m in (1, 2, 4, 9)),
     *((subnormal_states, method, 3) for method in ("rank2", "gauss")),
@@ -476,7 +476,7 @@ HARD = [
 
 
 def cut_further(monkeypatch):
-    """Let runs by the closed form be cut into parts too."""
+    """Divide runs by the closed form into parts, too."""
     monkeypatch.setattr(closed_form, "SLICE", 2**12)
     monkeypatch.setattr(jump, "_TOGETHER", 2**11)
     monkeypatch.setattr(engine, "_TOGETHER", 2**12)
@@ -490,7 +490,7 @@ def run(body, omega, eps, steps, **options):
 
 
 def assert_same_run(first, second, chosen=slice(None)):
-    """Compare all of a run with some trajectories of another, bit for bit."""
+    """Compare a run with chosen trajectories of another, bit for bit."""
     for name in ("omega", "final", "status", "failed_at", "attitude"):
         expected = getattr(second, name)
         if expected is not None and name in ("omega", "attitude"):
@@ -503,7 +503,7 @@ def assert_same_run(first, second, chosen=slice(None)):
 @every_hard_problem
 @pytest.mark.parametrize("save_every", [1, 5, None])
 def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
-    """No bit depends on the batch, its order or the parts of a call; no end on the method."""
+    """Batch, order and parts change no bit; "auto" and "rank2" miss the same states."""
     body, omega, eps = make(rng, 100, m)
     options = {"steps": 300 if method == "auto" else 30, "save_every": save_every, "method": method}
     whole = run(body, omega, eps, **options)
@@ -537,7 +537,7 @@ def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
 def test_units_of_hard_problems(rng, make, method, m, k):
     body, omega, eps = make(rng, 30, m)
     omega = np.clip(omega, -1e3, 1e3)
-    k = k if method != "auto" else k * 4 // 5  # beyond that, states are iterated
+    k = k if method != "auto" else k * 4 // 5  # larger exponents are iterated
     for save_every in (1, None):
         options = {"method": method, "save_every": save_every}
         expected = run(body, omega, eps, 40, **options)
@@ -562,8 +562,8 @@ CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
         *((make, method, 0, m) for make, method, m in HARD),
     ],
 )  # fmt: skip
-def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
-    """However a run is cut into calls, it is the run that was never cut, bit for bit."""
+def test_extended_runs(rng, kind, method, attitude, m, save_every):
+    """A run divided into several calls equals the undivided run, bit for bit."""
     if kind in KINDS:
         body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
         omega[3, 0], eps[4] = np.nan, 0.0
@@ -574,12 +574,12 @@ def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
     options |= {"save_every": save_every, "on_singular": "ignore"}
     for steps, cuts in CUTS:
         whole = begin(body, omega, eps, steps, **options)
-        first = gone_on = begin(body, omega, eps, cuts[0], **options)
+        first = extended = begin(body, omega, eps, cuts[0], **options)
         for more in cuts[1:]:
-            gone_on = gone_on.extend(more, on_singular="ignore")
-        assert_same_run(gone_on, whole)
-        np.testing.assert_array_equal(gone_on.n, whole.n)
-        again = first.extend(cuts[1], on_singular="ignore")  # what is gone on from stays as it is
+            extended = extended.extend(more, on_singular="ignore")
+        assert_same_run(extended, whole)
+        np.testing.assert_array_equal(extended.n, whole.n)
+        again = first.extend(cuts[1], on_singular="ignore")  # `extend` leaves the run unchanged
         assert_same_run(again.extend(sum(cuts[2:]), on_singular="ignore"), whole)
 
 
@@ -592,9 +592,9 @@ def test_a_run_that_is_gone_on_with(rng, kind, method, attitude, m, save_every):
     ],
 )  # fmt: skip
 def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
-    """Wherever rows begin, past the caches too, states are the same, and no others are written."""
+    """States do not depend on the alignment or size of `out`, and nothing else is written."""
     large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
-    monkeypatch.setattr(tiles, "_LARGE", 0)  # for kernels that are not compiled
+    monkeypatch.setattr(tiles, "_LARGE", 0)  # for interpreted kernels
     monkeypatch.setattr(closed_form, "SLICE", 2**19)
     rows = large // (2 * batch) + 79 if kind == "3D" and batch in (1, 3 * LANES + 5) else 70
     if kind == "3D":
@@ -616,7 +616,7 @@ def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
 
 @pytest.mark.parametrize("kind", ["3D", "full", "nD"])
 def test_out(rng, kind):
-    """States go where they are asked to, beside the input or over it."""
+    """States are written to `out`, also if it overlaps the arguments."""
     body, omega, _ = sample(rng, kind, (), (2, 3), ())
     begin, D = sf.iterate_full if kind == "full" else sf.iterate, omega.shape[-1]
     expected = begin(body, omega, 0.1, 33, save_every=2)

@@ -11,7 +11,7 @@ from suslov_fast._engine import states as engine
 
 
 def random_problem(rng, size=0.0):
-    """Parameters of a body, a step size and a state, t below and above 1."""
+    """Random parameters, step size and state, with t below and above 1."""
     parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
     return parameters, rng.uniform(-0.5, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-size, size)
 
@@ -46,7 +46,7 @@ WITHOUT_STEP = {"energy", "to_xy", "vector_field"}
 
 
 def error(computed, exact):
-    """Of vectors or matrices, relative to the norm."""
+    """Error of a vector or matrix relative to its norm."""
     computed, exact = mpmath.matrix(np.asarray(computed).tolist()), mpmath.matrix(exact)
     return float(mpmath.norm(computed - exact) / mpmath.norm(exact))
 
@@ -54,7 +54,7 @@ def error(computed, exact):
 @pytest.mark.parametrize("name", IN_3D)
 @pytest.mark.parametrize("near", [False, True])
 def test_in_three_dimensions(rng, name, near):
-    """Also next to the line of steady states, where x is a small difference."""
+    """Quantities in 60 digits, also next to the steady states, where x is a small difference."""
     exact, tolerance = IN_3D[name]
     for _ in range(40):
         parameters, eps, omega = random_problem(rng, 2.0)
@@ -92,7 +92,7 @@ def test_in_n_dimensions(rng, m):
 
 
 def matrix_nd(J, I, eps, omega):
-    """The coefficients of the unknowns in equation (15), over J."""
+    """Coefficients of the unknowns in equation (15), divided by J."""
     J, I, omega, (eps,) = (naive.exactly(*v) for v in (J, I, omega, [eps]))
     m = len(J)
     zero = naive.dsn(J, I, eps, omega, [naive.mpf(0)] * m)
@@ -136,7 +136,7 @@ def test_coordinates(rng):
 
 
 def test_integrals_of_solved_bodies_in_n_dimensions(rng):
-    """All J equal, or I along one axis: F and t are those of the orbit, and constant along it."""
+    """F and t are constant along orbits if all J are equal or I is along one axis."""
     for J, I in (([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1.5, 1.5, 1.5, 4.0], [0, 0, 0, -0.7])):
         body = sf.SuslovND(J, I)
         omega = rng.normal(size=(5, 4))
@@ -150,7 +150,7 @@ def test_integrals_of_solved_bodies_in_n_dimensions(rng):
 
 
 def test_criticality_agrees_with_the_status():
-    """Also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
+    """Criticality and status agree, also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
     body = sf.Suslov3D(1, 1, 1, 0)
     y = 2 * (1 + np.array([-1e-15, -1.2e-16, 0, 2.3e-16, 1e-15]))
     x = np.array([0, 1e-9, 1e-3, 1, 1e6])[:, None]
@@ -169,7 +169,7 @@ def test_criticality_agrees_with_the_status():
 )
 @pytest.mark.parametrize("eps", [1.0, 1e-300, -1e250])
 def test_criticality_beyond_squares(omega, eps):
-    """On the line and next to it t grows with the step; elsewhere it has a limit."""
+    """t grows with eps on and next to the line of steady states, and has a limit elsewhere."""
     with mp.workdps(60):
         X, Y = mp.mpf(eps) * omega[0] / mp.sqrt(2), -mp.mpf(eps) * omega[1] / 2
         expected = mp.sign(eps) * mp.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
@@ -202,7 +202,7 @@ def test_closed_form(rng):
         exact = naive.closed_form(*parameters, eps, omega)
         assert abs(h / float(exact[0]) - 1) < 5e-15
         if abs(t) < 1:
-            # Next to t = 1 the constants hang on the distance from it, which |y| decides.
+            # Next to t = 1 the constants depend on 1 - t, which |y| determines.
             assert abs(k1 / float(exact[1]) - 1) < 1e-14
             assert abs(k2 - float(exact[2])) < 1e-14 * (1 + abs(k2))
         else:
@@ -213,7 +213,7 @@ def test_closed_form(rng):
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("gap", [1e-6, 1e-12, 1e-15, 3e-16])
 def test_closed_form_next_to_the_critical_line(gap, sign):
-    """Of a body whose Y is rounded: k1 hangs on digits of 1 - |Y| that Y alone lacks."""
+    """k1 depends on digits of 1 - |Y| that the rounded Y of this body has lost."""
     parameters, eps = (1.7, 2.3, 0.3, -0.7), 0.3
     body = sf.Suslov3D(*parameters)
     omega = sf.from_xy(body, [1e-3, sign * 2 * 1.7 * 2.3 / eps * (1 - gap)])
@@ -250,7 +250,7 @@ def test_closed_form_of_special_cases(body, unit):
 
 @pytest.mark.parametrize("k", [-600, 0, 600])
 def test_reaction(rng, k):
-    """Also where products of inertia have another unit than moments, and terms differ as much."""
+    """The terms differ by many orders if products of inertia and moments have different units."""
     for _ in range(15):
         (I1, I2, I13, I23), eps, omega = random_problem(rng)
         parameters, omega = (I1, I2, *np.ldexp([I13, I23], k)), np.ldexp(omega, -k // 2)
@@ -288,7 +288,7 @@ def test_reaction_in_n_dimensions(rng, m):
 
 
 def test_the_discrete_reaction_tends_to_the_continuous_one(body):
-    """And does not lose digits on the way."""
+    """No digits are lost as eps tends to 0."""
     continuous = sf.reaction(body, [1.0, 0.5])
     for eps in (1e-6, 1e-12, 1e-300, 0.0):
         assert abs(sf.reaction(body, [1.0, 0.5], eps) - continuous) < 2 * eps + 1e-15
@@ -300,7 +300,7 @@ def test_jacobian(rng):
         omega *= 10 ** rng.uniform(-2, 3)
         exact = naive.jacobian(*parameters, eps, omega)
         body = sf.Suslov3D(*parameters)
-        # As accurate as the step itself: |1 - Y + X**2| may be small beside its terms.
+        # The step has the same loss of digits: |1 - Y + X**2| may be small beside its terms.
         following = naive.step(*parameters, eps, omega)
         allowed = 1e-14 + 10 * naive.relative_error(sf.step(body, omega, eps), following)
         assert error(sf.jacobian(body, omega, eps), exact) < allowed
@@ -320,7 +320,7 @@ def test_jacobian_next_to_the_pole_and_far_beyond(unit, omega, eps, tolerance):
 
 
 def test_jacobian_of_small_steps_is_the_identity_and_the_derivative_of_the_field(rng):
-    """Its small parts keep their digits."""
+    """The off-diagonal entries keep their relative accuracy."""
     for _ in range(10):
         parameters, _, omega = random_problem(rng)
         slope = naive.derivative(
@@ -334,8 +334,8 @@ def test_jacobian_of_small_steps_is_the_identity_and_the_derivative_of_the_field
     assert (sf.jacobian(sf.Suslov3D(2, 1, 0, 0), [1, 2], 0.3) == np.eye(2)).all()
 
 
-def test_jacobian_agrees_with_the_step_on_what_is_a_pole(unit):
-    """One after the other through the pole at (1, -3), and next to the point (0, -2)."""
+def test_jacobian_and_step_agree_on_poles(unit):
+    """Consecutive floats through the pole at (1, -3), and states next to (0, -2)."""
     omega2 = -3.0 + 2.0**-51 * np.arange(-10, 11)
     near = [[1, w2] for w2 in omega2] + [[1e-9, -2], [1e-7, -2], [0, -2], [0, -1.9]]
     with pytest.warns(sf.SingularStepWarning):
@@ -374,7 +374,7 @@ def test_multipliers_in_n_dimensions(rng, m):
 
 
 def exact_multipliers(J, I, c, eps):
-    """1, and the others in the order of the spectrum of J**-1 (|I|**2 - I I^T), ascending."""
+    """1, then the others in the ascending order of the spectrum of J**-1 (|I|**2 - I I^T)."""
     J, I, (c, eps) = naive.exactly(*J), naive.exactly(*I), naive.exactly(c, eps)
     m = len(J)
     symmetric = mpmath.matrix(m)
@@ -414,7 +414,7 @@ def test_units_of_multipliers(rng, moments, products, omegas):
 
 
 def test_long_steps_of_large_states(unit):
-    """eps omega beyond the range of float64: no step follows the motion, but F is a number."""
+    """F and the modified energy are finite even if eps omega overflows."""
     F = sf.first_integral(unit, [1e200, 1e200], 1e140)
     assert abs(F / 2e-280 - 1) < 1e-14
     assert abs(sf.modified_energy(unit, [1e200, 1e200], 1e140) / 4e-280 - 1) < 1e-14
@@ -423,8 +423,8 @@ def test_long_steps_of_large_states(unit):
 
 @pytest.mark.parametrize("name", ["jacobian", "discrete_reaction", "step"])
 @pytest.mark.parametrize("m", [2, 4])
-def test_states_without_a_next_one_are_counted(rng, monkeypatch, name, m):
-    """In one warning, which names the first in C order, whatever task has found it."""
+def test_poles_are_counted(rng, monkeypatch, name, m):
+    """One warning counts the poles and names the first in C order, for any number of tasks."""
     body = sf.Suslov3D(1, 1, 1, 0) if m == 2 else sf.SuslovND([2, 2, 2, 3], [1, 0, 0.5, 0.25])
     pole = [1.0, -3.0] if m == 2 else [2, 1, 3, 2]
     omega = 0.1 * rng.normal(size=(4, 400, m))

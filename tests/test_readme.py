@@ -1,4 +1,4 @@
-"""Every block of code in the README runs, and prints what its comments say."""
+"""All code blocks of the README run, and print the output in their comments."""
 
 import math
 import re
@@ -25,7 +25,7 @@ def blocks(language):
 
 @pytest.mark.compiled
 def test_python_blocks(tmp_path, monkeypatch):
-    """Each by itself, as a reader would copy it; parallel loops take long to compile."""
+    """Run each block alone, as a reader would; serially, since parallel loops compile slowly."""
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
     assert len(blocks("python")) == 3
@@ -36,7 +36,7 @@ def test_python_blocks(tmp_path, monkeypatch):
 
 @pytest.mark.compiled
 def test_shell_blocks(tmp_path, monkeypatch):
-    """In this process; of the pictures one, as test_cli.py draws all."""
+    """Run the commands in this process, with one picture, as test_cli.py draws all."""
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pictures, "DRAWINGS", {"picture4": pictures.DRAWINGS["picture4"]})
@@ -50,7 +50,7 @@ def test_shell_blocks(tmp_path, monkeypatch):
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 
-def test_it_is_short():
+def test_length():
     assert README.count("\n") <= 150
     assert {name for name, _ in BLOCKS} == {"python", "sh", "sh setup", "text"}
 

@@ -20,7 +20,7 @@ BODIES = [
 
 
 def closed_form(I1, I2, I13, I23):
-    """The angle by the formula of the docstring, in 60 digits; and alpha + beta + |gamma|."""
+    """Return the angle by the formula of the docstring in 60 digits, and alpha + beta + |gamma|."""
     I1, I2, I13, I23 = (mpf(float(each)) for each in (I1, I2, I13, I23))
     D, k = I13**2 * I2 + I23**2 * I1, mpmath.hypot(I13, I23)
     alpha, beta = I1 * I2 * k / D, mpmath.sqrt(I1 * I2) / k
@@ -34,13 +34,13 @@ def closed_form(I1, I2, I13, I23):
 @pytest.mark.parametrize("parameters", BODIES[:3])
 @pytest.mark.sampled(1)
 def test_against_long_integration(parameters):
-    """Of the Poisson equations with the exact flow; what is left out is of the order of 1e-17."""
+    """Poisson equations integrated with the exact flow, truncated at an error of about 1e-17."""
     expected = naive.scattering_angle(*parameters)
     assert abs(mpf(float(sf.scattering_angle(sf.Suslov3D(*parameters)))) - expected) < 4e-15
 
 
 def test_the_closed_form_of_the_reference():
-    """Where gamma = 0: cos(pi sqrt(beta**2 - alpha**2) / 2) / cosh(pi alpha / 2)."""
+    """sin(angle / 2) = |cos(pi sqrt(beta**2 - alpha**2) / 2)| / cosh(pi alpha / 2) if gamma = 0."""
     for I1, I2, I13, I23 in ((4, 2, 0, -1.2), (4, 2, 1.7, 0), (3, 3, 2, -1.1)):
         k = np.hypot(I13, I23)
         alpha, beta = I1 * I2 * k / (I13**2 * I2 + I23**2 * I1), np.sqrt(I1 * I2) / k
@@ -56,7 +56,7 @@ signed = st.floats(1e-3, 1e3) | st.floats(-1e3, -1e-3) | st.just(0.0)
 
 @given(positive, positive, signed, signed)
 def test_to_rounding(I1, I2, I13, I23):
-    """Also of angles that are exponentially small."""
+    """Angles are accurate to rounding, also if they are exponentially small."""
     angle = sf.scattering_angle(sf.Suslov3D(I1, I2, I13, I23))
     if I13 == 0 and I23 == 0:
         assert np.isnan(angle)
@@ -80,7 +80,7 @@ def test_depends_on_ratios_alone(I1, I2, I13, I23, k):
 
 
 def test_from_small_to_large_products_of_inertia():
-    """From a body that turns over to one that stays as it is."""
+    """The angle grows from 0 for small to pi for large products of inertia."""
     weak, strong = sf.scattering_angle(sf.Suslov3D(4, 1, [1e-300, 1e300], [1e-300, 2e300]))
     assert weak == 0.0
     assert abs(strong - np.pi) < 1e-15
@@ -90,7 +90,7 @@ def test_from_small_to_large_products_of_inertia():
 
 @pytest.mark.parametrize("ratio", [1e-300, 1e-100, 1e-8, 1e-6, 1e6, 1e8, 1e100, 1e300])
 def test_moments_far_apart(ratio):
-    """To 1e-10 up to 1e8; beyond 1e30 some of these angles stand after all digits of float64."""
+    """Error below 1e-10 up to a ratio of 1e8; beyond 1e30 float64 cannot resolve some angles."""
     angles = sf.scattering_angle(sf.Suslov3D(ratio, 1, [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]))
     assert ((angles >= 0) & (angles <= np.pi)).all()
     if 1e-8 <= ratio <= 1e8:
@@ -108,7 +108,7 @@ def test_batches(rng):
     assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)
 
 
-def test_nothing_moves():
+def test_products_of_zero():
     angles = sf.scattering_angle(sf.Suslov3D(4, 1, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]))
     assert np.isnan(angles).tolist() == [True, False, False]
 

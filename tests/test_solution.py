@@ -32,7 +32,7 @@ def test_states_of_the_map(rng, sign):
 
 @pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 1e-12, -1e-8, 1e-4])
 def test_on_and_next_to_the_critical_line(unit, gap):
-    """|y| = 2 I1 I2 / |eps|, which the unit body holds exactly."""
+    """The critical line is |y| = 2 I1 I2 / |eps|, which is exact for the unit body."""
     for x, y, eps in product((1e-9, 1e-3, 0.3, 5.0, 1e5), (2, -2), (1, -1)):
         omega = [x, -y * (1 + gap)]
         exact = naive.orbit(1, 1, 1, 0, eps, omega, 4)
@@ -41,7 +41,7 @@ def test_on_and_next_to_the_critical_line(unit, gap):
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-8, 1e-15, 1e-60, 1e-170])
 def test_orbits_that_leave_the_repelling_line(distance):
-    """Here x is exact and as small as can be; after some steps it is not small any more."""
+    """x is exact and tiny at first, and grows to the order of 1."""
     body = sf.Suslov3D(2, 1, 0, 0.5)
     omega = [1.5, distance]  # x = Omega2 / 2
     steps = int(-2 * np.log(distance)) + 40
@@ -51,7 +51,7 @@ def test_orbits_that_leave_the_repelling_line(distance):
 
 
 def test_far_away_states_of_slow_orbits(body):
-    """1e15 steps of an orbit that has moved a little by then."""
+    """1e15 steps of a slow orbit agree with the flow."""
     omega = np.array([1.0, 0.5]) * 1e-14
     near = sf.exact(body, omega, 0.2, 1e15)
     flowed = sf.flow(body, omega, 0.2e15)
@@ -71,7 +71,7 @@ def test_limits_against_the_paper(rng):
         np.testing.assert_allclose(plus, -np.sign(eps) * point, rtol=1e-13)
 
 
-def test_states_that_do_not_move(body):
+def test_fixed_points(body):
     for still, omega, eps in (
         (body, [0.0, 0.0], 0.2),
         (body, [1.0, 0.5], 0.0),
@@ -107,7 +107,7 @@ def test_flow_against_taylor_series(rng, time):
 
 
 def test_flow_next_to_the_repelling_line():
-    """From a distance of 1e-30 to the attracting half."""
+    """Flow from a distance of 1e-30 from the repelling half to the attracting half."""
     omega, time = [1.5, 1e-30], 138.0
     exact = naive.flow(2, 1, 0, 0.5, omega, time, steps=280)
     computed = sf.flow(sf.Suslov3D(2, 1, 0, 0.5), omega, time)
@@ -131,7 +131,7 @@ def test_bad_times(body, call, error, message):
 
 
 def test_a_pole_far_ahead(unit):
-    """It is found where iteration finds it, and in few steps of many."""
+    """The closed form finds the same pole as iteration, without making the steps."""
     before_pole = [np.sqrt(132.0), -134.0]  # 1 - Y + X**2 = 0
     start = sf.exact(unit, before_pole, -1, 270)
     orbit = sf.iterate(unit, start, 1, 275, method="canonical", on_singular="ignore")
@@ -146,7 +146,7 @@ def test_a_pole_far_ahead(unit):
 
 
 def test_the_status_of_last_states(rng):
-    """On the critical line too, whatever rounding makes of it, all ways agree."""
+    """Status with and without saved states, for states on the critical line up to rounding."""
     body = sf.Suslov3D(1.7, 2.3, 0.3, -0.7)
     x, eps = rng.uniform(-3, 3, 500), 0.3
     y = np.full(500, -2 * 1.7 * 2.3 / eps)
@@ -159,20 +159,20 @@ def test_the_status_of_last_states(rng):
 @pytest.mark.parametrize("n", [10**6, 10**9])
 @pytest.mark.parametrize("X", [1e-12, 1e-60, 1e-145])
 def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
-    """After a million steps, or a billion, on their way from one half to the other."""
+    """After 1e6 and 1e9 steps, these orbits are between the repelling and the attracting half."""
     for _ in range(5):
         I1, I2, I23 = 10 ** rng.uniform(-0.7, 0.7, 3)
         a = I1 * I2
         Y = -np.log(X) / (2 * n) * rng.uniform(0.5, 1.5)
-        # A body with I13 = 0 has x = I23 Omega2: it cancels nowhere.
+        # For I13 = 0, x = I23 Omega2 has no cancellation.
         parameters, omega = (I1, I2, 0.0, I23), [2 * a * Y / (I23 * I1), np.sqrt(2 * a) * X / I23]
         exact = naive.far_state(*parameters, 1.0, omega, n)
         computed = sf.exact(sf.Suslov3D(*parameters), omega, 1.0, n)
         assert naive.energy_error(parameters[:2], computed, exact) < 3e-15
 
 
-# From 1e-300 a component grows to the order of 1, and falls below 1e-270; and it decays to 1e-236
-# from where it is not negligible, by the level's n-th power: X = 0.02, Y = 1/2.
+# A component that grows from 1e-300 to the order of 1 and falls below 1e-270, and one that decays
+# to 1e-236 from X = 0.02, Y = 1/2, like r**n.
 DIGITS = [
     *(([1.5, 1e-300], n) for n in (600, 900, 1200, 1500, 1900)),
     *(([2 / 0.9, 0.04 / 0.45], n) for n in (200, 500)),
@@ -180,7 +180,7 @@ DIGITS = [
 
 
 @pytest.mark.parametrize(("omega", "n"), DIGITS)
-def test_a_component_keeps_its_digits_however_small_it_is(omega, n):
+def test_small_components_keep_their_digits(omega, n):
     exact = naive.far_state(2, 1, 0.0, 0.5, 0.9, omega, n)
     computed = sf.exact(sf.Suslov3D(2, 1, 0.0, 0.5), omega, 0.9, n)
     assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
@@ -199,7 +199,7 @@ def test_any_parameters(rng, spread):
 
 @pytest.mark.parametrize("k", [-600, -37, 600])
 def test_the_unit_of_time(unit, k):
-    """Bit for bit, next to the repelling half too."""
+    """Powers of two in the unit of time change no bit, also next to the repelling half."""
     for omega, t in (([2, -1e6], 2e-5), ([2, -1e8], 2e-7), ([1.0, 0.5], 3.0), ([1e-9, -3.0], 9.0)):
         scaled, times = np.ldexp(omega, k), 0.125 * t * np.arange(40)
         pairs = [
@@ -217,8 +217,8 @@ def test_the_unit_of_time(unit, k):
             np.testing.assert_array_equal(computed, np.ldexp(expected, k))
 
 
-def test_limits_of_the_state_that_has_no_next(unit):
-    """At (X, Y) = (0, 1) the map is 0 / 0; its inverse leaves that state where it is."""
+def test_limits_of_the_undefined_state(unit):
+    """At (X, Y) = (0, 1) the map is 0 / 0, and the inverse map has a fixed point."""
     minus, plus = sf.limits(unit, [0.0, -2.0], 1)
     assert np.isnan(plus).all()
     assert minus.tolist() == [0.0, -2.0]
@@ -228,12 +228,12 @@ def test_limits_of_the_state_that_has_no_next(unit):
 
 
 @pytest.mark.parametrize("scale", [1e-90, 1e-120, 1e-145])
-def test_a_slow_orbit_arrives_after_enough_steps(scale):
-    """However little a step does, an orbit has its limits, and as many steps as it needs."""
+def test_slow_orbits_reach_their_limits(scale):
+    """An orbit with tiny steps follows the flow and has its limits."""
     body, n = sf.Suslov3D(1, 1, 1, 0), 50.0
-    like = sf.flow(body, [1.0, 1.0], n)
+    expected = sf.flow(body, [1.0, 1.0], n)
     np.testing.assert_allclose(
-        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, like, rtol=1e-12, atol=1e-14
+        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, expected, rtol=1e-12, atol=1e-14
     )
     ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
@@ -251,7 +251,7 @@ def test_a_slow_orbit_arrives_after_enough_steps(scale):
 )
 @pytest.mark.sampled(2)
 def test_far_above_criticality(body, omega, steps):
-    """Every saved state, and the last one; next to the pole a state amplifies any rounding."""
+    """All states are accurate, except next to the pole, where the map amplifies rounding errors."""
     with naive.mp.workdps(200):
         exact = naive.orbit(4, 1, -0.5, -0.3, 0.2, omega, steps)
         run = sf.iterate(body, omega, 0.2, steps)
@@ -265,7 +265,7 @@ def test_far_above_criticality(body, omega, steps):
 
 @pytest.mark.parametrize("power", [16, 20])
 def test_bodies_in_which_y_cancels(power):
-    """One decimal each, and y = 0 but for the rounding of the decimals."""
+    """Parameters have one decimal, and y = 0 up to the rounding of the decimals."""
     rng, problems = np.random.default_rng(power), [((0.2, 1.1, -3.8, 3.1), [-4.18, 0.62])]
     while len(problems) < 8:
         I1, I2 = rng.integers(1, 40, 2) / 10
@@ -285,7 +285,7 @@ def test_bodies_in_which_y_cancels(power):
 
 
 def state_on_the_pole(I1, I2, I13, I23, x):
-    """The state with that x and y = 2 I1 I2 + x**2: 1 - Y + X**2 = 0 for eps = 1."""
+    """Return the state with this x and y = 2 I1 I2 + x**2, a pole for eps = 1: 1 - Y + X**2 = 0."""
     y, D = 2 * I1 * I2 + x * x, I13 * I13 * I2 + I23 * I23 * I1
     return [Fraction(I13 * I2 * x + I23 * y, D), Fraction(I23 * I1 * x - I13 * y, D)]
 
@@ -297,7 +297,7 @@ BODIES = (1, 1, 1, 0), (2, 1, 1, 0), (1, 3, 1, 1), (3, 5, 1, -1), (2, 2, 2, -2),
 @pytest.mark.parametrize("x", [1, -3, 40])
 @pytest.mark.parametrize("parameters", BODIES, ids=str)
 def test_poles_in_fractions(parameters, x):
-    """A run ends at its pole; the closed form lacks one state, and goes on beyond it."""
+    """Iteration ends at a pole; `exact` lacks only the next state and continues beyond it."""
     pole, body = state_on_the_pole(*parameters, x), sf.Suslov3D(*parameters)
     omega = list(map(float, pole))
     assert [Fraction(each) for each in omega] == pole
@@ -308,7 +308,7 @@ def test_poles_in_fractions(parameters, x):
         assert np.isnan(run.omega[1:]).all()
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.step(body, omega, 1)).all()
-    # State 2 is the limit from both sides; what follows and what was before is iterated.
+    # State 2 is the limit from both sides; the others are iterated from state 2 or the pole.
     sides = []
     for h in (Fraction(1, 10**40), -Fraction(1, 10**40)):
         state = [pole[0] + h, pole[1]]
@@ -336,7 +336,7 @@ def test_poles_in_fractions(parameters, x):
 
 
 def test_runs_past_their_pole(unit, rng):
-    """Orbits that start before a pole pass it in "auto" as in the canonical map."""
+    """Orbits pass poles alike by "auto" and by "canonical"."""
     omega = np.column_stack([rng.uniform(0.1, 3, 200), rng.uniform(-9, -2.1, 200)])
     omega[7], omega[8], omega[9] = [1.0, -3.0], [1.0, -1e3], [0.0, -5.0]
     runs = [

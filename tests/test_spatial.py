@@ -9,7 +9,7 @@ THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 
 
 def inertia(rng, n=3):
-    """A tensor that a body can have: that of a few masses."""
+    """Tensors of a few point masses: inertia, and second moments."""
     points = rng.normal(size=(6, n))
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
 
@@ -20,7 +20,7 @@ def random_rotation(rng, n):
     return q
 
 
-def test_matrices_are_what_carries_the_orientation(case):
+def test_matrices_against_the_orientation(case):
     """R_next is R times the exponential of eps Omega, to second order."""
     body, omega0 = case
     eps = 1e-4
@@ -55,14 +55,14 @@ def test_back(case, rng):
 
 
 def test_momentum_by_definition(rng):
-    """In the basis in which the inertia was given, whatever that is."""
+    """The momentum equals its definition in the basis in which the inertia was given."""
     tensor, _ = inertia(rng)
     axis = rng.normal(size=3)
     body, rotation = sf.Suslov3D.from_inertia(tensor, axis)
     omega = np.cross(axis, rng.normal(size=3))
     state = sf.from_vector(body, omega, rotation=rotation)
     np.testing.assert_allclose(sf.to_vector(body, state, rotation=rotation), omega, atol=1e-14)
-    # The component along the axis needs no I3: the constraint leaves none of it.
+    # The component along the axis does not need I3, since Omega3 = 0.
     np.testing.assert_allclose(
         sf.momentum(body, state, rotation=rotation), tensor @ omega, atol=1e-12
     )

@@ -1,4 +1,4 @@
-"""The rules that the package is built by, and the examples of its docstrings."""
+"""The rules of the architecture, and the examples in docstrings."""
 
 import ast
 import doctest
@@ -25,7 +25,7 @@ TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob
 FILES = {module_name(path): path for path in TEXTS}
 NODES = {path: list(ast.walk(ast.parse(text))) for path, text in TEXTS.items()}
 FORMULAS, KERNELS = (
-    [path for path in TEXTS if path.parent.name == room] for room in ("_formulas", "_kernels")
+    [path for path in TEXTS if path.parent.name == layer] for layer in ("_formulas", "_kernels")
 )
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]
 
@@ -44,14 +44,14 @@ def test_options_of_numba_live_in_one_file():
             assert not any(word in text for word in ("njit(", "fastmath", "error_model", "nogil"))
 
 
-def test_one_file_speaks_llvm_through_the_documented_interface():
+def test_llvmlite_is_imported_in_two_files():
     speaking = {path.name for path, nodes in NODES.items() if "llvmlite" in set(imports(nodes))}
     assert speaking <= {"instructions.py", "cache.py"}
     for path, text in TEXTS.items():
         assert not re.search(r"numba\.(?:core\.(?!errors|types)|np)\w*", text), path
 
 
-def test_formulas_and_kernels_are_numbers_only():
+def test_formulas_and_kernels_are_pure_numerics():
     for path in (*FORMULAS, *KERNELS):
         nodes = NODES[path]
         assert set(imports(nodes)) <= {"math", "numba", "numpy", "typing", ".", ".."}, path
@@ -60,7 +60,7 @@ def test_formulas_and_kernels_are_numbers_only():
         assert not loops or path in KERNELS, path
 
 
-# An exception, such as MemoryError, does not leave a parallel loop.
+# Exceptions such as MemoryError are lost in a parallel loop.
 ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
 
 
@@ -71,7 +71,7 @@ def test_kernels_allocate_nothing():
 
 
 def importing(path):
-    """Yield the modules of the package that a file imports, but for those that only types need."""
+    """Yield the modules of the package that a file imports, except those for type checkers only."""
     parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
     checking = {
         id(inner)
@@ -90,8 +90,8 @@ def importing(path):
                     yield module
 
 
-# The rooms from the bottom up: a module imports from its own room and from those below.
-ROOMS = """
+# Layers from the bottom up: a module imports only from its own layer and those below.
+LAYERS = """
     _docs _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
     integrability _cli __main__
 """.split()
@@ -99,15 +99,15 @@ ROOMS = """
 EXCEPTIONS = {("_runs", "_show")}
 
 
-def test_imports_point_down_and_never_in_circles():
-    """Be it through others, or where a function is called; all may ask for the version."""
+def test_imports_follow_the_layers_without_cycles():
+    """Indirect imports and imports in functions count, too; any module may import the version."""
     graph = {name: set(importing(path)) - {PACKAGE.name} for name, path in FILES.items()}
     assert sum(map(len, graph.values())) > 100
     graphlib.TopologicalSorter(graph).prepare()
     for name in graph.keys() - {PACKAGE.name}:
         own = name.split(".")[1]
         for other in {each.split(".")[1] for each in graph[name]} - {own}:
-            down = ROOMS.index(other) < ROOMS.index(own)
+            down = LAYERS.index(other) < LAYERS.index(own)
             assert down or (own, other) in EXCEPTIONS, f"{name} imports from {other}"
 
 

@@ -31,7 +31,7 @@ needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 @needs_two_threads
 @pytest.mark.compiled
 def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
-    """The next call is parallel again, on as many threads as were asked for."""
+    """After an error, the next call is parallel again, with the requested number of threads."""
     big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
     class Broken:
@@ -47,7 +47,7 @@ def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
 
 
 def test_little_work_stays_serial(body, monkeypatch):
-    """A small batch, and one block of lanes however many steps it makes."""
+    """A small batch is serial, and a single block of lanes for any number of steps."""
 
     class SerialOnly:
         serial = staticmethod(loops.canonical.serial)
@@ -77,7 +77,7 @@ def test_python_threads_at_once(layer):
 @pytest.mark.parametrize("layer", children.LAYERS)
 @pytest.mark.sampled(1)
 def test_forks(layer):
-    """A child of a process whose threads ran must neither abort nor hang."""
+    """A forked child of a process that has run threads neither aborts nor hangs."""
     in_child(
         """
         import multiprocessing, warnings
@@ -111,7 +111,7 @@ def test_forks_leave_the_parent_its_threads():
 
 
 class Idle:
-    """A loop that does nothing, so that signals meet what is around it."""
+    """An empty loop, so that signals arrive in the surrounding code."""
 
     def parallel(self, count):
         pass
@@ -122,7 +122,7 @@ class Idle:
 
 @pytest.fixture
 def alarm():
-    """Send a signal after so many seconds, whose handler raises."""
+    """A function that sends a signal after some seconds, and the exception of its handler."""
 
     class Alarm(Exception):
         pass
@@ -140,7 +140,7 @@ def alarm():
 @pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments(alarm):
-    """The lock is released wherever a handler raises."""
+    """The lock is released wherever the handler of a signal raises."""
     send, Alarm = alarm
     chance = random.Random(1)
     numba.set_num_threads(1)
@@ -158,7 +158,7 @@ def test_signals_at_random_moments(alarm):
 
 
 def test_a_handler_that_computes():
-    """It interrupts a parallel call, so it is served serially, and the call goes on."""
+    """A handler may call a kernel during a parallel call: the kernel runs serially."""
     calls = []
 
     class Inner:
@@ -175,7 +175,7 @@ def test_a_handler_that_computes():
     assert not threads._owned()
 
 
-def test_who_comes_second_is_served_serially():
+def test_a_second_parallel_call_runs_serially():
     calls = []
 
     class Second:
@@ -195,7 +195,7 @@ def test_who_comes_second_is_served_serially():
 @pytest.mark.compiled
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_ctrl_c():
-    """A run of days ends at the next return to Python, and there are many."""
+    """Ctrl-C ends a long run at the next return to Python, after at most about a second."""
     output = in_child(
         """
         import os, signal, threading
@@ -222,11 +222,11 @@ def test_ctrl_c():
             thread.join()
         """
     )
-    told = [tuple(map(int, line.split())) for line in output.splitlines()]
-    assert len(told) == 2
-    for returns, steps in told:
+    measured = [tuple(map(int, line.split())) for line in output.splitlines()]
+    assert len(measured) == 2
+    for returns, steps in measured:
         assert returns <= 2
-        assert steps < 2**33  # a second of the fastest machines
+        assert steps < 2**33  # about a second on the fastest machines
 
 
 def test_progress(body, capsys):

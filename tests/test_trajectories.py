@@ -1,4 +1,4 @@
-"""What an iteration returns: its methods, and labelled arrays made of it."""
+"""`Trajectories`: methods, and conversion to labelled arrays."""
 
 import functools
 import sys
@@ -19,13 +19,13 @@ GYROSTATS = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.0, 0.9, 1.8])
 
 @pytest.fixture
 def sweep(rng):
-    """Bodies down, step sizes across: three bodies, and as many saved states as step sizes."""
+    """Three bodies along the first axis, two step sizes along the second, and two saved states."""
     body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
     return sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
 
 
 def same(a, b):
-    """Bit for bit equal, in shape and dtype too."""
+    """Compare bits, shape and dtype."""
     a, b = np.asarray(a), np.asarray(b)
     return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
 
@@ -54,7 +54,7 @@ SHORT = sf.Suslov3D(ONE, [1.0], 0.1, np.array([[0.1]]))
 POLES = sf.Suslov3D(1, 1, 1, 0)
 EQUAL = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3])
 
-# Runs of every map, with and without what a run may have.
+# Runs of every map, with and without optional data.
 MAKE = {
     "batch": lambda: sf.iterate(BODY, STARTS, 0.2, 20, save_every=5),
     "one": lambda: sf.iterate(BODY, STARTS[0], -0.2, 3),
@@ -92,7 +92,7 @@ MAKE = {
 
 
 class Runs(Mapping):
-    """The runs, each made when it is first used."""
+    """The runs, each computed on first use."""
 
     __getitem__ = functools.cache(lambda self, name: MAKE[name]())
 
@@ -174,7 +174,7 @@ def test_states_that_do_not_exist_have_no_observables():
 
 
 def test_times(body, sweep):
-    """They broadcast against states, of which there are as many as step sizes here."""
+    """Times broadcast against states, even if there are as many states as step sizes."""
     assert same(RUNS["batch"].time, 0.2 * np.array([0, 5, 10, 15, 20]))
     assert sf.iterate(body, [0.0, 0.0], 1e308, 3).time[-1] == np.inf
     assert sweep.time.shape == (2, 1, 2)
@@ -198,7 +198,7 @@ def test_repr_is_one_line():
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.sampled(32)
 def test_through_xarray(name, engine, tmp_path):
-    """As it is, and written and opened by xarray, with its defaults for NaN and for time."""
+    """Round trip through a dataset in memory, and through files by xarray with default options."""
     xarray = pytest.importorskip("xarray")
     run, path = RUNS[name], tmp_path / "run"
     opened = data = run.to_xarray()
@@ -237,8 +237,8 @@ def test_a_parameter_as_a_coordinate():
             run.to_xarray(dims=dims)
 
 
-def test_a_dataset_holds_what_a_user_looks_at():
-    """Nothing to go on from, no claim of conventions, and no units but those of pure numbers."""
+def test_contents_of_a_dataset():
+    """A dataset has no data for continuation, no `Conventions`, and units for pure numbers only."""
     pytest.importorskip("xarray")
     run = RUNS["turning"]
     data = run.to_xarray()
@@ -385,7 +385,7 @@ def test_plot(components):
         orbits.plot(components=(0, 3))
 
 
-def test_the_rule_of_poles_stands_in_the_same_words():
+def test_docstrings_state_the_rule_of_poles_in_the_same_words():
     first, last = "At a pole there is no next state", "pole is NaN."
     wordings = set()
     for function in (sf.step, sf.iterate, sf.exact, sf.limits):

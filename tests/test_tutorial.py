@@ -1,4 +1,4 @@
-"""The tutorial as a notebook: run by a kernel, as a reader of the download would run it."""
+"""The tutorial as a notebook, run by a Jupyter kernel."""
 
 import importlib.util
 import json
@@ -16,7 +16,7 @@ pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 SCRIPT = Path(__file__).parent.parent / "docs" / "as_notebook.py"
-# What a reader may look at beside the pages.
+# Objects that a reader may display beside the pages.
 SHOWN = {
     "orbits": "orbits",
     "body": "Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)",
@@ -49,8 +49,8 @@ def load():
 TUTORIAL = load()
 
 
-def test_every_step_is_there(tmp_path):
-    """The notebook, and the scripts for a type checker, have all blocks of all pages."""
+def test_all_pages_are_included(tmp_path):
+    """The notebook, and the scripts for a type checker, contain all blocks of all pages."""
     pages = {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
     assert set(TUTORIAL.pages()) == pages
     assert len(TUTORIAL.pages()) == 7
@@ -69,7 +69,7 @@ def test_every_step_is_there(tmp_path):
         assert all(code in script for code in TUTORIAL.code(name))
 
 
-def test_the_notebook_shows_nothing_that_only_pages_can():
+def test_the_notebook_has_no_sphinx_syntax():
     cells = TUTORIAL.notebook()["cells"]
     texts = ["".join(each["source"]) for each in cells if each["cell_type"] == "markdown"]
     assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 8
@@ -81,11 +81,11 @@ def test_the_notebook_shows_nothing_that_only_pages_can():
 
 @pytest.fixture(scope="module")
 def executed(tmp_path_factory):
-    """The cells of the notebook, and of more that look at what it made, with their outputs."""
+    """Return the executed cells of the notebook, and of more cells that display its variables."""
     folder = tmp_path_factory.mktemp("notebook")
     notebook = nbformat.from_dict(TUTORIAL.notebook())
-    looking = [nbformat.v4.new_code_cell(code) for code in [*SHOWN.values(), BAR]]
-    notebook.cells += looking
+    displays = [nbformat.v4.new_code_cell(code) for code in [*SHOWN.values(), BAR]]
+    notebook.cells += displays
     nbformat.write(notebook, folder / "tutorial.ipynb")
     names = folder / "tutorial.ipynb", folder / "executed.ipynb"
     children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")  # parallel loops take long to compile
@@ -97,7 +97,7 @@ def printed(cell):
 
 
 @pytest.mark.compiled
-def test_it_runs_and_prints_what_it_says(executed):
+def test_cells_print_the_output_in_their_comments(executed):
     of_tutorial = len(TUTORIAL.notebook()["cells"])
     checked = 0
     for cell in executed[:of_tutorial]:
@@ -111,7 +111,7 @@ def test_it_runs_and_prints_what_it_says(executed):
 
 
 @pytest.mark.compiled
-def test_what_is_looked_at_is_short(executed):
+def test_displayed_objects_are_short(executed):
     shown = dict(zip(SHOWN, executed[-len(SHOWN) - 1 :], strict=False))
     for name, cell in shown.items():
         (output,) = (each["data"] for each in cell["outputs"])
@@ -129,7 +129,7 @@ def test_what_is_looked_at_is_short(executed):
 
 
 @pytest.mark.compiled
-def test_the_bar_of_a_notebook(executed):
+def test_the_progress_bar_of_a_notebook(executed):
     assert printed(executed[-1]) == "True\n"
     shown = json.dumps(executed[-1]["outputs"])
     assert "100%" in shown or "widget" in shown

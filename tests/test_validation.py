@@ -1,4 +1,4 @@
-"""Bad input: a clear message, and nothing done."""
+"""Bad input raises a clear error, and changes nothing."""
 
 from fractions import Fraction
 
@@ -10,7 +10,7 @@ import suslov_fast as sf
 NAN, INF = float("nan"), float("inf")
 OMEGA = [[1.0, 0.5], [0.2, 0.3]]
 
-# A call with one bad argument, the error, and what its message says was received and expected.
+# Arguments with one bad value, the error, and a part of its message: expected and received.
 BAD_BODIES = [
     ({"I1": 0}, ValueError, "I1: expected a positive moment of inertia, got 0.0"),
     ({"I2": [1, 2, -3]}, ValueError, "I2: expected a positive .* got -3.0"),
@@ -86,7 +86,7 @@ def test_iterate(body, bad, error, message):
 
 @pytest.mark.parametrize("steps", [(), (4,)])
 def test_the_full_map(body, steps):
-    """By `step_full` and `iterate_full`."""
+    """Bad arguments of `step_full` and `iterate_full`."""
     function = sf.iterate_full if steps else sf.step_full
     with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
         function(body, [1, 2, 3], 0.1, *steps, 0)
@@ -115,13 +115,13 @@ def test_long_doubles_beyond_float64(body):
 
 
 class WithUnit(np.ndarray):
-    """As astropy and unyt have quantities: arrays with a unit, which NumPy drops."""
+    """Array with a unit, like quantities of astropy and unyt; NumPy drops the unit."""
 
     unit = "ms"
 
 
 class Magnitude:
-    """As pint has them."""
+    """Quantity like those of pint."""
 
     units = "ms"
 
@@ -141,7 +141,7 @@ WITH_UNITS = [
 
 @pytest.mark.parametrize(("wrap", "message"), WITH_UNITS)
 def test_units_are_refused(body, wrap, message):
-    """20 ms must never be read as 20."""
+    """Numbers with a unit are rejected: 20 ms must never be read as 20."""
     calls = {
         "eps": lambda: sf.iterate(body, OMEGA, wrap(20.0), 3),
         "omega0": lambda: sf.iterate(body, wrap([1.0, 0.5]), 0.2, 3),
@@ -186,7 +186,7 @@ LABELS = [
 
 
 @pytest.mark.parametrize(("omega", "error", "message"), LABELS)
-def test_labels_that_would_be_ignored(body, omega, error, message):
+def test_conflicting_labels(body, omega, error, message):
     value = omega()
     for call in (lambda: sf.step(body, value, 0.2), lambda: sf.energy(body, value)):
         with pytest.raises(error, match=f"omega: .*{message}"):
@@ -207,7 +207,7 @@ def test_labels_in_order(body):
 
 
 def test_arrays_of_our_datasets_are_accepted_everywhere():
-    """Axes of one name go together, wherever positions would put them."""
+    """Labelled axes are matched by name, not by position."""
     pytest.importorskip("xarray")
     body = sf.Suslov3D(4, 1, np.array([-0.5, -0.4])[:, None], -0.3)
     sizes = np.array([0.2, 0.3])[:, None, None]

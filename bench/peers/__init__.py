@@ -1,7 +1,7 @@
-"""Other ways to do the same work, one module for each library; who lacks one skips it.
+"""Other implementations, one module per library; those without their library are skipped.
 
-Those that iterate the map are compared with its orbit; those that integrate the motion to the same
-time, with the motion.
+Errors of peers that iterate the map are relative to its orbit, those of integrators relative to
+the continuous motion at the same time.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from work import Case, dimensions, jumps, last_states, motions, quantities, save
 
 FREE, PRANGE = "C, parameter-free", "Numba, `prange` over trajectories"
 BATCH, FOUR = "NumPy, over the batch", "one division per four steps"
-# Function, key, label, trajectories, steps, divisions per step. Slow ones do a part of the work.
+# Function, key, label, trajectories, steps, divisions per step. Slow peers do a part of the work.
 LAST = (
     ("c.projective", "c-projective", f"{FREE}, {FOUR}", 65_536, 1000, 0.25),
     ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
@@ -30,7 +30,7 @@ MOTION = (
     ("heyoka_.motion", "heyoka", "heyoka, Taylor integrator, 16 at once"),
     ("scipy_ivp.motion", "scipy", "SciPy, DOP853, all in one system"),
 )
-# The last column says whether the work is cubic in n.
+# Last column: True if the work is cubic in n.
 IN_N_DIMENSIONS = (
     ("c.rank2", "c-rank2", "C, rank two, 32 trajectories at once", False),
     ("c.eliminate", "c-elimination", "C, elimination", True),
@@ -40,7 +40,7 @@ CASES = []
 
 
 def add(table, function, key, label, make, on_one_thread=False, **more):
-    """Put a case on the list."""
+    """Add a case to the list."""
     of_numpy = function.startswith("numpy") and "python" not in function
     whose = "C" if function.startswith("c.") else "NumPy" if of_numpy else "others"
     threads = "one" if on_one_thread or function.startswith(("numpy", "scipy")) else "all"
@@ -64,7 +64,7 @@ for function, key, label, cubic in IN_N_DIMENSIONS:
 
 
 def in_numpy(name):
-    """A formula of states (..., 2)."""
+    """NumPy function of states (..., 2)."""
 
     def call(states):
         found = getattr(Formulas(), name)(*states.T)

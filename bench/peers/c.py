@@ -1,11 +1,11 @@
-"""C through gcc, vectorised over blocks of trajectories: the map, in several forms."""
+"""C compiled by gcc: several forms of the map, vectorised over blocks of trajectories."""
 
 import formulas
 import numpy as np
 from native import call
 
 NUMBERS = tuple(map(float, (*formulas.BODY, formulas.EPS)))
-# One division per four steps; slower with FMA, each of which would wait longer for the one before.
+# One division per four steps. FMA would lengthen the chain of dependent operations.
 PROJECTIVE = "-ffp-contract=off"
 
 

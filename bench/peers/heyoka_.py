@@ -8,7 +8,7 @@ import formulas
 import heyoka as hy
 import numpy as np
 
-SIDE_BY_SIDE = 16  # the fastest of those tried
+SIDE_BY_SIDE = 16  # the fastest number of those tried
 
 
 @functools.cache
@@ -30,9 +30,9 @@ def _integrate(integrator, omega0, time):
 
 
 def motion(omega0, time, threads):
-    """Batches of trajectories, an integrator for each thread.
+    """Integrate batches of trajectories, with one integrator per thread.
 
-    Its own ensembles copy the integrator for each batch, which takes longer than to integrate.
+    heyoka's own ensembles copy the integrator for each batch, which takes longer than integration.
     """
     parts = np.array_split(omega0, threads)
     with ThreadPoolExecutor(threads) as pool:

@@ -1,4 +1,4 @@
-"""Numba as one writes it first: `prange` over trajectories."""
+"""Straightforward Numba: `prange` over trajectories."""
 
 import formulas
 import numba
@@ -29,12 +29,12 @@ def _stored(omega0, steps, out):
 
 
 def final(omega0, steps, threads):
-    """The map as printed."""
+    """Last states by the map as printed."""
     return _final(omega0, steps)
 
 
 def stored(omega0, steps, threads, out):
-    """All states into (batch, steps + 1, 2), the order in which this writes faster."""
+    """All states into (batch, steps + 1, 2), the faster order for this loop."""
     out = out.reshape(len(omega0), steps + 1, 2)
     _stored(omega0, steps, out)
     return out.swapaxes(0, 1)

@@ -1,4 +1,4 @@
-"""Python one number at a time, and NumPy over whole batches, step by step."""
+"""Plain Python, and NumPy over whole batches, step by step."""
 
 import numpy as np
 from formulas import EPS, Formulas, matrix_nd, step_as_printed
@@ -7,7 +7,7 @@ MAP = Formulas()
 
 
 def final_python(omega0, steps, threads):
-    """The map as printed, without NumPy."""
+    """Last states by the map as printed, without NumPy."""
     result = []
     for p, q in omega0.tolist():
         for _ in range(steps):
@@ -17,7 +17,7 @@ def final_python(omega0, steps, threads):
 
 
 def final(omega0, steps, threads):
-    """The map as printed."""
+    """Last states by the map as printed."""
     p, q = omega0.T.copy()
     for _ in range(steps):
         p, q = step_as_printed(p, q)
@@ -35,18 +35,18 @@ def stored(omega0, steps, threads, out):
 
 
 def jump(omega0, n):
-    """State n by the theorem of Section 4, corrected, for x != 0 and t < 1."""
+    """State n by the corrected theorem of Section 4, for x != 0 and t < 1."""
     x, y = MAP.to_xy(*omega0.T)
     h = (MAP.a * x * x + y * y) / (4 * MAP.a + EPS**2 * x * x)
     q = np.sqrt(MAP.a - h * EPS**2)
     s = -2 * np.arctanh(EPS * np.sqrt(h / MAP.a)) * n + np.arcsinh(y / (np.abs(x) * q))
     scale = 2 * np.sqrt(h * MAP.a)
-    with np.errstate(over="ignore"):  # 1 / inf is the 0 that is meant
+    with np.errstate(over="ignore"):  # 1 / cosh(s) is 0 if cosh overflows
         return np.stack(MAP.from_xy(np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)), -1)
 
 
 def solve(body, omega0, eps, steps):
-    """The map in n dimensions by the batched solver."""
+    """Last states in n dimensions by NumPy's batched solver."""
     omega = omega0
     for _ in range(steps):
         A = matrix_nd(body.J, body.I, eps, omega)

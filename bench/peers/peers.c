@@ -1,4 +1,4 @@
-/* The map, as one would write it in C for speed: blocks of 64 trajectories, side by side. */
+/* The map in C optimised for speed: blocks of 64 trajectories, one per lane. */
 #include <math.h>
 #include <string.h>
 #if defined(__x86_64__)
@@ -11,7 +11,7 @@
 #define FOR_BLOCKS _Pragma("omp parallel for schedule(static) num_threads(threads)") \
                    for (long first = 0; first < batch; first += LANES)
 
-/* Between (batch, 2) and two arrays of a block; lanes beyond the batch rest at 0. */
+/* Conversion between (batch, 2) and the two arrays of a block; lanes beyond the batch are 0. */
 static long load(const double *from, long batch, long first, double *u, double *v)
 {
     long width = batch - first < LANES ? batch - first : LANES;
@@ -50,7 +50,7 @@ void as_printed(ARGUMENTS)
     }
 }
 
-/* X = eps x / sqrt(2a), Y = eps y / (2a): the map without parameters. */
+/* X = eps x / sqrt(2a), Y = eps y / (2a): the parameter-free map. */
 typedef struct { double x1, x2, y1, y2, w1x, w1y, w2x, w2y; } Frame;
 
 static Frame frame(double I1, double I2, double I13, double I23, double eps)
@@ -87,7 +87,7 @@ static inline void advance(double *X, double *Y)
     }
 }
 
-/* Last states; ADVANCE moves a block from step n on, and n with it. */
+/* Last states; ADVANCE takes steps of a block from step n on, and increases n. */
 #define LAST(ADVANCE) { \
     const Frame f = frame(I1, I2, I13, I23, eps); \
     FOR_BLOCKS { \
@@ -103,8 +103,8 @@ static inline void advance(double *X, double *Y)
 
 void parameter_free(ARGUMENTS) LAST()
 
-/* X = p/q, Y = s/q: a step without division, and one division after four steps. Half a block at a
-   time, so that p, s, q stay in registers. */
+/* X = p/q, Y = s/q: steps without division, and one division after four steps. Half blocks keep
+   p, s, q in registers. */
 #define HALF (LANES / 2)
 #define FOR_HALF for (int l = 0; l < HALF; l++)
 static inline void four_steps(double *X, double *Y)
@@ -208,7 +208,7 @@ void eliminate(const double *from, double *to, long batch, long m, long steps,
     }
 }
 
-/* The same in O(n), 32 trajectories side by side: A is diagonal plus rank two, so that
+/* The map in n dimensions in O(n), 32 trajectories at once: A is diagonal plus rank two, so that
    alpha = Omega.Omega~ and beta = I.Omega~ solve two equations. */
 #define WIDE 32
 #define FOR_WIDE for (int l = 0; l < WIDE; l++)

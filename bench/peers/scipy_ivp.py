@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 
 def motion(omega0, time, threads):
-    """All trajectories as one system, which takes the steps that its worst one needs."""
+    """Integrate all trajectories as one system, with the steps of the most demanding one."""
 
     def right(t, w):
         return np.concatenate(velocity(*w.reshape(2, -1)))

@@ -156,7 +156,7 @@ for name, orbit in methods.items():
     print(f"{name:20s} {largest:g}")
 
 # %%
-# Processor time of a step, and the error at time 12 for the price of 1000 steps of the map.
+# Processor time of a step, and the error at time 12 for the cost of 1000 steps of the map.
 
 seconds = {
     name: best_time(orbit, omega0, 0.001, 20_000) / 20_000 for name, orbit in methods.items()

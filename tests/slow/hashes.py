@@ -1,10 +1,10 @@
-"""Hashes of results, which are to be the same on every type of CPU, and interpreted.
+"""Hashes of results that must be identical on all types of CPU, compiled and interpreted.
 
-    python hashes.py            print them
-    python hashes.py --write    keep them, in hashes.json
+    python hashes.py            print the hashes
+    python hashes.py --write    store them in hashes.json
 
-What goes through LAPACK is left out: its last bits depend on how it was built. Where NaN stands
-counts, but not its sign and payload, which differ between processors.
+Results of LAPACK are left out, since their last bits depend on its build. The positions of NaN
+count, but not its sign and payload, which differ between processors.
 """
 
 import hashlib
@@ -28,8 +28,8 @@ def digest(value):
 
 
 def numbers(seed, low, high, *shape):
-    """Numbers that are the same on all machines: integers over a power of two."""
-    # No library's stream of floats is promised; that of a multiplicative generator is one line.
+    """Pseudorandom numbers that are the same on all machines: integers over a power of two."""
+    # No library guarantees its stream of floats; a multiplicative generator takes one line.
     count = int(np.prod(shape))
     values, state = np.empty(count), 2 * seed + 1
     for k in range(count):

@@ -1,4 +1,4 @@
-"""A script: runs under ever tighter limits of the address space end well or in a MemoryError.
+"""Check that runs under decreasing limits of the address space succeed or raise MemoryError.
 
 python scarce.py NAME THREADS
 """
@@ -44,8 +44,8 @@ def main(name, threads):
     expected = run(int(threads))
     needed = sum(getattr(expected, what).nbytes for what in RESULTS)
 
-    def ends_well(room):
-        """Whether it ends with the right states; without states, in a MemoryError."""
+    def succeeds(room):
+        """Return True if the run gives the right states, and False if it raises MemoryError."""
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         limit(used + room)
         try:
@@ -58,13 +58,13 @@ def main(name, threads):
             np.testing.assert_array_equal(getattr(result, what), getattr(expected, what))
         return True
 
-    outcomes = [ends_well(int(room)) for room in np.linspace(MIB, 8 * needed + 64 * MIB, 12)]
+    outcomes = [succeeds(int(room)) for room in np.linspace(MIB, 8 * needed + 64 * MIB, 12)]
     low, high = 0, 8 * needed + 64 * MIB
-    while high - low > 4096:  # what is allocated last fails first
+    while high - low > 4096:  # bisect the limit at which the last allocation fails
         middle = (low + high) // 2
-        outcomes.append(ends_well(middle))
+        outcomes.append(succeeds(middle))
         low, high = (low, middle) if outcomes[-1] else (middle, high)
-    outcomes += [ends_well(max(high - k * 16384, 4096)) for k in range(20)]
+    outcomes += [succeeds(max(high - k * 16384, 4096)) for k in range(20)]
     print(outcomes.count(True), outcomes.count(False))
 
 

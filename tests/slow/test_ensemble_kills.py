@@ -1,4 +1,4 @@
-"""Tens of kills of every kind of run, failures of every write, and a full file system."""
+"""Many kills of every kind of run, failures of writes, and a full file system."""
 
 import os
 import subprocess
@@ -7,7 +7,7 @@ import sys
 import pytest
 from ensemble_runs import KINDS, arguments, assert_undisturbed
 from test_ensemble_kills import run
-from test_ensemble_stores import HARMS, VARIABLES, fails_and_goes_on, finished, mends
+from test_ensemble_stores import HARMS, VARIABLES, check_failing_writes, check_repair, finished
 
 from suslov_fast import ensemble
 
@@ -25,12 +25,12 @@ def test_kills(tmp_path, what, kind, kills):
 @pytest.mark.parametrize("harm", HARMS)
 @pytest.mark.parametrize("name", VARIABLES)
 def test_damage(tmp_path, finished, name, harm):
-    mends(tmp_path, finished, name, harm)
+    check_repair(tmp_path, finished, name, harm)
 
 
 @pytest.mark.parametrize("room", range(0, 140, 3))
 def test_writes(tmp_path, monkeypatch, room):
-    fails_and_goes_on(tmp_path / "run.zarr", monkeypatch, room)
+    check_failing_writes(tmp_path / "run.zarr", monkeypatch, room)
 
 
 @pytest.mark.parametrize("kind", KINDS)

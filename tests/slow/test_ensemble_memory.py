@@ -1,4 +1,4 @@
-"""A stored run takes the memory of a few chunks, whatever its size."""
+"""A stored run of any size needs the memory of a few chunks."""
 
 import sys
 
@@ -44,9 +44,9 @@ for kind in KINDS:
 
 
 def test_runs_20_times_as_large_as_a_limit(tmp_path):
-    output = children.run(CODE, tmp_path, LIMIT, NUMBA_NUM_THREADS="2")  # each holds a chunk
-    states, either = map(int, output.split())
+    output = children.run(CODE, tmp_path, LIMIT, NUMBA_NUM_THREADS="2")  # each thread holds a chunk
+    states, reduced = map(int, output.split())
     assert states < LIMIT
-    assert either < LIMIT
+    assert reduced < LIMIT
     files = (tmp_path / "large states").rglob("*")
     assert sum(path.stat().st_size for path in files if path.is_file()) > 20 * LIMIT

@@ -1,4 +1,4 @@
-"""Signals and forks at random moments, many of them, around real loops."""
+"""Many signals and forks at random moments, during computations."""
 
 import children
 import pytest
@@ -25,7 +25,7 @@ met = 0
 while met < 3000:
     begin = omega.copy()
     try:
-        # Once more after a second, in case that it met a place where Python drops exceptions.
+        # Repeat after a second, in case Python dropped the first exception.
         signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-5, 5e-3), 1.0)
         while True:
             assert (run(threads=2) == expected).all()

@@ -1,4 +1,4 @@
-"""The same bits on several types of CPU, interpreted, and as they were."""
+"""Results have the stored bits on several types of CPU, compiled and interpreted."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from llvmlite import binding
 SCRIPT = Path(__file__).with_name("hashes.py")
 KEPT = json.loads(SCRIPT.with_suffix(".json").read_text(encoding="utf-8"))
 
-# Types of CPU, from what all of x86-64 has on, and what a processor must have to run their code.
+# Types of CPU, from generic x86-64 on, and the features that a processor needs to run their code.
 TYPES = {
     "generic": [],
     "haswell": ["avx2", "bmi2", "fma", "lzcnt", "movbe"],

@@ -1,4 +1,4 @@
-"""Memory that ends is a MemoryError: no other error, and no states that were not computed."""
+"""Exhausted memory raises MemoryError: no other error, and no states that were not computed."""
 
 import sys
 from pathlib import Path
@@ -11,7 +11,7 @@ pytestmark = [
     pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space"),
 ]
 SCRIPT = Path(__file__).with_name("scarce.py")
-# Its problems.
+# The problems in scarce.py.
 PROBLEMS = (
     "3D, all states", "3D, last states", "3D, closed form", "3D, as printed",
     "n = 9, all states", "n = 201, elimination", "n = 201",
@@ -22,7 +22,7 @@ PROBLEMS = (
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_scarce_memory(problem, layer):
     threads, settings = (2, children.layer(layer)) if layer else (1, {})
-    # What is freed goes back at once or is overwritten, instead of showing the last run's states.
+    # Freed memory is returned or overwritten, and so never shows the states of the last run.
     settings |= {
         "MALLOC_MMAP_THRESHOLD_": "65536",
         "MALLOC_PERTURB_": "170",

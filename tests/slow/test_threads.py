@@ -1,4 +1,4 @@
-"""Every function by one thread and by several."""
+"""Every function with one thread and with several."""
 
 import pytest
 from test_promises import (

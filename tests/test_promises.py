@@ -290,7 +290,8 @@ def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
     same(name, kind, row.values(*problem_of), whole)
 
 
-# Powers of two of the moments, of the products of inertia and of omega.
+# Powers of two of the moments, of the products of inertia and of omega. Orbits of the sample stay
+# bounded: others would overflow earlier in large units.
 UNITS = [
     (0, 0, 300), (0, 0, -500), (600, 600, 0), (-600, -600, 0), (200, -300, 10), (-300, 200, 200),
     (400, 400, -300), (0, 600, -600),

@@ -36,8 +36,8 @@ class SuslovGyrostat(Body):
     -----
     With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
     I2 Omega2' = l Omega1. States with l = 0 are steady. An orbit of energy E goes from one to
-    another where k**2 <= 2 E (I13**2 / I1 + I23**2 / I2), and is periodic elsewhere. With
-    I13 = I23 = 0 the body is not at rest.
+    another where k**2 <= 2 E (I13**2 / I1 + I23**2 / I2), and is periodic elsewhere. If
+    I13 = I23 = 0, Omega still rotates.
 
     Examples
     --------

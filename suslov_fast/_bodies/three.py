@@ -96,7 +96,7 @@ class Suslov3D(Body):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
 
-        The body of the paper's first picture is not made of matter:
+        No rigid body has the parameters of the paper's first picture:
 
         >>> picture1 = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> [float(end) for end in picture1.admissible_I3()]

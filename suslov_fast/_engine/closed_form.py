@@ -19,8 +19,7 @@ from .layout import flat_vectors, for_loops
 from .memory import require
 from .run import alike
 
-# States of one call of a kernel: some 10 ms. With a quarter of them waiting threads
-# cost 5 %.
+# States of one call of a kernel: some 10 ms. With a quarter of this, idle threads cost 5 %.
 SLICE = 2**24
 # Least number of times for which rows of equal steps are faster.
 SHORTEST = 32

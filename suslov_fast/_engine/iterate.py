@@ -73,7 +73,7 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
         turning = run.time_step, resume["columns"], run.turns, *room_of_turns
     kept = tuple(resume[name] for name in ("status", "failed_at", "state", "exponent"))
     M = m + m % 2
-    # Only where steps are as cheap as they get is a body that lanes share worth another build.
+    # A build for a body that all lanes share pays only for the cheapest steps.
     shared = plain and turning is None and max(map(len, run.parameters[:2])) <= 1
     of_body = () if shared else (lanes,)
     room = (

@@ -51,9 +51,9 @@ from .elementary import (
 )
 from .integrals import level
 
-# exp of less than this, times anything, is 0: so log r is where r = 0, whose power 0 is 1.
+# log r for r = 0: its exponential underflows to 0, and r**0 is 1.
 NO_POWER = -1e5
-# |Y| beyond so many T is far from both limits, which only orbits with t > 1 can be.
+# Ratio |Y| / T beyond which a state is far from both limits; only for t > 1.
 FAR_OUT = 1.5
 # Times in the unit of an orbit, and numbers of steps, that are effectively infinite: a step that
 # changes a state at all changes it by at least 1e-150 of its size.

@@ -54,7 +54,7 @@ def within(v, bound):
 
 @formula
 def exponent(v):
-    """The k from -1022 to 1022 for which 2**k <= |v| < 2**(k + 1), as near as there is one."""
+    """Exponent k with 2**k <= |v| < 2**(k + 1), limited to -1022 ... 1022."""
     k = number_of_bits((bits_of(abs(v)) >> 52) + BITS_OF_TO_INTEGER) - TO_INTEGER
     return within(k - 1023.0, 1022.0)
 

@@ -62,8 +62,9 @@ def kappa(alpha, beta, gamma):
     larger = np.sqrt(0.5 * (size + abs(square)))
     smaller = select(larger > 0.0, abs(alpha * gamma) / larger, 0.0)
     p, q = (larger, smaller) if square >= 0.0 else (smaller, larger)
-    # alpha**2 - p**2 is the smaller root of d**2 - total d + (alpha beta)**2. Where nothing
-    # cancels it is the difference that goes with this p, of which half the digits may be noise.
+    # alpha**2 - p**2 is the smaller root of d**2 - total d + (alpha beta)**2, from which alpha - p
+    # is accurate near p = alpha. Elsewhere half the digits of p may be rounding errors, and the
+    # plain difference contains the same ones.
     total, product = alpha * alpha + beta * beta + gamma * gamma, alpha * beta
     gap = 2.0 * product / (total + size) * product / (alpha + p)
     return p, q, select(p < 0.5 * alpha, alpha - p, gap)

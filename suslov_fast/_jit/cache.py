@@ -46,7 +46,7 @@ def _tolerate_unusable_files(compiled, name):
     """Recompile if a cache file cannot be read; continue if none can be written."""
     cache = getattr(compiled, "_cache", None)
     if not all(hasattr(cache, method) for method in ("load_overload", "save_overload")):
-        return  # a Numba whose cache is organised in another way
+        return  # a Numba with another cache class
     load, save = cache.load_overload, cache.save_overload
 
     def load_overload(signature, target_context):

@@ -120,7 +120,7 @@ _LOOPS = {
 
 
 def _kinds(argument):
-    """Return what decides on the type of an argument; `numba.typeof` takes ten times as long."""
+    """Return a key for the type of an argument, ten times faster than `numba.typeof`."""
     if isinstance(argument, tuple):
         return tuple(map(_kinds, argument))
     if isinstance(argument, np.ndarray):

@@ -332,7 +332,7 @@ def fill_rows(part, parts, sign, parameters, omega, steps, rows, lanes, out, end
                 if groups == 1 and (row >= end or row + EIGHT <= begin):
                     continue
                 slow = enter_eighth(room, used, a)
-                mends_all = slow > 0 or scales
+                repairs_all = slow > 0 or scales
                 for b in range(EIGHT):
                     line = tile[b if groups > 1 else 0]
                     for l in range(used):
@@ -346,11 +346,11 @@ def fill_rows(part, parts, sign, parameters, omega, steps, rows, lanes, out, end
                         )
                     if groups == 1 and not begin <= row + b < end:
                         continue
-                    mends = mends_all or (starts and a == 0 and b == 0)
-                    for l in range(width * groups if mends or fails else 0):
+                    repairs = repairs_all or (starts and a == 0 and b == 0)
+                    for l in range(width * groups if repairs or fails else 0):
                         place = row + b + room[NUMBER, l]
                         n = first_number + every * place
-                        if mends and begin <= place < end:
+                        if repairs and begin <= place < end:
                             mend(room, l, n, line, 2 * l, found)
                         if fails:
                             end_rows(room, l, n, line, 2 * l)

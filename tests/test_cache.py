@@ -60,7 +60,7 @@ from core._kernels import loops
 import numpy as np
 assert loops.__file__.startswith(sys.argv[1])
 for name in sys.argv[2:]:
-    loops.kernels[getattr(small, name)].serial(np.arange(3.0), out := np.zeros(3))
+    loops.kernels[getattr(small, name)].CALLED(np.arange(3.0), out := np.zeros(3))
     print("result", name, *out)
 """
 TWICE, HALF, OPPOSITE = "twice 0.0 2.0 4.0", "half 0.0 0.5 1.0", "opposite -0.0 -1.0 -2.0"
@@ -76,10 +76,11 @@ def folder(tmp_path):
     return tmp_path
 
 
-def call(folder, *names, **environment):
+def call(folder, *names, threads=1, **environment):
     """Return the results of kernels in a new process, and the number loaded from the cache."""
     environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
-    output = children.run(CALL, str(folder), *names, **environment)
+    code = CALL.replace("CALLED(", "serial(" if threads == 1 else f"parallel({threads}, ")
+    output = children.run(code, str(folder), *names, **environment)
     results = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
     return results, output.count("data loaded from")
 
@@ -98,15 +99,38 @@ def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
     damages = lambda content: b"", lambda content: content[:-40], lambda content: b"garbage"
     names = "opposite_twice", "half", "opposite"  # the first begins with the name of the last
     for name, damage in zip(names, damages, strict=True):
-        damaged = [path for path in before if re.search(rf"\.{name}_[0-9a-f]+-", path.name)]
+        damaged = [path for path in before if re.search(rf"\.{name}_[0-9a-f_]+-", path.name)]
         assert len(damaged) == 2
         for path in damaged:
             path.write_bytes(damage(path.read_bytes()))
     assert call(folder, *every) == ([TWICE, HALF, OPPOSITE], 0)
+    assert call(folder, *every) == ([TWICE, HALF, OPPOSITE], 3)
     formulas = folder / "core" / "_formulas" / "small.py"
     formulas.write_text(formulas.read_text().replace("2.0", "3.0"))
     assert call(folder, *every) == (["twice 0.0 3.0 6.0", HALF, OPPOSITE], 0)
     assert len(cached(folder)) == len(before)  # files of the earlier source are deleted
+
+
+def test_serial_and_parallel_calls_share_a_kernel(folder):
+    assert call(folder, "half", threads=2) == ([HALF], 0)
+    assert call(folder, "half", "opposite") == ([HALF, OPPOSITE], 1)
+    assert call(folder, "half", "opposite", threads=2) == ([HALF, OPPOSITE], 3)  # and the loop
+
+
+def test_checked_kernels_are_not_cached(folder):
+    assert call(folder, "half") == ([HALF], 0)
+    before = cached(folder)
+    assert call(folder, "half", NUMBA_BOUNDSCHECK="1") == ([HALF], 0)
+    assert cached(folder) == before
+
+
+def test_environments_with_other_libraries_keep_their_own_files(folder):
+    assert call(folder, "half") == ([HALF], 0)
+    before = cached(folder)
+    cache = folder / "core" / "_jit" / "cache.py"
+    cache.write_text(cache.read_text().replace("{numba.__version__}", "another"))
+    assert call(folder, "half") == ([HALF], 0)
+    assert set(cached(folder)) > set(before)
 
 
 def test_without_a_writable_folder(folder):

@@ -72,6 +72,26 @@ def test_python_threads_at_once(layer):
     )
 
 
+@pytest.mark.compiled
+def test_threads_with_small_stacks():
+    code = """
+        def calls():
+            for method in "auto", "canonical":
+                sf.iterate(body, omega, 0.2, 20, method=method)
+            found.append(sf.flow(body, omega[:9], np.linspace(0, 9, 40)))
+
+        import threading
+        found = []
+        calls()
+        threading.stack_size(128 * 1024)
+        thread = threading.Thread(target=calls)
+        thread.start()
+        thread.join()
+        assert np.array_equal(*found)
+    """
+    in_child(code)
+
+
 @needs_fork
 @pytest.mark.compiled
 @pytest.mark.parametrize("layer", children.LAYERS)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import event
 
 import suslov_fast as sf
 
 from .._engine.memory import require
+from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
 from .options import STORE, CommandError, UsageError, flag
@@ -88,10 +88,10 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
             announce(path, nbytes)
         with about("run"), progress_bar("iterating") as report:
             for _ in range(2):
-                with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
+                with compile_timer() as compiling:
                     begin = time.perf_counter()
                     orbits = sf.iterate(body, starts, eps, **settings, progress=report)
-                    seconds = time.perf_counter() - begin - (lock.duration if lock.done else 0.0)
+                    seconds = time.perf_counter() - begin - compiling()
                 if seconds > _LONG:
                     break
         if put is not None:

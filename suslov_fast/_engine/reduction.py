@@ -35,7 +35,7 @@ class Reduced(NamedTuple):
     def expand(self, states: FloatArray, out: FloatArray, begin: int, threads: int | None) -> None:
         """Convert 3D states (rows, b, 2) to `out` (rows, B, m), from trajectory `begin` on."""
         work = states.size * (1 + out.shape[-1] // 2)
-        arguments = for_kernel(states), self.along, self.across, for_kernel(out), begin
+        arguments = for_kernel(states), self.along, self.across, out, begin
         _threads.run(reduction.expand, work, threads, *arguments)
 
 

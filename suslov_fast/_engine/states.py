@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numba
 import numpy as np
 
 from .._checks import LARGE, FloatArray, real_array, spell
@@ -17,8 +18,8 @@ from . import threads as _threads
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
 
-# More than the number of threads of any likely machine.
-TASKS = 64
+# At least the number of threads.
+TASKS = max(64, numba.config.NUMBA_NUM_THREADS)
 # Cost of a state, or of a component in n dimensions, in steps of the map.
 WORK = 4
 # Least number of states of a task in n dimensions.

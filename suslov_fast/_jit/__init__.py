@@ -1,5 +1,6 @@
 """Numba: its options, the instructions that it lacks, and its cache."""
 
+from .cache import compile_timer
 from .instructions import (
     bits_of,
     carray,
@@ -19,6 +20,7 @@ __all__ = [
     "Kernel",
     "bits_of",
     "carray",
+    "compile_timer",
     "copy_line",
     "expect_store",
     "formula",

@@ -1,41 +1,45 @@
 """Numba's cache on disk, safe against stale and unreadable files.
 
 Numba checks a cache file only against the source file of its kernel. Here the name of a kernel
-contains a digest of all sources that kernels are compiled from, so every edit or upgrade makes a
-new file. A cache folder must be as trusted as the code itself.
+contains a digest of all sources that kernels are compiled from and one of the versions of the
+libraries, so every edit or upgrade makes a new file. A cache folder must be as trusted as the code
+itself. No other file of the package uses internals of Numba.
 """
 
 import functools
 import hashlib
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import llvmlite
 import numba
 import numpy as np
+from numba import config
+from numba.core import event
 
 _PACKAGE = Path(__file__).parent.parent
 _DIGITS = 12
-_ROOMS = ("_jit", "_formulas", "_kernels")
+_SUBPACKAGES = ("_jit", "_formulas", "_kernels")
 
 
 @functools.cache
-def digest_of_sources():
-    """Digest of the sources of all kernels and of the libraries that compile them."""
-    digest = hashlib.sha256()
-    for version in (numba.__version__, llvmlite.__version__, np.__version__):
-        digest.update(version.encode())
-    for room in _ROOMS:
-        for path in sorted((_PACKAGE / room).glob("*.py")):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:_DIGITS]
+def digests():
+    """Digests of the sources of all kernels, and of the versions of what compiles them."""
+    sources = hashlib.sha256()
+    for name in _SUBPACKAGES:
+        for path in sorted((_PACKAGE / name).glob("*.py")):
+            sources.update(path.read_bytes())
+    versions = f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode()
+    return tuple(d.hexdigest()[:_DIGITS] for d in (sources, hashlib.sha256(versions)))
 
 
 def enable_cache(function, compile_with):
     """Compile a function on its first call, with Numba's cache if a cache folder exists."""
     name = function.__name__
-    function.__qualname__ = f"{name}_{digest_of_sources()}"
+    function.__qualname__ = "_".join((name, *digests()))
     compiled = compile_with(function)
+    if config.BOUNDSCHECK:  # Numba would cache checked and unchecked code under one name
+        return compiled
     with suppress(RuntimeError):  # no writable folder: each process compiles
         compiled.enable_caching()
         _tolerate_unusable_files(compiled, name)
@@ -51,16 +55,28 @@ def _tolerate_unusable_files(compiled, name):
 
     def load_overload(signature, target_context):
         try:
-            return load(signature, target_context)
+            found = load(signature, target_context)
+            # Two processes that write at once may exchange the code of two signatures.
+            same = found is not None and tuple(found.signature.args) == tuple(signature)
+            return found if same else None
         except Exception:
+            with suppress(Exception):
+                cache.flush()  # of the index: `save_overload` would read it
             return None
 
     def save_overload(signature, data):
         with suppress(Exception):
             save(signature, data)
-            current = compiled.py_func.__qualname__
-            for path in Path(cache.cache_path).glob(f"*.{name}_{'?' * _DIGITS}-*"):
-                if f".{current}-" not in path.name:  # of an earlier source
+            sources, versions = digests()
+            for path in Path(cache.cache_path).glob(f"*.{name}_{'?' * _DIGITS}_{versions}-*"):
+                if f"_{sources}_{versions}-" not in path.name:  # of an earlier source
                     path.unlink()
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
+
+
+@contextmanager
+def compile_timer():
+    """Yield a function that returns the time in seconds spent in Numba's compiler."""
+    with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
+        yield lambda: lock.duration if lock.done else 0.0

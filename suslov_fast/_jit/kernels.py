@@ -133,9 +133,10 @@ def _loop(compiled, arguments):
     if config.DISABLE_JIT:
         return _LOOPS[len(arguments)], compiled
     kinds = tuple(map(numba.typeof, arguments))
-    signature = types.void(types.int64, types.int64, *kinds)
+    # A tuple, as of a call: the key by which Numba stores code in the cache.
+    signature = types.int64, types.int64, *kinds
     compiled.compile(signature)
-    return _compiled_loop(*kinds), _Address(compiled.get_compile_result(signature))
+    return _compiled_loop(*kinds), _Address(compiled.get_compile_result(types.void(*signature)))
 
 
 class _Address(types.CompileResultWAP):
@@ -154,7 +155,7 @@ def _type_of_address(address, context):
 @functools.cache
 def _compiled_loop(*kinds):
     """Compile the loop for arguments of these types."""
-    signature = types.void(types.int64, types.int64, *kinds)
+    kernel = types.FunctionType(types.void(types.int64, types.int64, *kinds))
     loop = enable_cache(_LOOPS[len(kinds)], functools.partial(called_from_python, parallel=True))
-    loop.compile(types.void(types.FunctionType(signature), types.int64, *kinds))
+    loop.compile((kernel, types.int64, *kinds))
     return loop

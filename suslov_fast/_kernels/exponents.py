@@ -17,14 +17,13 @@ from .._formulas.tangent import (
 )
 from .._formulas.units import moderate, normal_body, normal_state
 from .._jit import carray, formula, inner, kernel, select, share, stack
+from .elimination import ZERO_TO_ROUNDING
 
 LANES = 128
 # Rows of a block in three dimensions: the state (X, Z), c and 1 - t**2; a displacement in (X, Y);
 # the matrix that takes it to omega, up to a factor; the growth of its length and that of the area.
 X_, Z_, C_, G_, V1, V2, M11, M12, M21, M22, LENGTH, OF_LENGTH, AREA, OF_AREA, ROWS = range(15)
 _ROOM = ROWS * LANES
-# A pivot smaller than the previous ones by this factor times m is zero to rounding.
-ZERO_TO_ROUNDING = 2.0**-50
 
 
 @inner

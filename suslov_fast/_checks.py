@@ -18,8 +18,8 @@ LARGE = 2**14
 _FLOAT64 = np.dtype(np.float64)
 # Up to this size the sum in Python is faster than two calls of NumPy.
 _FEW = 64
-# Integers below this are exact as floats.
-_EXACT = 2**53
+# Integers up to this are exact as floats.
+EXACT = 2**53
 # Types without labels and units.
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
@@ -42,7 +42,7 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
-    if type(value) is int and abs(value) < _EXACT:
+    if type(value) is int and abs(value) < EXACT:
         return float(value)
     if type(value) is not float:
         array = real_array(name, value)
@@ -96,6 +96,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         return array
     if array.dtype.kind == "O":
         for item in array.flat:
+            _refuse_units(name, item)
             if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
                 received = f"{_short(item)} of type {type(item).__name__}"
                 raise wrong(name, "real numbers", received, TypeError)
@@ -164,8 +165,15 @@ def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
         return arguments
     arrays, longest = dict(arguments), max(labelled, key=lambda name: len(labelled[name]))
     whole = labelled[longest]
+    found: dict[Any, tuple[str, Any]] = {}
     for name, dims in labelled.items():
         value = arguments[name]
+        coords = getattr(value, "coords", {})
+        for dim in filter(coords.__contains__, dims):
+            first_name, labels = found.setdefault(dim, (name, coords[dim].variable))
+            if not labels.equals(coords[dim].variable):
+                expected = f"the coordinates of {first_name} along {dim!r}"
+                raise wrong(name, expected, "others: pass what xarray.align returns")
         if not set(dims) <= set(whole):
             expected = f"axes among {tuple(whole)}, those of {longest}"
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
@@ -176,6 +184,21 @@ def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
         absent = [dim for dim in whole[first:] if dim not in dims]
         arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *own).data
     return arrays
+
+
+def without_labels(parameters: dict[str, Any]) -> None:
+    """Raise ValueError for named axes, and for series of pandas whose indices differ."""
+    indices: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if type(value) not in _PLAIN and _is_xarray(value) and value.dims:
+            expected = "an array without labels, as a body has none"
+            raise wrong(name, expected, f"the axes {value.dims}: pass its values")
+        if type(value).__name__ == "Series":
+            indices[name] = value.index
+    for name, index in indices.items():
+        first = next(iter(indices))
+        if not index.equals(indices[first]):
+            raise wrong(name, f"the index of {first}", "another: pass values without labels")
 
 
 def _check_labels(name: str, value: Any) -> None:

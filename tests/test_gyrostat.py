@@ -111,3 +111,8 @@ def test_next_to_and_at_poles():
     assert np.isnan(at.omega[1:]).all()
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.jacobian(sf.SuslovGyrostat(*parameters[:5]), [1.0, -3.0], 1.0)).all()
+
+
+def test_an_inertia_tensor_has_no_rotor():
+    with pytest.raises(TypeError, match="pass I1, I2, I13 and I23 of Suslov3D"):
+        sf.SuslovGyrostat.from_inertia(np.eye(3), [0, 0, 1])

@@ -1,5 +1,7 @@
 """Quantities of states against the paper's equations in 60 digits."""
 
+import functools
+
 import mpmath
 import naive
 import numpy as np
@@ -145,8 +147,16 @@ def test_integrals_of_solved_bodies_in_n_dimensions(rng):
             values = function(body, states, 0.2)
             assert values.shape == (11, 5)
             np.testing.assert_allclose(values, np.broadcast_to(values[0], (11, 5)), rtol=1e-13)
-    with pytest.raises(sf.NotIntegrableError, match="first_integral: expected"):
-        sf.first_integral(sf.SuslovND([1, 2, 3], [1, 1, 1]), [1, 2, 3], 0.1)
+    generic = sf.SuslovND([1, 2, 3], [1, 1, 1])
+    for function, instead in (
+        (sf.first_integral, "modified_energy"),
+        (sf.criticality, "iterate, and compare"),
+        (sf.limits, "iterate"),
+        (functools.partial(sf.exact, n=3), "iterate"),
+        (lambda *arguments: sf.flow(*arguments[:2], 3.0), "vector_field with scipy"),
+    ):
+        with pytest.raises(sf.NotIntegrableError, match=f": expected a body .*: use {instead}"):
+            function(generic, [1, 2, 3], 0.1)
 
 
 def test_criticality_agrees_with_the_status():

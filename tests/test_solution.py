@@ -97,6 +97,17 @@ def test_no_state_between_steps_beyond_t_1(unit):
     assert np.isnan(states).all(axis=-1).tolist() == [[False, True], [False, False]]
 
 
+def test_numbers_of_steps_that_may_be_even_or_odd(unit):
+    """Beyond 2**53 floats skip integers: orbits with t >= 1 alternate, others have a state."""
+    omega, n = [[0.3, 0.1], [0.5, -9.0], [0.0, -9.0]], [2.0**53, 2.0**53 + 2, -(2.0**60)]
+    with pytest.warns(RuntimeWarning, match="2 of 9 states: no state between"):
+        states = sf.exact(unit, omega, 1, n)
+    missing = np.isnan(states).all(axis=-1)
+    assert missing.tolist() == [[False, False, False], [False, True, False], [False, True, False]]
+    with pytest.raises(ValueError, match=r"steps: expected at most 2\*\*53, got"):
+        sf.iterate(unit, omega, 1, 2**53 + 2, save_every=None)
+
+
 @pytest.mark.parametrize("time", [0.3, -0.7, 5.0, -20.0])
 def test_flow_against_taylor_series(rng, time):
     for _ in range(2):

@@ -129,6 +129,7 @@ def test_nan_in_any_basis(case, rng):
     ):
         assert np.isnan(result[2]).all()
         assert np.isfinite(np.delete(result, 2, axis=0)).all()
+    assert np.isnan(sf.from_vector(THREE, [np.nan, 1.0, 0.0])).all()
 
 
 @pytest.mark.parametrize(

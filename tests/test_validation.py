@@ -223,3 +223,35 @@ def test_arrays_of_our_datasets_are_accepted_everywhere():
     np.testing.assert_allclose(turned, run.attitude, rtol=0, atol=1e-14)
     with pytest.raises(ValueError, match=r"eps: expected axes among .* got \('other',\)"):
         sf.iterate(body, data.omega[0], data.eps.rename(eps="other"), 6)
+
+
+def test_labels_that_cannot_be_honoured():
+    """Parameters of a body lose their labels, and arguments are not aligned by coordinates."""
+    xarray, series = pytest.importorskip("xarray"), pytest.importorskip("pandas").Series
+    body, sizes = sf.Suslov3D(4, 1, -0.5, -0.3), xarray.DataArray([3.0, 5.0], dims="a")
+    assert sf.Suslov3D(xarray.DataArray(4.0), 1, -0.5, -0.3) == body
+    with pytest.raises(ValueError, match=r"I1: .* got the axes \('a',\): pass its values"):
+        sf.Suslov3D(sizes, 1, -0.5, -0.3)
+    ab, ba = series([4.0, 3.0], index=["a", "b"]), series([1.0, 2.0], index=["b", "a"])
+    assert sf.Suslov3D(ab, ab, -0.5, -0.3).shape == (2,)
+    with pytest.raises(ValueError, match="I2: expected the index of I1, got another"):
+        sf.Suslov3D(ab, ba, -0.5, -0.3)
+    starts = labelled(("a", "component"), a=["p", "q"])
+    with pytest.raises(ValueError, match="eps: expected the coordinates of omega along 'a'"):
+        sf.step(body, starts, sizes.assign_coords(a=["q", "p"]))
+    same = sf.step(body, starts, sizes.assign_coords(a=["p", "q"]))
+    assert (same == sf.step(body, OMEGA, sizes.values)).all()
+    with pytest.raises(ValueError, match="time: expected values without labels"):
+        sf.flow(body, starts, sizes)
+    assert sf.flow(body, starts, sizes.rename(a="time")).shape == (2, 2, 2)
+
+
+@pytest.mark.parametrize("shape", [(), (2,)])
+def test_units_in_arrays_of_objects(body, shape):
+    class Quantity(float):
+        units = "ms"
+
+    sizes = np.empty(shape, object)
+    sizes[...] = Quantity(0.2)
+    with pytest.raises(TypeError, match="eps: expected numbers without a unit, got Quantity in ms"):
+        sf.step(body, [1.0, 0.5], sizes)

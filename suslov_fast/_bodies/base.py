@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .._checks import FloatArray, common_shape, real_array
+from .._checks import FloatArray, common_shape, real_array, without_labels
 
 # Length of a line of text that represents a body.
 _LINE = 100
@@ -57,6 +57,7 @@ class Body:
 
     def _set(self, **values: Any) -> None:
         """Check the parameters, and set read-only copies."""
+        without_labels(values)
         arrays = {
             name: real_array(name, value)
             for name, value in values.items()

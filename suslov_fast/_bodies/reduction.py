@@ -13,8 +13,18 @@ from .units import units_of
 _ROUNDING = 1e-14
 
 
+# What to use for bodies that are not solved.
+_INSTEAD = {
+    "exact": "iterate",
+    "limits": "iterate",
+    "flow": "vector_field with scipy.integrate.solve_ivp",
+    "first_integral": "modified_energy",
+    "criticality": "iterate, and compare with half the step size",
+}
+
+
 class NotIntegrableError(ValueError):
-    """No closed form or first integral is known for this body; use `iterate`."""
+    """No closed form or first integral is known for this body."""
 
 
 def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np.bool_]:
@@ -41,5 +51,6 @@ def check_solved(body: SuslovND, function: str) -> None:
         which = spell(first_index(~np.atleast_1d(solved)))
         raise NotIntegrableError(
             f"{function}: expected a body with all J equal, or with I along one axis and all other "
-            f"J equal; body {which} is not, and no closed form is known for it: use iterate"
+            f"J equal; body {which} is not, and no closed form is known for it: "
+            f"use {_INSTEAD[function]}"
         )

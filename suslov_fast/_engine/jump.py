@@ -70,7 +70,7 @@ def _jumps(run: Run) -> bool:
 
     The last state of a run that saves states does not depend on how the run is divided.
     """
-    if run.method != "auto" or run.orientation is not None or run.steps > 2**53:
+    if run.method != "auto" or run.orientation is not None:
         return False
     return run.steps >= (JUMP if run.save_every is None else 1)
 

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
+from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
 from .arguments import AnyBody
 from .layout import flat_parameter
@@ -323,6 +323,8 @@ def _room(
 
 def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
     """Compute the steps, and fill the saved states from row `begin` on."""
+    if run.steps > EXACT:  # numbers of steps are floats in the closed form
+        raise wrong("steps", "at most 2**53", run.steps)
     batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
     run.parameters = run.map.parameters(run.body, run.eps, batch)
     run.saved, run.turns = _no_rows(D), _no_rows(D + 1, D + 1)

@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 
 from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, real_number
+from .._checks import EXACT, FloatArray, real_number, wrong
 from .._docs import filled
 from .._engine import reduction
 from .._engine.arguments import WithoutRotor, check
 from .._engine.closed_form import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
+from .._states.conserved import criticality
 
 _BEYOND = "the state or an intermediate result exceeds the range of float64"
 
@@ -38,16 +39,16 @@ def exact(
         State 0.
     %(eps)s
     n : array_like(float, shape=() or (N,))
-        Indices of the states, positive or negative, up to 2**53 in size. For t < 1
-        (:func:`criticality`) n may be any real number, which gives a curve through the orbit.
+        Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
+        real number, which gives a curve through the orbit.
     %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
         The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; for
-        non-integer n if t >= 1, and if they or eps omega0 leave the range of float64, with a
-        `RuntimeWarning`; and if omega0 is NaN, without a warning.
+        non-integer n and for |n| > 2**53 if t >= 1, and if they or eps omega0 leave the range of
+        float64, with a `RuntimeWarning`; and if omega0 is NaN, without a warning.
 
     Raises
     ------
@@ -75,7 +76,12 @@ def exact(
            [ 1.007482,  0.435551],
            [ 0.791446, -1.319077]])
     """
-    states, missing = _solve("exact", body, omega0, eps, _times("n", n), threads)
+    times = _times("n", n)
+    states, missing = _solve("exact", body, omega0, eps, times, threads)
+    if (far := abs(times) > EXACT).any():  # not known to be even or odd
+        alternating = abs(criticality(body, omega0, eps)) >= 1.0
+        lost = np.logical_and.outer(far, alternating) & (states != omega0).any(axis=-1)
+        states[lost], missing[1] = np.nan, missing[1] + lost.sum()
     if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
@@ -178,6 +184,8 @@ def limits(
 
 
 def _times(name: str, value: ArrayLike) -> FloatArray:
+    if getattr(value, "dims", ()) not in ((), ("n",), ("time",)):
+        raise wrong(name, "values without labels, or along 'n' or 'time'", "others")
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")

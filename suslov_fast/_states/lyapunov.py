@@ -72,7 +72,7 @@ def lyapunov_exponents(
     array([ 0.    , -0.0805])
     """
     (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    steps = integer("steps", steps, 1, "an integer of at least 1")
+    steps = integer("steps", steps, 1)
     threads = _threads.thread_count(threads)
     arguments = flat_vectors(state, batch).copy(), step_size, batch, steps, threads
     if isinstance(body, Suslov3D):

@@ -34,12 +34,11 @@ def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
     """After an error, the next call is parallel again, with the requested number of threads."""
     big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
-    class Broken:
-        def parallel(self, threads, *arguments):
-            seen.append(threads)
-            raise MemoryError
+    def fail(threads, *arguments):
+        seen.append(threads)
+        raise MemoryError
 
-    monkeypatch.setattr(loops, "canonical", Broken())
+    monkeypatch.setattr(loops.canonical, "parallel", fail)
     for count in (2, None):
         with pytest.raises(MemoryError):
             sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
@@ -48,11 +47,7 @@ def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
 
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
-
-    class SerialOnly:
-        serial = staticmethod(loops.canonical.serial)
-
-    monkeypatch.setattr(loops, "canonical", SerialOnly())
+    monkeypatch.setattr(loops.canonical, "parallel", None)
     sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10, method="canonical")
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, method="canonical")
 

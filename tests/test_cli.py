@@ -315,9 +315,13 @@ def bad_files(tmp_path_factory):
     np.savez(folder / "other.npz", omega=np.ones(3))
     np.save(folder / "good.npy", np.ones((4, 2)))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
+2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'
     texts = {
         "good.npz": "precious",
         "good.csv": "1,0\n0,1\n",
+2 | animate -o a.gif --dpi 5 | --dpi: expected an integer of at least 10 and below 2001, got '5'
+1 | animate -o a.gif --steps 1e12 | got 112,000,000,000,000 bytes; lower --steps
+1 | animate -o a.gif --I1 2 --I2 2 --I13 .5 --I23 0 --eps 1 --omega0 2,-9 | animate: 1 of 1
         "empty.csv": "",
         "picture1.png": "precious",
         "starts.txt": "1,2\n",

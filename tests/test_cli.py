@@ -218,17 +218,24 @@ STARTS = {
     "--omega0 -1,.5 --omega0 2,-3": [[-1.0, 0.5], [2.0, -3.0]],
     "--trajectories 3 --seed 4": sf.RandomStarts(3, 2.0, 4).states(3),
     "--trajectories 3 --extent 0.5": sf.RandomStarts(3, 0.5).states(3),
-    **{f"--initial {name}": [[0.3, 0.1], [1.0, 0.25]] for name in ("s.npy", "s.csv", "head.csv")},
+    **{
+        f"--initial {name}": [[0.3, 0.1], [1.0, 0.25]]
+        for name in ("s.npy", "s.csv", "head.csv", "savetxt.csv")
+    },
+    **{name: [[np.nan, np.nan]] for name in ("--omega0 1,nan", "--initial nan.npy")},
 }
 
 
 @pytest.mark.parametrize("options", STARTS)
 def test_starts(tmp_path, options):
     np.save(tmp_path / "s.npy", [[0.3, 0.1], [1.0, 0.25]])
-    for name, head in (("s", ""), ("head", "\ufeffomega1, Omega 2\n")):
+    np.save(tmp_path / "nan.npy", [[1.0, np.nan]])
+    heads = {"s": "", "head": "\ufeffomega1, Omega 2\n", "savetxt": "# Omega1,Omega2\n"}
+    for name, head in heads.items():
         (tmp_path / f"{name}.csv").write_text(f"{head}0.3,0.1\n1.0, 2.5e-1\n\n", encoding="utf-8")
     succeed(f"run {options} --steps 0 -o o.npz", tmp_path)
-    assert (sf.Trajectories.load(tmp_path / "o.npz").final == np.array(STARTS[options])).all()
+    final = sf.Trajectories.load(tmp_path / "o.npz").final
+    np.testing.assert_array_equal(final, STARTS[options])
 
 
 def test_orientation(tmp_path):
@@ -276,32 +283,45 @@ MISTAKES = """
 1 | run --initial folder.npy | folder.npy: Is a directory
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
 1 | run --initial cut.npy | suslov-fast: cut.npy:
-1 | run --initial nan.csv | nan.csv: states: expected finite real numbers, got nan at index
+1 | run --initial inf.csv | inf.csv: states: expected finite real numbers, got inf at index
+2 | run --omega0 1,inf | omega0: expected finite real numbers, got inf at index
+1 | run --initial swapped.csv | header: expected Omega1,Omega2 or none, got Omega2,Omega1
+1 | run --initial savetxt.csv | header: expected Omega1,Omega2 or none, got a,b
+1 | run --J 1,2 --I 1,1 --eps 1 --initial swapped.csv | header: expected Omega1n,Omega2n or none
 1 | run --initial semicolon.csv | semicolon.csv: could not convert string
 1 | run --initial empty.csv | empty.csv: expected at least one row of numbers, got none
 2 | run --J 1,2,3 --eps 0.1 | expected all of --J --I, got no --I
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
-1 | run --inertia good.npy --eps 1 | good.npy: I: expected shape (..., 3, 3), got (4, 2)
+1 | run --inertia good.npy --eps 1 | good.npy: I: expected shape (n, n), got (4, 2)
+1 | run --inertia tensors.npy --eps 1 | tensors.npy: I: expected shape (n, n), got (2, 3, 3)
+2 | run --inertia tensor.npy --eps 1 --axis 0,0,0 | --axis: a: expected an axis other than 0, got
+2 | run --mass-tensor tensor.npy --eps 1 --axis 1,1 | --axis: a: expected shape (..., 3), got (2,)
 2 | run --mass-tensor good.npy --picture 1 | expected one body, got --mass-tensor and --picture
 2 | run --axis 1,2,3 | expected --axis only with --inertia or --mass-tensor, got it alone
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 2 | run -o good.npy | -o/--output: expected the name of a .npz or .nc or .zarr file, got 'good.npy'
 2 | run --chunk 5 | argument --chunk: expected -o FILE.zarr with it, got none
-2 | run --reduce omega_max -o o.npz | argument --reduce: expected -o FILE.zarr with it, got none
+2 | run --reduce omega_max -o o.npz | argument --reduce: expected -o FILE.zarr with it, got o.npz
 2 | run --scheduler here -o o.zarr | --scheduler: expected an address such as tcp://127.0.0.1:8786
 1 | run --steps 1e9 --save-every 1 --trajectories 1e9 -o o.zarr | expected 16,000,000,016.0 GB
 1 | run -o folder.zarr --force | expected the name of a Zarr store to write, got another folder
 2 | run -o o.zarr --sweep eps | --sweep: expected NAME=LOW:HIGH:COUNT, got 'eps'
 2 | run -o o.zarr --sweep mass=1:2:3 | --sweep: expected one of eps, I1, I2, I13, I23, I3, got mass
+2 | run -o o.zarr --sweep eps=1:2:3 --eps 1 | --sweep: expected eps given once, got it twice
+2 | run -o o.zarr --sweep I1=1:2:3 --sweep I1=1:2:3 | --sweep: expected I1 given once, got it twice
 2 | info | the following arguments are required: FILE
 1 | info missing.npz | missing.npz: No such file or directory
 1 | info other.npz | other.npz: expected a .npz file that Trajectories.save wrote
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
+2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'
 2 | animate | the following arguments are required: -o/--output
 2 | animate -o body.png | --output: expected the name of a .gif or .mp4 file, got 'body.png'
 2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | expected a body of Suslov3D, got a SuslovND
+2 | animate -o a.gif --dpi 5 | --dpi: expected an integer of at least 10 and below 2001, got '5'
+1 | animate -o a.gif --steps 1e12 | got 112,000,000,000,000 bytes; lower --steps
+1 | animate -o a.gif --I1 2 --I2 2 --I13 .5 --I23 0 --eps 1 --omega0 2,-9 | animate: 1 of 1
 2 | explore --port 65536 | --port: expected an integer of at least 0 and below 65536, got '65536'
 """
 
@@ -313,7 +333,9 @@ def bad_files(tmp_path_factory):
         (folder / name).mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.savez(folder / "other.npz", omega=np.ones(3))
-    np.save(folder / "good.npy", np.ones((4, 2)))
+    arrays = {"good": np.ones((4, 2)), "tensor": TENSOR, "tensors": [TENSOR, TENSOR]}
+    for name, array in arrays.items():
+        np.save(folder / f"{name}.npy", array)
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     texts = {
         "good.npz": "precious",
@@ -321,7 +343,9 @@ def bad_files(tmp_path_factory):
         "empty.csv": "",
         "picture1.png": "precious",
         "starts.txt": "1,2\n",
-        "nan.csv": "1,2\n3,nan\n",
+        "inf.csv": "1,2\n3,inf\n",
+        "swapped.csv": "Omega2,Omega1\n1,2\n",
+        "savetxt.csv": "# a,b\n1,2\n",
         "semicolon.csv": "0.3;0.1\n0.4;0.2\n",
     }
     for name, text in texts.items():

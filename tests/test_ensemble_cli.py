@@ -17,7 +17,8 @@ ASKED = "run --picture 1 --trajectories 100 --steps 40 --save-every 4 -o run.zar
 
 
 def test_a_grid_of_parameters(tmp_path):
-    line = f"{ASKED} --sweep eps=0.1:0.4:4 --sweep I13=-0.5:0.5:3 --chunk 60"
+    asked = ASKED.replace("--picture 1", "--I1 4 --I2 1 --I23 -.3")
+    line = f"{asked} --sweep eps=0.1:0.4:4 --sweep I13=-0.5:0.5:3 --chunk 60"
     facts = facts_of(line, tmp_path)
     assert facts["trajectories"] == 1200
     assert facts["tiles_done"] == "24 of 24"
@@ -33,7 +34,7 @@ def test_a_grid_of_parameters(tmp_path):
 
 
 def test_a_sweep_in_n_dimensions(tmp_path):
-    line = "run --J 1,2,4 --I .4,-.7,.5 --eps 1 --omega0 1,2,3 --steps 9 -o nd.zarr"
+    line = "run --J 1,2,4 --I .4,-.7,.5 --omega0 1,2,3 --steps 9 -o nd.zarr"
     reduced = "--reduce omega_max --reduce energy_drift"
     facts = facts_of(f"{line} --sweep eps=0.1:0.3:3 {reduced}", tmp_path)
     assert facts["trajectories"] == 3

@@ -146,15 +146,43 @@ def test_animation(body):
     sf.animate_body(body, steps=1)._draw_was_started = True
 
 
-def test_bad_input():
-    with pytest.raises(ValueError, match="extent: expected a criticality t < 1"):
-        sf.plot_phase(PICTURES[1].body, 10.0, 4.0)
-    with pytest.raises(ValueError, match="I13 or I23 other than 0"):
-        sf.plot_phase(sf.Suslov3D(1, 2, 0, 0), 0.1, 4.0)
-    with pytest.raises(TypeError, match="body: expected Suslov3D"):
-        sf.plot_phase(sf.SuslovND([1, 2], [1, 2]), 0.1, 4.0)
-    with pytest.raises(ValueError, match="body: expected a single one with n = 4"):
-        sf.plot_four_dimensions(sf.SuslovND([1, 2], [1, 2]))
+B = sf.Suslov3D(4, 2, -0.5, -0.3)
+MANY = sf.Suslov3D([4, 3], 2, -0.5, -0.3)
+BAD = [
+    (lambda: sf.plot_phase(B, 10.0, 4.0), "extent: expected a criticality t < 1"),
+    (lambda: sf.plot_phase(B, 0, 4.0), "eps: expected a positive number, got 0"),
+    (lambda: sf.plot_phase(B, 0.2, -4.0), "extent: expected a positive number, got -4.0"),
+    (lambda: sf.plot_phase(B, 0.2, [4, 4]), r"extent: expected a positive number, got \[4, 4\]"),
+    (lambda: sf.plot_phase(B, 0.2, 4.0, levels=0), "levels: expected an integer of at least 1"),
+    (lambda: sf.plot_phase(B, 0.2, 4.0, levels=2.5), "levels: expected .* 2.5 of type float"),
+    (lambda: sf.plot_phase(sf.Suslov3D(1, 2, 0, 0), 0.1, 4.0), "I13 or I23 other than 0"),
+    (lambda: sf.plot_phase(sf.SuslovND([1, 2], [1, 2]), 0.1, 4.0), "body: expected Suslov3D"),
+    (lambda: sf.plot_regimes(B, 0.0), "eps: expected a positive number, got 0.0"),
+    (lambda: sf.plot_regimes(MANY), "body: expected a single one, got"),
+    (lambda: sf.plot_convergence(MANY), "body: expected a single one, got"),
+    (lambda: sf.plot_convergence(B, [1, 0.5], -4), "time: expected a positive number, got -4"),
+    (lambda: sf.plot_convergence(B, [[1, 0.5]]), r"omega0: expected shape \(2,\), got \(1, 2\)"),
+    (lambda: sf.plot_four_dimensions(sf.SuslovND([1, 2], [1, 2])), "a single one with n = 4"),
+    (lambda: sf.plot_scattering(()), "ratios: expected at least one number"),
+    (lambda: sf.plot_scattering((1, -1)), "ratios: expected a positive number, got -1"),
+    (lambda: sf.plot_scattering(extent=0), "extent: expected a positive number, got 0"),
+    (lambda: sf.animate_body(B, fps=0), "fps: expected a positive number, got 0"),
+    (lambda: sf.animate_body(B, every=0), "every: expected an integer of at least 1, got 0"),
+    (lambda: sf.animate_body(B, eps=[0.1, 0.2]), "eps: expected a single number, got"),
+    (lambda: sf.animate_body(B, R0=[np.eye(3)]), r"R0: expected shape \(3, 3\), got \(1, 3, 3\)"),
+    (lambda: sf.animate_body(B, [[1, 2]]), r"omega0: expected shape \(2,\), got \(1, 2\)"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), BAD)
+def test_bad_input(call, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        call()
+
+
+def test_animation_through_a_pole():
+    with pytest.raises(sf.SingularStepError, match="singular step, first: 0 at step 1"):
+        sf.animate_body(sf.Suslov3D(2, 2, 0.5, 0), [2, -9], 1.0)
 
 
 def test_without_matplotlib(monkeypatch):

@@ -136,7 +136,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "verify": _flag("verify the store and recompute damaged data"),
     "file": _option(".npz, .nc or .zarr file", _result, "FILE"),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch", _integer(1), "N", default=160),
+    "dpi": _option("dots per inch", _integer(10, 2001), "N", default=160),
     "letters": _flag("label the panels (a), (b) ..."),
     "link": _option("link copied from the page", metavar="LINK", nargs="?"),
     "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), default=0),

@@ -11,7 +11,9 @@ import numpy as np
 
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
+from .._engine.memory import require
 from .._runs.replacing import replacing
+from .._runs.trajectories import SingularStepError
 from .._show import plots
 from .._show.style import style
 from .options import CommandError, UsageError
@@ -23,6 +25,8 @@ _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
 _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 # Step size of animated pictures: those of the paper are too long for a smooth animation.
 _EPS = 0.05
+# Size of a step: angular velocity, orientation, and a point of the path.
+_BYTES = 8 * (2 + 9 + 3)
 
 # The function of each picture, and the arguments for the letters of its panels.
 DRAWINGS: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
@@ -64,6 +68,7 @@ def animate(options: argparse.Namespace) -> str:
         raise UsageError(f"animate: expected a body of Suslov3D, got a {type(body).__name__}")
     start = None if options.omega0 is None else start_of(options.omega0, 2)
     orientation = orientation_of(options, 3)
+    require(_BYTES * options.steps, "lower --steps")
     path = options.output
     with style():  # which raises a helpful error without Matplotlib
         from matplotlib import animation
@@ -73,8 +78,11 @@ def animate(options: argparse.Namespace) -> str:
         raise CommandError(f"{path}: expected ffmpeg on the PATH, got none; use .gif")
     require_new(path, options.force)
     with about(path), replacing(path) as new, progress_bar("drawing") as report:
-        with about("animate"):
-            moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
+        try:
+            with about("animate"):
+                moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
+        except SingularStepError as error:
+            raise CommandError(f"animate: {error}") from error
         part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix
         moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=report)
         part.rename(new)

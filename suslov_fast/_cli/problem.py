@@ -11,7 +11,8 @@ import numpy as np
 from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, rotations, vectors
+from .._checks import FloatArray, inertia_matrix, rotations, vectors, wrong
+from .._maps.registry import map_of
 from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about
 
@@ -71,13 +72,14 @@ def _required(kind: Any) -> set[str]:
 def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     source = options.inertia or options.mass_tensor
     in_file = isinstance(source, Path)
-    body: Any
+    build: Any = SuslovND.from_mass_tensor if options.mass_tensor else Suslov3D.from_inertia
     with about(source if in_file else "argument --inertia"):
         tensor = read_table(source) if in_file else _symmetric(source)
-        if options.mass_tensor:
-            body, rotation = SuslovND.from_mass_tensor(tensor, options.axis)
-        else:
-            body, rotation = Suslov3D.from_inertia(tensor, options.axis or [0.0, 0.0, 1.0])
+        tensor = inertia_matrix("I", tensor)  # a single one
+        body, rotation = build(tensor, None if options.mass_tensor else [0.0, 0.0, 1.0])
+    if options.axis is not None:
+        with about("argument --axis"):
+            body, rotation = build(tensor, options.axis)
     return body, None if (rotation == np.eye(len(rotation))).all() else rotation
 
 
@@ -89,8 +91,9 @@ def _symmetric(entries: list[float]) -> FloatArray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> Any:
+def starts_of(options: argparse.Namespace, body: Any, in_store: bool) -> Any:
     """Return the initial states: an array, memory-mapped for a store, or `RandomStarts`."""
+    dimension, components = body.dimension, map_of(body).components(body)
     sources = ("omega0", "initial", "trajectories", "seed", "extent")
     used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
@@ -99,8 +102,8 @@ def starts_of(options: argparse.Namespace, dimension: int, in_store: bool) -> An
         return np.array([start_of(row, dimension) for row in options.omega0])
     if options.initial is not None:
         with about(options.initial):
-            table = np.atleast_2d(read_table(options.initial))
-            return table if in_store else vectors("states", table, dimension)
+            table = np.atleast_2d(read_table(options.initial, components))
+            return table if in_store else vectors("states", table, dimension, allow_nan=True)
     from .._ensemble.starts import RandomStarts
 
     count, extent = options.trajectories or TRAJECTORIES, options.extent
@@ -130,15 +133,24 @@ def orientation_of(options: argparse.Namespace, n: int) -> FloatArray | None:
         return rotations("orientation", Rotation.from_rotvec(vector, degrees=True).as_matrix(), n)
 
 
-def read_table(path: Path) -> FloatArray:
-    """Return the numbers in a .npy file, memory-mapped, or in a .csv file."""
+def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
+    """Return the numbers in a .npy file, memory-mapped, or in a .csv file.
+
+    With `components`, the names of columns must be these.
+    """
     if path.suffix.lower() == ".npy":
         array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)
         return array
     # Spreadsheets begin files with a byte order mark, and columns with a name.
     rows = [row for row in path.read_text(encoding="utf-8-sig").splitlines() if row.strip()]
-    if rows and all(map(_is_name, rows[0].split(","))):
+    header = rows[0] if rows else ""
+    if "," in header:
+        header = header.removeprefix("#")  # which NumPy writes
+    if all(map(_is_name, header.split(","))):
         del rows[0]
+        expected = ",".join(components)
+        if components and "".join(header.split()).lower() != expected.lower():
+            raise wrong("header", f"{expected} or none", header.strip())
     if not rows:
         raise ValueError("expected at least one row of numbers, got none")
     return np.loadtxt(rows, delimiter=",", ndmin=2)

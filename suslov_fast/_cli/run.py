@@ -21,7 +21,7 @@ from .._engine.memory import require
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
-from .options import STORE, CommandError, UsageError, flag
+from .options import STORE, CommandError, UsageError, body_classes, flag
 from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, announce, progress_bar, require_new
@@ -33,15 +33,17 @@ _LONG = 0.5
 
 def run(options: argparse.Namespace) -> str:
     """Carry out the command, and return the summary."""
-    body, eps, rotation = problem_of(options)
     in_store = options.output is not None and options.output.suffix.lower() == ".zarr"
     for name in () if in_store else STORE.split():
         if getattr(options, name):
-            raise UsageError(f"argument {flag(name)}: expected -o FILE.zarr with it, got none")
+            given = options.output or "none"
+            raise UsageError(f"argument {flag(name)}: expected -o FILE.zarr with it, got {given}")
+    _begin_sweeps(options)
+    body, eps, rotation = problem_of(options)
     if options.threads is not None:
         with about("argument --threads"):
             numba.set_num_threads(options.threads)
-    starts = starts_of(options, body.dimension, in_store)
+    starts = starts_of(options, body, in_store)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
     facts |= {
         "rotation": None if rotation is None else rotation.tolist(),
@@ -126,6 +128,16 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
     seconds = time.perf_counter() - begin
     # Part of a store may be older: the rate of the whole is unknown.
     return {**facts_of_store(path), "seconds": seconds}
+
+
+def _begin_sweeps(options: argparse.Namespace) -> None:
+    """Set each swept parameter to its first value; UsageError if it has a value."""
+    names = {name for kind in body_classes() if not kind._own_axes for name in kind._names()}
+    for name, low, *_ in options.sweep or []:
+        if name in {"eps", *names}:
+            if getattr(options, name) is not None:
+                raise UsageError(f"argument --sweep: expected {name} given once, got it twice")
+            setattr(options, name, low)
 
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:

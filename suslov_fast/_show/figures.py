@@ -7,10 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import FloatArray
+from .._checks import FloatArray, real_number, wrong
 
 # Distance of a legend from the axes, in units of its font size: the label of the axis is between.
 _BELOW = 4.2
+
+
+def positive(name: str, value: Any) -> float:
+    """Return a positive number."""
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0:
+        raise wrong(name, "a positive number", value)
+    return number
 
 
 def axes_for(

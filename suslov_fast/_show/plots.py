@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, instance, wrong
+from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
 from .._runs.iterate import iterate
 from .._runs.solution import exact, flow
 from .._space.attitude import attitude
@@ -19,7 +19,7 @@ from .._states.conserved import criticality, energy, modified_energy
 from .._states.continuous import vector_field
 from .._states.coordinates import from_xy, to_xy
 from .ellipsoid import sphere
-from .figures import axes_for, legend_below, plot_around, towards_eye
+from .figures import axes_for, legend_below, plot_around, positive, towards_eye
 from .plane import conic, level_curves, repelling_direction
 from .style import styled
 from .turning import turning_body
@@ -51,19 +51,20 @@ def plot_phase(
     body : Suslov3D
         A single body, whose products of inertia are not both 0.
     eps : float
-        Step size; t < 1 must hold in the whole picture.
+        Positive step size; t < 1 must hold in the whole picture.
     extent : float
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
-        Number of level curves.
+        Number of level curves, at least 1.
     legend : bool
         Draw a legend below the axes.
     %(panel)s
 
     Raises
     ------
-    ValueError
-        If t >= 1 in the corners of the picture, or all states are steady.
+    TypeError, ValueError
+        If t >= 1 in the corners of the picture, all states are steady, or an argument is not of the
+        kind above.
 
     Examples
     --------
@@ -73,6 +74,8 @@ def plot_phase(
     [-4.0, 4.0]
     """
     direction = repelling_direction(body)
+    eps, extent = positive("eps", eps), positive("extent", extent)
+    levels = integer("levels", levels, 1)
     farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
     in_corners = float(criticality(body, farthest * direction, eps))
     if not in_corners < 1:
@@ -116,13 +119,13 @@ def plot_regimes(
     body : Suslov3D, optional
         A single body. In these coordinates orbits do not depend on it.
     eps : float
-        Step size, on which they do not depend either.
+        Positive step size, on which they do not depend either.
     %(panels)s
 
     Raises
     ------
     TypeError, ValueError
-        If `body` is no Suslov3D, or `ax` are not three axes.
+        If `body` is no single Suslov3D, `eps` not positive, or `ax` are not three axes.
 
     Examples
     --------
@@ -130,8 +133,7 @@ def plot_regimes(
     >>> len(plot_regimes(letters="abc"))
     3
     """
-    body = _BODY if body is None else body
-    instance("body", body, Suslov3D)
+    body, eps = _single(body), positive("eps", eps)
     panels = axes_for(ax, (11.0, 4.6), (None,) * 3, letters)
     _draw_regime(panels[0], body, eps, [(0.06, 0.4), (-0.06, 0.4)], 9, (0.8, 0.6))
     _draw_regime(panels[1], body, eps, [(0.75, 1.0), (-1.6, 1.0), (-2.4, -1.0)], 2, (3.2, 2.2))
@@ -159,13 +161,14 @@ def plot_convergence(
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity.
     time : float
-        Time at which the errors are taken, in the inverse unit of omega0.
+        Positive time at which the errors are taken, in the inverse unit of omega0.
     %(panel)s
 
     Raises
     ------
-    TypeError
-        If `body` is no Suslov3D, or `ax` no axes.
+    TypeError, ValueError
+        If `body` is no single Suslov3D, `omega0` no single state, `time` not positive, or `ax` no
+        axes.
 
     Examples
     --------
@@ -173,8 +176,7 @@ def plot_convergence(
     >>> plot_convergence().get_xscale()
     'log'
     """
-    body = _BODY if body is None else body
-    instance("body", body, Suslov3D)
+    body, omega0, time = _single(body), _state(omega0), positive("time", time)
     [axes] = axes_for(ax, (5.2, 3.9), letters=letter)
     steps = 2 ** np.arange(3, 13)
     eps = time / steps
@@ -252,8 +254,8 @@ def plot_scattering(
 
     Raises
     ------
-    ValueError
-        If the number of `ax` is not that of `ratios`.
+    TypeError, ValueError
+        If `ratios` is empty or not positive, or the number of `ax` is not that of `ratios`.
 
     Notes
     -----
@@ -267,6 +269,11 @@ def plot_scattering(
     """
     from matplotlib.colors import BoundaryNorm
 
+    shape = np.shape(real_array("ratios", ratios))
+    if len(shape) != 1 or not shape[0]:
+        raise wrong("ratios", "at least one number, in a sequence", ratios)
+    ratios = [positive("ratios", each) for each in ratios]
+    extent = None if extent is None else positive("extent", extent)
     panels = axes_for(ax, (1.2 + 3.6 * len(ratios), 4.2), (None,) * len(ratios), letters)
     angles = [_angles(ratio, extent) for ratio in ratios]
     bounds = np.array([0.01, 0.03, 0.1, 0.3, 1, 3, 10, 20, 30, 45, 60, 90, 120, 150, 180])
@@ -328,8 +335,11 @@ def animate_body(
 
     Raises
     ------
-    ValueError
-        If with the I3 of the body the inertia tensor is not positive definite.
+    TypeError, ValueError
+        If with the I3 of the body the inertia tensor is not positive definite, or an argument is
+        not of the kind above.
+    SingularStepError
+        If the orbit meets a pole of the map.
 
     Examples
     --------
@@ -339,14 +349,37 @@ def animate_body(
     """
     from matplotlib.animation import FuncAnimation
 
+    if np.ndim(eps):
+        raise wrong("eps", "a single number", eps)
+    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _BODY if body is None else body
     direction = repelling_direction(body)
     if omega0 is None:
         _, y = to_xy(body, 2.0 * direction)
         omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
-    omega = iterate(body, omega0, eps, steps).omega
-    figure, draw = turning_body(body, attitude(body, omega, eps, R0))
-    return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=1000.0 / fps)
+    omega = iterate(body, _state(omega0), eps, steps, on_singular="raise").omega
+    rotations = attitude(body, omega, eps, R0)
+    if rotations.ndim != 3:
+        raise wrong("R0", "shape (3, 3)", rotations.shape[1:])
+    figure, draw = turning_body(body, rotations)
+    return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
+
+
+def _single(body: Suslov3D | None) -> Suslov3D:
+    """Return a single body, by default a realizable one."""
+    body = _BODY if body is None else body
+    instance("body", body, Suslov3D)
+    if body.shape:
+        raise wrong("body", "a single one", body)
+    return body
+
+
+def _state(omega0: ArrayLike) -> FloatArray:
+    """Return a single state."""
+    state = vectors("omega0", omega0, 2)
+    if state.ndim != 1:
+        raise wrong("omega0", "shape (2,)", state.shape)
+    return state
 
 
 def _colours(count: int) -> Any:

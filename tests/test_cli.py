@@ -417,6 +417,7 @@ def test_signals_leave_nothing_behind(tmp_path, name):
 
 
 @posix
+@pytest.mark.compiled  # interpreted it takes minutes
 def test_progress_on_a_terminal(tmp_path):
     import pty
 

@@ -1,9 +1,10 @@
 """Kernels: functions called from Python that do a part of the work for a batch.
 
-A parallel call is a loop over the parts. It takes the kernel as an argument of Numba's type
-`FunctionType` and calls it by its address: so Numba compiles a kernel once, for serial and for
-parallel calls, and one loop serves all kernels with arguments of the same types. `prange` passes no
-nested tuples to its body, hence one loop for each number of arguments.
+A parallel call is a loop over the parts. It takes the address of the kernel and calls it: so Numba
+compiles a kernel once, for serial and for parallel calls, and one loop serves all kernels with
+arguments of the same types. (Numba's own `FunctionType` runs Python code in every call, where a
+signal is lost.) `prange` passes no nested tuples to its body, hence one loop for each number of
+arguments.
 """
 
 import functools
@@ -12,9 +13,9 @@ from types import FunctionType
 import numba
 import numpy as np
 from numba import config, prange, types
-from numba.extending import typeof_impl
 
 from .cache import enable_cache
+from .instructions import call
 from .options import called_from_python, formula
 
 
@@ -76,42 +77,42 @@ def share(count, part, parts):
 
 def _loop_2(kernel, parts, a, b):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b)
+        call(kernel, (np.int64(part), parts, a, b))
 
 
 def _loop_3(kernel, parts, a, b, c):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c)
+        call(kernel, (np.int64(part), parts, a, b, c))
 
 
 def _loop_4(kernel, parts, a, b, c, d):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d)
+        call(kernel, (np.int64(part), parts, a, b, c, d))
 
 
 def _loop_5(kernel, parts, a, b, c, d, e):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d, e)
+        call(kernel, (np.int64(part), parts, a, b, c, d, e))
 
 
 def _loop_6(kernel, parts, a, b, c, d, e, f):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d, e, f)
+        call(kernel, (np.int64(part), parts, a, b, c, d, e, f))
 
 
 def _loop_7(kernel, parts, a, b, c, d, e, f, g):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d, e, f, g)
+        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g))
 
 
 def _loop_8(kernel, parts, a, b, c, d, e, f, g, h):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d, e, f, g, h)
+        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g, h))
 
 
 def _loop_9(kernel, parts, a, b, c, d, e, f, g, h, i):
     for part in prange(parts):
-        kernel(np.int64(part), parts, a, b, c, d, e, f, g, h, i)
+        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g, h, i))
 
 
 _LOOPS = {
@@ -129,33 +130,20 @@ def _kinds(argument):
 
 
 def _loop(compiled, arguments):
-    """Return the compiled loop for arguments of these types, and the kernel as its argument."""
+    """Return the compiled loop for arguments of these types, and the address of the kernel."""
     if config.DISABLE_JIT:
         return _LOOPS[len(arguments)], compiled
     kinds = tuple(map(numba.typeof, arguments))
     # A tuple, as of a call: the key by which Numba stores code in the cache.
     signature = types.int64, types.int64, *kinds
     compiled.compile(signature)
-    return _compiled_loop(*kinds), _Address(compiled.get_compile_result(types.void(*signature)))
-
-
-class _Address(types.CompileResultWAP):
-    """The address of a kernel compiled for arguments of some types."""
-
-    def __init__(self, result):
-        super().__init__(result)
-        self.type = types.FunctionType(result.signature)
-
-
-@typeof_impl.register(_Address)
-def _type_of_address(address, context):
-    return address.type  # Numba would construct it at each call
+    result = compiled.get_compile_result(types.void(*signature))
+    return _compiled_loop(*kinds), types.CompileResultWAP(result).address
 
 
 @functools.cache
 def _compiled_loop(*kinds):
     """Compile the loop for arguments of these types."""
-    kernel = types.FunctionType(types.void(types.int64, types.int64, *kinds))
     loop = enable_cache(_LOOPS[len(kinds)], functools.partial(called_from_python, parallel=True))
-    loop.compile((kernel, types.int64, *kinds))
+    loop.compile((types.int64, types.int64, *kinds))
     return loop

@@ -40,7 +40,8 @@ MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Version of this format; stores of suslov_fast 0.2 have none.
 _LAYOUT = 3
 
-# Number of tiles whose marks share a chunk, which is rewritten for each of them.
+# Number of tiles whose marks share a chunk, which is rewritten for each of them, and of step numbers
+# in a chunk.
 _TOGETHER = 4096
 
 Arrays = dict[str, Any]
@@ -189,7 +190,9 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
         )
     if job.keeps_states:
         about = {"dimension_names": ("n",), "attributes": dict(dataset["n"].attrs)}
-        group.create_array("n", data=job.numbers, compressors=codecs, overwrite=True, **about)
+        # A chunk does not depend on the number of steps: it serves old and new metadata.
+        fit("n", job.numbers.shape, (_TOGETHER,), dtype="int64", fill_value=0, **about)
+        group["n"][...] = job.numbers
     if all_values:
         known = dataset.drop_vars([*computed, "n"], errors="ignore").drop_attrs(deep=False)
         encoding: dict[Any, Any] = {}

@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from ensemble_runs import BODY, BODY_4D, CUT, assert_same, contents
+from ensemble_runs import BODY, BODY_4D, CUT, arguments, assert_same, contents
 
 from suslov_fast import (
     RandomStarts,
@@ -345,3 +345,13 @@ def test_workers_of_a_cluster(store):
             settings = {"save_every": 3, "method": "rank2", "chunk": CUT, "scheduler": client}
             place = store.with_name(f"{name}.zarr")
             assert_same(ensemble(BODY_4D, omega0, 0.2, 40, store=place, **settings), orbits)
+
+
+def test_a_complete_tile_without_a_mark(store):
+    """A process killed between the last record of a tile and its mark changes no bit."""
+    settings = {**arguments("3d reductions"), "steps": 300, "store": store}
+    ensemble(**settings)
+    finished = contents(store)
+    zarr.open_group(store, mode="r+")["progress/steps_done"][...] = -1
+    ensemble(**settings)
+    assert contents(store) == finished

@@ -108,7 +108,9 @@ def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
     with advice(job.store):
         records = _records(job, tile, arrays)
     flat = records.reshape(-1)
-    if (steps := int(flat["steps"][0])) < 0:
+    # A complete tile whose mark is missing is computed anew: a piece without saved states would
+    # evaluate the last state in another way, with other last digits.
+    if not 0 <= (steps := int(flat["steps"][0])) < job.steps:
         return 0, {}, {}
     names = [name for name in flat.dtype.names if name not in ("steps", *job.reductions)]
     reduced = {name: records[name].copy() for name in job.reductions}

@@ -273,8 +273,8 @@ def test_bad_arguments_leave_nothing_behind(store, change, error, message):
 
 def test_random_starts_are_checked():
     cases = {ValueError: [(-1, 1.0), (3, 0.0), (3, [1.0]), (3, 1.0, -1)], TypeError: [(2.5, 1.0)]}
-    for error, arguments in cases.items():
-        for each in arguments:
+    for error, wrong in cases.items():
+        for each in wrong:
             with pytest.raises(error):
                 RandomStarts(*each)
 

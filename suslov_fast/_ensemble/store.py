@@ -40,8 +40,7 @@ MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Version of this format; stores of suslov_fast 0.2 have none.
 _LAYOUT = 3
 
-# Number of tiles whose marks share a chunk, which is rewritten for each of them, and of step numbers
-# in a chunk.
+# Number of tiles whose marks share a chunk, which is rewritten for each, and of step numbers in one.
 _TOGETHER = 4096
 
 Arrays = dict[str, Any]

@@ -40,7 +40,7 @@ MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Version of this format; stores of suslov_fast 0.2 have none.
 _LAYOUT = 3
 
-# Number of tiles whose marks share a chunk, which is rewritten for each, and of step numbers in one.
+# Number of tiles whose marks share a chunk, which is rewritten for each, and of steps in one of n.
 _TOGETHER = 4096
 
 Arrays = dict[str, Any]

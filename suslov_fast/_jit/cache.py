@@ -9,9 +9,9 @@ itself. No other file of the package uses internals of Numba.
 import functools
 import hashlib
 from contextlib import contextmanager, suppress
+from importlib.metadata import version
 from pathlib import Path
 
-import llvmlite
 import numba
 import numpy as np
 from numba import config
@@ -29,7 +29,7 @@ def digests():
     for name in _SUBPACKAGES:
         for path in sorted((_PACKAGE / name).glob("*.py")):
             sources.update(path.read_bytes())
-    versions = f"{numba.__version__} {llvmlite.__version__} {np.__version__}".encode()
+    versions = f"{numba.__version__} {version('llvmlite')} {np.__version__}".encode()
     return tuple(d.hexdigest()[:_DIGITS] for d in (sources, hashlib.sha256(versions)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -186,9 +187,9 @@ def limits(
     return states[0], states[1]
 
 
-def _times(name: str, value: ArrayLike) -> FloatArray:
+def _times(name: str, value: Any) -> FloatArray:
     if getattr(value, "dims", ()) not in ((), ("n",), ("time",)):
-        raise wrong(name, "values without labels, or along 'n' or 'time'", "others")
+        raise wrong(name, "values without labels, or along 'n' or 'time'", f"the axes {value.dims}")
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise ValueError(f"{name}: expected a number or a 1-D array, got shape {times.shape}")

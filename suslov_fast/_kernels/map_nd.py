@@ -83,14 +83,10 @@ def put(values, i, l, number):
 
 
 @formula
-def norms(I, omega, l):
-    """Return p and |omega|**2 of a lane."""
-    p, square, half = 0.0, 0.0, omega.shape[0] // 2
-    for i in range(half):
-        w_i, w_j = omega[i, l], omega[half + i, l]
-        p = p + at(I, i, l) * w_i + at(I, half + i, l) * w_j
-        square = square + w_i * w_i + w_j * w_j
-    return p, square
+def add_pair(lane, l, I_i, I_j, w_i, w_j):
+    """Add the terms of two components to p and |omega|**2."""
+    lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
+    lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
 @formula
@@ -160,11 +156,10 @@ def step_gauss(J, I, omega, work, lane, count, room):
     for l in range(count):
         lane[P, l], lane[SQUARE, l] = 0.0, 0.0
     half = omega.shape[0] // 2
-    for i in range(half):  # as in `norms`, but lanes are inside
+    for i in range(half):
+        j = half + i
         for l in range(count):
-            w_i, w_j = omega[i, l], omega[half + i, l]
-            lane[P, l] = lane[P, l] + at(I, i, l) * w_i + at(I, half + i, l) * w_j
-            lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
+            add_pair(lane, l, at(I, i, l), at(I, j, l), omega[i, l], omega[j, l])
 
 
 @inner
@@ -248,8 +243,7 @@ def add_increment(I, omega, work, lane):
             w_i += (of_omega * w_i - of_I * I_i) * work[i, l]
             w_j += (of_omega * w_j - of_I * I_j) * work[j, l]
             omega[i, l], omega[j, l] = w_i, w_j
-            lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
-            lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
+            add_pair(lane, l, I_i, I_j, w_i, w_j)
 
 
 def rank2_step(solve):
@@ -295,14 +289,17 @@ def take_unit(J, I, omega, lane, l, size):
         omega[i, l] = 0.0 if ended else scaled(omega[i, l], change)
         smallest = min(at(J, i, l), smallest)
         I_square += at(I, i, l) * at(I, i, l)
-    p, square = norms(I, omega, l)
+    lane[P, l], lane[SQUARE, l], half = 0.0, 0.0, omega.shape[0] // 2
+    for i in range(half):
+        j = half + i
+        add_pair(lane, l, at(I, i, l), at(I, j, l), omega[i, l], omega[j, l])
     rests = ended or lane[RESTS, l] > 0.0
     lane[EXPONENT, l] = size
     lane[EPS, l] = 0.0 if rests else scaled(lane[EPS_INPUT, l], size)
     lane[UNIT, l] = np.nan if ended else two_to_the(size)
-    lane[P, l], lane[SQUARE, l], lane[NEAR, l] = p, square, (1.0 - FAR) * smallest
+    lane[NEAR, l] = (1.0 - FAR) * smallest
     lane[LONGEST, l], lane[LOW, l], lane[HIGH, l] = bounds(
-        smallest, I_square, lane[EPS, l], square, two_to_the(size)
+        smallest, I_square, lane[EPS, l], lane[SQUARE, l], two_to_the(size)
     )
 
 

@@ -14,8 +14,8 @@ mp.dps = 60
 
 
 def exactly(*numbers):
-    """Return floats as numbers of 60 digits."""
-    return [mpf(float(number)) for number in numbers]
+    """Return numbers, such as floats, with 60 digits."""
+    return [mpf(number) for number in numbers]
 
 
 def ds1(I1, I2, I13, I23, eps, omega, following):
@@ -72,8 +72,7 @@ def solve_affine(residual, dimension, number=mpf):
 
 
 def step(I1, I2, I13, I23, eps, omega):
-    parameters = exactly(I1, I2, I13, I23, eps)
-    state = [mpf(component) for component in omega]
+    parameters, state = exactly(I1, I2, I13, I23, eps), exactly(*omega)
     return solve_affine(lambda v: ds1(*parameters, state, v), 2)
 
 
@@ -96,54 +95,55 @@ def iterated(step, omega, steps):
 
 
 def step_full(I1, I2, I13, I23, eps, I3, omega):
-    parameters = exactly(I1, I2, I13, I23, eps, I3)
-    state = exactly(*omega)
+    parameters, state = exactly(I1, I2, I13, I23, eps, I3), exactly(*omega)
     return solve_affine(lambda v: ds(*parameters, state, v), 3)
 
 
 def first_integral(I1, I2, I13, I23, eps, omega):
     """F of Lemma 1."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
-    w1, w2 = (mpf(component) for component in omega)
+    w1, w2 = exactly(*omega)
     return (I1 * w1**2 + I2 * w2**2) / (4 * I1 * I2 + eps**2 * (I13 * w1 + I23 * w2) ** 2)
 
 
 def xy(I1, I2, I13, I23, omega):
     """x and y of equation (7)."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
-    w1, w2 = (mpf(component) for component in omega)
+    w1, w2 = exactly(*omega)
     return I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
 
 
-def criticality(I1, I2, I13, I23, eps, omega):
-    """eps sqrt(h / (I1 I2)) with h = D F, D = I13**2 I2 + I23**2 I1."""
+def in_xy(I1, I2, I13, I23, eps, omega):
+    """x, y, I1 I2, eps, and h = D F with D = I13**2 I2 + I23**2 I1."""
     x, y = xy(I1, I2, I13, I23, omega)
     I1, I2, eps = exactly(I1, I2, eps)
     a = I1 * I2
-    return eps * mpmath.sqrt((a * x**2 + y**2) / (4 * a + eps**2 * x**2) / a)
+    return x, y, a, eps, (a * x**2 + y**2) / (4 * a + eps**2 * x**2)
 
 
-def closed_form(I1, I2, I13, I23, eps, omega):
+def criticality(*problem):
+    """eps sqrt(h / (I1 I2))."""
+    _, _, a, eps, h = in_xy(*problem)
+    return eps * mpmath.sqrt(h / a)
+
+
+def closed_form(*problem):
     """h, k1 with its sign, and k2 of y = 2 sqrt(h I1 I2) tanh(k2), for t < 1 (Section 4)."""
-    x, y = xy(I1, I2, I13, I23, omega)
-    I1, I2, eps = exactly(I1, I2, eps)
-    a = I1 * I2
-    h = (a * x**2 + y**2) / (4 * a + eps**2 * x**2)
+    _, y, a, eps, h = in_xy(*problem)
     k1 = -mpmath.asinh(2 * eps * mpmath.sqrt(a * h) / (a - h * eps**2)) / eps
     return h, k1, mpmath.atanh(y / (2 * mpmath.sqrt(a * h)))
 
 
-def invariant_density(I1, I2, I13, I23, eps, omega):
+def invariant_density(*problem):
     """Density of the invariant measure dx dy / (x (4 I1 I2 + eps**2 x**2))."""
-    x, _ = xy(I1, I2, I13, I23, omega)
-    I1, I2, eps = exactly(I1, I2, eps)
-    return 1 / (x * (4 * I1 * I2 + eps**2 * x**2))
+    x, _, a, eps, _ = in_xy(*problem)
+    return 1 / (x * (4 * a + eps**2 * x**2))
 
 
 def matrix(I1, I2, I13, I23, eps, omega):
     """The matrix above equation (5), as printed."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
-    w1, w2 = (mpf(component) for component in omega)
+    w1, w2 = exactly(*omega)
     return [
         [1 + eps * I13 / (2 * I1) * w2, eps * I13 / (2 * I1) * w1 + eps * I23 / I1 * w2],
         [-eps * I13 / I2 * w1 - eps * I23 / (2 * I2) * w2, 1 - eps * I23 / (2 * I2) * w1],
@@ -176,7 +176,7 @@ def far_state(I1, I2, I13, I23, eps, omega, n):
 
 def relative_error(computed, exact):
     """|computed - exact| / |exact| of vectors."""
-    difference = mpmath.norm([mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)])
+    difference = mpmath.norm([mpf(c) - e for c, e in zip(computed, exact, strict=True)])
     size = mpmath.norm(list(exact))
     return float(difference / size) if size else float(difference)
 
@@ -187,7 +187,7 @@ def worst_error(states, exact):
 
 def energy_error(J, computed, exact):
     """Error in the energy norm, relative to the norm of the exact state."""
-    difference = [mpf(float(c)) - e for c, e in zip(computed, exact, strict=True)]
+    difference = [mpf(c) - e for c, e in zip(computed, exact, strict=True)]
     return float(mpmath.sqrt(energy_nd(J, difference) / energy_nd(J, exact)))
 
 
@@ -200,38 +200,42 @@ def vector_field(I1, I2, I13, I23, omega):
     ]
 
 
-@mp.workdps(30)
-def flow(I1, I2, I13, I23, omega, time, steps=40, order=30):
-    """Solution of equations (2) at a time, by Taylor series in 30 digits."""
-    I1, I2, I13, I23, h = exactly(I1, I2, I13, I23, time)
-    h /= steps
-    state = exactly(*omega)
+def taylor(rates, state, time, steps, order):
+    """Solution of a quadratic differential equation at a time, by Taylor series.
+
+    `rates(product)` are the derivatives, as combinations of products of components i and j.
+    """
     for _ in range(steps):
         series = [[component] for component in state]
         for k in range(1, order + 1):
-            first, second = series
-            w11, w12, w22 = (
-                mpmath.fdot(v, reversed(w))
-                for v, w in ((first, first), (first, second), (second, second))
-            )
-            first.append((-I13 * w12 - I23 * w22) / I1 / k)
-            second.append((I13 * w11 + I23 * w12) / I2 / k)
-        state = [mpmath.polyval(component[::-1], h) for component in series]
+            found = rates(lambda i, j, s=series: mpmath.fdot(s[i], reversed(s[j])))
+            for row, rate in zip(series, found, strict=True):
+                row.append(rate / k)
+        state = [mpmath.polyval(row[::-1], time / steps) for row in series]
     return state
+
+
+@mp.workdps(30)
+def flow(I1, I2, I13, I23, omega, time, steps=40):
+    """Solution of equations (2) at a time, in 30 digits."""
+    I1, I2, I13, I23, time = exactly(I1, I2, I13, I23, time)
+
+    def rates(product):
+        w11, w12, w22 = product(0, 0), product(0, 1), product(1, 1)
+        return (-I13 * w12 - I23 * w22) / I1, (I13 * w11 + I23 * w12) / I2
+
+    return taylor(rates, exactly(*omega), time, steps, order=30)
 
 
 def derivative(function, state, digits=20):
     """Derivative of a function of vectors, by central differences."""
-    h, m = mpf(10) ** -digits, range(len(state))
-    columns = []
-    for j in m:
-        ends = []
-        for sign in (1, -1):
-            moved = list(state)
-            moved[j] += sign * h
-            ends.append(function(moved))
-        columns.append([(p - m) / (2 * h) for p, m in zip(*ends, strict=True)])
-    return [[columns[j][i] for j in m] for i in m]
+    h, columns = mpf(10) ** -digits, []
+    for j in range(len(state)):
+        after, before = (
+            function([w + sign * h * (i == j) for i, w in enumerate(state)]) for sign in (1, -1)
+        )
+        columns.append([(a - b) / (2 * h) for a, b in zip(after, before, strict=True)])
+    return list(zip(*columns, strict=True))
 
 
 def jacobian(I1, I2, I13, I23, eps, omega):
@@ -239,35 +243,35 @@ def jacobian(I1, I2, I13, I23, eps, omega):
     return derivative(lambda state: step(I1, I2, I13, I23, eps, state), exactly(*omega))
 
 
-def reaction(I1, I2, I13, I23, omega, derivative):
-    """Multiplier in the third equation (2)."""
+def quotient(eps, omega, following):
+    """(Omega_next - Omega) / eps."""
+    return [(v - w) / mpf(eps) for v, w in zip(following, omega, strict=True)]
+
+
+def reaction(I1, I2, I13, I23, omega, following, derivative):
+    """Multiplier in the third equation (2), with a polarised product."""
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
-    w1, w2 = (mpf(component) for component in omega)
-    return I13 * derivative[0] + I23 * derivative[1] - (I1 - I2) * w1 * w2
-
-
-def discrete_reaction(I1, I2, I13, I23, eps, omega, following):
-    """Multiplier of the discrete equations, with a difference quotient and a polarised product."""
-    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
     (w1, w2), (v1, v2) = omega, following
-    x, x_next = I13 * w1 + I23 * w2, I13 * v1 + I23 * v2
-    return (x_next - x) / eps - (I1 - I2) * (w1 * v2 + v1 * w2) / 2
+    return I13 * derivative[0] + I23 * derivative[1] - (I1 - I2) * (w1 * v2 + v1 * w2) / 2
 
 
-def attitude(omega, eps):
+def hat(omega):
+    """The antisymmetric matrix with these numbers as the last column."""
+    m = len(omega)
+    S = mpmath.zeros(m + 1)
+    for k in range(m):
+        S[k, m], S[m, k] = omega[k], -omega[k]
+    return S
+
+
+def attitude(columns, eps):
     """Rotations R_next = R cay(eps (Omega + Omega_next) / 2), by matrix inversion."""
-
-    def hat(w1, w2):
-        return mpmath.matrix([[0, 0, w2], [0, 0, -w1], [-w2, w1, 0]])
-
-    eps = mpf(float(eps))
-    states = [exactly(*state) for state in omega]
-    R = mpmath.eye(3)
-    rotations = [R]
-    for (w1, w2), (v1, v2) in pairwise(states):
-        S = hat(eps * (w1 + v1) / 2, eps * (w2 + v2) / 2)
-        R = R * mpmath.inverse(mpmath.eye(3) - S / 2) * (mpmath.eye(3) + S / 2)
-        rotations.append(R)
+    one = mpmath.eye(len(columns[0]) + 1)
+    rotations = [one]
+    for before, after in pairwise(columns):
+        pairs = zip(exactly(*before), exactly(*after), strict=True)
+        S = hat([mpf(eps) * (v + w) / 4 for v, w in pairs])
+        rotations.append(rotations[-1] * mpmath.inverse(one - S) * (one + S))
     return rotations
 
 
@@ -294,14 +298,13 @@ def jacobian_nd(J, I, eps, omega):
 
 def energy_nd(J, omega):
     """Half the sum of J_i Omega_i**2."""
-    J, omega = exactly(*J), [mpf(component) for component in omega]
-    return sum(J_i * w**2 for J_i, w in zip(J, omega, strict=True)) / 2
+    return sum(i * w**2 for i, w in zip(exactly(*J), exactly(*omega), strict=True)) / 2
 
 
 def vector_field_nd(J, I, omega):
     """Right sides of equations (14), divided by J."""
-    J, I, w = exactly(*J), exactly(*I), [mpf(component) for component in omega]
-    p, square = sum(i * v for i, v in zip(I, w, strict=True)), sum(v * v for v in w)
+    J, I, w = exactly(*J), exactly(*I), exactly(*omega)
+    p, square = mpmath.fdot(I, w), mpmath.fdot(w, w)
     return [(p * w[k] - I[k] * square) / J[k] for k in range(len(J))]
 
 
@@ -314,12 +317,6 @@ def reaction_nd(J, I, omega, following, derivative):
     inertia = mpmath.diag([J_i - J[0] for J_i in J] + [J[0]])
     for k in range(n - 1):
         inertia[k, n - 1] = inertia[n - 1, k] = I[k]
-
-    def hat(v):
-        S = mpmath.zeros(n)
-        for k in range(n - 1):
-            S[k, n - 1], S[n - 1, k] = v[k], -v[k]
-        return S
 
     def momentum(v):
         return inertia * hat(v) + hat(v) * inertia
@@ -356,42 +353,28 @@ def far_state_nd(J, I, eps, omega, n):
 
 
 @mp.workdps(30)
-def scattering_angle(I1, I2, I13, I23, far=40, steps_per_unit=2, order=40):
+def scattering_angle(I1, I2, I13, I23, far=40):
     """Angle between the angular velocities in space at tau = -far and far, tau = C t / a.
 
-    The Poisson equation g' = g x omega of a vector g fixed in space, initially along omega, is
-    solved by Taylor series, with omega = (y = -tanh, x = sech / sqrt(a)) in scaled coordinates (7).
+    In scaled coordinates (7) omega is (y = -tanh, x = sech / sqrt(a)). The Poisson equation
+    g' = g x omega of a vector g fixed in space, initially along omega, is solved by Taylor series.
     """
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
     a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
-    root = mpmath.sqrt(a)
     # omega a / C, since the time is tau.
     along = [a * I23 / D, -a * I13 / D]
-    across = [root * I13 * I2 / D, root * I23 * I1 / D]
+    across = [mpmath.sqrt(a) * I13 * I2 / D, mpmath.sqrt(a) * I23 * I1 / D]
     length = mpmath.hypot(*along)
-    h = 1 / mpf(steps_per_unit)
-    g = [along[0] / length, along[1] / length, mpf(0)]
-    for step_number in range(-far * steps_per_unit, far * steps_per_unit):
-        tau = step_number * h
-        tanh, sech = [mpmath.tanh(tau)], [mpmath.sech(tau)]
-        series = [[component] for component in g]
-        omega = [[along[i] * -tanh[0] + across[i] * sech[0]] for i in range(2)]
-        for k in range(order):
-            g1, g2, g3 = series
-            w1, w2 = omega
 
-            def product(v, w, k=k):
-                return mpmath.fdot(v[: k + 1], w[k::-1]) / (k + 1)
+    def rates(product):
+        def times_omega(k, i):
+            return across[i] * product(k, 4) - along[i] * product(k, 3)
 
-            derivatives = -product(g3, w2), product(g3, w1), product(g1, w2) - product(g2, w1)
-            next_tanh, next_sech = product(sech, sech), -product(sech, tanh)
-            for row, value in zip(series, derivatives, strict=True):
-                row.append(value)
-            tanh.append(next_tanh)
-            sech.append(next_sech)
-            for i in range(2):
-                omega[i].append(along[i] * -next_tanh + across[i] * next_sech)
-        g = [sum(c * h**k for k, c in enumerate(row)) for row in series]
-    # g is in the body's frame; at the end omega is -along.
+        of_g = -times_omega(2, 1), times_omega(2, 0), times_omega(0, 1) - times_omega(1, 0)
+        return *of_g, product(4, 4), -product(4, 3)
+
+    start = [along[0] / length, along[1] / length, 0, mpmath.tanh(-far), mpmath.sech(-far)]
+    # In the body's frame; at the end omega is -along.
+    g = taylor(rates, start, mpf(2 * far), 8 * far, order=28)
     cosine = -(g[0] * along[0] + g[1] * along[1]) / length
     return mpmath.atan2(mpmath.sqrt(max(1 - cosine**2, 0)), cosine)

@@ -3,7 +3,6 @@ import json
 import pickle
 from dataclasses import replace
 
-import naive
 import numpy as np
 import pytest
 
@@ -77,10 +76,10 @@ def test_equality_copies_and_immutability(body):
 
 
 def test_I3_is_a_part_of_a_body():
-    with_it, without = sf.Suslov3D(4, 1, -0.5, -0.3, 3), sf.Suslov3D(4, 1, -0.5, -0.3)
+    with_it, without = sf.Suslov3D(4, 1, -0.5, -0.3, 3), BODIES[0]
     assert with_it != without
     assert with_it.to_dict() == without.to_dict() | {"I3": 3}
-    omega = [[1.0, 0.5, 0.1], [0.2, 0.1, 0.0]]
+    omega = [1.0, 0.5, 0.1]
     whole = sf.iterate_full(without, omega, 0.2, 5, 3)
     for run in (sf.iterate_full(with_it, omega, 0.2, 5), whole.extend(0)):
         assert (run.omega == whole.omega).all()
@@ -89,29 +88,14 @@ def test_I3_is_a_part_of_a_body():
     assert sf.iterate_full(with_it, omega, 0.2, 5, 2).body.I3 == 2
     with pytest.raises(TypeError, match="I3: expected a number, or a body whose I3 is set"):
         sf.step_full(without, omega, 0.2)
-    assert (sf.step(with_it, omega[0][:2], 0.2) == sf.step(without, omega[0][:2], 0.2)).all()
+    assert (sf.step(with_it, omega[:2], 0.2) == sf.step(without, omega[:2], 0.2)).all()
 
 
-@each_body
-def test_text(body):
-    assert "\n" not in repr(body)
-    assert len(repr(body)) < 120
-    formula = body._repr_latex_()
-    assert formula.count("$") == 2
-    assert formula.count("{") == formula.count("}")
-    assert (f"of shape {body.shape}" in formula) == bool(body.shape)
-
-
-def test_text_of_some_bodies(rng):
+def test_text(rng):
     body = sf.Suslov3D(rng.uniform(1, 2, 1000), 1, 0.1, 0.2)
     assert repr(body) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
     assert repr(GYROSTAT) == "SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)"
-
-
-def test_formulas():
-    assert BODIES[0]._repr_latex_() == (
-        r"$\text{Suslov3D},\quad I_{1} = 4,\quad I_{2} = 1,\quad I_{13} = -0.5,\quad I_{23} = -0.3$"
-    )
+    assert max(len(repr(each)) for each in BODIES) < 120
     assert BODIES[3]._repr_latex_() == (
         r"$\text{SuslovND},\quad J = (1.3, 2.1, 3.7),\quad I = (0.4, -0.7, 0.5)$"
     )
@@ -135,19 +119,15 @@ def test_from_inertia(rng, shape, axis):
     axis = rng.normal(size=axis) if isinstance(axis, tuple) else np.array(axis)
     body, rotation = sf.Suslov3D.from_inertia(inertia, axis)
     assert rotation.shape[:-2] == body.shape == np.broadcast_shapes(shape, axis.shape[:-1])
-    np.testing.assert_allclose(
-        rotation @ rotation.swapaxes(-2, -1), np.eye(3) + 0 * rotation, atol=1e-14
-    )
+    assert abs(adapted(rotation, np.eye(3)) - np.eye(3)).max() < 1e-14
     assert (np.linalg.det(rotation) > 0).all()
     length = np.linalg.norm(axis, axis=-1)[..., None]
     turned_axis = (rotation @ axis[..., None])[..., 0] / length
-    np.testing.assert_allclose(turned_axis, [0, 0, 1] + 0 * turned_axis, atol=1e-14)
-    turned, size = adapted(rotation, inertia), abs(inertia).max()
-    np.testing.assert_allclose(turned[..., 0, 1], 0, atol=1e-14 * size)
-    for value, i, j in zip(
-        (*body.parameters, body.I3), (0, 1, 0, 1, 2), (0, 1, 2, 2, 2), strict=True
-    ):
-        np.testing.assert_allclose(value, turned[..., i, j], atol=1e-14 * size)
+    assert abs(turned_axis - [0, 0, 1]).max() < 1e-14
+    I1, I2, I13, I23 = body.parameters
+    expected = np.array([[I1, 0 * I1, I13], [0 * I1, I2, I23], [I13, I23, body.I3]])
+    turned = np.moveaxis(adapted(rotation, inertia), (-2, -1), (0, 1))
+    assert abs(turned - expected).max() < 1e-14 * abs(inertia).max()
 
 
 @pytest.mark.parametrize("axis", [[0, 0, 1], [0, 0, 5], [0, 0, 1e-200], [0, 0, 1e200]])
@@ -198,14 +178,17 @@ def test_bad_inertia(inertia, axis, message):
 def test_flat_bodies_and_second_moments():
     flat, _ = sf.Suslov3D.from_inertia(np.diag([1.0, 2.0, 3.0]), [1, 2, 3])
     assert flat.I1 > 0
-    for axis, message in (
-        ([1, 2, 3], "positive definite"),
-        (np.eye(3), r"a: expected shape \(3,\)"),
+    for least, axis, message in (
+        (-0.1, [1, 2, 3], "positive definite"),
+        (0.1, np.eye(3), r"a: expected shape \(3,\)"),
     ):
         with pytest.raises(ValueError, match=message):
-            sf.SuslovND.from_mass_tensor(
-                np.diag([1.0, 2.0, 0.1 if np.ndim(axis) > 1 else -0.1]), axis
-            )
+            sf.SuslovND.from_mass_tensor(np.diag([1.0, 2.0, least]), axis)
+
+
+def test_an_inertia_tensor_has_no_rotor():
+    with pytest.raises(TypeError, match="pass I1, I2, I13 and I23 of Suslov3D"):
+        sf.SuslovGyrostat.from_inertia(np.eye(3), [0, 0, 1])
 
 
 def test_admissible_I3(rng):
@@ -217,12 +200,9 @@ def test_admissible_I3(rng):
     low, high = sf.Suslov3D(I1, I2, I13, I23).admissible_I3()
 
     def least(I3):
-        T = np.zeros((400, 3, 3))
-        T[:, 0, 0], T[:, 1, 1], T[:, 2, 2] = I1, I2, I3
-        T[:, 0, 2] = T[:, 2, 0] = I13
-        T[:, 1, 2] = T[:, 2, 1] = I23
-        P = np.trace(T, axis1=1, axis2=2)[:, None, None] / 2 * np.eye(3) - T
-        return np.linalg.eigvalsh(P)[:, 0]
+        zero = np.zeros(400)
+        T = np.array([[I1, zero, I13], [zero, I2, I23], [I13, I23, I3 + zero]]).T
+        return np.linalg.eigvalsh((I1 + I2 + I3)[:, None, None] / 2 * np.eye(3) - T)[:, 0]
 
     exists = ~np.isnan(low)
     assert 20 < exists.sum() < 380
@@ -232,36 +212,9 @@ def test_admissible_I3(rng):
         assert (least(np.where(exists, inside, 1))[exists] > 0).all()
         assert (least(np.where(exists, outside, 1))[exists] < 0).all()
     for I3 in np.linspace(0, 25, 101):
-        assert (least(np.full(400, I3))[~exists] < 1e-12).all()
-
-
-def test_admissible_I3_of_scaled_bodies():
+        assert (least(I3)[~exists] < 1e-12).all()
     low, high = sf.Suslov3D(3, 3, -0.2, -0.2).admissible_I3()
     for k in (-600, 600):
         ends = sf.Suslov3D(*np.ldexp([3, 3, -0.2, -0.2], k)).admissible_I3()
         assert ends == (np.ldexp(low, k), np.ldexp(high, k))
     assert sf.Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
-
-
-def test_moments_far_apart():
-    """eps I13 / I1 is 1e-3, and Omega2 is constant to rounding."""
-    far_apart, expected = sf.Suslov3D(1e-270, 1e270, 1, 1), [1.0, 1.0]
-    with naive.mp.workdps(900):
-        for _ in range(5):
-            expected = naive.step(*far_apart.parameters, 1e-273, expected)
-    iterated = sf.iterate(far_apart, [1.0, 1.0], 1e-273, 5).final
-    for state in (sf.exact(far_apart, [1.0, 1.0], 1e-273, 5), iterated):
-        assert naive.relative_error(state, expected) < 1e-14
-
-
-def test_functions_without_a_gyrostat():
-    """Functions that reject a gyrostat; `test_promises.py` tests the others."""
-    run = sf.iterate(GYROSTAT, [1.1, -0.4], 0.35, 30)
-    np.testing.assert_allclose(run.first_integral(), run.first_integral()[0], rtol=1e-13)
-    for call in (
-        lambda: sf.multipliers(GYROSTAT, 1.0, 0.35),
-        lambda: sf.iterate_full(GYROSTAT, [1.0, 0.5, 0.1], 0.35, 3, 2.0),
-        run.reaction,
-    ):
-        with pytest.raises(TypeError, match=r"expected .* got"):
-            call()

@@ -128,26 +128,6 @@ def test_bodies():
 
 
 @pytest.mark.parametrize(
-    ("map", "n"),
-    [(MAP, 3), (kahan(of(ROTOR), EPS), 2), (EULER, 2)]
-    + [(kahan(random_field(n, seed), F(-1, 3)), 2) for n in (1, 2) for seed in (1, 2)],
-)
-@pytest.mark.sampled(3)
-def test_degrees_by_sympy(map, n):
-    x, image = symbolic(map)
-    t, found = sympy.Symbol("t"), []
-    state = [3 + 2 * i + (5 - 7 * i) * t for i in range(len(x))]
-    for _ in range(n):
-        at = dict(zip(x, state, strict=True))
-        state = [sympy.cancel(each.subs(at, simultaneous=True)) for each in image]
-        parts = [sympy.fraction(each) for each in state]
-        common = sympy.lcm_list([b for _, b in parts])
-        numerators = [sympy.cancel(a * common / b) for a, b in parts]
-        found.append(max(sympy.degree(each, t) for each in (common, *numerators)))
-    assert degrees(map, n) == found
-
-
-@pytest.mark.parametrize(
     ("field", "n", "law", "kind", "entropy"),
     [
         (of(BODY), 30, lambda k: 2 * k, "linear", 0),
@@ -161,17 +141,15 @@ def test_degrees_by_sympy(map, n):
         (random_field(1), 8, lambda k: 1, "bounded", 0),
         # Every point has the same image.
         (QuadraticField([[[0]]], [[-8]], [1]), 6, lambda k: 0, "bounded", 0),
+        # Elliptic curves and Abelian surfaces.
+        (CUBIC, 16, None, "quadratic", 0),
+        (CLEBSCH.field, 9, None, "quadratic", 0),
     ],
 )
 def test_growth_of_degrees(field, n, law, kind, entropy):
     found = degrees(kahan(field, EPS), n)
-    assert found == [law(k) for k in range(1, n + 1)]
+    assert not law or found == [law(k) for k in range(1, n + 1)]
     assert growth(found)[:2] == (kind, pytest.approx(entropy, abs=1e-14))
-
-
-def test_quadratic_growth_on_elliptic_curves_and_abelian_surfaces():
-    assert growth(degrees(kahan(CUBIC, EPS), 16)).kind == "quadratic"
-    assert growth(degrees(CLEBSCH, 9)).kind == "quadratic"
 
 
 @pytest.mark.parametrize(
@@ -247,7 +225,7 @@ def test_hirota_kimura_bases(map, monomials, dimension, independent):
 
 def test_relations_without_a_quotient():
     units = np.eye(6, dtype=int)
-    squares, mixed = 2 * units, [units[i] + units[i + 3] for i in range(3)]
+    squares, mixed = 2 * units, units[:3] + units[3:]
     found = hk_bases(CLEBSCH, [*squares, *mixed, [0] * 6])
     assert (found.dimension, found.independent, found.integrals) == (4, 4, ())
     assert hk_bases(CLEBSCH, squares).dimension == 0

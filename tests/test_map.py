@@ -31,14 +31,13 @@ def random_problem(rng):
 
 
 def assert_follows(parameters, omega, eps, steps, bound, methods=METHODS):
-    """Compare all states of methods, and the last state of `auto`, with 60 digits."""
+    """Compare all states of methods and of `exact`, and the last state of `auto`."""
     body, exact = sf.Suslov3D(*parameters), naive.orbit(*parameters, eps, omega, steps)
-    for method in methods:
-        orbit = sf.iterate(body, omega, eps, steps, method=method)
-        assert naive.worst_error(orbit.omega, exact) < bound
+    runs = [sf.iterate(body, omega, eps, steps, method=method).omega for method in methods]
+    for states in (*runs, sf.exact(body, omega, eps, np.arange(steps + 1))):
+        assert naive.worst_error(states, exact) < bound
     final = sf.iterate(body, omega, eps, steps, save_every=None).final
     assert naive.relative_error(final, exact[-1]) < bound
-    return exact
 
 
 def test_subcritical_orbits(rng):
@@ -66,8 +65,16 @@ def test_orbits_up_to_the_critical_line(rng, gap):
         omega = omega * (1 + rng.normal(size=2) * 10 ** rng.uniform(-14, -4) * gap)
         if sf.criticality(body, omega, eps) < 1:
             seen += 1
-            exact = assert_follows(parameters, omega, eps, 60, 1e-14, ("auto",))
-            assert naive.worst_error(sf.exact(body, omega, eps, np.arange(61)), exact) < 2e-14
+            assert_follows(parameters, omega, eps, 60, 2e-14, ("auto",))
+
+
+def test_moments_far_apart():
+    """eps I13 / I1 is 1e-3, and Omega2 is constant to rounding."""
+    with mpmath.workdps(900):
+        exact = naive.orbit(1e-270, 1e270, 1, 1, 1e-273, [1.0, 1.0], 5)
+        run = sf.iterate(sf.Suslov3D(1e-270, 1e270, 1, 1), [1.0, 1.0], 1e-273, 5)
+        assert naive.worst_error(run.omega, exact) < 1e-14
+        assert naive.worst_error(sf.exact(run.body, [1.0, 1.0], 1e-273, run.n), exact) < 1e-14
 
 
 def test_supercritical_orbits(rng):

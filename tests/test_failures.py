@@ -49,10 +49,7 @@ def test_singular_steps(unit, method, save_every):
 @pytest.mark.parametrize("along", [1, 2])
 @pytest.mark.parametrize("rounded", [False, True])
 def test_poles(rng, along, rounded):
-    """A denominator of the size of the rounding errors of its terms counts as zero.
-
-    The poles are on the parabola y = 2a/eps + eps x**2; rounded states have the largest such errors.
-    """
+    """On the parabola y = 2a/eps + eps x**2, the denominator is a rounding error, and so zero."""
     I, x = np.meshgrid([1.0, 2.0, 3.0, 5.0], [0.5, 1.0, 3.0, 10.0, 1e3, 1e5])
     if rounded:
         I, x = rng.uniform(0.5, 4, I.shape), 10 ** rng.uniform(-2, 5, I.shape)

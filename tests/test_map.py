@@ -329,14 +329,3 @@ def test_batches_of_many_axes(body):
     assert result.attitude.shape == (4, *eps.shape[1:], 3, 3)
     with pytest.raises(ValueError, match=r"that broadcast|maximum supported dimension"):
         sf.iterate(body, [1.0, 0.5], eps[np.newaxis], 3, attitude=True)
-
-
-def test_progress_and_parts(body, rng, small_parts):
-    for method, least in (("auto", 1), ("ds2", 4)):
-        seen, options = [], {"save_every": 7, "method": method}
-        sf.iterate(
-            body, rng.normal(size=(70, 2)), 0.2, 700, progress=lambda *n: seen.append(n), **options
-        )
-        assert len(seen) >= least
-        assert seen == sorted(seen)
-        assert seen[-1] == (700, 700)

@@ -244,9 +244,12 @@ def test_ctrl_c():
         assert steps < 2**33  # about a second on the fastest machines
 
 
-def test_progress(body, capsys):
-    seen = []
-    sf.iterate(body, [1, 0.5], 0.2, 10, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (10, 10)
+def test_progress(body, capsys, small_parts):
+    seen, omega = [], np.ones((70, 2))
+    sf.iterate(body, omega, 0.2, 700, method="ds2", progress=lambda *n: seen.append(n))
+    assert len(seen) > 4
+    assert seen == sorted(seen)
+    sf.iterate(body, omega, 0.2, 700, progress=lambda *n: seen.append(n))  # the closed form
+    assert seen[-2:] == [(700, 700)] * 2
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err

@@ -27,6 +27,9 @@ def group(folder, bound, used, cached):
     }
 
 
+OWN = group(GROUPS + "/a/b", 8 * GB, GB, 0)
+
+
 @pytest.mark.parametrize(
     ("files", "expected"),
     [
@@ -39,13 +42,10 @@ def group(folder, bound, used, cached):
         (LINUX | group(GROUPS, 8 * GB, 9 * GB, 0), 0),
         (LINUX | group(GROUPS, 99 * GB, 0, 0), 16 * GB),
         # The cgroup and its parents; a container sees only the root.
-        (INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0), 7 * GB),
+        (INSIDE | OWN, 7 * GB),
         (INSIDE | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
         (INSIDE | group(GROUPS, 2 * GB, GB, 0), GB),
-        (
-            INSIDE | group(GROUPS + "/a/b", 8 * GB, GB, 0) | group(GROUPS + "/a", 4 * GB, GB, 0),
-            3 * GB,
-        ),
+        (INSIDE | OWN | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
     ],
 )
 def test_available(files, expected):

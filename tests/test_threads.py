@@ -1,11 +1,11 @@
 """Threads, forks, Ctrl-C and progress."""
 
-import functools
 import os
 import random
 import signal
 import textwrap
 import threading
+from types import SimpleNamespace
 
 import children
 import numba
@@ -125,86 +125,50 @@ def test_forks_leave_the_parent_its_threads():
     )
 
 
-class Idle:
-    """An empty loop, so that signals arrive in the surrounding code."""
-
-    def parallel(self, count):
-        pass
-
-    def serial(self):
-        pass
+class Alarm(Exception):
+    pass
 
 
-@pytest.fixture
-def alarm():
-    """A function that sends a signal after some seconds, and the exception of its handler."""
-
-    class Alarm(Exception):
-        pass
-
-    def raise_alarm(signum, frame):
-        raise Alarm
-
-    before = signal.signal(signal.SIGALRM, raise_alarm)
-    yield functools.partial(signal.setitimer, signal.ITIMER_REAL), Alarm
-    signal.setitimer(signal.ITIMER_REAL, 0)
-    signal.signal(signal.SIGALRM, before)
+def raise_alarm(signum, frame):
+    raise Alarm
 
 
 @needs_two_threads
 @pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
-def test_signals_at_random_moments(alarm):
+def test_signals_at_random_moments():
     """The lock is released wherever the handler of a signal raises."""
-    send, Alarm = alarm
-    chance = random.Random(1)
-    numba.set_num_threads(1)
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
+    idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
     try:
         for _ in range(2_000):
             try:
-                send(chance.uniform(1e-6, 3e-5), 1.0)
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
-                    threads.run(Idle(), threads.CROSSOVER, 2)
+                    threads.run(idle, threads.CROSSOVER, 2)
             except Alarm:
-                send(0)
+                signal.setitimer(signal.ITIMER_REAL, 0)
             assert not threads._owned()
     finally:
-        numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
-def test_a_handler_that_computes():
-    """A handler may call a kernel during a parallel call: the kernel runs serially."""
+def test_a_call_during_a_parallel_call_is_serial():
+    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
     calls = []
+    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
 
-    class Inner:
-        def serial(self):
-            calls.append("serial")
+    def parallel(count):
+        threads.run(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.run, args=(inner, threads.CROSSOVER, None))
+        other.start()
+        other.join()
+        calls.append("parallel")
 
-    class Outer:
-        def parallel(self, count):
-            threads.run(Inner(), threads.CROSSOVER, 2)
-            calls.append("parallel")
-
-    threads._parallel(Outer(), None, ())
-    assert calls == ["serial", "parallel"]
+    threads._parallel(SimpleNamespace(parallel=parallel), None, ())
+    assert calls == ["serial", "serial", "parallel"]
     assert not threads._owned()
-
-
-def test_a_second_parallel_call_runs_serially():
-    calls = []
-
-    class Second:
-        def serial(self):
-            calls.append("serial")
-
-    class First:
-        def parallel(self, count):
-            other = threading.Thread(target=threads.run, args=(Second(), threads.CROSSOVER, None))
-            other.start()
-            other.join()
-
-    threads._parallel(First(), None, ())
-    assert calls == ["serial"]
 
 
 @pytest.mark.compiled
@@ -215,31 +179,28 @@ def test_ctrl_c():
         """
         import os, signal, threading
         for size, save_every in ((1, None), (2000, 2 * 10**9)):
-            seen, seen_before, ready = [0], [], threading.Event()
+            seen, before = [0], []
+
+            def interrupt():
+                before.append(len(seen))
+                os.kill(os.getpid(), signal.SIGINT)
 
             def progress(done, total):
                 seen.append(done)
                 if len(seen) == 6:
-                    ready.set()
+                    threading.Thread(target=interrupt).start()
 
-            def interrupt():
-                ready.wait()
-                seen_before.append(len(seen))
-                os.kill(os.getpid(), signal.SIGINT)
-
-            thread = threading.Thread(target=interrupt)
-            thread.start()
             try:
                 sf.iterate(body, np.ones((size, 2)), 0.2, 10**13, save_every=save_every,
                            method="canonical", progress=progress)
             except KeyboardInterrupt:
-                print(len(seen) - seen_before[0], max(np.diff(seen)) * size)
-            thread.join()
+                print(len(seen) - before[0], max(np.diff(seen)) * size)
         """
     )
-    measured = [tuple(map(int, line.split())) for line in output.splitlines()]
-    assert len(measured) == 2
-    for returns, steps in measured:
+    lines = output.splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        returns, steps = map(int, line.split())
         assert returns <= 2
         assert steps < 2**33  # about a second on the fastest machines
 

@@ -24,7 +24,6 @@ BAD_BODIES = [
     ({"I1": 5e-324, "I2": 1.7e308}, ValueError, "I1, I2: expected moments within"),
 ]
 BAD_ARGUMENTS = [
-    ({"body": (4, 1, -0.5, -0.3)}, TypeError, "body: expected Suslov3D or SuslovND or SuslovGyrostat, got tuple"),
     ({"omega0": [1, INF]}, ValueError, r"omega0: expected finite .* got inf at index \(1,\)"),
     ({"omega0": 1.0}, ValueError, r"omega0: expected shape \(..., 2\), got \(\)"),
     ({"omega0": ["a", "b"]}, TypeError, r"omega0: expected real numbers, got \['a', 'b'\]"),
@@ -35,23 +34,19 @@ BAD_ARGUMENTS = [
     ({"omega0": np.array(["2020-01-01"] * 2, "M8[D]")}, TypeError, "omega0: expected real numbers"),
     ({"omega0": np.ma.masked_less([1.0, -1.0], 0)}, ValueError, "masked array with missing values"),
     ({"eps": NAN}, ValueError, "eps: expected finite real numbers, got nan"),
-    ({"eps": "0.1"}, TypeError, "eps: expected real numbers, got '0.1'"),
     ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), omega0 \(2,\), eps \(3,\)"),
     ({"steps": -1}, ValueError, "steps: expected an integer of at least 0, got -1"),
     ({"steps": 10.0}, TypeError, "steps: expected an integer of at least 0, got 10.0 of type float"),
     ({"steps": True}, TypeError, "steps: expected an integer of at least 0, got True of type bool"),
     ({"steps": 2**64}, ValueError, r"steps: expected an integer below 2\*\*62, got 18446744073709"),
     ({"steps": 2**61, "out": None}, MemoryError, r"arrays that fit in memory, .* the saved states are \(2305843009213693953, 2, 2"),
-    ({"steps": [10]}, TypeError, r"steps: .* got \[10\] of type list"),
     ({"save_every": 0}, ValueError, "save_every: expected None or an integer of at least 1, got 0"),
     ({"save_every": 1.5}, TypeError, "save_every: expected None or an integer .* got 1.5"),
     ({"method": "rk4"}, ValueError, "method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'"),
-    ({"method": None}, ValueError, "method: expected one of .* got None"),
     ({"attitude": 1}, ValueError, r"attitude: expected shape \(..., 3\), got \(\)"),
     ({"attitude": np.ones((3, 3))}, ValueError, "attitude: expected rotation matrices, got"),
     ({"attitude": np.full((3, 3), NAN)}, ValueError, "attitude: expected finite real numbers, got nan"),
     ({"attitude": np.stack([np.eye(3)] * 5)}, ValueError, r"broadcast .* attitude \(5,\)"),
-    ({"threads": 0}, ValueError, "threads: expected None or an integer from 1 to .* got 0"),
     ({"threads": 10**6}, ValueError, "threads: expected None or an integer from 1 to .* got 1000000"),
     ({"threads": 1.5}, TypeError, "threads: expected None or an integer from 1 to .* got 1.5"),
     ({"on_singular": "stop"}, ValueError, "on_singular: expected one of 'warn', .* got 'stop'"),
@@ -106,9 +101,6 @@ def test_unusual_numbers_are_welcome(body):
     for omega in ([Fraction(1, 2), 2], np.array([0.5, 2], np.longdouble), np.float16([0.5, 2])):
         assert (sf.iterate(body, omega, Fraction(1, 4), np.int8(2)).final == expected).all()
     assert sf.criticality(body, [0.5, 2], Fraction(1, 4)) == sf.criticality(body, [0.5, 2], 0.25)
-
-
-def test_long_doubles_beyond_float64(body):
     if np.finfo(np.longdouble).max > np.finfo(np.float64).max:
         with pytest.raises(ValueError, match="expected finite real numbers, got inf"):
             sf.step(body, [np.longdouble("1e400"), 1], 0.1)
@@ -132,10 +124,15 @@ class Magnitude:
         return np.asarray(self.magnitude, dtype)
 
 
+class Quantity(float):
+    units = "ms"
+
+
 WITH_UNITS = [
     (lambda value: np.array(value).view(WithUnit), r"got WithUnit in ms: .*\.to\(\.\.\.\)\.value"),
     (Magnitude, r"got Magnitude in ms: .*\.to\(\.\.\.\)\.magnitude"),
     (lambda value: [Magnitude(each) for each in np.atleast_1d(value)], "got Magnitude in ms"),
+    (lambda value: np.full(np.shape(value), Quantity(1), object), "got Quantity in ms"),
 ]
 
 
@@ -167,29 +164,21 @@ def frame(**columns):
 
 
 LABELS = [
-    (lambda: labelled(("component", "start")), ValueError, r"got \('component', 'start'\): .*tran"),
-    (lambda: labelled(("start", "n"), n=[0, 1]), ValueError, r"got \('start', 'n'\)"),
-    (
-        lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]),
-        ValueError,
-        "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'.",
-    ),
-    (lambda: labelled(("start", "component"), component=[1, 0]), ValueError, "in order, got"),
-    (lambda: labelled(("start", "axis"), axis=["y", "x"]), ValueError, "in order, got .'y', 'x'."),
-    (lambda: frame(Omega2=[1.0, 2.0], Omega1=[2.0, 3.0]), TypeError, "got DataFrame, .*to_numpy"),
-    (
-        lambda: frame(a=[1.0, 2.0]).set_index([["Omega2", "Omega1"]])["a"],
-        ValueError,
-        "in order, got",
-    ),
-]
+    (lambda: labelled(("component", "start")), r"got \('component', 'start'\): .*tran"),
+    (lambda: labelled(("start", "n"), n=[0, 1]), r"got \('start', 'n'\)"),
+    (lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]), "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'."),
+    (lambda: labelled(("start", "component"), component=[1, 0]), "in order, got"),
+    (lambda: labelled(("start", "axis"), axis=["y", "x"]), "in order, got .'y', 'x'."),
+    (lambda: frame(Omega2=[1.0, 2.0], Omega1=[2.0, 3.0]), "got DataFrame, .*to_numpy"),
+    (lambda: frame(a=[1.0, 2.0]).set_index([["Omega2", "Omega1"]])["a"], "in order, got"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("omega", "error", "message"), LABELS)
-def test_conflicting_labels(body, omega, error, message):
+@pytest.mark.parametrize(("omega", "message"), LABELS)
+def test_conflicting_labels(body, omega, message):
     value = omega()
     for call in (lambda: sf.step(body, value, 0.2), lambda: sf.energy(body, value)):
-        with pytest.raises(error, match=f"omega: .*{message}"):
+        with pytest.raises((TypeError, ValueError), match=f"omega: .*{message}"):
             call()
 
 
@@ -241,19 +230,6 @@ def test_labels_that_cannot_be_honoured():
         sf.step(body, starts, sizes.assign_coords(a=["q", "p"]))
     same = sf.step(body, starts, sizes.assign_coords(a=["p", "q"]))
     assert (same == sf.step(body, OMEGA, sizes.values)).all()
-    with pytest.raises(
-        ValueError, match=r"time: expected values without labels, .* the axes \('a',\)"
-    ):
+    with pytest.raises(ValueError, match=r"time: .* without labels, .* the axes \('a',\)"):
         sf.flow(body, starts, sizes)
     assert sf.flow(body, starts, sizes.rename(a="time")).shape == (2, 2, 2)
-
-
-@pytest.mark.parametrize("shape", [(), (2,)])
-def test_units_in_arrays_of_objects(body, shape):
-    class Quantity(float):
-        units = "ms"
-
-    sizes = np.empty(shape, object)
-    sizes[...] = Quantity(0.2)
-    with pytest.raises(TypeError, match="eps: expected numbers without a unit, got Quantity in ms"):
-        sf.step(body, [1.0, 0.5], sizes)

@@ -18,32 +18,12 @@ def exactly(*numbers):
     return [mpf(number) for number in numbers]
 
 
-def ds1(I1, I2, I13, I23, eps, omega, following):
-    """Residuals of the two equations (4)."""
-    (w1, w2), (v1, v2) = omega, following
-    return [
-        I1 * (v1 - w1) - eps * (-I13 / 2 * (v1 * w2 + w1 * v2) - I23 * w2 * v2),
-        I2 * (v2 - w2) - eps * (I23 / 2 * (v1 * w2 + w1 * v2) + I13 * w1 * v1),
-    ]
-
-
 def ds(I1, I2, I13, I23, eps, I3, omega, following):
     """Residuals of the three equations (3)."""
     (w1, w2, w3), (v1, v2, v3) = omega, following
-    right1 = (
-        I2 / 2 * (v2 * w3 + w2 * v3)
-        + I23 * w3 * v3
-        - I3 / 2 * (v2 * w3 + w2 * v3)
-        - I13 / 2 * (v1 * w2 + w1 * v2)
-        - I23 * w2 * v2
-    )
-    right2 = (
-        I3 / 2 * (v1 * w3 + w1 * v3)
-        - I13 * w3 * v3
-        - I1 / 2 * (v1 * w3 + w1 * v3)
-        + I23 / 2 * (v1 * w2 + w1 * v2)
-        + I13 * w1 * v1
-    )
+    of12, of13, of23 = (v1 * w2 + w1 * v2) / 2, (v1 * w3 + w1 * v3) / 2, (v2 * w3 + w2 * v3) / 2
+    right1 = I2 * of23 + I23 * w3 * v3 - I3 * of23 - I13 * of12 - I23 * w2 * v2
+    right2 = I3 * of13 - I13 * w3 * v3 - I1 * of13 + I23 * of12 + I13 * w1 * v1
     return [
         I1 * (v1 - w1) + I13 * (v3 - w3) - eps * right1,
         I2 * (v2 - w2) + I23 * (v3 - w3) - eps * right2,
@@ -51,11 +31,14 @@ def ds(I1, I2, I13, I23, eps, I3, omega, following):
     ]
 
 
+def ds1(I1, I2, I13, I23, eps, omega, following):
+    """Residuals of the two equations (4), which are equations (3) with Omega3 = 0."""
+    return ds(I1, I2, I13, I23, eps, 0, [*omega, 0], [*following, 0])[:2]
+
+
 def solve_affine(residual, dimension, number=mpf):
     """Find the zero of an affine function by elimination; None if there is not exactly one."""
-    zero = [number(0)] * dimension
-    constant = residual(zero)
-    columns = []
+    constant, columns = residual([number(0)] * dimension), []
     for j in range(dimension):
         unit = [number(int(i == j)) for i in range(dimension)]
         columns.append([v - c for v, c in zip(residual(unit), constant, strict=True)])

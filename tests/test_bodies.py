@@ -139,21 +139,6 @@ def test_an_adapted_basis_is_kept(axis, I1):
     assert (rotation == np.eye(3)).all()
 
 
-def test_the_motion_does_not_depend_on_the_basis(rng):
-    """Angular velocities rotate with the body and its axis."""
-    inertia, axis = random_inertia(rng), rng.normal(size=3)
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    turn *= np.sign(np.linalg.det(turn))
-    first, to_first = sf.Suslov3D.from_inertia(inertia, axis)
-    second, to_second = sf.Suslov3D.from_inertia(adapted(turn, inertia), turn @ axis)
-    omega = to_first.T @ [0.3, 0.4, 0.0]
-    end = to_first.T @ [*sf.iterate(first, (to_first @ omega)[:2], 0.1, 20).final, 0]
-    start = to_second @ turn @ omega
-    assert abs(start[2]) < 1e-14
-    same_end = to_second.T @ [*sf.iterate(second, start[:2], 0.1, 20).final, 0]
-    np.testing.assert_allclose(turn @ end, same_end, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("inertia", "axis", "message"),
     [

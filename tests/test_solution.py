@@ -161,19 +161,13 @@ def test_far_along_orbits_from_next_to_the_repelling_half(rng, n, X):
         assert naive.energy_error(parameters[:2], computed, exact) < 3e-15
 
 
-# A component that grows from 1e-300 to the order of 1 and falls below 1e-270, and one that decays
-# to 1e-236 from X = 0.02, Y = 1/2, like r**n.
-DIGITS = [
-    *(([1.5, 1e-300], n) for n in (600, 900, 1200, 1500, 1900)),
-    *(([2 / 0.9, 0.04 / 0.45], n) for n in (200, 500)),
-]
-
-
-@pytest.mark.parametrize(("omega", "n"), DIGITS)
-def test_small_components_keep_their_digits(omega, n):
-    exact = naive.far_state(2, 1, 0.0, 0.5, 0.9, omega, n)
-    computed = sf.exact(sf.Suslov3D(2, 1, 0.0, 0.5), omega, 0.9, n)
-    assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
+def test_small_components_keep_their_digits():
+    """They grow from 1e-300 to the order of 1 and fall below 1e-270, and decay to 1e-236."""
+    for omega, n in (([1.5, 1e-300], [600, 900, 1500, 1900]), ([2 / 0.9, 0.04 / 0.45], [200, 500])):
+        states = sf.exact(sf.Suslov3D(2, 1, 0.0, 0.5), omega, 0.9, n)
+        for each, computed in zip(n, states, strict=True):
+            exact = naive.far_state(2, 1, 0.0, 0.5, 0.9, omega, each)
+            assert all(abs(c / e - 1) < 2e-15 for c, e in zip(computed, exact, strict=True))
 
 
 @pytest.mark.parametrize("spread", [1, 5])
@@ -205,14 +199,11 @@ def test_limits_of_the_undefined_state(unit):
 
 
 @pytest.mark.parametrize("scale", [1e-14, 1e-90, 1e-120, 1e-145])
-def test_slow_orbits_reach_their_limits(scale):
+def test_slow_orbits_reach_their_limits(unit, scale):
     """An orbit with tiny steps follows the flow and has its limits."""
-    body, n = sf.Suslov3D(1, 1, 1, 0), 50.0
-    expected = sf.flow(body, [1.0, 1.0], n)
-    np.testing.assert_allclose(
-        sf.exact(body, [scale, scale], 1.0, n / scale) / scale, expected, rtol=1e-12, atol=1e-14
-    )
-    ends = np.array(sf.limits(body, [scale, scale], 1.0)) / scale
+    states = sf.exact(unit, [scale, scale], 1.0, 50 / scale) / scale
+    np.testing.assert_allclose(states, sf.flow(unit, [1.0, 1.0], 50), rtol=1e-12, atol=1e-14)
+    ends = np.array(sf.limits(unit, [scale, scale], 1.0)) / scale
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
 
 

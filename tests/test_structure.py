@@ -16,13 +16,12 @@ import suslov_fast
 PACKAGE = Path(suslov_fast.__file__).parent
 
 
-def module_name(path):
-    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+def parts_of(path):
+    return [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
 
 
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
-FILES = {module_name(path): path for path in TEXTS}
+FILES = {".".join(parts_of(path)).removesuffix(".__init__"): path for path in TEXTS}
 NODES = {path: list(ast.walk(ast.parse(text))) for path, text in TEXTS.items()}
 FORMULAS, KERNELS = (
     [path for path in TEXTS if path.parent.name == layer] for layer in ("_formulas", "_kernels")
@@ -75,8 +74,7 @@ def test_kernels_allocate_nothing():
 
 
 def importing(path):
-    """Yield the modules of the package that a file imports, except those for type checkers only."""
-    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
+    """Yield the modules that a file imports from, except those for type checkers only."""
     checking = {
         id(inner)
         for node in NODES[path]
@@ -85,13 +83,11 @@ def importing(path):
     }
     for node in NODES[path]:
         if isinstance(node, ast.ImportFrom) and id(node) not in checking:
-            base = parts[: len(parts) - node.level] if node.level else []
-            base = [*base, *(node.module or "").split(".")] if node.module else base
+            base = parts_of(path)[: -node.level] if node.level else []
+            base += filter(None, [node.module])
             for alias in node.names:
                 whole = ".".join([*base, alias.name])
-                module = whole if whole in FILES else ".".join(base)
-                if module in FILES:
-                    yield module
+                yield whole if whole in FILES else ".".join(base)
 
 
 # Layers from the bottom up: a module imports only from its own layer and those below.
@@ -105,10 +101,11 @@ EXCEPTIONS = {("_runs", "_show")}
 
 def test_imports_follow_the_layers_without_cycles():
     """Indirect imports and imports in functions count, too; any module may import the version."""
-    graph = {name: set(importing(path)) - {PACKAGE.name} for name, path in FILES.items()}
+    ours = FILES.keys() - {PACKAGE.name}
+    graph = {name: ours & set(importing(path)) for name, path in FILES.items()}
     assert sum(map(len, graph.values())) > 100
     graphlib.TopologicalSorter(graph).prepare()
-    for name in graph.keys() - {PACKAGE.name}:
+    for name in ours:
         own = name.split(".")[1]
         for other in {each.split(".")[1] for each in graph[name]} - {own}:
             down = LAYERS.index(other) < LAYERS.index(own)

@@ -84,11 +84,9 @@ def test_momentum_in_the_body_obeys_its_equation(case):
     """M' = M x Omega + lambda a, and M' = [M, Omega] + Lambda."""
     body, omega0 = case
     h = 1e-5
-    slope = sf.vector_field(body, omega0)
-    forward, backward = (
-        sf.momentum(body, np.add(omega0, sign * h * slope)) for sign in (1.0, -1.0)
-    )
-    derivative = (forward - backward) / (2 * h)
+    moved = h * sf.vector_field(body, omega0)
+    ends = [sf.momentum(body, omega0 + sign * moved) for sign in (1, -1)]
+    derivative = (ends[0] - ends[1]) / (2 * h)
     M = sf.momentum(body, omega0)
     if len(omega0) == 2:
         expected = np.cross(M, sf.to_vector(body, omega0))
@@ -105,16 +103,15 @@ def test_in_space(case):
     run = sf.iterate(body, [omega0, np.negative(omega0)], 0.1, 20)
     R = sf.attitude(body, run.omega, 0.1)
     Rt = R.swapaxes(-2, -1)
-    in_space = sf.to_matrix(body, run.omega, attitude=R)
-    np.testing.assert_allclose(in_space, R @ sf.to_matrix(body, run.omega) @ Rt, atol=1e-14)
-    M = sf.momentum(body, run.omega)
-    if len(omega0) == 2:
-        expected = (R @ sf.to_vector(body, run.omega)[..., None])[..., 0]
-        np.testing.assert_allclose(sf.to_vector(body, run.omega, attitude=R), expected, atol=1e-14)
-        expected = (R @ M[..., None])[..., 0]
-    else:
-        expected = R @ M @ Rt
-    np.testing.assert_allclose(sf.momentum(body, run.omega, attitude=R), expected, atol=1e-13)
+    vector = len(omega0) == 2
+    for function, of_vectors in (
+        (sf.to_matrix, False),
+        (sf.momentum, vector),
+        *([(sf.to_vector, True)] if vector else []),
+    ):
+        v = function(body, run.omega)
+        expected = (R @ v[..., None])[..., 0] if of_vectors else R @ v @ Rt
+        np.testing.assert_allclose(function(body, run.omega, attitude=R), expected, atol=1e-13)
 
 
 def test_nan_in_any_basis(case, rng):

@@ -74,10 +74,7 @@ def test_poles(rng, along, rounded):
 
 
 def test_poles_in_n_dimensions(rng):
-    """A pivot of the size of its rounding errors counts as zero; a larger one does not.
-
-    With two variables, the map is that of three dimensions.
-    """
+    """A pivot of the size of its rounding errors counts as zero; a larger one does not."""
     I, x = rng.uniform(0.5, 4, 200), 10 ** rng.uniform(0, 5, 200)
     body = sf.SuslovND(np.column_stack([np.ones(200), I]), [-1.0, 0.0])
     omega = np.column_stack([-(2 * I + x * x), -x])
@@ -143,19 +140,16 @@ def test_supercritical_orbits(unit, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    "omega", [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155], [-1e300, 1e290], [1e200, 0]]
-)
-@pytest.mark.parametrize("one", [False, True])
-def test_overflow(body, unit, method, omega, one):
+def test_overflow(body, unit, method):
     """Division by an overflowed denominator does not give 0."""
-    body = unit if one else body
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 trajectories: non-finite step"):
-        result = sf.iterate(body, [omega, HEALTHY], 1, 5, method=method)
-    assert result.status.tolist() == [sf.Status.NONFINITE, sf.Status.OK]
-    assert result.failed_at.tolist() == [1, -1]
-    assert np.isnan(result.omega[1:, 0]).all()
-    assert (result.omega[:, 1] == sf.iterate(body, HEALTHY, 1, 5, method=method).omega).all()
+    large = [[1e200, 1e200], [1e160, 0.5], [1e155, 1e155], [-1e300, 1e290], [1e200, 0]]
+    for each in (body, unit):
+        with pytest.warns(sf.SingularStepWarning, match="5 of 6 trajectories: non-finite step"):
+            result = sf.iterate(each, [*large, HEALTHY], 1, 5, method=method)
+        assert result.status.tolist() == [sf.Status.NONFINITE] * 5 + [sf.Status.OK]
+        assert result.failed_at.tolist() == [1] * 5 + [-1]
+        assert np.isnan(result.omega[1:, :5]).all()
+        assert (result.omega[:, 5] == sf.iterate(each, HEALTHY, 1, 5, method=method).omega).all()
 
 
 def test_the_closed_form_beyond_float64(unit):

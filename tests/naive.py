@@ -5,6 +5,7 @@ coefficients are found by evaluating the equations. Equation numbers are those o
 """
 
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 
 import mpmath
@@ -67,7 +68,7 @@ def rational_step(I1, I2, I13, I23, eps, omega):
 
 def orbit(I1, I2, I13, I23, eps, omega, steps):
     """States 0 to `steps`."""
-    return iterated(lambda state: step(I1, I2, I13, I23, eps, state), omega, steps)
+    return iterated(partial(step, I1, I2, I13, I23, eps), omega, steps)
 
 
 def iterated(step, omega, steps):
@@ -212,18 +213,13 @@ def flow(I1, I2, I13, I23, omega, time, steps=40):
 
 def derivative(function, state, digits=20):
     """Derivative of a function of vectors, by central differences."""
-    h, columns = mpf(10) ** -digits, []
+    h, columns, state = mpf(10) ** -digits, [], exactly(*state)
     for j in range(len(state)):
         after, before = (
             function([w + sign * h * (i == j) for i, w in enumerate(state)]) for sign in (1, -1)
         )
         columns.append([(a - b) / (2 * h) for a, b in zip(after, before, strict=True)])
     return list(zip(*columns, strict=True))
-
-
-def jacobian(I1, I2, I13, I23, eps, omega):
-    """Derivative of the map, by central differences in 60 digits."""
-    return derivative(lambda state: step(I1, I2, I13, I23, eps, state), exactly(*omega))
 
 
 def quotient(eps, omega, following):
@@ -275,10 +271,6 @@ def step_nd(J, I, eps, omega):
     return solve_affine(lambda v: dsn(J, I, eps, omega, v), len(J))
 
 
-def jacobian_nd(J, I, eps, omega):
-    return derivative(lambda state: step_nd(J, I, eps, state), exactly(*omega))
-
-
 def energy_nd(J, omega):
     """Half the sum of J_i Omega_i**2."""
     return sum(i * w**2 for i, w in zip(exactly(*J), exactly(*omega), strict=True)) / 2
@@ -313,7 +305,7 @@ def reaction_nd(J, I, omega, following, derivative):
 
 
 def orbit_nd(J, I, eps, omega, steps):
-    return iterated(lambda state: step_nd(J, I, eps, state), omega, steps)
+    return iterated(partial(step_nd, J, I, eps), omega, steps)
 
 
 @mp.workdps(700)

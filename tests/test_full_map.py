@@ -1,5 +1,7 @@
 """The scheme with three components, before Omega3 is set to 0."""
 
+from functools import partial
+
 import naive
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ def test_against_the_printed_scheme(rng):
         parameters = (*rng.uniform(0.5, 4, 2), *rng.normal(size=2))
         eps, I3, omega = rng.choice([-0.3, 0.3]), rng.uniform(0.5, 4), rng.normal(size=3)
         orbit = run(sf.Suslov3D(*parameters), omega, eps, 6, I3).omega
-        exact = naive.iterated(lambda w, p=(*parameters, eps, I3): naive.step_full(*p, w), omega, 6)
+        exact = naive.iterated(partial(naive.step_full, *parameters, eps, I3), omega, 6)
         assert naive.worst_error(orbit, exact) < 2e-13
 
 
@@ -155,6 +157,6 @@ def test_poles_to_rounding(rng):
 
 def determinant(body, state):
     """Determinant of the two linear equations for the next Omega1 and Omega2."""
-    body, (w1, w2, w3) = naive.exactly(*body), naive.exactly(*state)
-    rows = naive.derivative(lambda v: naive.ds(*body, [w1, w2, w3], [*v, -w3])[:2], [w1, w2])
+    body, state = naive.exactly(*body), naive.exactly(*state)
+    rows = naive.derivative(lambda v: naive.ds(*body, state, [*v, -state[2]])[:2], state[:2])
     return naive.mpmath.det(naive.mpmath.matrix(rows))

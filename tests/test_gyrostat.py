@@ -1,5 +1,7 @@
 """Step and quantities of the gyrostat against its implicit equations in 60 digits."""
 
+from functools import partial
+
 import mpmath
 import naive
 import numpy as np
@@ -47,9 +49,7 @@ def test_against_the_implicit_equations(rng):
         following = exact_step(parameters, omega)
         stretch = 1 + float(mpmath.norm(following)) / np.hypot(*omega)
         assert naive.relative_error(run(parameters, omega, 1).final, following) < 1e-14 * stretch
-        derivative = naive.derivative(
-            lambda state, p=parameters: exact_step(p, state), naive.exactly(*omega)
-        )
+        derivative = naive.derivative(partial(exact_step, parameters), omega)
         assert error(sf.jacobian(body, omega, eps), derivative) < 1e-14 * stretch**2
         I1, I2 = naive.exactly(*parameters[:2])
         l, (w1, w2) = rotor(parameters, omega), omega
@@ -69,8 +69,6 @@ def test_long_orbits(k, products):
     exact, orbit = exact_orbit(parameters, [1.1, -0.4], 120)[-1], run(parameters, [1.1, -0.4], 120)
     assert naive.relative_error(orbit.final, exact) < 3e-13
     np.testing.assert_allclose(orbit.first_integral(), orbit.first_integral()[0], rtol=1e-13)
-    with pytest.raises(TypeError, match=r"expected .* got"):
-        sf.multipliers(orbit.body, 1.0, 0.35)
 
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-12, 1e-15])

@@ -177,11 +177,8 @@ def energy_error(J, computed, exact):
 
 def vector_field(I1, I2, I13, I23, omega):
     """The first two equations (2), solved for the derivative."""
-    w1, w2 = omega
-    return [
-        (-I13 * w1 * w2 - I23 * w2 * w2) / I1,
-        (I13 * w1 * w1 + I23 * w1 * w2) / I2,
-    ]
+    (w1, w2), (I1, I2, I13, I23) = exactly(*omega), exactly(I1, I2, I13, I23)
+    return (-I13 * w1 * w2 - I23 * w2 * w2) / I1, (I13 * w1 * w1 + I23 * w1 * w2) / I2
 
 
 def taylor(rates, state, time, steps, order):

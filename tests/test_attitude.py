@@ -37,8 +37,7 @@ def test_results_do_not_depend_on_save_every(rng, body, method, m):
     """With a named method, states and orientations do not depend on `save_every`."""
     body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m)) if m else body
     omega = rng.normal(size=(9, body.dimension))
-    n = body.dimension + 1
-    start = np.linalg.qr(rng.normal(size=(9, n, n)))[0]
+    start = np.linalg.qr(rng.normal(size=(9, body.dimension + 1, body.dimension + 1)))[0]
     start[:, 0] *= np.linalg.det(start)[:, None]
     options = {"method": method, "attitude": start}
     every = sf.iterate(body, omega, 0.2, 300, **options)
@@ -155,13 +154,12 @@ def test_states_of_iterate_are_accepted(rng, method, n, size):
     """`attitude` accepts all states of `iterate`, in any regime and unit, and next to poles."""
     if n is None:
         products = rng.normal(size=(2, size)) * rng.choice([0, 1], size)
-        body, range_ = sf.Suslov3D(*10 ** rng.uniform(-4, 4, (2, size)), *products), 6
+        body, decades = sf.Suslov3D(*10 ** rng.uniform(-4, 4, (2, size)), *products), 6
     else:
         I = rng.normal(size=(size, n - 1))
-        body, range_ = sf.SuslovND(10 ** rng.uniform(-2, 2, I.shape), I), 3
-    speed = 10 ** rng.uniform(-range_, range_, (size, 1))
-    omega0 = rng.normal(size=(size, body.dimension)) * speed
-    eps = rng.choice([-1.0, 1.0], size) * 10 ** rng.uniform(-range_, range_, size)
+        body, decades = sf.SuslovND(10 ** rng.uniform(-2, 2, I.shape), I), 3
+    speed, eps = 10 ** rng.uniform(-decades, decades, (2, size)) * rng.choice([-1, 1], (2, size))
+    omega0 = rng.normal(size=(size, body.dimension)) * speed[:, None]
     run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
     R = sf.attitude(body, run.omega, eps)
     assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()

@@ -23,23 +23,12 @@ def closed_form(I1, I2, I13, I23):
     return 2 * mpmath.asin(mpmath.sqrt(square)), float(alpha + beta + abs(gamma))
 
 
-@pytest.mark.parametrize("parameters", [(4, 1, -0.5, -0.3), (1, 3, 0.7, 1.9), (2, 2, 1.5, -2.5)])
+@pytest.mark.parametrize("parameters", [(4, 1, -0.5, -0.3), (4, 2, 0, -1.2), (2, 2, 1.5, -2.5)])
 @pytest.mark.sampled(1)
 def test_against_long_integration(parameters):
     """Poisson equations integrated with the exact flow, truncated at an error of about 1e-17."""
     expected = naive.scattering_angle(*parameters)
     assert abs(mpf(float(sf.scattering_angle(sf.Suslov3D(*parameters)))) - expected) < 4e-15
-
-
-def test_the_closed_form_of_the_reference():
-    """sin(angle / 2) = |cos(pi sqrt(beta**2 - alpha**2) / 2)| / cosh(pi alpha / 2) if gamma = 0."""
-    for I1, I2, I13, I23 in ((4, 2, 0, -1.2), (4, 2, 1.7, 0), (3, 3, 2, -1.1)):
-        k = np.hypot(I13, I23)
-        alpha, beta = I1 * I2 * k / (I13**2 * I2 + I23**2 * I1), np.sqrt(I1 * I2) / k
-        root = np.emath.sqrt(beta**2 - alpha**2)
-        sine = np.cos(np.pi * root / 2).real / np.cosh(np.pi * alpha / 2)
-        angle = sf.scattering_angle(sf.Suslov3D(I1, I2, I13, I23))
-        np.testing.assert_allclose(np.sin(angle / 2), abs(sine), rtol=1e-13)
 
 
 positive = st.floats(1e-3, 1e3)

@@ -207,24 +207,6 @@ def test_slow_orbits_reach_their_limits(unit, scale):
     np.testing.assert_allclose(ends, [[0, -np.sqrt(2)], [0, np.sqrt(2)]], rtol=1e-13, atol=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("omega", "steps"),
-    [([-2e5, 3.3e5], 1000), ([-2e12, 3.3e12], 600), ([-2e59, 3.3e59], 300), ([3e59, 1e59], 60)],
-)
-@pytest.mark.sampled(2)
-def test_far_above_criticality(body, omega, steps):
-    """All states are accurate, except next to the pole, where the map amplifies rounding errors."""
-    with naive.mp.workdps(200):
-        exact = naive.orbit(4, 1, -0.5, -0.3, 0.2, omega, steps)
-        run = sf.iterate(body, omega, 0.2, steps)
-        errors = np.array(list(map(naive.relative_error, run.omega, exact)))
-    assert np.sort(errors)[-3] < 5e-13
-    assert errors[-1] < 2e-15
-    last = sf.iterate(body, omega, 0.2, steps, save_every=None)
-    assert naive.relative_error(last.final, exact[-1]) < 2e-15
-    assert run.status == last.status == sf.Status.SUPERCRITICAL
-
-
 @pytest.mark.parametrize("power", [16, 20])
 def test_bodies_in_which_y_cancels(power):
     """Parameters have one decimal, and y = 0 up to the rounding of the decimals."""
@@ -265,8 +247,6 @@ def test_poles_in_fractions(parameters, x):
         run = sf.iterate(body, omega, 1, 9, method=method, on_singular="ignore")
         assert (run.status, run.failed_at) == (sf.Status.SINGULAR, 1)
         assert np.isnan(run.omega[1:]).all()
-    with pytest.warns(sf.SingularStepWarning):
-        assert np.isnan(sf.step(body, omega, 1)).all()
     # State 2 is the limit from both sides; the others are iterated from state 2 or the pole.
     sides = []
     for h in (Fraction(1, 10**40), -Fraction(1, 10**40)):
@@ -286,11 +266,6 @@ def test_poles_in_fractions(parameters, x):
         assert np.flatnonzero(np.isnan(states[:, 0])).tolist() == [4]
         for k, state_k in expected.items():
             np.testing.assert_allclose(states[k + 3], state_k, rtol=1e-12, atol=1e-13)
-    I1, I2, I13, I23 = parameters
-    D = I13**2 * I2 + I23**2 * I1
-    size = 2 * np.sqrt(I1 * I2 / D * float(naive.first_integral(*parameters, 1, omega)))
-    expected = size * np.array([[I23, -I13], [-I23, I13]])
-    np.testing.assert_allclose(sf.limits(body, omega, 1), expected, rtol=1e-14)
 
 
 def test_runs_past_their_pole(unit, rng):

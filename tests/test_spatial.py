@@ -20,18 +20,6 @@ def random_rotation(rng, n):
     return q
 
 
-def test_matrices_against_the_orientation(case):
-    """R_next is R times the exponential of eps Omega, to second order."""
-    body, omega0 = case
-    eps = 1e-4
-    R = sf.attitude(body, sf.iterate(body, [omega0], eps, 1).omega, eps)[1, 0]
-    mean = 0.5 * (sf.step(body, omega0, eps) + omega0)
-    np.testing.assert_allclose((R - R.T) / 2, eps * sf.to_matrix(body, mean), atol=1e-11)
-    S = sf.to_matrix(body, omega0)
-    assert (S == -S.T).all()
-    assert (S[:-1, :-1] == 0).all()
-
-
 def test_vector_product(rng):
     omega, v = rng.normal(size=2), rng.normal(size=3)
     expected = np.cross([*omega, 0.0], v)

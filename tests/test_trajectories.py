@@ -192,10 +192,8 @@ def test_contents_of_a_dataset():
     pytest.importorskip("xarray")
     run = RUNS["turning"]
     data = run.to_xarray()
-    assert set(data.variables) == {
-        *("omega", "n", "time", "eps", "status", "failed_at", "final", "attitude", "component"),
-        *("I1", "I2", "I13", "I23"),
-    }
+    names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
+    assert set(data.variables) == set(names.split())
     about = {"method": "auto", "steps": 7, "save_every": 5, "version": sf.__version__}
     assert about.items() <= data.attrs.items()
     assert "Conventions" not in data.attrs

@@ -163,23 +163,3 @@ def test_states_of_iterate_are_accepted(rng, method, n, size):
     run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
     R = sf.attitude(body, run.omega, eps)
     assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([1.0, 0.5], 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(2,\)"),
-        ((np.ones((0, 2)), 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(0, 2\)"),
-        ((np.ones((4, 3)), 0.2), r"omega: expected shape \(..., 2\), got \(4, 3\)"),
-        (([[np.inf, 1]], 0.2), "omega: expected finite real numbers, got inf"),
-        ((np.ones((4, 2)), np.nan), "eps: expected finite real numbers, got nan"),
-        ((np.ones((4, 5, 2)), [1, 2]), r"broadcast .* omega \(5,\), eps \(2,\)"),
-        ((np.ones((4, 2)), 0.2, np.eye(2)), r"R0: expected shape \(..., 3\), got \(2, 2\)"),
-        ((np.ones((4, 2)), 0.2, np.ones(3)), r"R0: expected shape \(..., 3, 3\), got \(3,\)"),
-        ((np.ones((4, 2)), 0.2, 2 * np.eye(3)), "R0: expected rotation matrices, got .* = 3"),
-        ((np.ones((4, 2)), 0.2, -np.eye(3)), "R0: expected rotation .* determinant -1"),
-    ],
-)
-def test_bad_input(body, arguments, message):
-    with pytest.raises(ValueError, match=message):
-        sf.attitude(body, *arguments)

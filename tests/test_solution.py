@@ -110,21 +110,6 @@ def test_flow_from_the_repelling_half_to_the_attracting_half():
     assert naive.relative_error(computed, exact) < 2.5e-14
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda n: sf.exact(*n, [[1, 2]]), ValueError, r"n: expected a number or a 1-D array, got"),
-        (lambda n: sf.exact(*n, "3"), TypeError, "n: expected real numbers, got '3'"),
-        (lambda n: sf.exact(*n, np.nan), ValueError, "n: expected finite real numbers, got nan"),
-        (lambda n: sf.flow(*n[:2], [[1]]), ValueError, r"time: expected a number or a 1-D array"),
-        (lambda n: sf.flow(*n[:2], np.inf), ValueError, "time: expected finite real .* got inf"),
-    ],
-)
-def test_bad_times(body, call, error, message):
-    with pytest.raises(error, match=message):
-        call((body, [1, 2], 0.2))
-
-
 def test_a_pole_far_ahead(unit):
     """The closed form finds the same pole as iteration, without making the steps."""
     before_pole = [np.sqrt(132.0), -134.0]  # 1 - Y + X**2 = 0

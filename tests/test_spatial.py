@@ -114,27 +114,3 @@ def test_nan_in_any_basis(case, rng):
         assert np.isnan(result[2]).all()
         assert np.isfinite(np.delete(result, 2, axis=0)).all()
     assert np.isnan(sf.from_vector(THREE, [np.nan, 1.0, 0.0])).all()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sf.to_matrix(THREE, [1, 2], rotation=np.eye(2)), r"rotation: expected shape"),
-        (lambda: sf.to_matrix(THREE, [1, 2], attitude=np.ones(3)), r"attitude: expected shape"),
-        (
-            lambda: sf.momentum(THREE, [1, 2], rotation=np.eye(3), attitude=np.eye(3)),
-            "at most one of them, got both",
-        ),
-        (lambda: sf.from_matrix(THREE, np.ones((3, 3))), "matrix: expected antisymmetric"),
-        (lambda: sf.from_matrix(THREE, np.ones((2, 2))), r"matrix: expected shape \(..., 3\)"),
-        (
-            lambda: sf.from_matrix(THREE, [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]),
-            "obey the constraint .* got 1",
-        ),
-        (lambda: sf.from_vector(THREE, [1, 2, 3]), "normal to the axis .* 3 along it"),
-        (lambda: sf.to_matrix(THREE, np.ones((4, 2)), attitude=np.ones((3, 3, 3))), "broadcast"),
-    ],
-)
-def test_bad_input(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -79,14 +79,56 @@ def test_iterate(body, bad, error, message):
     assert (out == 7).all()
 
 
-@pytest.mark.parametrize("steps", [(), (4,)])
-def test_the_full_map(body, steps):
-    """Bad arguments of `step_full` and `iterate_full`."""
-    function = sf.iterate_full if steps else sf.step_full
-    with pytest.raises(ValueError, match=r"I3: expected a positive moment of inertia, got 0\.0"):
-        function(body, [1, 2, 3], 0.1, *steps, 0)
-    with pytest.raises(ValueError, match=r"expected batch shapes that broadcast .* body \(2,\)"):
-        function(body, np.zeros((3, 3)), 0.1, *steps, [3, 3])
+ONES, ID = np.ones((4, 2)), np.eye(3)
+BAD_CALLS = [
+    (lambda b: sf.step_full(b, [1, 2, 3], 0.1, 0), r"I3: expected a positive moment of inertia, got 0\.0"),
+    (lambda b: sf.iterate_full(b, [1, 2, 3], 0.1, 4, 0), r"I3: expected a positive moment of inertia, got 0\.0"),
+    (lambda b: sf.step_full(b, np.zeros((3, 3)), 0.1, [3, 3]), r"expected batch shapes that broadcast .* body \(2,\)"),
+    (lambda b: sf.iterate_full(b, np.zeros((3, 3)), 0.1, 4, [3, 3]), r"expected batch shapes that broadcast .* body \(2,\)"),
+    (lambda b: sf.exact(b, [1, 2], 0.2, [[1, 2]]), "n: expected a number or a 1-D array, got"),
+    (lambda b: sf.exact(b, [1, 2], 0.2, "3"), "n: expected real numbers, got '3'"),
+    (lambda b: sf.exact(b, [1, 2], 0.2, NAN), "n: expected finite real numbers, got nan"),
+    (lambda b: sf.flow(b, [1, 2], [[1]]), r"time: expected a number or a 1-D array"),
+    (lambda b: sf.flow(b, [1, 2], INF), "time: expected finite real .* got inf"),
+    (lambda b: sf.attitude(b, [1.0, 0.5], 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(2,\)"),
+    (lambda b: sf.attitude(b, np.ones((0, 2)), 0.2), r"omega: expected shape \(N \+ 1, ..., 2\), got \(0, 2\)"),
+    (lambda b: sf.attitude(b, np.ones((4, 3)), 0.2), r"omega: expected shape \(..., 2\), got \(4, 3\)"),
+    (lambda b: sf.attitude(b, [[INF, 1]], 0.2), "omega: expected finite real numbers, got inf"),
+    (lambda b: sf.attitude(b, ONES, NAN), "eps: expected finite real numbers, got nan"),
+    (lambda b: sf.attitude(b, np.ones((4, 5, 2)), [1, 2]), r"broadcast .* omega \(5,\), eps \(2,\)"),
+    (lambda b: sf.attitude(b, ONES, 0.2, np.eye(2)), r"R0: expected shape \(..., 3\), got \(2, 2\)"),
+    (lambda b: sf.attitude(b, ONES, 0.2, np.ones(3)), r"R0: expected shape \(..., 3, 3\), got \(3,\)"),
+    (lambda b: sf.attitude(b, ONES, 0.2, 2 * ID), "R0: expected rotation matrices, got .* = 3"),
+    (lambda b: sf.attitude(b, ONES, 0.2, -ID), "R0: expected rotation .* determinant -1"),
+    (lambda b: sf.to_matrix(b, [1, 2], rotation=np.eye(2)), r"rotation: expected shape"),
+    (lambda b: sf.to_matrix(b, [1, 2], attitude=np.ones(3)), r"attitude: expected shape"),
+    (lambda b: sf.to_matrix(b, ONES, attitude=np.ones((3, 3, 3))), "broadcast"),
+    (lambda b: sf.momentum(b, [1, 2], rotation=ID, attitude=ID), "at most one of them, got both"),
+    (lambda b: sf.from_matrix(b, np.ones((3, 3))), "matrix: expected antisymmetric"),
+    (lambda b: sf.from_matrix(b, np.ones((2, 2))), r"matrix: expected shape \(..., 3\)"),
+    (lambda b: sf.from_matrix(b, [[0, 1, 0], [-1, 0, 0], [0, 0, 0]]), "obey the constraint .* got 1"),
+    (lambda b: sf.from_vector(b, [1, 2, 3]), "normal to the axis .* 3 along it"),
+    (lambda b: sf.SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]), "positive definite"),
+    (lambda b: sf.SuslovND.from_mass_tensor(ID, ID), r"a: expected shape \(3,\)"),
+    (lambda b: sf.SuslovGyrostat.from_inertia(ID, [0, 0, 1]), "pass I1, I2, I13 and I23 of Suslov3D"),
+    (lambda b: b.from_inertia(np.eye(2), [0, 0, 1]), r"I: expected shape \(..., 3, 3\), got \(2, 2\)"),
+    (lambda b: b.from_inertia(np.ones(3), [0, 0, 1]), r"I: expected shape \(..., 3, 3\), got \(3,\)"),
+    (lambda b: b.from_inertia(np.ones((2, 3)), [0, 0, 1]), r"I: expected shape \(..., 3, 3\), got \(2, 3\)"),
+    (lambda b: b.from_inertia(ID, [0, 1]), r"a: expected shape \(..., 3\), got \(2,\)"),
+    (lambda b: b.from_inertia(ID, [0, 0, 0]), "a: expected an axis other than 0"),
+    (lambda b: b.from_inertia(np.triu(np.ones((3, 3))), [0, 0, 1]), "I: expected a symmetric inertia matrix"),
+    (lambda b: b.from_inertia(np.diag([1, 1, -1]), [0, 0, 1]), "I: expected a positive definite .* eigenvalue -1.0"),
+    (lambda b: b.from_inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), "I: expected a positive definite"),
+    (lambda b: b.from_inertia(np.full((3, 3), NAN), [0, 0, 1]), "I: expected finite real numbers"),
+    (lambda b: b.from_inertia(np.tile(ID, (2, 1, 1)), np.ones((3, 3))), r"broadcast .* I \(2,\), a \(3,\)"),
+    (lambda b: b.from_inertia(np.diag([1, 2, 4]), [1, 2, 3]), "no principal moment larger than the sum of the others"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "message"), BAD_CALLS)
+def test_other_functions(body, call, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        call(body)
 
 
 def test_progress_without_tqdm(body, monkeypatch):

@@ -80,7 +80,20 @@ def test_iterate(body, bad, error, message):
 
 
 ONES, ID = np.ones((4, 2)), np.eye(3)
+ND, ROTOR = sf.SuslovND([1, 2, 3], [1, 1, 1]), sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.9)
 BAD_CALLS = [
+    (lambda b: sf.first_integral(ND, [1, 2, 3], 0.1), ": expected a body .*: use modified_energy"),
+    (lambda b: sf.criticality(ND, [1, 2, 3], 0.1), ": expected a body .*: use iterate, and compare"),
+    (lambda b: sf.limits(ND, [1, 2, 3], 0.1), ": expected a body .*: use iterate"),
+    (lambda b: sf.exact(ND, [1, 2, 3], 0.1, 3), ": expected a body .*: use iterate"),
+    (lambda b: sf.flow(ND, [1, 2, 3], 3.0), ": expected a body .*: use vector_field with scipy"),
+    (lambda b: sf.from_xy(sf.Suslov3D(1, 2, [0, 1], 0), [1, 2]), "body: expected I13 or I23 other than 0, got both 0"),
+    (lambda b: sf.multipliers(ROTOR, 1.0, 0.35), r"body: expected .* got SuslovGyrostat"),
+    (lambda b: sf.scattering_angle(ND), "body: expected Suslov3D, got SuslovND"),
+    (lambda b: sf.to_vector(ND, [1, 2, 3]), "body: expected Suslov3D, got SuslovND"),
+    (lambda b: sf.from_vector(ND, [1, 2, 3]), "body: expected Suslov3D, got SuslovND"),
+    (lambda b: sf.lyapunov_exponents(b, [1, 2], 0.1, 0), "steps: expected an integer of at least 1, got 0"),
+    (lambda b: sf.iterate_full(b, [1.0, 0.5, 0.1], 0.1, 4, 3.0, out=np.empty((3, 3))), r"out: expected shape \(5, 3\), got \(3, 3\)"),
     (lambda b: sf.step_full(b, [1, 2, 3], 0.1, 0), r"I3: expected a positive moment of inertia, got 0\.0"),
     (lambda b: sf.iterate_full(b, [1, 2, 3], 0.1, 4, 0), r"I3: expected a positive moment of inertia, got 0\.0"),
     (lambda b: sf.step_full(b, np.zeros((3, 3)), 0.1, [3, 3]), r"expected batch shapes that broadcast .* body \(2,\)"),

@@ -95,6 +95,7 @@ def test_text(rng):
     assert repr(body) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
     assert repr(GYROSTAT) == "SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)"
     assert max(len(repr(each)) for each in BODIES) < 120
+    assert {each._repr_latex_().count("$") for each in BODIES} == {2}
     assert BODIES[3]._repr_latex_() == (
         r"$\text{SuslovND},\quad J = (1.3, 2.1, 3.7),\quad I = (0.4, -0.7, 0.5)$"
     )

@@ -54,7 +54,8 @@ def test_the_identity_map(rng):
     still, nd = sf.SuslovND([1, 2, 3], [0, 0, 0]), sf.SuslovND([1, 2, 3], [0.4, -0.7, 0.5])
     for body, eps in ((THREE, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2), (still, 0.2), (nd, 0.0)):
         omega = rng.normal(size=(4, body.dimension))
-        assert abs(sf.lyapunov_exponents(body, omega, eps, 5)).max() < 1e-15
+        bound = 0.0 if body.dimension == 2 else 1e-15
+        assert abs(sf.lyapunov_exponents(body, omega, eps, 5)).max() <= bound
 
 
 @pytest.mark.compiled

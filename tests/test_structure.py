@@ -54,22 +54,18 @@ def test_llvmlite_and_internals_of_numba_are_used_in_one_file_each():
             assert not any(internal.search(each) for each in (*named, TEXTS[path])), path
 
 
-def test_formulas_and_kernels_are_pure_numerics():
+# Exceptions such as MemoryError are lost in a parallel loop.
+ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
+
+
+def test_formulas_and_kernels_are_pure_numerics_and_allocate_nothing():
     for path in (*FORMULAS, *KERNELS):
         nodes = NODES[path]
         assert set(imports(nodes)) <= {"math", "numba", "numpy", "typing", ".", ".."}, path
         assert not any(isinstance(node, ast.Raise) for node in nodes), path
         loops = any(isinstance(node, (ast.For, ast.While)) for node in nodes)
         assert not loops or path in KERNELS, path
-
-
-# Exceptions such as MemoryError are lost in a parallel loop.
-ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
-
-
-def test_kernels_allocate_nothing():
-    for path in KERNELS:
-        calls = {ast.unparse(node.func) for node in NODES[path] if isinstance(node, ast.Call)}
+        calls = {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
         assert not {name.rpartition(".")[2] for name in calls if "." in name} & ALLOCATING, path
 
 

@@ -211,9 +211,8 @@ def test_contents_of_a_dataset():
 
 def test_names_and_coordinates_of_the_user(sweep):
     pytest.importorskip("xarray")
-    data = sweep.to_xarray(
-        dims=("mass", "step"), coords={"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
-    )
+    coords = {"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
+    data = sweep.to_xarray(dims=("mass", "step"), coords=coords)
     assert data.omega.dims == ("n", "mass", "step", "component")
     assert same(data.omega.sel(mass="c").isel(step=1).values, sweep.omega[:, 2, 1])
     assert data.colour.dims == ("step",)

@@ -3,10 +3,9 @@
 import cases
 import limits
 import peers
-import processes
 import pytest
 
-CASES = [*cases.CASES, *limits.CASES, *peers.CASES, *processes.cases()]
+CASES = [*cases.CASES, *limits.CASES, *peers.CASES]
 
 
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers

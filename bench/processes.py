@@ -4,19 +4,20 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
+
+from work import Case, Work
 
 import suslov_fast
 
+TREE = Path(suslov_fast.__path__[0]).parent
+IMPORT = "import numpy as np, suslov_fast as s; "
 BODY_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
 BODY_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
-IMPORT = "import numpy as np, suslov_fast as s; "
-# Label, code, and the allowed time in multiples of `import numba`.
 IMPORTS = {
-    "python": ("Python alone", "pass", None),
-    "import-numba": ("`import numba`", "import numba", None),
-    "import": ("`import suslov_fast`", "import suslov_fast", 1.4),
+    "python": ("Python alone", "pass"),
+    "import-numba": ("`import numba`", "import numba"),
+    "import": ("`import suslov_fast`", "import suslov_fast"),
 }
 CALLS = {
     "iterate": (
@@ -26,40 +27,33 @@ CALLS = {
     "iterate-nd": ("`iterate`, 9 components", f"s.iterate({BODY_ND}, np.ones((100, 9)), .1, 20)"),
     "exact": ("`exact` of one state", f"s.exact({BODY_3D}, [1.0, 0.5], 0.2, 25)"),
 }
-FIRST, SECOND = 20, 2.2
 
 
-def run(code, tree, cache):
-    """Run code in a process with the package of a folder; return the elapsed seconds."""
-    environment = os.environ | {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""}
-    if cache is not None:
-        environment["NUMBA_CACHE_DIR"] = str(cache)
-    begin = time.perf_counter()
-    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
-    return time.perf_counter() - begin
+def process(code, fresh=False):
+    """A process with this package, and with an empty cache of kernels if `fresh`."""
+
+    def make(size, threads):
+        chosen = code if size(1, 0) else "pass"  # as a test, a trivial process is enough
+
+        def call():
+            with tempfile.TemporaryDirectory() as folder:
+                settings = {"PYTHONPATH": str(TREE), "PYTHONDONTWRITEBYTECODE": ""}
+                settings |= {"NUMBA_CACHE_DIR": folder} if fresh else {}
+                environment = os.environ | settings
+                subprocess.run([sys.executable, "-c", chosen], env=environment, check=True)
+
+        return Work(call, 1)
+
+    return make
 
 
 def cases():
     """Yield cases of processes with cached kernels and with an empty cache."""
-    from work import Case, Work
-
-    tree = Path(suslov_fast.__path__[0]).parent
-
-    def of(code, fresh=False):
-        def call():
-            with tempfile.TemporaryDirectory() as folder:
-                run(code, tree, folder if fresh else None)
-
-        # As a test, one trivial process is enough.
-        return lambda size, threads: Work(
-            call if size(1, 0) else lambda: run("pass", tree, None), 1
-        )
-
-    for key, (label, code, _) in IMPORTS.items():
-        whose = "this package" if "suslov_fast" in code else "others"
-        yield Case("processes", key, label, of(code), whose=whose, threads="one")
     for key, (label, call) in CALLS.items():
-        code = IMPORT + call
         again, first = f"{label}, compiled before", f"{label}, nothing compiled"
-        yield Case("processes", f"{key}-again", again, of(code), threads="one")
-        yield Case("processes", f"{key}-first", first, of(code, True), threads="one", once=True)
+        yield Case("processes", f"{key}-again", again, process(IMPORT + call), threads="one")
+        make = process(IMPORT + call, fresh=True)
+        yield Case("processes", f"{key}-first", first, make, threads="one", once=True)
+    for key, (label, code) in IMPORTS.items():
+        whose = "this package" if "suslov_fast" in code else "others"
+        yield Case("processes", key, label, process(code), whose=whose, threads="one")

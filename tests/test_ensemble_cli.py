@@ -2,14 +2,13 @@
 
 import os
 import signal
-import subprocess
-import time
 
 import numpy as np
 import pytest
-from test_cli import COMMAND, facts_of, run, succeed, summary
+from test_cli import check_error, facts_of, run, succeed, summary
 
 from suslov_fast import Suslov3D, iterate, open_ensemble
+from suslov_fast._ensemble import compute
 
 pytest.importorskip("dask")
 pytest.importorskip("zarr")
@@ -53,25 +52,15 @@ def test_the_same_run_continues_and_another_is_refused(tmp_path):
         (ASKED, "steps: expected at least the 60 of the run in"),
     ):
         refused = run(other, tmp_path)
-        assert refused.code == 1
-        assert message in refused.err
+        check_error(refused, 1, message)
         assert refused.err.endswith("--force replaces it\n")
     assert facts_of(f"{longer} --eps 0.3 --force", tmp_path)["eps"] == 0.3
 
 
-@pytest.mark.compiled
-@pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.slow
-def test_the_message_of_a_signal(tmp_path, number):
-    line = "run --trajectories 1e6 --chunk 500 --steps 1e6 --method canonical -o o.zarr"
-    pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
-    with subprocess.Popen([*COMMAND, *line.split()], **pipes) as child:
-        while not (tmp_path / "o.zarr" / "progress" / "steps_done" / "c").exists():
-            assert child.poll() is None
-            time.sleep(0.05)
-        child.send_signal(number)
-        errors = child.communicate(timeout=120)[1]
-    assert child.returncode == 130
-    assert "repeat the call to resume" in errors
-    assert open_ensemble(tmp_path / "o.zarr").attrs["tiles_done"].endswith("of 2000")
+def test_the_message_of_a_signal(tmp_path, monkeypatch, number):
+    go_on = compute.go_on
+    monkeypatch.setattr(compute, "go_on", lambda run: os.kill(os.getpid(), number) or go_on(run))
+    stopped = run("run --trajectories 50 --chunk 10 --steps 9 -o o.zarr", tmp_path)
+    check_error(stopped, 130, "repeat the call to resume")
+    assert open_ensemble(tmp_path / "o.zarr").attrs["tiles_done"].endswith("of 5")

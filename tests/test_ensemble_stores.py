@@ -268,22 +268,3 @@ def test_stores_that_could_run_code_are_refused(tmp_path, finished, monkeypatch)
     with pytest.raises(ValueError, match="store: expected"):
         open_ensemble("whole.zarr")
     assert not (tmp_path / "exploded").exists()
-
-
-@pytest.mark.parametrize("compressor", [zarr.codecs.GzipCodec(), zarr.codecs.ZstdCodec(level=5)])
-@pytest.mark.sampled(1)
-def test_recompressed_stores_are_read(tmp_path, finished, compressor):
-    store = tmp_path / "run.zarr"
-    shutil.copytree(finished, store)
-    group = zarr.open_group(store, mode="r+", use_consolidated=False)
-    for name in ("omega", "status"):
-        old = group[name]
-        settings = {
-            "chunks": old.chunks,
-            "fill_value": old.fill_value,
-            "attributes": dict(old.attrs),
-        }
-        settings |= {"dimension_names": old.metadata.dimension_names, "compressors": [compressor]}
-        group.create_array(name, data=old[...], overwrite=True, **settings)
-    assert_same(open_ensemble(store), expected(20))
-    assert_same(ensemble(**ASKED, steps=31, store=store), expected(31))

@@ -118,9 +118,6 @@ def test_presets_match_their_names():
         assert np.abs(parameters.omega0).max() < parameters.extent
 
 
-# ------------------------------------------------------------------ the server
-
-
 @pytest.fixture(scope="module")
 def server():
     with Server(0) as running:
@@ -174,6 +171,8 @@ def test_bad_values_are_answered_with_a_message(server):
         answer = json.loads(body)
         assert (reply.status, answer["field"]) == (200, field)
         assert answer["error"].startswith(message)
+    with pytest.raises(ValueError, match="expected at most"):
+        query_of_link(f"?{query(PICTURE_1)}&show={'x' * 5000}")
 
 
 def test_nothing_else_is_served(server):
@@ -190,10 +189,10 @@ def test_nothing_else_is_served(server):
 
 
 def test_foreign_pages_are_refused(server):
-    port, status = (
-        server.server_port,
-        lambda **headers: ask(server, "/settings", **headers)[0].status,
-    )
+    def status(**headers):
+        return ask(server, "/settings", **headers)[0].status
+
+    port = server.server_port
     for host in ("example.org", f"example.org:{port}", "127.0.0.1", f"127.0.0.1:{port + 1}", ""):
         assert status(Host=host) == 403
     for origin in ("http://example.org", f"https://127.0.0.1:{port}", "null"):
@@ -224,19 +223,17 @@ def test_odd_requests(server, capfd):
     assert capfd.readouterr().err == ""
 
 
-# ------------------------------------------------------------------ the command
-
-
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_a_signal_ends_the_command(server):
-    link = f"http://127.0.0.1:1/?{query(PICTURE_1)}&show=F"
+    parameters = PICTURE_1._replace(I1=0.1 + 0.2, eps=-1e-17, Omega1=2.0**60, extent=3.5)
+    link = f"http://127.0.0.1:1/?{query(parameters)}&show=F"
     command = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([*command, link], **pipes) as process:
         url = process.stdout.readline().strip()
         view = dict(parse_qsl(urlsplit(url).query))
         assert view.pop("show") == "F"
-        assert read(view) == PICTURE_1
+        assert read(view) == parameters
         with urllib.request.urlopen(url, timeout=60) as page:
             assert b"suslov_fast" in page.read()
         process.send_signal(signal.SIGTERM)
@@ -247,21 +244,6 @@ def test_a_signal_ends_the_command(server):
     done = subprocess.run(taken, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert f"expected a free port, got {server.server_port}: " in done.stderr
-
-
-def test_links():
-    parameters = PICTURE_1._replace(I1=0.1 + 0.2, eps=-1e-17, Omega1=2.0**60, extent=3.5)
-    found = query_of_link(f"http://127.0.0.1:9/?{query(parameters)}")
-    assert read(dict(parse_qsl(found))) == parameters
-    for link, message in (
-        ("http://127.0.0.1:1/?I1=4", "expected each of I1, I2"),
-        (f"?{query(PICTURE_1)}&show={'x' * 5000}", "expected at most"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            query_of_link(link)
-
-
-# ------------------------------------------------------------------ in a browser
 
 
 @pytest.fixture(scope="module")

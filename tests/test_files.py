@@ -194,7 +194,9 @@ def test_codecs_of_both_formats(codec):
         with pytest.raises(ValueError, match=f"omega: .* got codecs {codec}"):
             codecs._check("omega", metadata)
     text = {"dtype": "|O", "filters": [{"id": "vlen-utf8"}], "compressor": None}
-    codecs._check("omega", text)
+    zstd = {"data_type": "float64", "codecs": [{"name": "bytes"}, {"name": "zstd"}]}
+    for metadata in (text, zstd):
+        codecs._check("omega", metadata)
     with pytest.raises(ValueError, match=r"omega: .* got objects"):
         codecs._check("omega", text | {"filters": None})
 

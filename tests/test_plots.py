@@ -2,7 +2,6 @@
 
 import io
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -183,12 +182,6 @@ def test_bad_input(call, message):
 def test_animation_through_a_pole():
     with pytest.raises(sf.SingularStepError, match="singular step, first: 0 at step 1"):
         sf.animate_body(sf.Suslov3D(2, 2, 0.5, 0), [2, -9], 1.0)
-
-
-def test_without_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"pip install 'suslov_fast\[plots\]'"):
-        sf.plot_convergence()
 
 
 @pytest.mark.parametrize(("family", "fontset"), [("serif", "dejavuserif"), ("sans-serif", None)])

@@ -46,13 +46,3 @@ def measure(benchmark):
     before = numba.get_num_threads()
     yield run
     numba.set_num_threads(before)
-
-
-def pytest_generate_tests(metafunc):
-    """Parametrize by the cases of the module and their numbers of threads."""
-    if "case" in metafunc.fixturenames:
-        most = int(numba.config.NUMBA_NUM_THREADS)
-        counts = {"all": [most], "one": [1], "both": sorted({1, most})}
-        pairs = [(case, k) for case in metafunc.module.CASES for k in counts[case.threads]]
-        ids = [f"{case.name}-{case.whose}-{threads}" for case, threads in pairs]
-        metafunc.parametrize(("case", "threads"), pairs, ids=ids)

@@ -85,11 +85,9 @@ def assert_undisturbed(store, kind, steps):
     other = store.with_name("undisturbed.zarr")
     dataset = ensemble(**arguments(kind), steps=steps, store=other)
     assert dataset.attrs["tiles_done"] == "24 of 24"
-    # Chunks of n are those of the first run.
-    found, expected = (
-        {name: chunk for name, chunk in contents(each).items() if not name.startswith("n/c/")}
-        for each in (store, other)
-    )
+    found, expected = contents(store), contents(other)
+    for k in range(4):  # these chunks of n are of the size that the first run gave them
+        found.pop(f"n/c/{k}", None), expected.pop(f"n/c/{k}", None)
     assert found.keys() == expected.keys()
     assert [name for name in found if found[name] != expected[name]] == []
     if "reductions" not in kind:

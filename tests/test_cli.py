@@ -481,6 +481,7 @@ def test_the_same_run_continues_and_another_is_refused(stores):
     assert facts_of(f"{longer} --eps 0.3 --force")["eps"] == 0.3
 
 
+@posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_message_of_a_signal(stores, monkeypatch, number):
     from suslov_fast._ensemble import compute

@@ -3,10 +3,14 @@
 All calls use the public API, with arguments that versions 0.2 and 0.3 both accept.
 """
 
+import os
+import subprocess
+import sys
+import tempfile
 from functools import partial
+from pathlib import Path
 
 import numpy as np
-import processes
 from problem import BODY, EPS, aligned, problem_nd
 from work import (
     Case,
@@ -25,7 +29,7 @@ from suslov_fast import exact, first_integral, flow, iterate, step
 
 STATES = 5_000_000
 BYTES_SAVED = 2**26
-CASES = list(processes.cases())
+CASES: list[Case] = []
 
 
 def add(*arguments, **keywords):
@@ -160,3 +164,51 @@ for key, label, call in (
 ):
     make = lambda size, threads, call=call: Work(call, 1)  # noqa: E731
     add("calls", key, label, make)
+
+# ------------------------------------------------------------------ processes
+
+TREE = Path(suslov_fast.__path__[0]).parent
+IMPORT = "import numpy as np, suslov_fast as s; "
+CODE_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
+CODE_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
+IMPORTS = {
+    "python": ("Python alone", "pass"),
+    "import-numba": ("`import numba`", "import numba"),
+    "import": ("`import suslov_fast`", "import suslov_fast"),
+}
+CALLS = {
+    "iterate": (
+        "`iterate` of 10,000 orbits",
+        f"s.iterate({CODE_3D}, np.ones((10_000, 2)), .2, 200)",
+    ),
+    "iterate-nd": ("`iterate`, 9 components", f"s.iterate({CODE_ND}, np.ones((100, 9)), .1, 20)"),
+    "exact": ("`exact` of one state", f"s.exact({CODE_3D}, [1.0, 0.5], 0.2, 25)"),
+}
+
+
+def process(code, fresh=False):
+    """A process with this package, and with an empty cache of kernels if `fresh`."""
+
+    def make(size, threads):
+        chosen = code if size(1, 0) else "pass"  # as a test, a trivial process is enough
+
+        def call():
+            with tempfile.TemporaryDirectory() as folder:
+                settings = {"PYTHONPATH": str(TREE), "PYTHONDONTWRITEBYTECODE": ""}
+                settings |= {"NUMBA_CACHE_DIR": folder} if fresh else {}
+                environment = os.environ | settings
+                subprocess.run([sys.executable, "-c", chosen], env=environment, check=True)
+
+        return Work(call, 1)
+
+    return make
+
+
+for key, (label, call) in CALLS.items():
+    again, first = f"{label}, compiled before", f"{label}, nothing compiled"
+    add("processes", f"{key}-again", again, process(IMPORT + call), threads="one")
+    make = process(IMPORT + call, fresh=True)
+    add("processes", f"{key}-first", first, make, threads="one", once=True)
+for key, (label, code) in IMPORTS.items():
+    whose = "this package" if "suslov_fast" in code else "others"
+    add("processes", key, label, process(code), whose=whose, threads="one")

@@ -15,6 +15,7 @@ import warnings
 import xml.etree.ElementTree as ET
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
+import numba
 import numpy as np
 import pytest
 from browser import Browser
@@ -248,6 +249,8 @@ def test_a_signal_ends_the_command(server):
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
+    if numba.config.DISABLE_JIT:
+        pytest.skip("a page that waits for interpreted kernels")
     running = Browser(tmp_path_factory.mktemp("browser"))
     yield running
     running.close()
@@ -281,10 +284,8 @@ def settle(browser):
 
 def put(browser, field, value, name="number"):
     """Write a number into a field, or move its slider."""
-    place = f"inputs[{field!r}].{name}"
-    browser.value(
-        f"{place}.value = {str(value)!r}; {place}.dispatchEvent(new Event('input', {{bubbles: 1}}))"
-    )
+    place, event = f"inputs[{field!r}].{name}", "new Event('input', {bubbles: 1})"
+    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})")
     settle(browser)
 
 
@@ -296,7 +297,6 @@ def text(browser, name):
     return browser.value(f"byId({name!r}).textContent")
 
 
-@pytest.mark.compiled
 @pytest.mark.slow
 def test_each_parameter_changes_the_picture(page):
     assert text(page, "status") == "OK"
@@ -311,7 +311,6 @@ def test_each_parameter_changes_the_picture(page):
     assert page.value("byId('preset').value") == ""
 
 
-@pytest.mark.compiled
 @pytest.mark.slow
 def test_regimes_in_the_browser(page, server):
     for case, expected in {
@@ -326,7 +325,6 @@ def test_regimes_in_the_browser(page, server):
         assert found == (expected or found)
 
 
-@pytest.mark.compiled
 def test_the_start_follows_mouse_and_keys(page):
     def press(kind, omega):
         x, y = page.value(
@@ -358,7 +356,6 @@ def test_the_start_follows_mouse_and_keys(page):
     assert page.value("extent") == pytest.approx(0.8 * extent)
 
 
-@pytest.mark.compiled
 def test_the_address_keeps_the_view(page):
     put(page, "I1", "0")
     assert text(page, "message") == "I1: expected a positive number, got 0"
@@ -376,7 +373,6 @@ def test_the_address_keeps_the_view(page):
     assert page.value("[...shown].sort().join(' ')") == "F energy portrait"
 
 
-@pytest.mark.compiled
 def test_exports(page, server, tmp_path):
     show(page, server, POLE._replace(Omega2=-8.5), show="portrait F energy")
     page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
@@ -393,7 +389,6 @@ def test_exports(page, server, tmp_path):
     assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.compiled
 def test_the_body_turns(page):
     before = pixels(page, "space")
     page.value("byId('play').click()")
@@ -409,7 +404,6 @@ def test_the_body_turns(page):
     np.testing.assert_allclose(half @ first.T @ half, second, atol=1e-12)
 
 
-@pytest.mark.compiled
 def test_widths_and_colours(page):
     back = "getComputedStyle(document.body).backgroundColor"
     light = page.value(back)

@@ -246,8 +246,7 @@ def test_recompressed_stores(codec, tmp_path):
 def test_damage_is_found_or_harmless(suffix, path):
     """With any bit flipped, `load` raises an error that names the file, or returns the same run."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-    rng = np.random.default_rng(2)
-    found = 0
+    rng, found = np.random.default_rng(2), 0
     for file in files:
         data = file.read_bytes()
         low, high = 0, len(data)

@@ -11,30 +11,20 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import work
 from problem import BODY, EPS, aligned, problem_nd
-from work import (
-    Case,
-    Work,
-    dimensions,
-    jumps,
-    last_states,
-    motions,
-    orientations,
-    quantities,
-    saved_states,
-)
 
 import suslov_fast
 from suslov_fast import exact, first_integral, flow, iterate, step
 
 STATES = 5_000_000
 BYTES_SAVED = 2**26
-CASES: list[Case] = []
+CASES: list[work.Case] = []
 
 
 def add(*arguments, **keywords):
     """Add a case to the list."""
-    CASES.append(Case(*arguments, **keywords))
+    CASES.append(work.Case(*arguments, **keywords))
 
 
 # ------------------------------------------------------------------ three dimensions
@@ -58,21 +48,21 @@ for method, label, limit in (
     ("ds2", "iterates the map as printed", ("divisions", 1)),
 ):
     label = f'`method="{method}"`: {label}'
-    add("last states", method, label, last_states(last(method)), limit=limit)
+    add("last states", method, label, work.last_states(last(method)), limit=limit)
 
 for method in ("canonical", "auto"):
     label = f'`iterate`, `method="{method}"`'
     for batch in (10**k for k in range(7)):
-        add("batch", method, label, last_states(last(method), batch, 50), x=batch)
+        add("batch", method, label, work.last_states(last(method), batch, 50), x=batch)
     for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):
-        make = saved_states(saved(method), batch, STATES // batch)
+        make = work.saved_states(saved(method), batch, STATES // batch)
         add("few orbits", method, label, make, x=batch, limit=("streaming", 16))
     for every in (10**k for k in range(5)):
-        make = saved_states(saved(method), 4096, 50, every)
+        make = work.saved_states(saved(method), 4096, 50, every)
         add("save_every", method, label, make, x=every)
     for memory in ("reused", "unaligned", "new") if method == "auto" else ("reused", "unaligned"):
         label = f'`method="{method}"`, {memory} memory'
-        make = saved_states(saved(method), memory=memory)
+        make = work.saved_states(saved(method), memory=memory)
         add("saved states", f"{method}-{memory}", label, make, limit=("streaming", 16))
 
 
@@ -88,8 +78,8 @@ for key, label, batch, numbers in (
     ("scattered-1", "`exact`, 1,000,000 scattered n, 1 orbit", 1, scattered(1_000_000)),
 ):
     call = lambda omega0, n: exact(BODY, omega0, EPS, n)  # noqa: E731
-    add("jumps", key, label, jumps(call, batch, numbers, checked=key == "far"))
-make = motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
+    add("jumps", key, label, work.jumps(call, batch, numbers, checked=key == "far"))
+make = work.motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
 add("motion", "flow", "`flow`, the closed form", make)
 
 # Quantities: the number of values per state; those in WITHOUT_EPS have no argument eps.
@@ -107,7 +97,7 @@ for name, values in QUANTITIES.items():
     call = partial(
         getattr(suslov_fast, name), BODY, **({} if name in WITHOUT_EPS else {"eps": EPS})
     )
-    make, limit = quantities(call, name), ("copy", 16 + 8 * values)
+    make, limit = work.quantities(call, name), ("copy", 16 + 8 * values)
     add("quantities", name, f"`{name}`", make, threads="both", limit=limit)
 
 # ------------------------------------------------------------------ n dimensions, space, calls
@@ -127,7 +117,7 @@ def saved_states_nd(components, integrable):
         rows = size(BYTES_SAVED // omega0.nbytes, 4)
         out = aligned((rows, *omega0.shape))
         call = lambda: iterate(body, omega0, EPS / 2, rows - 1, out=out)  # noqa: E731
-        return Work(call, rows * len(omega0))
+        return work.Work(call, rows * len(omega0))
 
     return make
 
@@ -135,7 +125,7 @@ def saved_states_nd(components, integrable):
 DIMENSIONS = (2, 4, 8, 16, 32, 64, 128)
 for components in DIMENSIONS:
     for method in ("rank2", "gauss"):
-        make = dimensions(last_nd(method), components, cubic=method == "gauss")
+        make = work.dimensions(last_nd(method), components, cubic=method == "gauss")
         add("n dimensions", method, f'`method="{method}"`', make, x=components, threads="one")
 for components in (3, 8, 32):
     for key, whose in (("any", "any"), ("integrable", "an integrable")):
@@ -150,7 +140,7 @@ for what, label in (
     ("exponents", "`lyapunov_exponents`"),
 ):
     for n in (3, 4):
-        add("space", what, label, orientations(what, n), x=n)
+        add("space", what, label, work.orientations(what, n), x=n)
 
 BODY_ND, STATE_ND = suslov_fast.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
 STATE = [1.0, 0.5]
@@ -162,7 +152,7 @@ for key, label, call in (
     ("exact", "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
     ("first_integral", "`first_integral`, one state", lambda: first_integral(BODY, STATE, EPS)),
 ):
-    make = lambda size, threads, call=call: Work(call, 1)  # noqa: E731
+    make = lambda size, threads, call=call: work.Work(call, 1)  # noqa: E731
     add("calls", key, label, make)
 
 # ------------------------------------------------------------------ processes
@@ -199,7 +189,7 @@ def process(code, fresh=False):
                 environment = os.environ | settings
                 subprocess.run([sys.executable, "-c", chosen], env=environment, check=True)
 
-        return Work(call, 1)
+        return work.Work(call, 1)
 
     return make
 

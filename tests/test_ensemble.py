@@ -18,23 +18,14 @@ from ensemble_runs import (
     made,
 )
 
-from suslov_fast import (
-    RandomStarts,
-    Suslov3D,
-    SuslovGyrostat,
-    Trajectories,
-    ensemble,
-    first_integral,
-    iterate,
-    modified_energy,
-    open_ensemble,
-)
+import suslov_fast as sf
+from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
 
 xarray = pytest.importorskip("xarray")
 zarr = pytest.importorskip("zarr")
 pytest.importorskip("dask")
 
-GYROSTAT = SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+GYROSTAT = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 
 
 @pytest.fixture
@@ -101,7 +92,7 @@ def test_parameters_are_axes_of_the_batch(store, rng, chunk):
     one = dataset.sel(eps=0.5, I13=0.0, start="c")
     assert np.array_equal(one.omega, orbits.omega[:, 1, 1, 2])
     assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
-    again = Trajectories.from_xarray(dataset)
+    again = sf.Trajectories.from_xarray(dataset)
     assert again.body == body
     assert np.array_equal(again.omega, orbits.omega)
 
@@ -177,9 +168,9 @@ def test_a_random_state_depends_on_seed_and_number_alone(dimension):
 @pytest.mark.sampled(2)
 def test_reductions(store, rng, body, save_every):
     omega0 = rng.uniform(-2.0, 2.0, (20, body.dimension))
-    observables = {"modified_energy_drift": modified_energy}
+    observables = {"modified_energy_drift": sf.modified_energy}
     if body is BODY:
-        observables["first_integral_drift"] = first_integral
+        observables["first_integral_drift"] = sf.first_integral
     names = [*observables, "energy_drift", "omega_min", "omega_max"]
     for steps in (30, 50):
         settings = {"chunk": CUT, "reductions": names, "save_every": save_every}

@@ -26,16 +26,14 @@ from suslov_fast._show.explore.scene import scene
 from suslov_fast._show.explore.server import Server
 
 PICTURE_1 = Parameters(4.0, 1.0, -0.5, -0.3, 0.2, -0.8, 1.3, 40)
-MATTER = Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -1.5, 1.4, 20)
 POLE = PRESETS["A pole: no next state"]
-JUMPS = PRESETS["t > 1: jumps"]
 # Parameters, the regime and the status.
 CASES = {
     "below": (PICTURE_1, "below", "OK"),
     "backwards": (PICTURE_1._replace(eps=-0.2), "below", "OK"),
-    "matter": (MATTER, "below", "OK"),
+    "matter": (Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -1.5, 1.4, 20), "below", "OK"),
     "at": (PRESETS["t = 1"], "at", "SUPERCRITICAL"),
-    "above": (JUMPS, "above", "SUPERCRITICAL"),
+    "above": (PRESETS["t > 1: jumps"], "above", "SUPERCRITICAL"),
     "pole": (POLE, "above", "SINGULAR"),
     "at rest": (PICTURE_1._replace(Omega1=0.0, Omega2=0.0), "steady", "OK"),
     "no products": (PICTURE_1._replace(I13=0.0, I23=0.0), "steady", "OK"),

@@ -3,39 +3,31 @@
 All calls use the public API, with arguments that versions 0.2 and 0.3 both accept.
 """
 
+import os
+import subprocess
+import sys
+import tempfile
 from functools import partial
+from pathlib import Path
 
 import numpy as np
+import work
 from problem import BODY, EPS, aligned, problem_nd
-from work import (
-    Case,
-    Work,
-    dimensions,
-    jumps,
-    last_states,
-    motions,
-    orientations,
-    quantities,
-    saved_states,
-)
 
 import suslov_fast
 from suslov_fast import exact, first_integral, flow, iterate, step
 
 STATES = 5_000_000
 BYTES_SAVED = 2**26
-CASES: list[Case] = []
+CASES: list[work.Case] = []
 
 
 def add(*arguments, **keywords):
     """Add a case to the list."""
-    CASES.append(Case(*arguments, **keywords))
+    CASES.append(work.Case(*arguments, **keywords))
 
 
 # ------------------------------------------------------------------ three dimensions
-
-# Allowed times for batches of 64 and more, as multiples of those of 0.2.
-AT_MOST = {"auto": 1.2, "canonical": 1.1, "ds2": 1.2}
 
 
 def last(method):
@@ -51,42 +43,27 @@ def saved(method):
 
 
 for method, label, limit in (
-    ("auto", '`method="auto"`: the last state by the closed form', None),
-    ("canonical", '`method="canonical"`: iterates, one division per step', ("divisions", 1)),
-    ("ds2", '`method="ds2"`: iterates the map as printed', ("divisions", 1)),
+    ("auto", "the last state by the closed form", None),
+    ("canonical", "iterates, one division per step", ("divisions", 1)),
+    ("ds2", "iterates the map as printed", ("divisions", 1)),
 ):
-    more = {"limit": limit, "at_most": AT_MOST[method], "quick": method != "ds2"}
-    add("last states", method, label, last_states(last(method)), **more)
+    label = f'`method="{method}"`: {label}'
+    add("last states", method, label, work.last_states(last(method)), limit=limit)
 
-for method in ("auto", "canonical"):
-    label, at_most = f'`iterate`, `method="{method}"`', AT_MOST[method]
+for method in ("canonical", "auto"):
+    label = f'`iterate`, `method="{method}"`'
     for batch in (10**k for k in range(7)):
-        # Below 64 orbits, the overhead of a call dominates.
-        more = {"x": batch, "at_most": at_most if batch >= 64 else 1.3}
-        add("batch", method, label, last_states(last(method), batch, 50), **more)
+        add("batch", method, label, work.last_states(last(method), batch, 50), x=batch)
     for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):
-        make = saved_states(saved(method), batch, STATES // batch)
-        more = {"x": batch, "limit": ("streaming", 16), "at_most": at_most if batch >= 64 else 2.5}
-        more["quick"] = (batch, method) in ((1, "auto"), (65_533, "auto"), (65_533, "canonical"))
-        add("few orbits", method, label, make, **more)
+        make = work.saved_states(saved(method), batch, STATES // batch)
+        add("few orbits", method, label, make, x=batch, limit=("streaming", 16))
     for every in (10**k for k in range(5)):
-        make = saved_states(saved(method), 4096, 50, every)
-        add("save_every", method, label, make, x=every, at_most=at_most)
-
-for method, every, memory in (
-    ("auto", 1, "reused"),
-    ("auto", 10, "reused"),
-    ("auto", 1000, "reused"),
-    ("auto", 1, "new"),
-    ("auto", 1, "unaligned"),
-    ("canonical", 1, "reused"),
-    ("canonical", 1, "unaligned"),
-):
-    label = f'`method="{method}"`, every {f"{every:,}th " * (every > 1)}state, {memory} memory'
-    more = {"x": every, "limit": ("streaming", 16), "at_most": AT_MOST[method]}
-    more["quick"] = every == 1 and memory == "reused"
-    make = saved_states(saved(method), every=every, memory=memory)
-    add("saved states", f"{method}-{memory}", label, make, **more)
+        make = work.saved_states(saved(method), 4096, 50, every)
+        add("save_every", method, label, make, x=every)
+    for memory in ("reused", "unaligned", "new") if method == "auto" else ("reused", "unaligned"):
+        label = f'`method="{method}"`, {memory} memory'
+        make = work.saved_states(saved(method), memory=memory)
+        add("saved states", f"{method}-{memory}", label, make, limit=("streaming", 16))
 
 
 def scattered(count):
@@ -101,29 +78,27 @@ for key, label, batch, numbers in (
     ("scattered-1", "`exact`, 1,000,000 scattered n, 1 orbit", 1, scattered(1_000_000)),
 ):
     call = lambda omega0, n: exact(BODY, omega0, EPS, n)  # noqa: E731
-    make = jumps(call, batch, numbers, checked=key == "far")
-    add("jumps", key, label, make, at_most=1.6, quick=key == "scattered-4096")
-make = motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
-add("motion", "flow", "`flow`, the closed form", make, at_most=1.6)
+    add("jumps", key, label, work.jumps(call, batch, numbers, checked=key == "far"))
+make = work.motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
+add("motion", "flow", "`flow`, the closed form", make)
 
-# Quantities: True if eps is an argument, and the number of values per state.
+# Quantities: the number of values per state; those in WITHOUT_EPS have no argument eps.
+WITHOUT_EPS = {"energy": 1, "to_xy": 2, "from_xy": 2, "vector_field": 2, "reaction": 1}
 QUANTITIES = {
-    "first_integral": (True, 1),
-    "modified_energy": (True, 1),
-    "criticality": (True, 1),
-    "invariant_density": (True, 1),
-    "step": (True, 2),
-    "jacobian": (True, 4),
-    "energy": (False, 1),
-    "to_xy": (False, 2),
-    "from_xy": (False, 2),
-    "vector_field": (False, 2),
-    "reaction": (False, 1),
+    "first_integral": 1,
+    "modified_energy": 1,
+    "criticality": 1,
+    "invariant_density": 1,
+    "step": 2,
+    "jacobian": 4,
+    **WITHOUT_EPS,
 }
-for name, (needs_eps, values) in QUANTITIES.items():
-    call = partial(getattr(suslov_fast, name), BODY, **({"eps": EPS} if needs_eps else {}))
-    more = {"limit": ("copy", 16 + 8 * values), "quick": name == "first_integral"}
-    add("quantities", name, f"`{name}`", quantities(call, name), threads="both", **more)
+for name, values in QUANTITIES.items():
+    call = partial(
+        getattr(suslov_fast, name), BODY, **({} if name in WITHOUT_EPS else {"eps": EPS})
+    )
+    make, limit = work.quantities(call, name), ("copy", 16 + 8 * values)
+    add("quantities", name, f"`{name}`", make, threads="both", limit=limit)
 
 # ------------------------------------------------------------------ n dimensions, space, calls
 
@@ -142,22 +117,20 @@ def saved_states_nd(components, integrable):
         rows = size(BYTES_SAVED // omega0.nbytes, 4)
         out = aligned((rows, *omega0.shape))
         call = lambda: iterate(body, omega0, EPS / 2, rows - 1, out=out)  # noqa: E731
-        return Work(call, rows * len(omega0))
+        return work.Work(call, rows * len(omega0))
 
     return make
 
 
 DIMENSIONS = (2, 4, 8, 16, 32, 64, 128)
 for components in DIMENSIONS:
-    for method, at_most in (("rank2", 1.0), ("gauss", 1.3)):
-        more = {"x": components, "at_most": at_most, "quick": components == 8, "threads": "one"}
-        make = dimensions(last_nd(method), components, cubic=method == "gauss")
-        add("n dimensions", method, f'`method="{method}"`', make, **more)
+    for method in ("rank2", "gauss"):
+        make = work.dimensions(last_nd(method), components, cubic=method == "gauss")
+        add("n dimensions", method, f'`method="{method}"`', make, x=components, threads="one")
 for components in (3, 8, 32):
-    for key, whose, at_most in (("any", "any", 1.2), ("integrable", "an integrable", 2.5)):
-        more = {"x": components, "limit": ("streaming", 8 * components), "at_most": at_most}
-        more["quick"] = components == 8 and key == "integrable"
-        make = saved_states_nd(components, key == "integrable")
+    for key, whose in (("any", "any"), ("integrable", "an integrable")):
+        make, limit = saved_states_nd(components, key == "integrable"), 8 * components
+        more = {"x": components, "limit": ("streaming", limit)}
         add("n dimensions, saved states", key, f"`iterate`, {whose} body", make, **more)
 
 for what, label in (
@@ -167,8 +140,7 @@ for what, label in (
     ("exponents", "`lyapunov_exponents`"),
 ):
     for n in (3, 4):
-        more = {"x": n, "at_most": 1.5, "quick": n == 3 and what in ("all", "exponents")}
-        add("space", what, label, orientations(what, n), **more)
+        add("space", what, label, work.orientations(what, n), x=n)
 
 BODY_ND, STATE_ND = suslov_fast.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
 STATE = [1.0, 0.5]
@@ -180,5 +152,53 @@ for key, label, call in (
     ("exact", "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
     ("first_integral", "`first_integral`, one state", lambda: first_integral(BODY, STATE, EPS)),
 ):
-    make = lambda size, threads, call=call: Work(call, 1)  # noqa: E731
-    add("calls", key, label, make, at_most=1.3, quick=key == "iterate")
+    make = lambda size, threads, call=call: work.Work(call, 1)  # noqa: E731
+    add("calls", key, label, make)
+
+# ------------------------------------------------------------------ processes
+
+TREE = Path(suslov_fast.__path__[0]).parent
+IMPORT = "import numpy as np, suslov_fast as s; "
+CODE_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
+CODE_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
+IMPORTS = {
+    "python": ("Python alone", "pass"),
+    "import-numba": ("`import numba`", "import numba"),
+    "import": ("`import suslov_fast`", "import suslov_fast"),
+}
+CALLS = {
+    "iterate": (
+        "`iterate` of 10,000 orbits",
+        f"s.iterate({CODE_3D}, np.ones((10_000, 2)), .2, 200)",
+    ),
+    "iterate-nd": ("`iterate`, 9 components", f"s.iterate({CODE_ND}, np.ones((100, 9)), .1, 20)"),
+    "exact": ("`exact` of one state", f"s.exact({CODE_3D}, [1.0, 0.5], 0.2, 25)"),
+}
+
+
+def process(code, fresh=False):
+    """A process with this package, and with an empty cache of kernels if `fresh`."""
+
+    def make(size, threads):
+        chosen = code if size(1, 0) else "pass"  # as a test, a trivial process is enough
+
+        def call():
+            with tempfile.TemporaryDirectory() as folder:
+                settings = {"PYTHONPATH": str(TREE), "PYTHONDONTWRITEBYTECODE": ""}
+                settings |= {"NUMBA_CACHE_DIR": folder} if fresh else {}
+                environment = os.environ | settings
+                subprocess.run([sys.executable, "-c", chosen], env=environment, check=True)
+
+        return work.Work(call, 1)
+
+    return make
+
+
+for key, (label, call) in CALLS.items():
+    again, first = f"{label}, compiled before", f"{label}, nothing compiled"
+    add("processes", f"{key}-again", again, process(IMPORT + call), threads="one")
+    make = process(IMPORT + call, fresh=True)
+    add("processes", f"{key}-first", first, make, threads="one", once=True)
+for key, (label, code) in IMPORTS.items():
+    whose = "this package" if "suslov_fast" in code else "others"
+    add("processes", key, label, process(code), whose=whose, threads="one")

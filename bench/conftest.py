@@ -3,14 +3,11 @@
 import numba
 import pytest
 import results
+from problem import relative_error
 
 import suslov_fast
 
 WRONG = 1e-9  # far above rounding errors and the tolerances of integrators
-
-
-def pytest_configure(config):
-    config.addinivalue_line("markers", "once: takes long: measured once, in the first pass alone")
 
 
 def pytest_report_header():
@@ -34,9 +31,10 @@ def measure(benchmark):
                 work.call()  # compiles, wakes threads, touches memory
         except ImportError as error:
             pytest.skip(str(error))
-        error = work.error() if work.error and (full or (case.x or 0) <= 1000) else None
-        # A wrong result disqualifies a case.
-        assert (error or 0.0) < WRONG
+        error = None
+        if work.check and (full or (case.x or 0) <= 1000):
+            error = relative_error(*work.check())
+            assert error < WRONG, "a wrong result disqualifies a case"
         names = ("table", "key", "label", "x", "limit", "whose")
         row = {name: getattr(case, name) for name in names}
         benchmark.extra_info.update(row, work=work.work, error=error, threads=threads)
@@ -48,24 +46,3 @@ def measure(benchmark):
     before = numba.get_num_threads()
     yield run
     numba.set_num_threads(before)
-
-
-def pytest_generate_tests(metafunc):
-    """Parametrize by the cases of the module and their numbers of threads."""
-    if "case" not in metafunc.fixturenames:
-        return
-    most = int(numba.config.NUMBA_NUM_THREADS)
-    counts = {"all": [most], "one": [1], "both": sorted({1, most})}
-    metafunc.parametrize(
-        ("case", "threads"),
-        [
-            pytest.param(
-                case,
-                threads,
-                id=f"{case.name}-{case.whose}-{threads}",
-                marks=[pytest.mark.once] * case.once,
-            )
-            for case in metafunc.module.CASES
-            for threads in counts[case.threads]
-        ],
-    )

@@ -19,12 +19,6 @@ def step_as_printed(p, q):
     )
 
 
-def velocity(p, q):
-    """The right side of the equations of motion."""
-    x = I13 * p + I23 * q
-    return -x * q / I1, x * p / I2
-
-
 def advance(X, Y):
     """One step of the parameter-free map."""
     X_next = X * (1 + Y) / (1 - Y + X * X)
@@ -62,8 +56,8 @@ class Formulas:
         return (self.I1 * p**2 + self.I2 * q**2) / 2
 
     def first_integral(self, p, q):
-        x = self.I13 * p + self.I23 * q
-        return (self.I1 * p**2 + self.I2 * q**2) / (4 * self.a + self.eps**2 * x**2)
+        x, _ = self.to_xy(p, q)
+        return 2 * self.energy(p, q) / (4 * self.a + self.eps**2 * x**2)
 
     def criticality(self, p, q):
         return self.eps * np.sqrt(self.D / self.a * self.first_integral(p, q))
@@ -73,9 +67,8 @@ class Formulas:
         return -x * q / self.I1, x * p / self.I2
 
     def reaction(self, p, q):
-        x = self.I13 * p + self.I23 * q
-        along = -self.I13 * x * q / self.I1 + self.I23 * x * p / self.I2
-        return along - (self.I1 - self.I2) * p * q
+        v1, v2 = self.vector_field(p, q)
+        return self.I13 * v1 + self.I23 * v2 - (self.I1 - self.I2) * p * q
 
 
 def matrix_nd(J, I, eps, omega):

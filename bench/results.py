@@ -17,8 +17,7 @@ class Row(NamedTuple):
     """One measured benchmark.
 
     `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
-    of the machine and the amount of it that a unit needs, `x` the position in a chart or in a table
-    with columns.
+    of the machine and the amount of it that a unit needs, `x` the column in a table with columns.
     """
 
     name: str
@@ -47,23 +46,18 @@ class Results(NamedTuple):
     passes: int
     rows: tuple[Row, ...]
 
-    def of(self, table, **wanted):
-        """Rows of a table with these attributes, fastest first."""
-        wanted = {"table": table, **wanted}.items()
-        rows = [row for row in self.rows if wanted <= row._asdict().items()]
-        return sorted(rows, key=lambda row: row.rate, reverse=True)
-
     def one(self, table, key, **wanted):
-        """The fastest row of that key, or None."""
-        return next(iter(self.of(table, key=key, **wanted)), None)
+        """The row of that key with these attributes, or None."""
+        wanted = {"table": table, "key": key, **wanted}.items()
+        return next((row for row in self.rows if wanted <= row._asdict().items()), None)
 
     def best(self, table):
-        """Rows of a table, for each key those with the most threads."""
-        rows, most = self.of(table), {}
-        for row in rows:
-            key = row.key, row.whose, row.x
-            most[key] = max(most.get(key, 0), row.threads)
-        return [row for row in rows if row.threads == most[row.key, row.whose, row.x]]
+        """Rows of a table, fastest first; for each key the one with the most threads."""
+        rows = [row for row in self.rows if row.table == table]
+        most = {
+            (row.key, row.whose, row.x): row for row in sorted(rows, key=lambda row: row.threads)
+        }
+        return sorted(most.values(), key=lambda row: -row.rate)
 
     def share(self, row):
         """Share of its limit that a row reaches, or None.
@@ -73,8 +67,8 @@ class Results(NamedTuple):
         """
         if row.limit is None:
             return None
-        found = [each for each in self.rows if each.limit and each.threads == row.threads]
-        found = [each for each in found if each.limit[0] == row.limit[0]]
+        limited = [each for each in self.rows if each.limit and each.threads == row.threads]
+        found = [each for each in limited if each.limit[0] == row.limit[0]]
         if not any(each.whose == "the machine" for each in found):
             return None
         return row.rate * row.limit[1] / max(each.rate * each.limit[1] for each in found)

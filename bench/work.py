@@ -9,41 +9,25 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from problem import (
-    BODY,
-    CHECKED,
-    CHECKED_ND,
-    EPS,
-    PRECISE,
-    STEPS,
-    STEPS_ND,
-    aligned,
-    motion,
-    orbit,
-    orbit_nd,
-    problem_nd,
-    random_states,
-    relative_error,
-    starts,
-)
+import problem
+from problem import BODY, CHECKED, EPS, STEPS, aligned, problem_nd, starts
 
 import suslov_fast
 
 
 class Work(NamedTuple):
-    """A call, its units of work, and a function that returns its error."""
+    """A call, its units of work, and a function that returns computed and reference values."""
 
     call: Callable[[], object]
     work: int
-    error: Callable[[], float] | None = None
+    check: Callable[[], tuple] | None = None
 
 
 class Case(NamedTuple):
     """One benchmark, before any memory is allocated.
 
     `make` takes a function `size(full, small)`, which chooses the size of a problem, and the number
-    of threads. `limit` is a limit of the machine and the amount of it that a unit of work needs. A
-    call may take `at_most` times as long as in the revision it is compared with.
+    of threads. `limit` is a limit of the machine and the amount of it that a unit of work needs.
     """
 
     table: str
@@ -53,10 +37,8 @@ class Case(NamedTuple):
     x: float | None = None
     limit: tuple[str, float] | None = None
     whose: str = "this package"
-    at_most: float = 1.2
-    quick: bool = False  # measured by `compare.py --quick`
     threads: str = "all"  # or "one" or "both"
-    once: bool = False  # slow: measured once, in the first pass only
+    once: bool = False  # slow: measured once in each pass
 
     @property
     def name(self):
@@ -78,13 +60,12 @@ def last_states(function, batch=65_536, steps=STEPS):
 
     def make(size, threads):
         call, omega0, n = load(function), starts(size(batch, 64)), size(steps, 20)
-        checked = size(STEPS, 20)
-
-        def error():
-            computed = call(starts(CHECKED), checked, threads)
-            return relative_error(computed, orbit(CHECKED, checked)[-1])
-
-        return Work(lambda: call(omega0, n, threads), len(omega0) * n, error)
+        few, last = starts(CHECKED), size(STEPS, 20)
+        return Work(
+            lambda: call(omega0, n, threads),
+            len(omega0) * n,
+            lambda: (call(few, last, threads), problem.orbit(CHECKED, last)[-1]),
+        )
 
     return make
 
@@ -96,19 +77,19 @@ def saved_states(function, batch=65_536, saved=257, every=1, memory="reused"):
         call = load(function)
         omega0 = starts(size(batch, max(64, batch % 64)) if batch >= 64 else batch)
         rows, between = size(saved, 9), size(every, 10)
-        shape, offset = (rows, *omega0.shape), 2 * (memory == "unaligned")
-        out = None if memory == "new" else aligned(shape, offset)
+        out = None
+        if memory != "new":
+            out = aligned((rows, *omega0.shape), offset=2 * (memory == "unaligned"))
         more, steps = {"every": between} if every > 1 else {}, (rows - 1) * between
 
-        def error():
+        def check():
             few = size(STEPS, 20) // between * between
             room = aligned((few // between + 1, CHECKED, 2))
             computed = call(starts(CHECKED), few, threads, room, **more)
-            return relative_error(computed, orbit(CHECKED, few)[::between])
+            return computed, problem.orbit(CHECKED, few)[::between]
 
-        work = rows * len(omega0)
         run = lambda: call(omega0, steps, threads, out, **more)  # noqa: E731
-        return Work(run, work, error if every <= STEPS else None)
+        return Work(run, rows * len(omega0), check if every <= STEPS else None)
 
     return make
 
@@ -118,12 +99,9 @@ def jumps(function, batch, numbers, checked=False):
 
     def make(size, threads):
         call, omega0, n = load(function), starts(size(batch, 16)), numbers(size)
-
-        def error():
-            return relative_error(call(starts(CHECKED), STEPS), orbit(CHECKED, STEPS)[-1])
-
+        check = lambda: (call(starts(CHECKED), STEPS), problem.orbit(CHECKED, STEPS)[-1])  # noqa: E731
         work = len(omega0) * np.size(n)
-        return Work(lambda: call(omega0, n), work, error if checked else None)
+        return Work(lambda: call(omega0, n), work, check if checked else None)
 
     return make
 
@@ -133,12 +111,12 @@ def motions(function, batch):
 
     def make(size, threads):
         call, omega0, time = load(function), starts(size(batch, 2)), EPS * size(STEPS, 20)
-        few = starts(min(CHECKED, len(omega0)))
-
-        def error():
-            return relative_error(call(few, time, threads), motion(len(few), time))
-
-        return Work(lambda: call(omega0, time, threads), len(omega0), error)
+        few = omega0[:CHECKED]
+        return Work(
+            lambda: call(omega0, time, threads),
+            len(omega0),
+            lambda: (call(few, time, threads), problem.motion(len(few), time)),
+        )
 
     return make
 
@@ -152,12 +130,12 @@ def dimensions(function, components, cubic, slow=False):
         steps = size(max(3, 4000 // components ** (2 if cubic else 1)), 3)
         if slow:
             steps, omega0 = min(steps, max(1, 64 // components)), omega0[: 4096 // components]
-
-        def error():
-            computed = call(body, problem_nd(components, CHECKED_ND)[1], EPS / 2, STEPS_ND)
-            return relative_error(computed, orbit_nd(components))
-
-        return Work(lambda: call(body, omega0, EPS / 2, steps), len(omega0) * steps, error)
+        few = problem_nd(components, problem.CHECKED_ND)[1]
+        return Work(
+            lambda: call(body, omega0, EPS / 2, steps),
+            len(omega0) * steps,
+            lambda: (call(body, few, EPS / 2, problem.STEPS_ND), problem.orbit_nd(components)),
+        )
 
     return make
 
@@ -166,14 +144,15 @@ def quantities(function, name):
     """A quantity of ten million states, into new memory, by a function of states."""
 
     def make(size, threads):
-        states, known = random_states(size(10_000_000, 1000)), getattr(PRECISE, name, None)
+        states = problem.random_states(size(10_000_000, 1000))
+        known = getattr(problem.PRECISE, name, None)
 
-        def error():
-            few = random_states(CHECKED)
+        def check():
+            few = problem.random_states(CHECKED)
             wanted = np.atleast_2d(known(*few.T.astype(np.longdouble)))
-            return relative_error(function(few).reshape(CHECKED, -1), wanted.T)
+            return function(few).reshape(CHECKED, -1), wanted.T
 
-        return Work(lambda: function(states), len(states), error if known else None)
+        return Work(lambda: function(states), len(states), check if known else None)
 
     return make
 
@@ -184,13 +163,13 @@ def orientations(what, n):
     def make(size, threads):
         batch, steps = size(4096, 16), size(100, 5)
         body, omega0 = (BODY, starts(batch)) if n == 3 else problem_nd(n - 1, batch)
-        eps, iterate = EPS / 2, suslov_fast.iterate
-        states = iterate(body, omega0, eps, steps).omega if what == "along" else None
+        problem_and_steps, iterate = (body, omega0, EPS / 2, steps), suslov_fast.iterate
+        states = iterate(*problem_and_steps).omega if what == "along" else None
         call = {
-            "last": lambda: iterate(body, omega0, eps, steps, save_every=None, attitude=True),
-            "all": lambda: iterate(body, omega0, eps, steps, attitude=True),
-            "along": lambda: suslov_fast.attitude(body, states, eps),
-            "exponents": lambda: suslov_fast.lyapunov_exponents(body, omega0, eps, steps),
+            "last": lambda: iterate(*problem_and_steps, save_every=None, attitude=True),
+            "all": lambda: iterate(*problem_and_steps, attitude=True),
+            "along": lambda: suslov_fast.attitude(body, states, EPS / 2),
+            "exponents": lambda: suslov_fast.lyapunov_exponents(*problem_and_steps),
         }[what]
         return Work(call, batch * steps)
 

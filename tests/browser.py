@@ -1,94 +1,81 @@
-"""A headless browser, driven over pipes by the DevTools protocol."""
+"""A headless browser, driven by the DevTools protocol."""
 
 import base64
+import functools
 import itertools
 import json
-import os
-import select
 import shutil
 import subprocess
-import sys
 import time
+from pathlib import Path
 
 import pytest
 
-fcntl = pytest.importorskip("fcntl") if sys.platform != "win32" else None
+ioloop, websocket = map(pytest.importorskip, ("tornado.ioloop", "tornado.websocket"))
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
-    "--headless=new --remote-debugging-pipe --no-sandbox --disable-gpu --no-first-run "
+    "--headless=new --remote-debugging-port=0 --no-sandbox --disable-gpu --no-first-run "
     "--disable-dev-shm-usage --disable-background-networking --disable-sync"
 )
-# The browser expects its ends of the pipes under the numbers 3 and 4.
-LAUNCH = "import os, sys; os.dup2(int(sys.argv[1]), 3); os.dup2(int(sys.argv[2]), 4); "
-LAUNCH += "os.execv(sys.argv[3], sys.argv[3:])"
 # Seconds; the first picture may wait for the compiler on a busy machine.
 TIMEOUT = 300.0
 
 
-def _moved(descriptor):
-    """Duplicate a file descriptor to a number above those that the browser expects."""
-    moved = fcntl.fcntl(descriptor, fcntl.F_DUPFD, 10)
-    os.close(descriptor)
-    return moved
+def wait(function):
+    """Wait until a function returns a true value, and return the value."""
+    end = time.monotonic() + TIMEOUT
+    while not (found := function()):
+        assert time.monotonic() < end, "timed out"
+        time.sleep(0.02)
+    return found
 
 
 class Browser:
-    """A browser with one page; skips the test if no browser can be started."""
+    """A browser with one page; skips the test if there is no browser."""
 
     def __init__(self, folder):
         path = next(filter(None, map(shutil.which, NAMES)), None)
-        if path is None or sys.platform == "win32":
+        if path is None:
             pytest.skip("no Chromium or Chrome here")
-        to_browser, self._out = os.pipe()
-        self._in, from_browser = os.pipe()
-        ends = to_browser, from_browser = _moved(to_browser), _moved(from_browser)
-        launch = [sys.executable, "-S", "-c", LAUNCH, *map(str, ends), path, *OPTIONS.split()]
-        self._process = subprocess.Popen(
-            [*launch, f"--user-data-dir={folder}", "about:blank"],
-            pass_fds=ends,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        os.close(to_browser)
-        os.close(from_browser)
-        self._numbers, self._rest, self._session = itertools.count(1), b"", None
-        self.events = []
+        options = [*OPTIONS.split(), f"--user-data-dir={folder}", "about:blank"]
+        nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        self._process = subprocess.Popen([path, *options], **nowhere)
+        place = Path(folder, "DevToolsActivePort")  # its lines: port, path
+        place = wait(lambda: place.exists() and place.read_text().split("\n", 1)[1:] and place)
+        address = "ws://127.0.0.1:" + place.read_text().replace("\n", "", 1)
+        self._loop = ioloop.IOLoop(make_current=False)
+        connect = functools.partial(websocket.websocket_connect, max_message_size=2**28)
+        self._socket = self._loop.run_sync(lambda: connect(address), TIMEOUT)
+        self._numbers, self._session, self.events = itertools.count(1), {}, []
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
-        self._session = attached["sessionId"]
+        self._session = {"sessionId": attached["sessionId"]}
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
     def close(self):
         """End the browser."""
-        os.close(self._out)
-        os.close(self._in)
+        self._socket.close()
+        while self._loop.run_sync(self._socket.read_message, TIMEOUT) is not None:
+            pass
+        self._loop.close(all_fds=True)
         self._process.kill()
         self._process.wait()
 
     def call(self, method, **parameters):
         """Call a method of the protocol, and return its result."""
         number = next(self._numbers)
-        message = {"id": number, "method": method, "params": parameters}
-        if self._session:
-            message["sessionId"] = self._session
-        os.write(self._out, json.dumps(message).encode() + b"\0")
-        end = time.monotonic() + TIMEOUT
-        while (answer := self._receive(end)).get("id") != number:
+        message = {"id": number, "method": method, "params": parameters, **self._session}
+        self._loop.run_sync(lambda: self._socket.write_message(json.dumps(message)))
+        while (answer := self._receive()).get("id") != number:
             self.events.append(answer)
         assert "error" not in answer, (method, answer)
         return answer["result"]
 
-    def _receive(self, end):
-        while b"\0" not in self._rest:
-            ready, _, _ = select.select([self._in], [], [], max(end - time.monotonic(), 0))
-            assert ready, "the browser does not answer"
-            part = os.read(self._in, 2**20)
-            assert part, "the browser has ended"
-            self._rest += part
-        message, self._rest = self._rest.split(b"\0", 1)
+    def _receive(self):
+        message = self._loop.run_sync(self._socket.read_message, TIMEOUT)
+        assert message is not None, "the browser has ended"
         return json.loads(message)
 
     def value(self, script):
@@ -100,11 +87,7 @@ class Browser:
 
     def wait(self, script):
         """Wait until a script returns a true value, and return the value."""
-        end = time.monotonic() + TIMEOUT
-        while not (found := self.value(script)):
-            assert time.monotonic() < end, f"timed out: {script}"
-            time.sleep(0.02)
-        return found
+        return wait(lambda: self.value(script))
 
     def look(self, width, height, scheme="light"):
         """Set the size of the window and the preferred colours, without animations."""

@@ -2,18 +2,16 @@
 
 import json
 
-import cases
 import compare
-import limits
-import peers
-import processes
 import pytest
 import report
 import results
 import tables
+from bench_cases import CASES
 from results import Row
 
 OURS, MACHINE = "this package", "the machine"
+STORED = results.BENCH / "results"
 
 
 def row(key, seconds, table="last states", whose=OURS, **more):
@@ -25,25 +23,6 @@ def row(key, seconds, table="last states", whose=OURS, **more):
 def made(*rows, date="2026-11-20", passes=1, **machine):
     machine = {"processor": "Abacus", "threads": 2, "versions": {"numba": "1"}} | machine
     return results.Results(date=date, machine=machine, passes=passes, rows=rows)
-
-
-FULL = made(
-    row("auto", 1e-4, limit=("divisions", 1), error=1e-15),
-    row("c-printed", 2e-4, whose="C", limit=("divisions", 2), error=1e-15),
-    row("python", 1.0, whose="others", threads=1),
-    row("divisions", 1e-4, whose=MACHINE, work=2_000_000, limit=("divisions", 1)),
-    row("stored", 1e-3, "saved states", limit=("streaming", 16)),
-    row("streaming", 1e-3, "saved states", MACHINE, work=4_000_000, limit=("streaming", 16)),
-    row("energy", 1e-3, "quantities", limit=("copy", 24)),
-    row("energy", 2e-3, "quantities", threads=1, limit=("copy", 24)),
-    row("energy", 4e-3, "quantities", "NumPy", threads=1),
-    row("copy", 1e-3, "quantities", MACHINE, work=2_000_000, limit=("copy", 24)),
-    row("rank2", 1e-3, "n dimensions", x=2, threads=1),
-    row("rank2", 1e-2, "n dimensions", x=4, threads=1),
-    row("c-rank2", 1e-2, "n dimensions", "C", x=4, threads=1),
-    row("import-numba", 0.2, "processes", "others", work=1, threads=1),
-    row("first", 0.5, "processes", work=1, threads=1),
-)
 
 
 def test_files_contain_no_host_and_no_user(tmp_path):
@@ -77,27 +56,6 @@ def test_merging_takes_the_best_time_of_each():
         results.merge([made(row("a", 1.0)), made(row("a", 1.0), processor="Slide rule")])
 
 
-CELLS = {
-    # 1e10 steps per second; the limit is 2e10 divisions per second.
-    "**suslov_fast**, auto": ["10", "2", "1", "50 %", "1e-15"],
-    "c-printed": ["5", "1", "2", "50 %", "1e-15"],
-    "python, one thread": ["0.001", "0.0002", "", "", ""],
-    "**suslov_fast**, stored": ["1", "16", "25 %", ""],
-    "streaming": ["4", "64", "100 %", ""],
-    "**suslov_fast**, energy": ["1", "2", "2", "50 %", ""],
-    "**suslov_fast**, rank2": ["1", "10"],
-    "c-rank2": ["", "10"],
-    "**suslov_fast**, first": ["0.5", "2.5"],
-}
-
-
-def test_cells_of_the_tables():
-    lines = [line.split(" | ") for line in tables.everything(FULL).splitlines() if "| " in line]
-    found = {line[0].removeprefix("| "): line[1:] for line in lines}
-    for name, cells in CELLS.items():
-        assert [cell.removesuffix(" |").strip() for cell in found[name]] == cells, name
-
-
 def test_a_rate_above_a_limit_raises_the_limit():
     ours, c = row("ours", 1e-4, limit=("divisions", 1)), row("C", 5e-5, limit=("divisions", 2))
     found = made(row("divisions", 1e-4, whose=MACHINE, limit=("divisions", 1)), c, ours)
@@ -106,49 +64,41 @@ def test_a_rate_above_a_limit_raises_the_limit():
 
 
 def test_the_readme_and_the_page_show_the_stored_results():
-    stored = results.load(results.BENCH / "results" / "benchmarks.json")
+    stored = results.load(STORED / "benchmarks.json")
     text = report.README.read_text(encoding="utf-8")
     assert tables.replace(text, tables.summary(stored)) == text
-    page = (results.BENCH / "results" / "tables.md").read_text(encoding="utf-8")
-    assert page == tables.everything(stored)
+    assert (STORED / "tables.md").read_text(encoding="utf-8") == tables.everything(stored)
     with pytest.raises(ValueError, match="expected one"):
         tables.replace("no markers", "new")
 
 
 @pytest.mark.slow
 def test_a_report_of_files(tmp_path):
-    for name, measured in (("full", FULL), ("part", made(row("ours", 1e-4)))):
-        results.dump(measured, tmp_path / f"{name}.json")
-        report.main([str(tmp_path / f"{name}.json"), "--to", str(tmp_path / name)])
-        written = {path.name for path in (tmp_path / name).iterdir()}
-        assert written == {"benchmarks.json", "tables.md", "speed.png", "scaling.png"}
+    """The stored results give the stored page; a part of the rows gives a part of it."""
+    results.dump(made(row("ours", 1e-4)), tmp_path / "part.json")
+    for path in (STORED / "benchmarks.json", tmp_path / "part.json"):
+        report.main([str(path), "--to", str(tmp_path / path.stem)])
+        written = {each.name for each in (tmp_path / path.stem).iterdir()}
+        assert written == {"benchmarks.json", "tables.md", "speed.png"}
+    for name in ("benchmarks.json", "tables.md"):
+        assert (tmp_path / "benchmarks" / name).read_text("utf-8") == (STORED / name).read_text(
+            "utf-8"
+        )
 
 
 def test_each_case_has_a_table_and_a_name_of_its_own():
-    every = [*cases.CASES, *limits.CASES, *peers.CASES, *processes.cases()]
-    assert {case.table for case in every} == {each.name for each in tables.TABLES}
-    assert len({(case.name, case.whose) for case in every}) == len(every)
-    allowances = {case.at_most for case in cases.CASES}
-    assert allowances == {case.at_most for case in cases.CASES if case.quick}
+    assert {case.table for case in CASES} == {each.name for each in tables.TABLES}
+    assert len({(case.name, case.whose) for case in CASES}) == len(CASES)
 
 
 @pytest.mark.compiled
 @pytest.mark.slow
-def test_two_revisions_are_compared(monkeypatch, capfd):
-    """The working tree with itself and a huge threshold; then equal times and a tiny threshold."""
-    options = ["--tiny", "--rounds", "1", "--no-processes", "-k", "quantities-energy"]
-    here = str(results.BENCH.parent)
-    assert compare.main([here, here, *options, "--threshold", "1e9"]) == 0
-    monkeypatch.setattr(compare, "turns", lambda *_: [[1.0], [1.0]])
-    assert compare.main([here, *options, "--threshold", "1e-9"]) == 1
-    assert "quantities-energy" in capfd.readouterr().out
+def test_two_revisions_are_compared(capfd):
+    """The working tree with itself, with a huge threshold, then with a tiny one."""
+    here, case = str(results.BENCH.parent), ["-k", "quantities-energy"]
+    assert compare.main([here, here, *case, "--threshold", "1e9"]) == 0
+    assert compare.main([here, *case, "--threshold", "1e-9"]) == 1
+    assert "1 slower than allowed\n  quantities-energy" in capfd.readouterr().out
+    assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)
     with pytest.raises(SystemExit, match="no such revision"):
         compare.main([here, "nowhere-at-all"])
-
-
-def test_ratios_of_turns_and_processes(capsys):
-    assert compare.ratios([1.0, 2.0, 4.0], [2.0, 2.0, 6.0]) == (1.5, 2.0)
-    times = {("import-numba", "numba", None): ([2.0], [1.0, 3.0])}
-    times |= {("a", "a", 1.5): ([9.0], [2.0, 1.6])}
-    assert compare.report_processes(times) == ["a"]
-    assert "1.60" in capsys.readouterr().out

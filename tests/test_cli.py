@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 import warnings
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_trajectories import assert_same_run
 
 import suslov_fast as sf
 from suslov_fast._cli import main
@@ -21,51 +23,58 @@ from suslov_fast._cli.options import COMMANDS, body_classes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and terminals")
 COMMAND = [sys.executable, "-m", "suslov_fast"]
+load = sf.Trajectories.load
 
 
-def run(line, folder="."):
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    """Run each test in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def stores():
+    pytest.importorskip("dask")
+    pytest.importorskip("zarr")
+
+
+def run(line):
     """Run the command in this process, where all modules and kernels are loaded."""
     output, errors = io.StringIO(), io.StringIO()
-    before = os.getcwd()
-    os.chdir(folder)
-    try:
-        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
-            main(line.split())
-    except SystemExit as stopped:
-        code = stopped.code
-    finally:
-        os.chdir(before)
-    return SimpleNamespace(code=code, out=output.getvalue(), err=errors.getvalue())
+    redirected = contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors)
+    with redirected[0], redirected[1], pytest.raises(SystemExit) as stopped:
+        main(line.split())
+    return SimpleNamespace(code=stopped.value.code, out=output.getvalue(), err=errors.getvalue())
 
 
-def succeed(line, folder="."):
+def succeed(line):
     """Run a command that must succeed without messages, and return its output."""
-    done = run(line, folder)
+    done = run(line)
     assert (done.code, done.err) == (0, "")
     return done.out
 
 
-def facts_of(line, folder="."):
-    return json.loads(succeed(f"{line} --json", folder))
+def facts_of(line):
+    return json.loads(succeed(f"{line} --json"))
 
 
 def summary(text):
-    rows = {}
-    for line in text.splitlines():
-        rows.setdefault(line[:16].strip(), []).append(line[16:].strip())
-    return rows
+    """Return the rows of a summary: the text of each by its name."""
+    lines = [(line[:16].strip(), line[16:].strip()) for line in text.splitlines()]
+    return {name: [row for other, row in lines if other == name] for name, _ in lines}
 
 
-# ------------------------------------------------------------------ output
+def start(line, **pipes):
+    """Start the command in a process; its errors are piped."""
+    return subprocess.Popen([*COMMAND, *line.split()], stderr=subprocess.PIPE, text=True, **pipes)
 
 
 def test_help_needs_no_kernels():
     code = "import sys, atexit, suslov_fast._cli as c; atexit.register(lambda: print(*sys.modules))"
-    done = subprocess.run(
-        [sys.executable, "-c", f"{code}; c.main(['run', '--help'])"], capture_output=True, text=True
-    )
-    assert "--save-every" in done.stdout
-    assert not {"numba", "scipy", "matplotlib"} & set(done.stdout.split())
+    command = [sys.executable, "-c", f"{code}; c.main(['run', '--help'])"]
+    printed = subprocess.check_output(command, text=True)
+    assert "--save-every" in printed
+    assert not {"numba", "scipy", "matplotlib"} & set(printed.split())
 
 
 def test_help():
@@ -79,10 +88,11 @@ def test_help():
 
 
 @pytest.mark.compiled
-def test_quick_start(tmp_path):
-    done = subprocess.run([*COMMAND, "run"], capture_output=True, text=True, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, ""), "no progress bar without a terminal"
-    rows = summary(done.stdout)
+def test_quick_start():
+    with start("run", stdout=subprocess.PIPE) as process:
+        output, errors = process.communicate()
+    assert (process.returncode, errors) == (0, ""), "no progress bar without a terminal"
+    rows = summary(output)
     largest = float(rows.pop("drift of F")[0].removesuffix(", largest relative"))
     assert 0 < largest < 1e-12
     assert float(rows.pop("wall time")[0].removesuffix(" s")) < 60
@@ -96,114 +106,100 @@ def test_quick_start(tmp_path):
         "status": ["65,536 OK: finished"],
     }
     assert not np.isnan(sf.Suslov3D(4, 3, -0.4, -0.2).admissible_I3()).any()
-    assert list(tmp_path.iterdir()) == []
+    assert os.listdir() == []
 
 
-def test_rates():
+@pytest.mark.parametrize(
+    ("options", "unit", "count"),
+    [("", "states", 4), ("--method canonical", "steps", 30), ("--picture 1 --k 1", "steps", 30)],
+)
+def test_rates(options, unit, count):
     """The rate is in steps if the method iterates, and in states otherwise."""
-    line = "run --trajectories 50 --steps 30 --save-every 10 --method"
-    auto, canonical = facts_of(f"{line} auto"), facts_of(f"{line} canonical")
-    assert auto["states_per_second"] * auto["seconds"] == pytest.approx(50 * 4)
-    assert canonical["steps_per_second"] * canonical["seconds"] == pytest.approx(50 * 30)
-    assert "steps_per_second" in facts_of("run --picture 1 --k 1 --trajectories 5 --steps 9")
+    facts = facts_of(f"run --trajectories 50 --steps 30 --save-every 10 {options}")
+    assert facts[f"{unit}_per_second"] * facts["seconds"] == pytest.approx(50 * count)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".nc", ".zarr"])
-def test_run_and_info(tmp_path, suffix):
-    for library in ("netCDF4", "zarr", "dask"):
-        pytest.importorskip(library)
+def test_run_and_info(suffix, stores):
+    pytest.importorskip("netCDF4")
     name = f"result{suffix}"
-    facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}", tmp_path)
-    load = sf.open_ensemble if suffix == ".zarr" else sf.Trajectories.load
-    body, omega = sf.Suslov3D(4, 3, -0.4, -0.2), np.asarray(load(tmp_path / name).omega)
+    facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
+    saved = sf.open_ensemble(name) if suffix == ".zarr" else load(name)
+    body, omega = sf.Suslov3D(4, 3, -0.4, -0.2), np.asarray(saved.omega)
     assert omega.shape == (3, 100, 2)
     F = sf.first_integral(body, omega, 0.2)
     expected = {"trajectories": 100, "saved_states": 3, "written": name, "status": {"OK": 100}}
     expected["body"] = {"type": "Suslov3D", **body.to_dict()}
     assert {**facts, **expected} == facts
     assert facts["drift"]["F"] == pytest.approx(abs(F / F[0] - 1).max(), abs=1e-18)
-    assert {**facts, **facts_of(f"info {name}", tmp_path)} == facts
-    rows = summary(succeed(f"info {name}", tmp_path))
+    assert {**facts, **facts_of(f"info {name}")} == facts
+    rows = summary(succeed(f"info {name}"))
     assert (rows["saved states"], rows["method"]) == (["3"], ["auto"])
 
 
-def test_info_on_batches_of_bodies_and_steps(tmp_path, monkeypatch):
+def test_info(rng, monkeypatch):
+    """Drifts are relative to state 0; runs without a known first integral have two energies."""
     from suslov_fast._cli import summary as module
 
     monkeypatch.setattr(module, "_SLAB", 10)
-    body = sf.Suslov3D([[4.0], [3.0], [2.0]], 1, -0.5, -0.3)
-    orbits = sf.iterate(body, [1.0, 0.5], [0.1, 0.2], 30, save_every=7)
-    orbits.save(tmp_path / "sweep.npz")
-    rows = summary(succeed("info sweep.npz", tmp_path))
-    assert rows["body"] == ["I1 = 2 ... 4 (3, 1), I2 = 1, I13 = -0.5, I23 = -0.3"]
-    assert rows["step size"] == ["eps = 0.1 ... 0.2 (2,)"]
-    states = np.concatenate([orbits.omega, orbits.final[None]])
-    F = sf.first_integral(body, states, orbits.eps)
-    assert facts_of("info sweep.npz", tmp_path)["drift"]["F"] == abs(F / F[0] - 1).max()
+    batch = sf.Suslov3D([[4.0], [3.0], [2.0]], 1, -0.5, -0.3)
+    nd, starts = sf.SuslovND([1.0, 2.0, 3.0], [0.4, -0.7, 0.5]), rng.normal(size=(7, 3))
+    texts = []
+    for orbits, drifts in (
+        (sf.iterate(batch, [1.0, 0.5], [0.1, 0.2], 30, save_every=7), {"F": sf.first_integral}),
+        (sf.iterate(nd, starts, 0.3, 11, save_every=2), {"E_mod": sf.modified_energy}),
+        (sf.iterate(nd, starts, 0.1, 9, save_every=None), {}),
+    ):
+        orbits.save("o.npz")
+        states = np.concatenate([orbits.omega, orbits.final[None]])
+        values = {name: f(orbits.body, states, orbits.eps) for name, f in drifts.items()}
+        if "E_mod" in drifts:
+            values["E"] = sf.energy(nd, states)
+        expected = {name: abs(each / each[0] - 1).max() for name, each in values.items()}
+        assert (facts_of("info o.npz")["drift"] or {}) == expected
+        texts.append(summary(succeed("info o.npz")))
+        assert any(name.startswith("drift") for name in texts[-1]) == bool(drifts)
+    assert texts[0]["body"] == ["I1 = 2 ... 4 (3, 1), I2 = 1, I13 = -0.5, I23 = -0.3"]
+    assert texts[0]["step size"] == ["eps = 0.1 ... 0.2 (2,)"]
+    assert texts[2]["body"] == ["J = [1. 2. 3.], I = [ 0.4 -0.7  0.5]"]
 
 
-def test_drifts(tmp_path, rng):
-    """Runs without a known first integral have the drifts of two energies, relative to state 0."""
-    body = sf.SuslovND([1.0, 2.0, 3.0], [0.4, -0.7, 0.5])
-    orbits = sf.iterate(body, rng.normal(size=(7, 3)), 0.3, 11, save_every=2)
-    orbits.save(tmp_path / "o.npz")
-    drift = facts_of("info o.npz", tmp_path)["drift"]
-    states = np.concatenate([orbits.omega, orbits.final[None]])
-    E, E_mod = sf.energy(body, states), sf.modified_energy(body, states, 0.3)
-    assert drift == {"E": abs(E / E[0] - 1).max(), "E_mod": abs(E_mod / E_mod[0] - 1).max()}
-    assert 0 < drift["E_mod"] < drift["E"]
-    sf.iterate(body, np.ones((3, 3)), 0.1, 9, save_every=None).save(tmp_path / "last.npz")
-    rows = summary(succeed("info last.npz", tmp_path))
-    assert not any(name.startswith("drift") for name in rows)
-    assert rows["body"] == ["J = [1. 2. 3.], I = [ 0.4 -0.7  0.5]"]
-
-
-# ------------------------------------------------------------------ bodies and starts
-
-
-def test_run_is_iterate(tmp_path):
+def test_run_is_iterate():
     starts = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
-    np.save(tmp_path / "starts.npy", starts)
+    np.save("starts.npy", starts)
     line = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20 --initial starts.npy"
-    out = succeed(f"{line} --save-every 5 --method canonical -o o.npz", tmp_path)
-    assert summary(out)["status"] == [
-        f"1 {status.name}: {status.message}"
-        for status in (sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR)
-    ]
-    saved, settings = sf.Trajectories.load(tmp_path / "o.npz"), {"method": "canonical"}
-    settings |= {"save_every": 5, "on_singular": "ignore"}
+    statuses = [sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR]
+    printed = summary(succeed(f"{line} --save-every 5 --method canonical -o o.npz"))
+    assert printed["status"] == [f"1 {each.name}: {each.message}" for each in statuses]
+    settings = {"method": "canonical", "save_every": 5, "on_singular": "ignore"}
     again = sf.iterate(sf.Suslov3D(1, 1, 1, 0), starts, 1, 20, **settings)
-    for name in ("omega", "n", "final", "status", "failed_at", "eps"):
-        np.testing.assert_array_equal(getattr(saved, name), getattr(again, name))
-    assert saved.body == again.body
+    assert_same_run(load("o.npz"), again, resume=False)
 
 
 TENSOR = np.array([[4.0, 0.2, -0.5], [0.2, 2.5, -0.3], [-0.5, -0.3, 3.0]])
+ONE, OTHER = (sf.Suslov3D.from_inertia(TENSOR, axis)[0] for axis in ([1, -2, 3], [-1, 2, 3]))
 BODIES = {
     "": sf.Suslov3D(4, 3, -0.4, -0.2),
     "--picture 3 --I13 2": sf.Suslov3D(4, 2, 2, -0.2),
     "--picture 4 --I3 5 --eps -0.25": sf.Suslov3D(3, 3, -0.2, -0.2, 5),
     "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": sf.Suslov3D(4, 1, -0.5, -0.3),
     "--inertia 4,2.5,3,0,-0.5,-0.3 --eps 1": sf.Suslov3D(4, 2.5, -0.5, -0.3, 3),
-    "--inertia 4,2.5,3,.2,-.5,-.3 --axis 1,-2,3 --eps 1": sf.Suslov3D.from_inertia(
-        TENSOR, [1, -2, 3]
-    )[0],
-    "--inertia tensor.npy --axis -1,2,3 --eps 1": sf.Suslov3D.from_inertia(TENSOR, [-1, 2, 3])[0],
+    "--inertia 4,2.5,3,.2,-.5,-.3 --axis 1,-2,3 --eps 1": ONE,
+    "--inertia tensor.npy --axis -1,2,3 --eps 1": OTHER,
     "--mass-tensor mass.csv --eps 1": sf.SuslovND([5, 6, 7], [0.4, -0.7, 0.5]),
     "--picture 1 --k 0.5": sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.5),
-    "--I1 2 --I2 1 --I13 .3 --I23 0 --k -1 --eps .1": sf.SuslovGyrostat(2, 1, 0.3, 0, -1),
     "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]),
 }
 
 
 @pytest.mark.parametrize("options", BODIES)
-def test_bodies(tmp_path, options):
-    np.save(tmp_path / "tensor.npy", TENSOR)
+def test_bodies(options):
+    np.save("tensor.npy", TENSOR)
     mass = np.diag([1.0, 2.0, 3.0, 4.0])
     mass[:3, 3] = mass[3, :3] = [0.4, -0.7, 0.5]
-    np.savetxt(tmp_path / "mass.csv", mass, delimiter=",")
-    facts = facts_of(f"run {options} --trajectories 5 --steps 4 -o o.npz", tmp_path)
-    assert sf.Trajectories.load(tmp_path / "o.npz").body == BODIES[options]
+    np.savetxt("mass.csv", mass, delimiter=",")
+    facts = facts_of(f"run {options} --trajectories 5 --steps 4 -o o.npz")
+    assert load("o.npz").body == BODIES[options]
     default = "0.02" if "3" in options else "0.2"
     assert facts["eps"] == float(options.split()[-1] if "--eps" in options else default)
     assert (facts["rotation"] is None) == ("--axis" not in options)
@@ -218,40 +214,37 @@ STARTS = {
     "--omega0 -1,.5 --omega0 2,-3": [[-1.0, 0.5], [2.0, -3.0]],
     "--trajectories 3 --seed 4": sf.RandomStarts(3, 2.0, 4).states(3),
     "--trajectories 3 --extent 0.5": sf.RandomStarts(3, 0.5).states(3),
-    **{
-        f"--initial {name}": [[0.3, 0.1], [1.0, 0.25]]
-        for name in ("s.npy", "s.csv", "head.csv", "savetxt.csv")
-    },
-    **{name: [[np.nan, np.nan]] for name in ("--omega0 1,nan", "--initial nan.npy")},
+    "--initial s.npy": [[0.3, 0.1], [1.0, 0.25]],
+    "--initial s.csv": [[0.3, 0.1], [1.0, 0.25]],
+    "--initial head.csv": [[0.3, 0.1], [1.0, 0.25]],
+    "--initial savetxt.csv": [[0.3, 0.1], [1.0, 0.25]],
+    "--omega0 1,nan": [[np.nan, np.nan]],
+    "--initial nan.npy": [[np.nan, np.nan]],
 }
 
 
 @pytest.mark.parametrize("options", STARTS)
-def test_starts(tmp_path, options):
-    np.save(tmp_path / "s.npy", [[0.3, 0.1], [1.0, 0.25]])
-    np.save(tmp_path / "nan.npy", [[1.0, np.nan]])
+def test_starts(options):
+    np.save("s.npy", [[0.3, 0.1], [1.0, 0.25]])
+    np.save("nan.npy", [[1.0, np.nan]])
     heads = {"s": "", "head": "\ufeffomega1, Omega 2\n", "savetxt": "# Omega1,Omega2\n"}
     for name, head in heads.items():
-        (tmp_path / f"{name}.csv").write_text(f"{head}0.3,0.1\n1.0, 2.5e-1\n\n", encoding="utf-8")
-    succeed(f"run {options} --steps 0 -o o.npz", tmp_path)
-    final = sf.Trajectories.load(tmp_path / "o.npz").final
-    np.testing.assert_array_equal(final, STARTS[options])
+        Path(f"{name}.csv").write_text(f"{head}0.3,0.1\n1.0, 2.5e-1\n\n", encoding="utf-8")
+    succeed(f"run {options} --steps 0 -o o.npz")
+    np.testing.assert_array_equal(load("o.npz").final, STARTS[options])
 
 
-def test_orientation(tmp_path):
-    np.save(tmp_path / "R0.npy", [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+def test_orientation():
+    np.save("R0.npy", [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     found = []
     for option in ("--attitude", "--orientation 0,0,90", "--orientation R0.npy"):
-        line = f"run --omega0 1,0.5 --steps 3 --save-every 1 --force -o o.npz {option}"
-        succeed(line, tmp_path)
-        found.append(sf.Trajectories.load(tmp_path / "o.npz").attitude)
+        succeed(f"run --omega0 1,0.5 --steps 3 --save-every 1 --force -o o.npz {option}")
+        found.append(load("o.npz").attitude)
     plain, vector, matrix = found
     assert (plain[0] == np.eye(3)).all()
     np.testing.assert_allclose(vector, matrix, atol=1e-15)
     np.testing.assert_allclose(matrix, matrix[0] @ plain, atol=1e-15)
 
-
-# ------------------------------------------------------------------ errors
 
 # Exit status, command line, and a part of the message on stderr.
 MISTAKES = """
@@ -261,12 +254,10 @@ MISTAKES = """
 2 | run --step 3 | unknown option --step; did you mean --steps?
 2 | run --sed=3 | unknown option --sed; did you mean --seed?
 2 | run now | expected no argument 'now'
-2 | run --picture 12 | --picture: invalid choice: '12' (choose from
 2 | run --I1 4 | expected all of --I1 --I2 --I13 --I23, got no --I2 --I13 --I23; --picture N takes
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | expected a step size with a body of your own, got none; wri
 2 | run --picture 1 --J 4,5 | expected the parameters of one body, got --I1 --I13 --I2 --I23 --J
 2 | run --picture 1 --I1 0 | I1: expected a positive moment of inertia, got 0.0
-2 | run --eps x | --eps: invalid float value: 'x'
 2 | run --eps | --eps: expected one argument
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
 2 | run --steps 1e999999999 | --steps: expected an integer of at least 0 and below 2**62, got '1e99
@@ -284,7 +275,6 @@ MISTAKES = """
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
 1 | run --initial cut.npy | suslov-fast: cut.npy:
 1 | run --initial inf.csv | inf.csv: states: expected finite real numbers, got inf at index
-2 | run --omega0 1,inf | omega0: expected finite real numbers, got inf at index
 1 | run --initial swapped.csv | header: expected Omega1,Omega2 or none, got Omega2,Omega1
 1 | run --initial savetxt.csv | header: expected Omega1,Omega2 or none, got a,b
 1 | run --J 1,2 --I 1,1 --eps 1 --initial swapped.csv | header: expected Omega1n,Omega2n or none
@@ -293,7 +283,6 @@ MISTAKES = """
 2 | run --J 1,2,3 --eps 0.1 | expected all of --J --I, got no --I
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
 1 | run --inertia good.npy --eps 1 | good.npy: I: expected shape (n, n), got (4, 2)
-1 | run --inertia tensors.npy --eps 1 | tensors.npy: I: expected shape (n, n), got (2, 3, 3)
 2 | run --inertia tensor.npy --eps 1 --axis 0,0,0 | --axis: a: expected an axis other than 0, got
 2 | run --mass-tensor tensor.npy --eps 1 --axis 1,1 | --axis: a: expected shape (..., 3), got (2,)
 2 | run --mass-tensor good.npy --picture 1 | expected one body, got --mass-tensor and --picture
@@ -316,12 +305,11 @@ MISTAKES = """
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'
-2 | animate | the following arguments are required: -o/--output
 2 | animate -o body.png | --output: expected the name of a .gif or .mp4 file, got 'body.png'
 2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | expected a body of Suslov3D, got a SuslovND
-2 | animate -o a.gif --dpi 5 | --dpi: expected an integer of at least 10 and below 2001, got '5'
 1 | animate -o a.gif --steps 1e12 | got 112,000,000,000,000 bytes; lower --steps
 1 | animate -o a.gif --I1 2 --I2 2 --I13 .5 --I23 0 --eps 1 --omega0 2,-9 | animate: 1 of 1
+2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: expected each of I1, I2
 2 | explore --port 65536 | --port: expected an integer of at least 0 and below 65536, got '65536'
 """
 
@@ -333,13 +321,11 @@ def bad_files(tmp_path_factory):
         (folder / name).mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.savez(folder / "other.npz", omega=np.ones(3))
-    arrays = {"good": np.ones((4, 2)), "tensor": TENSOR, "tensors": [TENSOR, TENSOR]}
-    for name, array in arrays.items():
-        np.save(folder / f"{name}.npy", array)
+    np.save(folder / "good.npy", np.ones((4, 2)))
+    np.save(folder / "tensor.npy", TENSOR)
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     texts = {
         "good.npz": "precious",
-        "good.csv": "1,0\n0,1\n",
         "empty.csv": "",
         "picture1.png": "precious",
         "starts.txt": "1,2\n",
@@ -353,58 +339,45 @@ def bad_files(tmp_path_factory):
     return folder
 
 
-def names(folder):
-    return sorted(path.name for path in folder.iterdir() if path.suffix != ".lock")
+def check_error(done, status, message):
+    """Check that a command printed one line, an error, and had an exit status."""
+    assert (done.code, done.out) == (status, "")
+    assert done.err.startswith("suslov-fast: ")
+    assert message in done.err
+    assert done.err.count("\n") == 1
 
 
 @posix
 @pytest.mark.parametrize("mistake", MISTAKES.strip().splitlines())
-def test_mistakes(bad_files, mistake):
+def test_mistakes(bad_files, monkeypatch, mistake):
     """An error prints one line, has the right exit status, and writes no file."""
     status, line, message = map(str.strip, mistake.split("|"))
     for library, used in (("matplotlib", ("animate", "pictures")), ("dask", (".zarr",))):
         if any(each in line for each in used):
             pytest.importorskip(library)
-    before = names(bad_files)
-    done = run(line, bad_files)
-    assert (done.code, done.out) == (int(status), "")
-    assert done.err.startswith("suslov-fast: ")
-    assert message in done.err
-    assert done.err.count("\n") == 1
-    assert names(bad_files) == before
-    assert (bad_files / "good.npz").read_text() == "precious"
+    monkeypatch.chdir(bad_files)
+    before = set(os.listdir())
+    check_error(run(line), int(status), message)
+    assert {name for name in os.listdir() if not name.endswith(".lock")} <= before
+    assert before <= set(os.listdir())
+    assert Path("good.npz").read_text() == "precious"
 
 
-def test_force(tmp_path):
-    line = "run --trajectories 3 --steps 3 -o o.npz"
-    (tmp_path / "o.npz").write_text("of another run")
-    assert run(line, tmp_path).code == 1
-    succeed(f"{line} --force", tmp_path)
-    assert sf.Trajectories.load(tmp_path / "o.npz").status.shape == (3,)
-
-
-def test_sizes_of_large_files_are_announced(tmp_path, monkeypatch):
-    from suslov_fast._cli import terminal
-
-    monkeypatch.setattr(terminal, "_LARGE", 2**20)
+def test_sizes_of_large_files_are_announced(monkeypatch):
+    monkeypatch.setattr("suslov_fast._cli.terminal._LARGE", 2**20)
     line = "run --steps 99 --save-every 1 --trajectories 1000 -o o.npz"
-    assert run(line, tmp_path).err == "suslov-fast: o.npz will take 0.0 GB\n"
-
-
-# ------------------------------------------------------------------ signals, streams, disks
+    assert run(line).err == "suslov-fast: o.npz will take 0.0 GB\n"
 
 
 @pytest.mark.compiled
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 @pytest.mark.sampled(1)
-def test_signals_leave_nothing_behind(tmp_path, name):
+def test_signals_leave_nothing_behind(name):
     line = "run --method ds2 --trajectories 1 --threads 1 -o o.npz --steps"
-    succeed(f"{line} 1000", tmp_path)  # compiles
-    command = [*COMMAND, *line.split(), "10000000000000", "--force"]
-    pipes = {"stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
-    with subprocess.Popen(command, **pipes) as process:
-        while len(list(tmp_path.iterdir())) == 1:
+    succeed(f"{line} 1000")  # compiles
+    with start(f"{line} 10000000000000 --force") as process:
+        while len(os.listdir()) == 1:
             assert process.poll() is None
             time.sleep(0.05)
         time.sleep(0.5)
@@ -412,28 +385,27 @@ def test_signals_leave_nothing_behind(tmp_path, name):
         errors = process.communicate(timeout=60)[1]
     assert process.returncode in (130, -signal.SIGINT)  # a shell reports 130 for both
     assert errors.endswith("suslov-fast: interrupted\n")
-    assert [path.name for path in tmp_path.iterdir()] == ["o.npz"]
-    assert sf.Trajectories.load(tmp_path / "o.npz").steps == 1000
+    assert os.listdir() == ["o.npz"]
+    assert load("o.npz").steps == 1000
 
 
 @posix
 @pytest.mark.compiled  # interpreted it takes minutes
-def test_progress_on_a_terminal(tmp_path):
+def test_progress_on_a_terminal():
     import pty
 
     ours, theirs = pty.openpty()
     line = "run --method canonical --trajectories 100 --steps 20000000".split()
-    done = subprocess.run([*COMMAND, *line], stdout=subprocess.PIPE, stderr=theirs, timeout=120)
+    printed = subprocess.check_output([*COMMAND, *line], stderr=theirs, timeout=120)
     os.close(theirs)
     shown = b""
     with contextlib.suppress(OSError):  # the other end is closed
         while some := os.read(ours, 4096):
             shown += some
     os.close(ours)
-    assert done.returncode == 0
     assert b"iterating [#" in shown
     assert shown.endswith(b"\r\x1b[K"), "the line is cleared"
-    assert b"[#" not in done.stdout
+    assert b"[#" not in printed
 
 
 @posix
@@ -451,28 +423,74 @@ def test_streams():
 @pytest.mark.compiled
 @posix
 @pytest.mark.slow
-def test_a_disk_that_is_full(tmp_path):
+def test_a_disk_that_is_full():
     """A write that fails keeps the old file and leaves no other."""
     import resource
 
-    path, line = tmp_path / "o.npz", "run --trajectories 2e4 --steps 3 --force -o o.npz"
-    succeed(f"run --trajectories 100 --steps 3 -o {path}")
-    before = path.read_bytes()
-    done = subprocess.run(
-        [*COMMAND, *line.split()],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2**16, 2**16)),
-    )
-    assert done.returncode == 1
-    assert done.stderr.startswith("suslov-fast: o.npz")
-    assert done.stderr.count("\n") == 1
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
+    succeed("run --trajectories 100 --steps 3 -o o.npz")
+    before, limits = Path("o.npz").read_bytes(), (2**16, 2**16)
+    full = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limits)}
+    with start("run --trajectories 2e4 --steps 3 --force -o o.npz", **full) as process:
+        errors = process.communicate()[1]
+    check_error(SimpleNamespace(code=process.returncode, out="", err=errors), 1, "o.npz")
+    assert Path("o.npz").read_bytes() == before
+    assert os.listdir() == ["o.npz"]
 
 
-# ------------------------------------------------------------------ other commands
+STORED = "run --picture 1 --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
+
+
+def test_a_grid_of_parameters(stores):
+    asked = STORED.replace("--picture 1", "--I1 4 --I2 1 --I23 -.3")
+    facts = facts_of(f"{asked} --sweep eps=0.1:0.4:4 --sweep I13=-0.5:0.5:3 --chunk 60")
+    assert facts["trajectories"] == 1200
+    assert facts["tiles_done"] == "24 of 24"
+    assert facts["status"] == {"OK": 1200}
+    assert facts["drift"]["F"] < 1e-12
+    dataset = sf.open_ensemble("run.zarr")
+    assert dataset.omega.dims == ("n", "eps", "I13", "trajectory", "component")
+    one = dataset.sel(eps=0.2, I13=0.5, method="nearest")
+    orbits = sf.iterate(sf.Suslov3D(4, 1, 0.5, -0.3), one.omega.values[0], 0.2, 40, save_every=4)
+    assert np.allclose(one.omega, orbits.omega, rtol=1e-12)
+    assert {**facts, **facts_of("info run.zarr")} == facts
+    assert summary(succeed("info run.zarr"))["tiles done"] == ["24 of 24"]
+
+
+def test_a_sweep_in_n_dimensions(stores):
+    line = "run --J 1,2,4 --I .4,-.7,.5 --omega0 1,2,3 --steps 9 -o nd.zarr"
+    reduced = "--reduce omega_max --reduce energy_drift"
+    facts = facts_of(f"{line} --sweep eps=0.1:0.3:3 {reduced}")
+    assert facts["trajectories"] == 3
+    dataset = sf.open_ensemble("nd.zarr")
+    assert dataset.eps.values.tolist() == [0.1, 0.2, 0.3]
+    assert dataset.omega_max.shape == (3, 1, 3)
+    assert facts["drift"] == {"E": float(dataset.energy_drift.max())}
+
+
+def test_the_same_run_continues_and_another_is_refused(stores):
+    succeed(STORED)
+    longer = STORED.replace("--steps 40", "--steps 60")
+    assert facts_of(longer)["steps"] == 60
+    for other, message in (
+        (f"{longer} --eps 0.3", "another run, with eps 0.2 instead of 0.3"),
+        (STORED, "steps: expected at least the 60 of the run in"),
+    ):
+        refused = run(other)
+        check_error(refused, 1, message)
+        assert refused.err.endswith("--force replaces it\n")
+    assert facts_of(f"{longer} --eps 0.3 --force")["eps"] == 0.3
+
+
+@posix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_message_of_a_signal(stores, monkeypatch, number):
+    from suslov_fast._ensemble import compute
+
+    go_on = compute.go_on
+    monkeypatch.setattr(compute, "go_on", lambda run: os.kill(os.getpid(), number) or go_on(run))
+    stopped = run("run --trajectories 50 --chunk 10 --steps 9 -o o.zarr")
+    check_error(stopped, 130, "repeat the call to resume")
+    assert sf.open_ensemble("o.zarr").attrs["tiles_done"].endswith("of 5")
 
 
 def test_warm_up_calls_all_functions(monkeypatch):
@@ -492,11 +510,11 @@ def test_warm_up_calls_all_functions(monkeypatch):
 @pytest.mark.compiled
 def test_pictures(tmp_path):
     image = pytest.importorskip("matplotlib.image")
-    paths = succeed("pictures --dpi 80 -o new/folder", tmp_path).split()
+    paths = succeed("pictures --dpi 80 -o new/folder").split()
     names = [*(f"picture{k}" for k in (1, 2, 3, 4)), "regimes", "convergence"]
     names += ["four_dimensions", "scattering"]
     assert paths == [f"new/folder/{name}.png" for name in names]
-    assert all(min(image.imread(tmp_path / path).shape[:2]) > 200 for path in paths)
+    assert all(min(image.imread(path).shape[:2]) > 200 for path in paths)
 
 
 @pytest.mark.compiled
@@ -505,13 +523,11 @@ def test_pictures(tmp_path):
 )
 def test_animate(tmp_path, options):
     pytest.importorskip("PIL")
-    assert succeed(f"animate {options} --steps 4 --dpi 40 -o body.gif", tmp_path) == "body.gif\n"
+    assert succeed(f"animate {options} --steps 4 --dpi 40 -o body.gif") == "body.gif\n"
     assert (tmp_path / "body.gif").read_bytes().startswith(b"GIF89a")
     assert [path.name for path in tmp_path.iterdir()] == ["body.gif"]
 
 
 def test_without_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    done = run("pictures")
-    assert (done.code, done.out) == (1, "")
-    assert "pip install 'suslov_fast[plots]'" in done.err
+    check_error(run("pictures"), 1, "pip install 'suslov_fast[plots]'")

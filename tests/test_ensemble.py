@@ -7,34 +7,30 @@ import threading
 
 import numpy as np
 import pytest
-from ensemble_runs import BODY, BODY_4D, CUT, arguments, assert_same, contents
-
-from suslov_fast import (
-    RandomStarts,
-    Suslov3D,
-    SuslovGyrostat,
-    Trajectories,
-    ensemble,
-    first_integral,
-    iterate,
-    modified_energy,
-    open_ensemble,
+from ensemble_runs import (
+    BODY,
+    BODY_4D,
+    CUT,
+    assert_same,
+    assert_undisturbed,
+    contents,
+    finish,
+    made,
 )
+
+import suslov_fast as sf
+from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
 
 xarray = pytest.importorskip("xarray")
 zarr = pytest.importorskip("zarr")
 pytest.importorskip("dask")
 
-GYROSTAT = SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
+GYROSTAT = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 
 
 @pytest.fixture
 def store(tmp_path):
     return tmp_path / "run.zarr"
-
-
-def starts(rng, *shape, D=2):
-    return rng.uniform(-2.0, 2.0, (*shape, D))
 
 
 def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
@@ -45,34 +41,42 @@ def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
     return dataset, orbits
 
 
+CHUNK, LZ4 = {"chunk": {"trajectory": 7, "n": 8}}, {"compression": "lz4"}
+TURNING = {"attitude": True}
+
+
 @pytest.mark.parametrize(
-    ("body", "method", "save_every", "attitude", "compression"),
+    ("body", "shape", "eps", "ours", "settings"),
     [
-        (BODY, "auto", None, False, None),
-        (BODY, "auto", 4, False, "lz4"),
-        (BODY, "auto", 1, True, None),
-        (BODY, "canonical", 1, False, "zstd"),
-        (BODY, "ds2", None, True, None),
-        (BODY, "ds2", 100, False, None),
-        (BODY_4D, "auto", 4, False, None),
-        (BODY_4D, "auto", None, True, None),
-        (BODY_4D, "gauss", 1, True, "lz4"),
-        (BODY_4D, "rank2", 4, False, None),
-        (GYROSTAT, "auto", 1, True, None),
-        (GYROSTAT, "auto", None, False, None),
+        (BODY, 20, 0.3, CHUNK, {"save_every": None}),
+        (BODY, 20, 0.3, CHUNK | LZ4, {"save_every": 4}),
+        (BODY, 20, 0.3, CHUNK, {"save_every": 1} | TURNING),
+        (BODY, 20, 0.3, CHUNK | {"compression": "zstd"}, {"save_every": 1, "method": "canonical"}),
+        (BODY, 20, 0.3, CHUNK, {"save_every": None, "method": "ds2"} | TURNING),
+        (BODY, 20, 0.3, CHUNK, {"save_every": 100, "method": "ds2"}),
+        (BODY_4D, 20, 0.3, CHUNK, {"save_every": None} | TURNING),
+        (BODY_4D, 20, 0.3, CHUNK | LZ4, {"save_every": 1, "method": "gauss"} | TURNING),
+        (BODY_4D, 20, 0.3, CHUNK, {"save_every": 4, "method": "rank2"}),
+        (GYROSTAT, 20, 0.3, CHUNK, {"save_every": 1} | TURNING),
+        (GYROSTAT, 20, 0.3, CHUNK, {"save_every": None}),
+        (BODY, 20, [[0.2], [0.3]], {}, {"save_every": 1}),
+        (BODY, 20, np.linspace(0.1, 0.3, 20), {"chunk": 7}, {"save_every": None}),
+        (BODY, 20, [0.2], {"chunk": {"n": 1}}, {"save_every": 1, "method": "ds2"} | TURNING),
+        *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (0,), (1,), (3, 0))],
     ],
 )
-@pytest.mark.sampled(4)
-def test_a_stored_run_equals_iterate(store, rng, body, method, save_every, attitude, compression):
-    omega0 = starts(rng, 20, D=body.dimension)
-    omega0[3], omega0[9] = np.nan, 1e308
-    settings = {"save_every": save_every, "method": method, "attitude": attitude}
-    ours = {"compression": compression, "chunk": {"trajectory": 7, "n": 8}}
-    dataset, _ = compare(store, body, omega0, 0.3, 40, ours=ours, **settings)
-    assert dataset.attrs["tiles_done"] == "3 of 3"
-    # Extend by less than a chunk, and by more.
-    compare(store, body, omega0, 0.3, 41, ours=ours, **settings)
-    compare(store, body, omega0, 0.3, 73, ours={**ours, "verify": True}, **settings)
+@pytest.mark.sampled(8)
+def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, settings):
+    """A run is created, extended by less than a chunk and by more, and verified."""
+    omega0 = rng.uniform(-2.0, 2.0, np.append(shape, body.dimension).astype(int))
+    if shape == 20:
+        omega0[3], omega0[9] = np.nan, 1e308
+    for steps in (0, 40, 41, 73):
+        more = {**ours, "verify": steps == 73}
+        dataset, orbits = compare(store, body, omega0, eps, steps, ours=more, **settings)
+        done, tiles = dataset.attrs["tiles_done"].split(" of ")
+        assert done == tiles
+    assert_same(xarray.open_zarr(store), orbits)
 
 
 @pytest.mark.parametrize("chunk", [None, 5, {"I13": 2, "start": 3, "n": 2}])
@@ -81,73 +85,45 @@ def test_parameters_are_axes_of_the_batch(store, rng, chunk):
     body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
     eps = np.array([0.1, 0.5])[:, None, None]
     ours = {"dims": ("eps", "I13", "start"), "coords": {"start": list("abcdefgh")}, "chunk": chunk}
-    omega0 = starts(rng, 8)
+    omega0 = rng.uniform(-2.0, 2.0, (8, 2))
     for steps in (20, 30):
         dataset, orbits = compare(store, body, omega0, eps, steps, ours=ours, save_every=3)
     assert dataset.omega.dims == ("n", "eps", "I13", "start", "component")
     one = dataset.sel(eps=0.5, I13=0.0, start="c")
     assert np.array_equal(one.omega, orbits.omega[:, 1, 1, 2])
     assert np.array_equal(dataset.time.sel(eps=0.5), 0.5 * orbits.n)
-    again = Trajectories.from_xarray(dataset)
+    again = sf.Trajectories.from_xarray(dataset)
     assert again.body == body
     assert np.array_equal(again.omega, orbits.omega)
 
 
-@pytest.mark.parametrize(
-    ("eps", "chunk", "settings"),
-    [
-        ([0.2], None, {}),
-        ([[0.2], [0.3]], None, {}),
-        (np.linspace(0.1, 0.3, 20), 7, {"save_every": None}),
-        ([0.2], {"n": 1}, {"attitude": True, "method": "ds2"}),
-    ],
-)
-@pytest.mark.sampled(2)
-def test_step_sizes_and_chunks_of_any_shape(store, rng, eps, chunk, settings):
-    settings, omega0 = {"save_every": 1, **settings}, starts(rng, 20)
-    for steps in (10, 20):
-        _, orbits = compare(store, BODY, omega0, eps, steps, ours={"chunk": chunk}, **settings)
-    assert_same(xarray.open_zarr(store), orbits)
-
-
 def test_one_row_may_fill_a_chunk(store, rng, monkeypatch):
     monkeypatch.setattr("suslov_fast._ensemble.job._BYTES", 2**12)
-    omega0 = starts(rng, 70, D=3)
+    omega0 = rng.uniform(-2.0, 2.0, (70, 3))
     for steps in (3, 5):
         dataset, _ = compare(store, BODY_4D, omega0, 0.2, steps, save_every=1, attitude=True)
     assert dataset.omega.encoding["chunks"] == (1, 35, 3)
 
 
-@pytest.mark.parametrize("shape", [(), (0,), (1,), (3, 0)])
-@pytest.mark.sampled(2)
-def test_batches_of_any_shape(store, rng, shape):
-    for steps in (0, 12):
-        compare(store, BODY, np.ones((*shape, 2)), 0.2, steps, save_every=5)
-
-
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
 @pytest.mark.sampled(1)
 def test_failed_trajectories_are_not_recomputed(store, monkeypatch, method):
-    from suslov_fast._ensemble import compute
-
     body = Suslov3D(1, 1, 1, 0)
     omega0 = [[1.0, -3.0], [1.0, 0.5], [np.nan, 0.0], [1e308, 1e308], [2.0, 3.0]]
     settings = {"save_every": 2, "method": method, "attitude": True, "store": store, "chunk": 3}
     for steps in (9, 20):
         ensemble(body, omega0, 1.0, steps, **settings)
-    monkeypatch.setattr(compute, "go_on", None)
+    pieces = made(monkeypatch)
     dataset = ensemble(body, omega0, 1.0, 20, verify=True, **settings)
+    assert pieces == []
     assert dataset.failed_at.values.tolist() == [1, -1, 0, 1, -1]
 
 
 @pytest.mark.parametrize("save_every", [None, 10**14])
 def test_steps_of_the_closed_form_cost_nothing(store, monkeypatch, save_every):
-    from suslov_fast._ensemble import compute
-
-    made, go_on = [], compute.go_on
-    monkeypatch.setattr(compute, "go_on", lambda run: made.append(run.start) or go_on(run))
+    pieces = made(monkeypatch)
     compare(store, BODY, [[1.0, 0.5], [0.3, -0.2]], 0.2, 10**15, save_every=save_every)
-    assert len(made) < 20
+    assert len(pieces) < 20
 
 
 def test_sources_of_initial_states(tmp_path):
@@ -191,10 +167,10 @@ def test_a_random_state_depends_on_seed_and_number_alone(dimension):
 @pytest.mark.parametrize("body", [BODY, BODY_4D])
 @pytest.mark.sampled(2)
 def test_reductions(store, rng, body, save_every):
-    omega0 = starts(rng, 20, D=body.dimension)
-    observables = {"modified_energy_drift": modified_energy}
+    omega0 = rng.uniform(-2.0, 2.0, (20, body.dimension))
+    observables = {"modified_energy_drift": sf.modified_energy}
     if body is BODY:
-        observables["first_integral_drift"] = first_integral
+        observables["first_integral_drift"] = sf.first_integral
     names = [*observables, "energy_drift", "omega_min", "omega_max"]
     for steps in (30, 50):
         settings = {"chunk": CUT, "reductions": names, "save_every": save_every}
@@ -202,9 +178,7 @@ def test_reductions(store, rng, body, save_every):
         orbits = iterate(body, omega0, 0.3, steps, save_every=save_every or 1)
         if save_every:
             assert_same(dataset, orbits)
-        else:
-            assert "omega" not in dataset
-            assert "n" not in dataset.sizes
+        assert ("omega" in dataset) == ("n" in dataset.sizes) == (save_every is not None)
         assert np.array_equal(dataset.final, orbits.final)
         assert np.array_equal(dataset.status, orbits.status)
         assert np.array_equal(dataset.omega_min, orbits.omega.min(axis=0))
@@ -232,57 +206,53 @@ def test_stores_of_other_runs_are_refused(store):
         "steps": 19,
     }
     for name, value in others.items():
-        with pytest.raises(ValueError, match=f"{name}"):
+        with pytest.raises(ValueError, match=name):
             ensemble(**{**ASKED, name: value}, store=store)
     assert contents(store) == before
 
 
-@pytest.mark.parametrize(
-    ("change", "error", "message"),
-    [
-        ({"steps": -1}, ValueError, "steps"),
-        ({"eps": np.nan}, ValueError, "eps"),
-        ({"omega0": [[np.inf, 0.0]]}, ValueError, "omega0"),
-        ({"omega0": "starts.txt"}, ValueError, r"omega0.*\.npy"),
-        ({"method": "gauss"}, ValueError, "method"),
-        ({"save_every": 0}, ValueError, "save_every"),
-        ({"chunk": 0}, ValueError, "chunk"),
-        ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
-        ({"chunk": "many"}, TypeError, "chunk"),
-        ({"reductions": ["mean"]}, ValueError, "reductions.*mean"),
-        ({"reductions": "omega_min"}, TypeError, "reductions"),
-        (
-            {"reductions": ["modified_energy_drift"], "body": GYROSTAT},
-            (TypeError, ValueError),
-            "reductions: modified_energy_drift",
-        ),
-        ({"compression": "gzip"}, ValueError, "compression"),
-        ({"dims": ("a", "b")}, ValueError, "dims"),
-        ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),
-        ({"scheduler": 5}, TypeError, "scheduler"),
-        ({"progress": 5}, TypeError, "progress"),
-        ({"attitude": np.ones((3, 3))}, ValueError, "attitude"),
-        ({"body": "rigid"}, TypeError, "body"),
-    ],
-)
-def test_bad_arguments_leave_nothing_behind(store, change, error, message):
-    with pytest.raises(error, match=message):
-        ensemble(**{**ASKED, **change}, store=store)
-    assert list(store.parent.iterdir()) == []
+GYROSTAT_DRIFT = {"reductions": ["modified_energy_drift"], "body": GYROSTAT}
+BAD = [
+    ({"steps": -1}, ValueError, "steps"),
+    ({"eps": np.nan}, ValueError, "eps"),
+    ({"omega0": [[np.inf, 0.0]]}, ValueError, "omega0"),
+    ({"omega0": "starts.txt"}, ValueError, r"omega0.*\.npy"),
+    ({"method": "gauss"}, ValueError, "method"),
+    ({"save_every": 0}, ValueError, "save_every"),
+    ({"chunk": 0}, ValueError, "chunk"),
+    ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
+    ({"chunk": "many"}, TypeError, "chunk"),
+    ({"reductions": ["mean"]}, ValueError, "reductions.*mean"),
+    ({"reductions": "omega_min"}, TypeError, "reductions"),
+    (GYROSTAT_DRIFT, (TypeError, ValueError), "reductions: modified_energy_drift"),
+    ({"compression": "gzip"}, ValueError, "compression"),
+    ({"dims": ("a", "b")}, ValueError, "dims"),
+    ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),
+    ({"scheduler": 5}, TypeError, "scheduler"),
+    ({"progress": 5}, TypeError, "progress"),
+    ({"attitude": np.ones((3, 3))}, ValueError, "attitude"),
+    ({"body": "rigid"}, TypeError, "body"),
+]
 
 
-def test_random_starts_are_checked():
-    cases = {ValueError: [(-1, 1.0), (3, 0.0), (3, [1.0]), (3, 1.0, -1)], TypeError: [(2.5, 1.0)]}
-    for error, wrong in cases.items():
-        for each in wrong:
+def test_bad_arguments_leave_nothing_behind(store):
+    for change, error, message in BAD:
+        with pytest.raises(error, match=message):
+            ensemble(**{**ASKED, **change}, store=store)
+    for error, wrong in (
+        (ValueError, [(-1, 1.0), (3, 0.0), (3, [1.0]), (3, 1.0, -1)]),
+        (TypeError, [(2.5, 1.0)]),
+    ):
+        for arguments in wrong:
             with pytest.raises(error):
-                RandomStarts(*each)
+                RandomStarts(*arguments)
+    assert list(store.parent.iterdir()) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.sampled(1)
 def test_a_signal_stops_after_the_current_chunks(store, rng, number):
-    omega0 = starts(rng, 50)
+    omega0 = rng.uniform(-2.0, 2.0, (50, 2))
     before = signal.getsignal(number)
     ours = {"chunk": {"trajectory": 10, "n": 5}}
     for steps in (30, 60):  # a new store, and an extended one
@@ -308,19 +278,12 @@ def test_a_signal_stops_after_the_current_chunks(store, rng, number):
 
 
 def test_progress_reaches_the_end_in_a_thread(store):
-    seen, failures = [], []
-
-    def run():
-        try:
-            asked = {**ASKED, "omega0": RandomStarts(20, 1.0), "chunk": 7, "store": store}
-            ensemble(**asked, progress=lambda done, total: seen.append((done, total)))
-        except BaseException as error:
-            failures.append(error)
-
-    thread = threading.Thread(target=run)
+    seen = []
+    asked = {**ASKED, "omega0": RandomStarts(20, 1.0), "chunk": 7, "store": store}
+    asked["progress"] = lambda done, total: seen.append((done, total))
+    thread = threading.Thread(target=ensemble, kwargs=asked)
     thread.start()
     thread.join()
-    assert not failures
     assert seen[0] == (0, 400)
     assert seen[-1] == (400, 400)
     assert seen == sorted(seen)
@@ -335,23 +298,21 @@ def test_missing_libraries(store, monkeypatch, name):
 
 
 def test_workers_of_a_cluster(store):
-    from distributed import Client
-
+    distributed = pytest.importorskip("distributed")
     random = RandomStarts(50, 1.5)
     states = random.states(50, dimension=3)
     orbits = iterate(BODY_4D, states, 0.2, 40, save_every=3, method="rank2")
-    with Client(n_workers=1, processes=False, dashboard_address=None) as client:
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=None) as client:
         for name, omega0 in (("random", random), ("states", states)):
             settings = {"save_every": 3, "method": "rank2", "chunk": CUT, "scheduler": client}
             place = store.with_name(f"{name}.zarr")
             assert_same(ensemble(BODY_4D, omega0, 0.2, 40, store=place, **settings), orbits)
 
 
-def test_a_complete_tile_without_a_mark(store):
-    """A process killed between the last record of a tile and its mark changes no bit."""
-    settings = {**arguments("3d reductions"), "steps": 300, "store": store}
-    ensemble(**settings)
-    finished = contents(store)
-    zarr.open_group(store, mode="r+")["progress/steps_done"][...] = -1
-    ensemble(**settings)
-    assert contents(store) == finished
+@pytest.mark.compiled
+@pytest.mark.skipif(sys.platform == "win32", reason="no fork, no SIGKILL")
+def test_a_killed_run_is_finished(store):
+    """`tests/slow` kills runs of all kinds, and workers."""
+    steps, killed = finish("alone", store, "3d attitude", 1, 3)
+    assert killed == 3
+    assert_undisturbed(store, "3d attitude", steps)

@@ -9,18 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_docs import run
+from test_cli import succeed
+from test_docs import BLOCK, DOCS, PRINTED, blocks, run
 
 from suslov_fast._cli import main, pictures
 from suslov_fast._engine import threads
 
-ROOT = Path(__file__).parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(.*?)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-
-
-def blocks(language):
-    return [code for name, code in BLOCKS if name == language]
+README = DOCS.parent / "README.md"
 
 
 @pytest.mark.compiled
@@ -28,9 +23,9 @@ def test_python_blocks(tmp_path, monkeypatch):
     """Run each block alone, as a reader would; serially, since parallel loops compile slowly."""
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
-    assert len(blocks("python")) == 3
-    for code in blocks("python"):
-        expected = re.findall(r"print\(.*\) +# (.*)", code)
+    assert len(blocks(README, "python")) == 3
+    for code in blocks(README, "python"):
+        expected = [after or below for after, below in PRINTED.findall(code)]
         assert run(code, "README.md", {}).splitlines() == expected
 
 
@@ -40,7 +35,7 @@ def test_shell_blocks(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pictures, "DRAWINGS", {"picture4": pictures.DRAWINGS["picture4"]})
-    for line in "".join(blocks("sh")).splitlines():
+    for line in "".join(blocks(README, "sh")).splitlines():
         command, *arguments = shlex.split(line)
         with pytest.raises(SystemExit) as stopped:
             main(arguments)
@@ -50,22 +45,18 @@ def test_shell_blocks(tmp_path, monkeypatch):
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 
-def test_length():
-    assert README.count("\n") <= 150
-    assert {name for name, _ in BLOCKS} == {"python", "sh", "sh setup", "text"}
-
-
-def test_setup_lines_are_the_ones_that_ci_runs():
-    (setup,) = blocks("sh setup")
-    first, second = setup.splitlines()
+def test_length_and_set_up():
+    """The lines that set up a checkout are those that CI runs."""
+    text = README.read_text(encoding="utf-8")
+    assert text.count("\n") <= 150
+    assert {name for name, _ in BLOCK.findall(text)} == {"python", "sh", "sh setup", "text"}
+    first, second = "".join(blocks(README, "sh setup")).splitlines()
     assert first.endswith(".venv/bin/suslov-fast run")
     assert second.endswith(".venv/bin/pytest -n 2 --dist loadfile")
-    assert "sh setup" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "sh setup" in (DOCS.parent / ".ci" / "run").read_text(encoding="utf-8")
 
 
 def test_the_summary_has_the_lines_that_the_command_prints():
-    command = [sys.executable, "-m", "suslov_fast", "run", "--trajectories", "5", "--steps", "5"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    (shown,) = blocks("text")
-    heads = [[line[:16] for line in text.splitlines()] for text in (done.stdout, shown)]
+    printed, (shown,) = succeed("run --trajectories 5 --steps 5"), blocks(README, "text")
+    heads = [re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (printed, shown)]
     assert heads[0] == heads[1]

@@ -11,31 +11,6 @@ from work import Case, dimensions, jumps, last_states, motions, quantities, save
 
 FREE, PRANGE = "C, parameter-free", "Numba, `prange` over trajectories"
 BATCH, FOUR = "NumPy, over the batch", "one division per four steps"
-# Function, key, label, trajectories, steps, divisions per step. Slow peers do a part of the work.
-LAST = (
-    ("c.projective", "c-projective", f"{FREE}, {FOUR}", 65_536, 1000, 0.25),
-    ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
-    ("c.as_printed", "c-printed", "C, as printed", 65_536, 1000, 2),
-    ("naive_numba.final", "numba", PRANGE, 16_384, 250, None),
-    ("numpy_batch.final", "numpy", BATCH, 4096, 250, None),
-    ("numpy_batch.final_python", "python", "Python", 64, 1000, None),
-)
-SAVED = (
-    ("c.stored_streaming", "c-streaming", f"{FREE}, streaming stores", 65_536, 257),
-    ("c.stored", "c-plain", f"{FREE}, plain stores", 65_536, 257),
-    ("naive_numba.stored", "numba", PRANGE, 16_384, 257),
-    ("numpy_batch.stored", "numpy", BATCH, 16_384, 65),
-)
-MOTION = (
-    ("heyoka_.motion", "heyoka", "heyoka, Taylor integrator, 16 at once"),
-    ("scipy_ivp.motion", "scipy", "SciPy, DOP853, all in one system"),
-)
-# Last column: True if the work is cubic in n.
-IN_N_DIMENSIONS = (
-    ("c.rank2", "c-rank2", "C, rank two, 32 trajectories at once", False),
-    ("c.eliminate", "c-elimination", "C, elimination", True),
-    ("numpy_batch.solve", "numpy-solve", "NumPy, `linalg.solve`", True),
-)
 CASES = []
 
 
@@ -47,17 +22,37 @@ def add(table, function, key, label, make, on_one_thread=False, **more):
     CASES.append(Case(table, key, label, make, whose=whose, threads=threads, **more))
 
 
-for function, key, label, batch, steps, divisions in LAST:
+# Trajectories, steps, divisions per step: slow peers do a part of the work.
+for function, key, label, batch, steps, divisions in (
+    ("c.projective", "c-projective", f"{FREE}, {FOUR}", 65_536, 1000, 0.25),
+    ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
+    ("c.as_printed", "c-printed", "C, as printed", 65_536, 1000, 2),
+    ("naive_numba.final", "numba", PRANGE, 16_384, 250, None),
+    ("numpy_batch.final", "numpy", BATCH, 4096, 250, None),
+    ("numpy_batch.final_python", "python", "Python", 64, 1000, None),
+):
     limit = divisions and ("divisions", divisions)
     add("last states", function, key, label, last_states(function, batch, steps), limit=limit)
-for function, key, label, batch, saved in SAVED:
+for function, key, label, batch, saved in (
+    ("c.stored_streaming", "c-streaming", f"{FREE}, streaming stores", 65_536, 257),
+    ("c.stored", "c-plain", f"{FREE}, plain stores", 65_536, 257),
+    ("naive_numba.stored", "numba", PRANGE, 16_384, 257),
+    ("numpy_batch.stored", "numpy", BATCH, 16_384, 65),
+):
     make = saved_states(function, batch, saved)
-    add("saved states", function, key, label, make, x=1, limit=("streaming", 16))
-for function, key, label in MOTION:
+    add("saved states", function, key, label, make, limit=("streaming", 16))
+for function, key, label in (
+    ("heyoka_.motion", "heyoka", "heyoka, Taylor integrator, 16 at once"),
+    ("scipy_ivp.motion", "scipy", "SciPy, DOP853, all in one system"),
+):
     add("motion", function, key, label, motions(function, 4096))
 make = jumps("numpy_batch.jump", 65_536, lambda size: 10**6, checked=True)
 add("jumps", "numpy_batch.jump", "numpy", BATCH, make)
-for function, key, label, cubic in IN_N_DIMENSIONS:
+for function, key, label, cubic in (
+    ("c.rank2", "c-rank2", "C, rank two, 32 trajectories at once", False),
+    ("c.eliminate", "c-elimination", "C, elimination", True),
+    ("numpy_batch.solve", "numpy-solve", "NumPy, `linalg.solve`", True),
+):
     for n in DIMENSIONS:
         make = dimensions(function, n, cubic, slow=function.startswith("numpy"))
         add("n dimensions", function, key, label, make, on_one_thread=True, x=n)

@@ -4,9 +4,9 @@ import copy
 import functools
 from concurrent.futures import ThreadPoolExecutor
 
-import formulas
 import heyoka as hy
 import numpy as np
+from formulas import Formulas
 
 SIDE_BY_SIDE = 16  # the fastest number of those tried
 
@@ -14,7 +14,7 @@ SIDE_BY_SIDE = 16  # the fastest number of those tried
 @functools.cache
 def _integrators(threads):
     p, q = hy.make_vars("p", "q")
-    system = list(zip((p, q), formulas.velocity(p, q), strict=True))
+    system = list(zip((p, q), Formulas().vector_field(p, q), strict=True))
     integrator = hy.taylor_adaptive_batch(system, np.zeros((2, SIDE_BY_SIDE)))
     return [copy.deepcopy(integrator) for _ in range(threads)]
 

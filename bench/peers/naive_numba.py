@@ -8,7 +8,8 @@ _step = numba.njit(formulas.step_as_printed)
 
 
 @numba.njit(parallel=True, cache=True)
-def _final(omega0, steps):
+def final(omega0, steps, threads):
+    """Last states by the map as printed."""
     final = np.empty_like(omega0)
     for i in numba.prange(len(omega0)):
         p, q = omega0[i]
@@ -26,11 +27,6 @@ def _stored(omega0, steps, out):
         for n in range(steps):
             p, q = _step(p, q)
             out[i, n + 1] = p, q
-
-
-def final(omega0, steps, threads):
-    """Last states by the map as printed."""
-    return _final(omega0, steps)
 
 
 def stored(omega0, steps, threads, out):

@@ -64,31 +64,22 @@ def results_3d(body, eps):
         yield "exact", sf.exact(body, omega, step, times)
         yield "flow", sf.flow(body, omega, times / min(scale, 1.0))
         yield "limits", *sf.limits(body, omega, step)
-        yield "criticality", sf.criticality(body, omega, step)
-        yield "first_integral", sf.first_integral(body, omega, step)
-        yield "jacobian", sf.jacobian(body, omega, step)
+        yield from of((sf.criticality, sf.first_integral, sf.jacobian), body, omega, step)
         yield "to_xy", sf.to_xy(body, omega)
         if np.any(body.I13) or np.any(body.I23):  # else (x, y) is 0
             yield "from_xy", sf.from_xy(body, omega)
-        yield from of_states(body, omega, step)
+        yield from of((sf.energy, sf.vector_field, sf.reaction), body, omega)
+        yield from of((sf.modified_energy, attitude), body, omega, step)
         yield "step_full", sf.step_full(body, np.insert(omega, 2, 0.5, -1), step, 5.0)
 
 
 def results_nd(body, eps):
-    m = body.dimension
     for scale in (1.0, 40.0):
-        omega = scale * numbers(6, -2, 2, 41, m)
+        omega = scale * numbers(6, -2, 2, 41, body.dimension)
         for method in ("auto", "gauss", "rank2"):
             yield method, *run(body, omega, eps, 100, method=method)
-        yield from of_states(body, omega, eps)
-
-
-def of_states(body, omega, eps):
-    yield "energy", sf.energy(body, omega)
-    yield "modified_energy", sf.modified_energy(body, omega, eps)
-    yield "vector_field", sf.vector_field(body, omega)
-    yield "reaction", sf.reaction(body, omega)
-    yield "attitude", attitude(body, omega, eps)
+        yield from of((sf.energy, sf.vector_field, sf.reaction), body, omega)
+        yield from of((sf.modified_energy, attitude), body, omega, eps)
 
 
 def bodies_gyrostat():
@@ -98,14 +89,17 @@ def bodies_gyrostat():
 
 
 def results_gyrostat(body, eps):
+    quantities = sf.first_integral, sf.invariant_density, sf.jacobian, attitude
     for scale in (1.0, 40.0, 2.0**-400):
         omega = scale * numbers(8, -2, 2, 41, 2)
         yield "auto", *run(body, omega, eps, 300)
-        for quantity in (sf.first_integral, sf.invariant_density, sf.jacobian):
-            yield quantity.__name__, quantity(body, omega, eps)
-        yield "energy", sf.energy(body, omega)
-        yield "vector_field", sf.vector_field(body, omega)
-        yield "attitude", attitude(body, omega, eps)
+        yield from of(quantities, body, omega, eps)
+        yield from of((sf.energy, sf.vector_field), body, omega)
+
+
+def of(functions, *arguments):
+    for function in functions:
+        yield function.__name__, function(*arguments)
 
 
 def attitude(body, omega, eps):

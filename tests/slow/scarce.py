@@ -1,6 +1,6 @@
 """Check that runs under decreasing limits of the address space succeed or raise MemoryError.
 
-python scarce.py NAME THREADS
+python scarce.py NUMBER_OF_PROBLEM THREADS
 """
 
 import resource
@@ -39,9 +39,9 @@ PROBLEMS = {
 }
 
 
-def main(name, threads):
-    run = PROBLEMS[name]
-    expected = run(int(threads))
+def check(run, name, threads):
+    """Run under a limit of the address space, which a bisection moves to the last allocation."""
+    expected = run(threads)
     needed = sum(getattr(expected, what).nbytes for what in RESULTS)
 
     def succeeds(room):
@@ -49,7 +49,7 @@ def main(name, threads):
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         limit(used + room)
         try:
-            result = run(int(threads))
+            result = run(threads)
         except MemoryError:
             return False
         finally:
@@ -58,14 +58,14 @@ def main(name, threads):
             np.testing.assert_array_equal(getattr(result, what), getattr(expected, what))
         return True
 
-    outcomes = [succeeds(int(room)) for room in np.linspace(MIB, 8 * needed + 64 * MIB, 12)]
     low, high = 0, 8 * needed + 64 * MIB
-    while high - low > 4096:  # bisect the limit at which the last allocation fails
+    outcomes = [succeeds(int(room)) for room in np.linspace(MIB, high, 12)]
+    while high - low > 4096:
         middle = (low + high) // 2
         outcomes.append(succeeds(middle))
         low, high = (low, middle) if outcomes[-1] else (middle, high)
     outcomes += [succeeds(max(high - k * 16384, 4096)) for k in range(20)]
-    print(outcomes.count(True), outcomes.count(False))
+    assert min(outcomes.count(True), outcomes.count(False)) > 1, (name, outcomes)
 
 
 def limit(nbytes):
@@ -73,4 +73,6 @@ def limit(nbytes):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    number, threads = map(int, sys.argv[1:])
+    name, run = list(PROBLEMS.items())[number]
+    check(run, name, threads)

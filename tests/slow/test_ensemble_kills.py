@@ -1,36 +1,21 @@
-"""Many kills of every kind of run, failures of writes, and a full file system."""
+"""Many kills of every kind of run, and a full file system."""
 
 import os
 import subprocess
 import sys
 
 import pytest
-from ensemble_runs import KINDS, arguments, assert_undisturbed
-from test_ensemble_kills import run
-from test_ensemble_stores import HARMS, VARIABLES, check_failing_writes, check_repair, finished
+from ensemble_runs import KINDS, arguments, assert_undisturbed, finish
 
 from suslov_fast import ensemble
-
-__all__ = ["finished"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("what", "kills"), [("alone", 15), ("workers", 5)])
 def test_kills(tmp_path, what, kind, kills):
-    steps, killed = run(what, tmp_path / "run.zarr", kind, 2, kills)
+    steps, killed = finish(what, tmp_path / "run.zarr", kind, 2, kills)
     assert killed == kills
     assert_undisturbed(tmp_path / "run.zarr", kind, steps)
-
-
-@pytest.mark.parametrize("harm", HARMS)
-@pytest.mark.parametrize("name", VARIABLES)
-def test_damage(tmp_path, finished, name, harm):
-    check_repair(tmp_path, finished, name, harm)
-
-
-@pytest.mark.parametrize("room", range(0, 140, 3))
-def test_writes(tmp_path, monkeypatch, room):
-    check_failing_writes(tmp_path / "run.zarr", monkeypatch, room)
 
 
 @pytest.mark.parametrize("kind", KINDS)

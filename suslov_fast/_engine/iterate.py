@@ -10,18 +10,16 @@ import numba
 import numpy as np
 
 from .._checks import FloatArray
-from .._jit import Kernel
-from .._kernels import iterate as kernels
+from .._jit import LINE, Kernel
 from .._kernels import map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDTH
+from .._kernels.lanes import LANES
 from . import threads
 from .memory import require
 from .run import Results, Run, not_computed, run_some, worst
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
-# The lanes of a block of the n-dimensional map are a multiple of this: whole vectors.
-_VECTOR = 8
 
 
 def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
@@ -35,7 +33,7 @@ def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
         turning = run.time_step, run.orientation, resume["turn"], run.turns
     kept = resume["status"], resume["failed_at"], resume["state"]
     before = run.parameters, run.omega0
-    final = _make_steps(run, kernel, work, kernels.LANES, before, turning, kept)
+    final = _make_steps(run, kernel, work, LANES, before, turning, kept)
     return Results(final, resume["status"], resume["failed_at"], resume)
 
 
@@ -128,7 +126,7 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
     # Tasks have equal numbers of blocks, of about equal size.
     blocks = -(-blocks // tasks) * tasks
-    lanes = -(-max(size, 1) // (blocks * _VECTOR)) * _VECTOR
+    lanes = -(-max(size, 1) // (blocks * LINE)) * LINE
     return tasks, lanes
 
 

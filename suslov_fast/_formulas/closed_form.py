@@ -324,7 +324,7 @@ def near_point(f, k, kappa):
 def far_point(n, orbit):
     """Return A and B by the second of the two forms."""
     p, k, sign = power_of_ratio(smaller(n, LONG_TIME), orbit.r, orbit.log_r, orbit.log_lost)
-    power, h = scaled(1.0 + p, larger(k, -2000.0)), orbit.h
+    power, h = scaled(1.0 + p, k), orbit.h
     # Near 1 the distance from 1 is more precise.
     rest = select(k == 0.0, -p, 1.0 - power)
     rest = rest * (2.0 - rest)

@@ -20,9 +20,9 @@ import numpy as np
 from .._jit import formula, select, two_product
 from .canonical_map import ZERO_TO_ROUNDING, shifted
 from .coordinates import canonical_body, canonical_state, two_sum
-from .elementary import exponent, larger, smaller, two_to_the
+from .elementary import exponent, larger, scaled, smaller, two_to_the
 from .integrals import density, integral
-from .units import fraction, normal_body, normal_state, scaled
+from .units import fraction, normal_body, normal_state
 
 # Longer steps are replaced by this power of two in the unit of the motion: products are then in
 # range, and the next state is the same to rounding.

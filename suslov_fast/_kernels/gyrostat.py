@@ -6,7 +6,8 @@ from .._formulas import gyrostat as formulas
 from .._formulas.elementary import larger, two_to_the
 from .._jit import formula, select
 from . import codes
-from .iterate import LARGEST, entry, map_kernel
+from .iterate import LARGEST, map_kernel
+from .lanes import entry
 
 # Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
 _BOUND, _UNIT = 4, 5

@@ -3,9 +3,9 @@
 import numpy as np
 
 from .._formulas.coordinates import sum_of_products
-from .._formulas.elementary import exponent, larger, two_to_the
+from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._formulas.nd_map import matrix_row
-from .._formulas.units import above_one, fraction, moderate, scaled
+from .._formulas.units import above_one, fraction, moderate
 from .._jit import inner, kernel, share
 
 ENERGY, MODIFIED_ENERGY, VECTOR_FIELD, REACTION, MATRIX = range(5)

@@ -5,6 +5,7 @@ import numpy as np
 from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._formulas.nd_map import matrix_row
+from .._formulas.reduction import sum_in_two
 from .._formulas.units import above_one, fraction, moderate
 from .._jit import inner, kernel, share
 
@@ -76,16 +77,15 @@ def find_reaction(s, M, P, W, out):
 @inner
 def find_matrix(s, eps, out):
     """Fill the matrix A(omega; eps) of equation (16)."""
-    m, p = s.shape[1], 0.0
+    m, p, lost = s.shape[1], 0.0, 0.0
     for i in range(m):
-        p += s[I_, i] * s[OMEGA, i]
-    half = 0.5 * eps * p
+        p, lost = sum_in_two(p, lost, s[I_, i], s[OMEGA, i])
     for i in range(m):
-        c, g = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps)
+        c, g, diagonal = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps, p, lost)
         for j in range(m):
             # A NaN in the state makes all entries NaN.
-            diagonal = 1.0 - half / s[J_, i] if i == j else 0.0 * half
-            out[i * m + j] = diagonal - c * s[OMEGA, j] - g * s[I_, j]
+            out[i * m + j] = 0.0 * p - c * s[OMEGA, j] - g * s[I_, j]
+        out[i * m + i] = diagonal
 
 
 @inner

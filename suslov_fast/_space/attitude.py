@@ -40,6 +40,7 @@ def attitude(
     omega: ArrayLike,
     eps: ArrayLike,
     R0: ArrayLike | None = None,
+    *,
     threads: int | None = None,
 ) -> FloatArray:
     """Orientation of the body along stored trajectories.

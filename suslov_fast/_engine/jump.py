@@ -38,8 +38,17 @@ def run_nd(run: Run) -> Results:
 
     The choice between closed form and iteration for a trajectory does not depend on the others.
     """
+    if _may_jump(run) and run.save_every is None and run.steps < JUMP:
+        # From step 0: the division of a run must not decide where the closed form is used.
+        run = replace(run, start=0, resume={}) if run.start else run
+        # Near a pole it is more accurate than elimination.
+        return iterate_nd(run, _closed_form_or_iteration)
+    return _closed_form_or_iteration(run)
+
+
+def _closed_form_or_iteration(run: Run) -> Results:
+    """Compute the trajectories of solved bodies by the closed form, and iterate the others."""
     J, I, _ = run.parameters
-    # Even for one step: near a pole elimination is less accurate than the closed form.
     if not (run.size and _may_jump(run)) or not (solved := is_solved(J, I)).any():
         return iterate_nd(run)
     reduced = reduce(run.parameters, run.omega0, run.threads)

@@ -4,7 +4,7 @@ p = I.omega; square = |omega|**2; J_i = I_ii + I_nn; I_i = I_in; d_i = J_i - (ep
 omega_next - omega.
 """
 
-from .._jit import formula, select, two_product
+from .._jit import formula, select
 from .elementary import larger, smaller
 
 # The O(n) step loses less than two digits where all |d_i| / J_i are above this, and the determinant
@@ -25,15 +25,18 @@ LARGEST = 2.0**1023
 
 
 @formula
-def matrix_row(J_i, I_i, omega_i, eps, p, p_lost):
-    """Return c and g for which A_ij = -c omega_j - g I_j, i != j, and A_ii; p has two parts.
+def matrix_row(J_i, I_i, omega_i, eps):
+    """Return c and g for which A_ij = delta_ij (1 - eps p / (2 J_i)) - c omega_j - g I_j.
 
-    A = Id - (eps/2) f'(omega) is diagonal plus rank two, and A(omega) omega_next = omega. The terms
-    of component i in A_ii add up to 0.
+    A = Id - (eps/2) f'(omega) is diagonal plus rank two, and A(omega) omega_next = omega.
     """
-    term, lost = two_product(I_i, omega_i)
-    others = (p - term) + (p_lost - lost)
-    return -eps * I_i / J_i, 0.5 * eps * omega_i / J_i, 1.0 - 0.5 * eps * others / J_i
+    return -eps * I_i / J_i, 0.5 * eps * omega_i / J_i
+
+
+@formula
+def matrix_diagonal(J_i, others, eps):
+    """Return A_ii, without the terms that cancel; others = p - I_i omega_i."""
+    return 1.0 - 0.5 * eps * others / J_i
 
 
 @formula

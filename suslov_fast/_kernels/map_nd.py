@@ -13,7 +13,6 @@ import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
-from .._formulas.reduction import sum_in_two
 from .._formulas.rotation import mean
 from .._jit import (
     LINE,
@@ -60,10 +59,10 @@ LANES = 64
     CHOSEN,  # the indices of lanes that need elimination
 ) = range(20)
 FIELDS = 20
-# Rows of `of` in `solve_lanes`: eps, p in two parts, and, of a row of A, the factors c and g, the
-# diagonal entry, and the entry being computed.
-STEP, TOTAL, TOTAL_LOST, C, G, DIAGONAL, ENTRY, FIELDS_OF_ROW = range(8)
-ROOM, ROOM_OF_ROW = FIELDS * LANES, FIELDS_OF_ROW * WIDTH
+# Rows of `of` in `solve_lanes`: eps, eps p / 2, and, of a row of A, the factors c and g, the
+# diagonal entry of d, and the entry being computed.
+STEP, HALF_STEP, C, G, DIAGONAL, ENTRY = range(6)
+ROOM, ROOM_OF_ROW = FIELDS * LANES, 6 * WIDTH
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
 # overlap of written rows with others: the pairs must lie in two halves, not side by side.)
@@ -109,25 +108,21 @@ def solve_lanes(J, I, omega, lane, chosen, room):
     """
     m = room.shape[1] - 2
     matrix, all_J, all_I, w = room[: m + 1], room[m + 1], room[m + 2], room[m + 3]
-    of = carray(stack(ROOM_OF_ROW), (FIELDS_OF_ROW, WIDTH))
+    of = carray(stack(ROOM_OF_ROW), (6, WIDTH))
     for first in range(0, chosen, WIDTH):
         last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
         for k in range(WIDTH):
             l = int(lane[CHOSEN, min(first + k, last)])
-            of[STEP, k], of[TOTAL, k], of[TOTAL_LOST, k] = lane[EPS, l], 0.0, 0.0
+            of[STEP, k], of[HALF_STEP, k] = lane[EPS, l], lane[HALF, l]
         for i in range(m):
             for k in range(WIDTH):
                 l = int(lane[CHOSEN, min(first + k, last)])
                 all_J[i, k], all_I[i, k], w[i, k] = at(J, i, l), at(I, i, l), omega[i, l]
-                of[TOTAL, k], of[TOTAL_LOST, k] = sum_in_two(
-                    of[TOTAL, k], of[TOTAL_LOST, k], all_I[i, k], w[i, k]
-                )
         for i in range(m):
             for k in range(WIDTH):
-                of[C, k], of[G, k], of[DIAGONAL, k] = matrix_row(
-                    *(all_J[i, k], all_I[i, k], w[i, k]),
-                    *(of[STEP, k], of[TOTAL, k], of[TOTAL_LOST, k]),
-                )
+                c, g = matrix_row(all_J[i, k], all_I[i, k], w[i, k], of[STEP, k])
+                of[C, k], of[G, k] = c, g
+                of[DIAGONAL, k] = 1.0 - of[HALF_STEP, k] / all_J[i, k]
                 matrix[i, m, k] = w[i, k]
             for j in range(m):
                 for k in range(WIDTH):
@@ -137,7 +132,7 @@ def solve_lanes(J, I, omega, lane, chosen, room):
                     subtract_product(of, (ENTRY, k), of, (G, k), all_I, (j, k))
                     copy_line(matrix, (i, j, k), of, (ENTRY, k))
             for k in range(WIDTH):
-                matrix[i, i, k] = of[DIAGONAL, k]
+                matrix[i, i, k] = of[DIAGONAL, k] + matrix[i, i, k]
         eliminate(matrix)
         for i in range(m):
             for k in range(last + 1 - first):

@@ -4,8 +4,7 @@ import numpy as np
 
 from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
-from .._formulas.nd_map import matrix_row
-from .._formulas.reduction import sum_in_two
+from .._formulas.nd_map import matrix_diagonal, matrix_row
 from .._formulas.units import above_one, fraction, moderate
 from .._jit import inner, kernel, share
 
@@ -77,15 +76,16 @@ def find_reaction(s, M, P, W, out):
 @inner
 def find_matrix(s, eps, out):
     """Fill the matrix A(omega; eps) of equation (16)."""
-    m, p, lost = s.shape[1], 0.0, 0.0
+    m, poison = s.shape[1], 0.0  # a NaN in the state makes all entries NaN
     for i in range(m):
-        p, lost = sum_in_two(p, lost, s[I_, i], s[OMEGA, i])
+        poison += 0.0 * s[OMEGA, i]
     for i in range(m):
-        c, g, diagonal = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps, p, lost)
+        c, g = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps)
+        others = poison
         for j in range(m):
-            # A NaN in the state makes all entries NaN.
-            out[i * m + j] = 0.0 * p - c * s[OMEGA, j] - g * s[I_, j]
-        out[i * m + i] = diagonal
+            out[i * m + j] = poison - c * s[OMEGA, j] - g * s[I_, j]
+            others += s[I_, j] * s[OMEGA, j] if j != i else 0.0
+        out[i * m + i] = matrix_diagonal(s[J_, i], others, eps)
 
 
 @inner

@@ -14,6 +14,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._jit import Kernel
 from .._kernels import closed_form as kernels
+from .._kernels.lanes import LANES
 from . import threads as _threads
 from .layout import flat_vectors, for_loops
 from .memory import require
@@ -70,7 +71,7 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
     if 0 < batch * rows <= most:
         return (((0, batch), (0, rows)),)
     abreast = max(most // max(min(rows, _WORTH_ENTERING), 1), 1)
-    width = alike(batch, abreast, kernels.LANES) if batch else 1
+    width = alike(batch, abreast, LANES) if batch else 1
     height = (most // max(min(width, batch), 1) // kernels.GROUP + 1) * kernels.GROUP
     return [
         ((lane, min(lane + width, batch)), (row, min(row + height, rows)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -10,18 +11,16 @@ import numba
 import numpy as np
 
 from .._checks import FloatArray
-from .._jit import Kernel
-from .._kernels import iterate as kernels
+from .._jit import LINE, Kernel
 from .._kernels import map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDTH
+from .._kernels.lanes import LANES
 from . import threads
 from .memory import require
 from .run import Results, Run, not_computed, run_some, worst
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
-# The lanes of a block of the n-dimensional map are a multiple of this: whole vectors.
-_VECTOR = 8
 
 
 def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
@@ -35,12 +34,15 @@ def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
         turning = run.time_step, run.orientation, resume["turn"], run.turns
     kept = resume["status"], resume["failed_at"], resume["state"]
     before = run.parameters, run.omega0
-    final = _make_steps(run, kernel, work, kernels.LANES, before, turning, kept)
+    final = _make_steps(run, kernel, work, LANES, before, turning, kept)
     return Results(final, resume["status"], resume["failed_at"], resume)
 
 
-def iterate_nd(run: Run) -> Results:
-    """Iterate the n-dimensional map; trajectories that need it are iterated with elimination.
+def iterate_nd(run: Run, otherwise: Callable[[Run], Results] | None = None) -> Results:
+    """Iterate the n-dimensional map.
+
+    Trajectories for which steps in O(n) are inaccurate are computed by `otherwise`, or iterated
+    with elimination.
 
     Raises
     ------
@@ -52,7 +54,8 @@ def iterate_nd(run: Run) -> Results:
     results = _iterate_nd(run, map_nd.iterate)
     if worst(results.status) == NEEDS_ELIMINATION:
         eliminate = partial(_iterate_nd, kernel=map_nd.iterate_with_elimination)
-        run_some(run, np.flatnonzero(results.status == NEEDS_ELIMINATION), eliminate, results)
+        some = np.flatnonzero(results.status == NEEDS_ELIMINATION)
+        run_some(run, some, otherwise or eliminate, results)
     return results
 
 
@@ -128,7 +131,7 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
     # Tasks have equal numbers of blocks, of about equal size.
     blocks = -(-blocks // tasks) * tasks
-    lanes = -(-max(size, 1) // (blocks * _VECTOR)) * _VECTOR
+    lanes = -(-max(size, 1) // (blocks * LINE)) * LINE
     return tasks, lanes
 
 
@@ -137,4 +140,6 @@ def _matrices(tasks: int, m: int) -> FloatArray:
     shape = tasks, m + 4, m + 2, WIDTH
     advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
     require(8 * math.prod(shape), advice, shape)
-    return np.empty(shape)
+    memory = np.empty(math.prod(shape) + LINE)
+    first = -(memory.ctypes.data // 8) % LINE  # vectors across two cache lines take a fifth longer
+    return memory[first : first + math.prod(shape)].reshape(shape)

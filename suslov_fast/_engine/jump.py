@@ -25,7 +25,8 @@ _TOGETHER = 2**19
 
 def run_3d(run: Run) -> Results:
     """Return the last states and the statuses; fill the saved states."""
-    if not _jumps(run):
+    # The last state of a run that saves states does not depend on how the run is divided.
+    if not _may_jump(run) or (run.save_every is None and run.steps < JUMP):
         return _iterate(run)
     results = _jump(run)
     _report_all(run)
@@ -37,8 +38,18 @@ def run_nd(run: Run) -> Results:
 
     The choice between closed form and iteration for a trajectory does not depend on the others.
     """
+    if _may_jump(run) and run.save_every is None and run.steps < JUMP:
+        # From step 0: the division of a run must not decide where the closed form is used.
+        run = replace(run, start=0, resume={}) if run.start else run
+        # Near a pole it is more accurate than elimination.
+        return iterate_nd(run, _closed_form_or_iteration)
+    return _closed_form_or_iteration(run)
+
+
+def _closed_form_or_iteration(run: Run) -> Results:
+    """Compute the trajectories of solved bodies by the closed form, and iterate the others."""
     J, I, _ = run.parameters
-    if not (run.size and _jumps(run)) or not (solved := is_solved(J, I)).any():
+    if not (run.size and _may_jump(run)) or not (solved := is_solved(J, I)).any():
         return iterate_nd(run)
     reduced = reduce(run.parameters, run.omega0, run.threads)
     jumping = reduced.fits & solved
@@ -65,14 +76,9 @@ def run_nd(run: Run) -> Results:
     return results
 
 
-def _jumps(run: Run) -> bool:
-    """Return True if states are to be evaluated by the closed form if possible.
-
-    The last state of a run that saves states does not depend on how the run is divided.
-    """
-    if run.method != "auto" or run.orientation is not None:
-        return False
-    return run.steps >= (JUMP if run.save_every is None else 1)
+def _may_jump(run: Run) -> bool:
+    """Return True if the closed form may be used."""
+    return run.method == "auto" and run.orientation is None and run.steps > 0
 
 
 def _report_all(run: Run) -> None:

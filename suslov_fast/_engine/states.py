@@ -14,6 +14,7 @@ from .._checks import LARGE, FloatArray, real_array, spell
 from .._jit import Kernel
 from .._kernels import states as kernels
 from .._kernels import states_nd as kernels_nd
+from .._kernels.lanes import LANES
 from . import threads as _threads
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
@@ -27,7 +28,7 @@ _TOGETHER = 64
 # Number of states that NumPy processes at a time, and of numbers copied at a time for a kernel.
 SLAB, COPIES = 2**15, 2**20
 # Bodies are repeated, as at the times of a run, up to this number: whole blocks.
-REPEATED = 8 * kernels.LANES
+REPEATED = 8 * LANES
 
 Index = tuple[Any, ...]
 # Arguments of a call of a kernel: the index of the first state; parameters, the last of them eps;
@@ -56,7 +57,7 @@ def of_state(
     missing: list[tuple[int, int]] = []
     for begin, parameters, states, period in _parts(body, eps, omega, batch):
         count = len(states)
-        tasks = min(-(-period // kernels.LANES) * -(-count // period), TASKS)
+        tasks = min(-(-period // LANES) * -(-count // period), TASKS)
         report = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
         _threads.run(kernel, WORK * count, threads, parameters, states, out_part, period, report)

@@ -113,7 +113,7 @@ class Job:
         """Return the initial states of a tile, which broadcast to it."""
         assert self.source is not None
         where = own_part(self.source.shape, self.where(tile))
-        return self.source.part(where, self.body.dimension)
+        return self.source._part(where, self.body.dimension)
 
     def part(self, tile: int) -> Job:
         """Return the job with the parameters of one tile."""
@@ -140,7 +140,7 @@ class Job:
         return {
             "body": {"map": self.map.name, **parameters},
             "eps": described(self.eps),
-            "omega0": self.source.identity(),
+            "omega0": self.source._identity(),
             "batch": list(self.batch),
             "dims": list(self.dims),
             "method": self.method,

@@ -79,7 +79,7 @@ class RandomStarts:
         states: FloatArray = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
         return states.reshape(count, dimension)
 
-    def part(self, where: Slices, dimension: int) -> FloatArray:
+    def _part(self, where: Slices, dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch."""
         if not where:
             return self.states(1, 0, dimension).reshape(dimension)
@@ -90,7 +90,7 @@ class RandomStarts:
             states[index] = self.states(states.shape[-2], start, dimension)
         return states
 
-    def identity(self) -> Any:
+    def _identity(self) -> Any:
         """Return plain values that differ if any bit of the states differs."""
         return {"random": {"size": list(self.shape), "extent": self.extent}, "seed": self.seed}
 
@@ -106,20 +106,20 @@ class Kept:
         """The batch shape."""
         return tuple(int(length) for length in self.array.shape[:-1])
 
-    def part(self, where: Slices, dimension: int) -> FloatArray:
+    def _part(self, where: Slices, dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch."""
         values = self.array[where]
         if hasattr(values, "compute"):
             values = values.compute()
         return np.array(vectors("omega0", values, dimension, allow_nan=True))
 
-    def identity(self) -> Any:
+    def _identity(self) -> Any:
         """Return the digest of all states, which are read once."""
         digest, shape = hashlib.sha256(), self.shape
         step = max(1, _TOGETHER // max(math.prod(shape[1:]), 1))
         parts = [(slice(k, k + step),) for k in range(0, shape[0], step)] if shape else [()]
         for where in parts:
-            digest.update(np.ascontiguousarray(self.part(where, self.array.shape[-1])).data)
+            digest.update(np.ascontiguousarray(self._part(where, self.array.shape[-1])).data)
         return {"shape": list(shape), "sha256": digest.hexdigest()}
 
 

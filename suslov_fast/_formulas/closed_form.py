@@ -27,7 +27,6 @@ import numpy as np
 from .._jit import formula, select, two_product
 from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import (
-    at_rest,
     canonical_body,
     canonical_state,
     from_canonical,
@@ -55,9 +54,10 @@ from .integrals import level
 NO_POWER = -1e5
 # Ratio |Y| / T beyond which a state is far from both limits; only for t > 1.
 FAR_OUT = 1.5
-# Times in the unit of an orbit, and numbers of steps, that are effectively infinite: a step that
-# changes a state at all changes it by at least 1e-150 of its size.
-LONG_TIME = 2.0**900
+# The longest time, and number of steps, for which products with 0 are 0.
+LONGEST = np.finfo(np.float64).max
+# |X| + |Y| below this: `level` leaves the range of float64, and the state is a fixed point.
+MOTIONLESS = 1e-280
 # Squares of larger X or Y leave the range of float64.
 LARGEST = 2.0**500
 # Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
@@ -116,22 +116,21 @@ def logarithm_of_ratio(T, T_lost, r):
     """Return log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
     k = halvings(abs(r))
     d, d_lost = two_sum(1.0, -T)
-    d, d_lost = sum_of_ordered(d, d_lost - T_lost)
     # Near t = 1 only r has the digits of 1 - T, unless T has them.
     near = (T_lost == 0.0) & (abs(d) < 0.5)
     d, d_lost = select(near, r * (1.0 + T), d), select(near, 0.0, d_lost)
     s, s_lost = two_sum(1.0, T)
-    s_lost = s_lost + T_lost
     # r = 2**k m, and log m = 2 artanh(q), q = (m - 1)/(m + 1).
     scale = two_to_the(-k)
     scale = select(r < 0.0, -scale, scale)
     d, d_lost = scale * d, scale * d_lost
+    # T_lost may be larger than 1. It has no effect on m - 1 for large T, where scale = -1.
     above, lost = two_sum(d, -s)
-    above, above_lost = two_sum(above, lost + (d_lost - s_lost))
+    above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * T_lost)
     below, lost = two_sum(d, s)
+    below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * T_lost)
     q = above / below
     back, back_lost = two_product(q, below)
-    below_lost = lost + (d_lost + s_lost)
     q_lost = (((above - back) - back_lost) + (above_lost - q * below_lost)) / below
     total, lost = sum_of_ordered(k * LN2_HIGH, 2.0 * q)
     lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
@@ -167,7 +166,7 @@ def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
     X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
     factor = two_to_the(within(power + o, 1022.0))
     X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
-    rests = (X == 0.0) | at_rest(I13, I23, eps, X, Y)
+    rests = (X == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
     kind = select(rests, select((1.0 - Y) - lost == 0.0, UNDEFINED, RESTS), REGULAR)
     kind = select((abs(X) + abs(Y) < LARGEST) & (power + o < 1022.0), kind, OUT_OF_RANGE)
     kind = select((I13 == 0.0) & (I23 == 0.0) | (eps == 0.0), RESTS, kind)
@@ -293,7 +292,7 @@ def power_of_ratio(n, r, log_r, log_lost):
 @formula
 def growth(n, orbit):
     """Return f and k for which w_n = f 2**k."""
-    steps = smaller(n, LONG_TIME) - orbit.lag
+    steps = smaller(n, LONGEST) - orbit.lag
     p, k, sign = power_of_ratio(steps, orbit.r, orbit.log_r, orbit.log_lost)
     v = orbit.v * sign
     return v + v * p, orbit.k + k
@@ -323,8 +322,8 @@ def near_point(f, k, kappa):
 @formula
 def far_point(n, orbit):
     """Return A and B by the second of the two forms."""
-    p, k, sign = power_of_ratio(smaller(n, LONG_TIME), orbit.r, orbit.log_r, orbit.log_lost)
-    power, h = scaled(1.0 + p, larger(k, -2000.0)), orbit.h
+    p, k, sign = power_of_ratio(smaller(n, LONGEST), orbit.r, orbit.log_r, orbit.log_lost)
+    power, h = scaled(1.0 + p, k), orbit.h
     # Near 1 the distance from 1 is more precise.
     rest = select(k == 0.0, -p, 1.0 - power)
     rest = rest * (2.0 - rest)

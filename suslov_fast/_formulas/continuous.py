@@ -8,7 +8,8 @@ import numpy as np
 from .._jit import formula, select
 from .canonical_map import guarded_step, shifted
 from .coordinates import angular_velocity, at_rest, from_canonical, sum_of_products, to_canonical
-from .units import fraction, moderate, normal_state, scaled
+from .elementary import scaled
+from .units import fraction, moderate, normal_state
 
 
 @formula

@@ -3,8 +3,8 @@
 import numpy as np
 
 from .._jit import formula, select, two_product
-from .elementary import exponent
-from .units import normal_state, scaled
+from .elementary import exponent, scaled
+from .units import normal_state
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150

@@ -40,16 +40,17 @@ def two_to_the(k):
 
 
 @formula
-def scaled(v, k):
-    """v 2**k for an integer k from -2044 to 2046, exact where the result is a normal number."""
-    half = (0.5 * k + TO_INTEGER) - TO_INTEGER
-    return v * two_to_the(half) * two_to_the(k - half)
-
-
-@formula
 def within(v, bound):
     """v limited to the range from -bound to bound."""
     return larger(smaller(v, bound), -bound)
+
+
+@formula
+def scaled(v, k):
+    """v 2**k for an integer k of any size, rounded at most once."""
+    k = within(k, 2044.0)
+    half = (0.5 * k + TO_INTEGER) - TO_INTEGER
+    return v * two_to_the(half) * two_to_the(k - half)
 
 
 @formula

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from .._jit import formula
 from .canonical_map import nan_at_zero
-from .elementary import exponent, larger, two_to_the
-from .units import fraction, scaled
+from .elementary import exponent, larger, scaled, two_to_the
+from .units import fraction
 
 
 class Coefficients(NamedTuple):

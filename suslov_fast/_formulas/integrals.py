@@ -7,7 +7,8 @@ import numpy as np
 
 from .._jit import formula, select
 from .coordinates import sum_of_products, to_canonical
-from .units import above_one, normal_state, scaled
+from .elementary import scaled
+from .units import above_one, normal_state
 
 
 @formula

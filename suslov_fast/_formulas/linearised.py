@@ -8,9 +8,9 @@ import numpy as np
 from .._jit import formula, select
 from .canonical_map import denominator, shifted
 from .coordinates import at_rest, to_canonical
-from .elementary import exponent, larger, two_to_the
+from .elementary import exponent, larger, scaled, two_to_the
 from .printed_map import printed_coefficients
-from .units import moderate, normal_state, scaled
+from .units import moderate, normal_state
 
 # |X| + |Y| below this: the derivative is the identity plus a small matrix, computed separately.
 NEAR_IDENTITY = 0.25

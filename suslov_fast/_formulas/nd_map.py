@@ -34,6 +34,12 @@ def matrix_row(J_i, I_i, omega_i, eps):
 
 
 @formula
+def matrix_diagonal(J_i, others, eps):
+    """Return A_ii, without the terms that cancel; others = p - I_i omega_i."""
+    return 1.0 - 0.5 * eps * others / J_i
+
+
+@formula
 def solve2(eps, p, square, alpha, beta, gamma):
     """Solve the two equations of the rank-two form for I.delta and omega.delta.
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from .._jit import formula, select
 from .coordinates import to_canonical, to_xy
-from .elementary import logarithm
+from .elementary import logarithm, scaled
 from .integrals import canonical_x, criticality, level
-from .units import moderate, normal_state, scaled
+from .units import moderate, normal_state
 
 # T below this: artanh(T) / T is 1, and T may have lost digits.
 TINY = 1e-150

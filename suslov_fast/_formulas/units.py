@@ -6,14 +6,7 @@ as floats.
 """
 
 from .._jit import formula, select
-from .elementary import TO_INTEGER, exponent, larger, smaller, two_to_the, within
-from .elementary import scaled as scaled_in_range
-
-
-@formula
-def scaled(v, k):
-    """v 2**k for an integer k of any size, rounded at most once."""
-    return scaled_in_range(v, within(k, 2044.0))
+from .elementary import TO_INTEGER, exponent, larger, scaled, smaller, two_to_the
 
 
 @formula

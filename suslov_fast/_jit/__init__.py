@@ -2,6 +2,7 @@
 
 from .cache import compile_timer
 from .instructions import (
+    LINE,
     bits_of,
     carray,
     copy_line,
@@ -17,6 +18,7 @@ from .kernels import Kernel, kernel, share
 from .options import formula, inner
 
 __all__ = [
+    "LINE",
     "Kernel",
     "bits_of",
     "carray",

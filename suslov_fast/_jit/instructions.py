@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from .options import formula
 
 _DOUBLE, _BIT = ir.DoubleType(), ir.IntType(1)
-_LINE = 8  # numbers of a cache line
+LINE = 8  # numbers of a cache line, and of the longest vector
 
 
 @intrinsic
@@ -83,7 +83,7 @@ def _place(context, builder, signature, arguments, k):
             byte = builder.gep(byte, [builder.mul(row, builder.extract_value(array.strides, axis))])
         number = builder.bitcast(byte, _DOUBLE.as_pointer())
     number = builder.gep(number, [index])
-    return builder.bitcast(number, ir.VectorType(_DOUBLE, _LINE).as_pointer())
+    return builder.bitcast(number, ir.VectorType(_DOUBLE, LINE).as_pointer())
 
 
 @intrinsic
@@ -196,7 +196,7 @@ if config.DISABLE_JIT:
 
     def stream_line(target, i, source, j):
         """Copy source[j:j+8] to the cache line target[i:i+8] with non-temporal stores."""
-        target[i : i + _LINE] = source[j : j + _LINE]
+        target[i : i + LINE] = source[j : j + LINE]
 
     def copy_line(target, i, source, j):
         """Copy source[j:j+8] to target[i:i+8]."""
@@ -207,7 +207,7 @@ if config.DISABLE_JIT:
         target[_line(i)] -= factor[_line(j)] * source[_line(k)]
 
     def _line(index):
-        return (*index[:-1], slice(index[-1], index[-1] + _LINE))
+        return (*index[:-1], slice(index[-1], index[-1] + LINE))
 
     def expect_store(target, i):
         """Prefetch the cache line of target[i] for writing."""

@@ -6,68 +6,34 @@ out     (N, B, n, n), the orientations at the other states; NaN from the first N
 """
 
 from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
-from .._formulas.rotation import mean, row_times_matrix, turn_between, turned
+from .._formulas.rotation import mean
 from .._jit import carray, formula, inner, kernel, share, stack
-from .tiles import lead_of, write_row
+from .lanes import LANES
+from .turning_3d import TURNING, enter_turns, leave_turns, turn_on, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
-LANES = 128
-# Rows of a block: the quaternion, the step size, the previous state, and R0.
-EPS, BEFORE, START, ROWS = 4, 5, 7, 16
-_ROOM, _TILE = ROWS * LANES, 9 * LANES
-
-
-@formula
-def turn_lane(s, l, omega1, omega2):
-    """Rotate a body to its next state."""
-    unit, b1, b2 = turn_between(s[EPS, l], s[BEFORE, l], s[BEFORE + 1, l], omega1, omega2)
-    s[0, l], s[1, l], s[2, l], s[3, l] = turned(s[0, l], s[1, l], s[2, l], s[3, l], unit, b1, b2)
-    s[BEFORE, l], s[BEFORE + 1, l] = omega1, omega2
+_ROOM = TURNING * LANES
 
 
 @inner
-def turn_block(block, omega, eps, R0, carried, out):
+def turn_block(block, omega, turning):
     """Fill the orientations of a block."""
-    s, tile = carray(stack(_ROOM), (ROWS, LANES)), carray(stack(_TILE), (_TILE,))
-    batch, first = omega.shape[1], block * LANES
-    width = min(LANES, batch - first)
-    states, flat, lead = omega.reshape(omega.size), out.reshape(out.size), lead_of(out)
-    for l in range(width):
-        for k in range(4):
-            s[k, l] = carried[first + l, k]
-        s[EPS, l] = eps[first + l]
-        s[BEFORE, l], s[BEFORE + 1, l] = omega[0, first + l, 0], omega[0, first + l, 1]
-        for i in range(3):
-            for j in range(3):
-                s[START + 3 * i + j, l] = R0[first + l, i, j]
-    for n in range(len(out)):
+    r, batch, first = carray(stack(_ROOM), (TURNING, LANES)), omega.shape[1], block * LANES
+    width, states = min(LANES, batch - first), omega.reshape(omega.size)
+    enter_turns(turning, omega[0], first, width, width, r)
+    for n in range(len(turning[3])):
         begin = (n + 1) * batch + first
-        numbers = states[2 * begin : 2 * (begin + width)]
-        for l in range(width):
-            turn_lane(s, l, numbers[2 * l], numbers[2 * l + 1])
-        for i in range(3):
-            for l in range(width):
-                k = START + 3 * i
-                tile[9 * l + 3 * i], tile[9 * l + 3 * i + 1], tile[9 * l + 3 * i + 2] = (
-                    row_times_matrix(
-                        s[k, l], s[k + 1, l], s[k + 2, l], s[0, l], s[1, l], s[2, l], s[3, l]
-                    )
-                )
-        write_row(tile, flat, 9 * (n * batch + first), 9 * width, 9 * batch, lead)
-    for l in range(width):
-        for k in range(4):
-            carried[first + l, k] = s[k, l]
+        turn_on(states[2 * begin : 2 * (begin + width)], r, width)
+        write_turns(turning, r, n, first, width)
+    leave_turns(turning, r, first, width)
 
 
 @kernel
-def reconstruct(part, parts, omega, eps, R0, carried, out):
-    """Fill orientations R0 R, where R is the identity at the first state.
-
-    R0 (B, 3, 3); carried (B, 4), the quaternions of R, is read and written.
-    """
+def reconstruct(part, parts, omega, eps, R0, quaternions, out):
+    """Fill orientations, with the arrays of `turning_3d`."""
     first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
     for block in range(first, last):
-        turn_block(block, omega, eps, R0, carried, out)
+        turn_block(block, omega, (eps, R0, quaternions, out))
 
 
 @inner

@@ -40,13 +40,13 @@ from .._formulas.closed_form import (
     sequence_of_map,
     state_at,
 )
-from .._formulas.elementary import larger, scaled, smaller
+from .._formulas.elementary import scaled, smaller
 from .._jit import Kernel, carray, formula, inner, select, share, stack
 from . import codes
-from .iterate import body_at
+from .lanes import LANES, body_at, whole
 from .tiles import lead_of, missing_of_first_block, write_row
 
-LANES, EIGHT, GROUP = 128, 8, 64
+EIGHT, GROUP = 8, 64
 # Rows of a block: the fields of an orbit, and time-independent data of the lanes for some rows.
 A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
 OMEGA1, OMEGA2, FAILS, NUMBER, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
@@ -199,7 +199,7 @@ def entering(of_map):
     @inner
     def enter(sign, parameters, omega, first, width, room):
         """Fill the fields of the orbits of a block; lanes beyond the last repeat it."""
-        lanes = (width + EIGHT - 1) // EIGHT * EIGHT
+        lanes = whole(width)
         for l in range(lanes):
             b = first + min(l, width - 1)
             room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
@@ -230,7 +230,7 @@ def finish_block(room, first, width, groups, ends):
     """Repeat the orbits for each group of lanes; return the lanes, and True if any state is scaled
     afterwards, True if any is missing before the last step.
     """
-    lanes = (width * groups + EIGHT - 1) // EIGHT * EIGHT
+    lanes = whole(width * groups)
     fails = write_ends(room, first, width, ends) if ends[0].size else False
     if groups > 1:
         for k in range(NUMBER):
@@ -250,7 +250,7 @@ def enter_ratios(room, lanes, every):
         steps = (8.0 * a if a < EIGHT else a - 8.0) * every
         for l in range(lanes):
             p, k, s = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
-            room[EIGHTHS + a, l] = not_negligible(s * scaled(1.0 + p, larger(k, -1000.0)))
+            room[EIGHTHS + a, l] = not_negligible(s * scaled(1.0 + p, k))
 
 
 @inner
@@ -258,7 +258,7 @@ def enter_seeds(room, lanes, first_number, every, top):
     """Fill the numbers w of the rows from which the geometric sequence restarts."""
     for l in range(lanes):
         f, k = growth(first_number + every * (top + room[NUMBER, l]), orbit_of(room, l))
-        w = scaled(f, larger(smaller(k, LARGE_SEED), -1000.0))
+        w = scaled(f, smaller(k, LARGE_SEED))
         room[SEED, l] = not_negligible(w)
         between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
         slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)

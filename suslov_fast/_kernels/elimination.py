@@ -3,10 +3,10 @@
 import numpy as np
 
 from .._formulas.elementary import larger
-from .._jit import carray, copy_line, formula, inner, select, stack, subtract_product
+from .._jit import LINE, carray, copy_line, formula, inner, select, stack, subtract_product
 
-# Number of systems side by side, and of those in one vector. 32 are no faster.
-WIDTH, LINE = 16, 8
+# Number of systems side by side. 32 are no faster.
+WIDTH = 16
 SIZE, LARGEST, INVERSE, SUM = range(4)
 ROOM = (SUM + 2) * WIDTH
 # A pivot is 0 to rounding if it is below the previous ones times this and the number of equations.

@@ -18,8 +18,8 @@ from .._formulas.tangent import (
 from .._formulas.units import moderate, normal_body, normal_state
 from .._jit import carray, formula, inner, kernel, select, share, stack
 from .elimination import ZERO_TO_ROUNDING
+from .lanes import LANES, whole
 
-LANES = 128
 # Rows of a block in three dimensions: the state (X, Z), c and 1 - t**2; a displacement in (X, Y);
 # the matrix that takes it to omega, up to a factor; the growth of its length and that of the area.
 X_, Z_, C_, G_, V1, V2, M11, M12, M21, M22, LENGTH, OF_LENGTH, AREA, OF_AREA, ROWS = range(15)
@@ -90,7 +90,7 @@ def advance_block(block, steps, carried):
     s = carray(stack(_ROOM), (ROWS, LANES))
     first = block * LANES
     width = min(LANES, carried.shape[1] - first)
-    lanes = (width + 7) // 8 * 8
+    lanes = whole(width)
     for r in range(ROWS):
         for l in range(lanes):
             s[r, l] = carried[r, first + min(l, width - 1)]

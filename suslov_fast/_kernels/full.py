@@ -6,7 +6,8 @@ from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.full_map import Coefficients, full_coefficients, full_matrix, full_step
 from .._jit import formula, select
 from . import codes
-from .iterate import LARGEST, body_at, entry, map_kernel
+from .iterate import LARGEST, map_kernel
+from .lanes import body_at, entry
 
 # Rows of a block: the coefficients, a bound of the state, and the unit of omega.
 _BOUND, _UNIT = 10, 11

@@ -31,44 +31,27 @@ span         begin, end, start, stop, every, first_row: trajectories begin to en
              state start to state stop, states whose index is a multiple of `every` are saved,
              starting with index first_row * every
 saved        (rows, B, D); no rows if no states are saved
-turning      None, or time_step (B,) or (1,); R0 (B, 3, 3); quaternions (B, 4), the rotations since
-             then; turns (rows, B, 3, 3), the orientations at the saved states, or only the last
+turning      None, or the arrays of `turning_3d`: results at the saved states, or only the last
 kept         final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
              fails; state (B, S), from which a run is resumed, or (0, S)
 """
 
 import numpy as np
 
-from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import Kernel, carray, formula, inner, select, share, stack
+from .._jit import Kernel, carray, formula, share, stack
 from . import codes
+from .lanes import LANES, whole
 from .tiles import lead_of, missing_of_first_block, write_row
+from .turning_3d import BEFORE, TURNING, enter_turns, leave_turns, turn_on, write_turns
 
-# 64 lanes lose a quarter to the outer loop; 256 are no faster.
-LANES = 128
 # Rows of `c` and of `s`: a map has at most so many constants and state variables.
 CONSTANTS, STATE = 12, 4
 # Components of omega up to this are finite: float64 ends at 1.8e308, and a component is a sum of
 # up to three products.
 LARGEST = 1e307
-# Rows of `r`: the quaternion, the time step, and the angular velocity before a step.
-_TIME_STEP, _BEFORE, _TURNING = 4, 5, 7
-_C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, _TURNING * LANES
+_C, _S, _TILE, _TURN = CONSTANTS * LANES, STATE * LANES, 3 * LANES, TURNING * LANES
 # Number of steps between tests for failure; after a failure the last of them are repeated.
 CHECK_EVERY = 256
-
-
-@formula
-def entry(parameter, b):
-    """Return the parameter of trajectory b, which may be one number for all."""
-    return parameter[min(b, parameter.size - 1)]
-
-
-@formula
-def body_at(parameters, b):
-    """Return I1, I2, I13, I23 and eps of trajectory b."""
-    I1, I2, I13, I23, eps = parameters
-    return entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(eps, b)
 
 
 @formula
@@ -76,12 +59,6 @@ def blocks_of(span, saved):
     """Return how many blocks a call has, and by how much the first one is shorter."""
     shift = missing_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
     return (span[1] - span[0] + shift + LANES - 1) // LANES, shift
-
-
-@formula
-def whole(width):
-    """Return the number of lanes in use, rounded up to whole vectors."""
-    return (width + 7) // 8 * 8
 
 
 @formula
@@ -96,7 +73,7 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
     final, status, failed_at, state = kept
     c, s = carray(stack(_C), (CONSTANTS, LANES)), carray(stack(_S), (STATE, LANES))
     before, tile = carray(stack(_S), (STATE, LANES)), carray(stack(_TILE), (_TILE,))
-    r = carray(stack(_TURN), (_TURNING, LANES))
+    r = carray(stack(_TURN), (TURNING, LANES))
     saves, lead, stride = len(saved) > 0, lead_of(saved), D * saved.shape[1]
     flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
     blocks, shift = blocks_of(span, saved)
@@ -126,7 +103,7 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
                 for l in range(lanes):
                     show(c, s, l, tile, 2 * l)
                 for l in range(lanes):
-                    r[_BEFORE, l], r[_BEFORE + 1, l] = tile[2 * l], tile[2 * l + 1]
+                    r[BEFORE, l], r[BEFORE + 1, l] = tile[2 * l], tile[2 * l + 1]
             elif saves:
                 write_turns(turning, r, 0, first, width)
 
@@ -217,50 +194,3 @@ def write_starts(omega, flat, first, width):
     for l in range(width):
         for k in range(D):
             flat[D * (first + l) + k] = omega[first + l, k]
-
-
-@formula
-def enter_turns(turning, omega, first, width, lanes, r):
-    """Fill the rows of `r`: quaternions since step 0, time steps, and the states at step 0."""
-    time_step, _, quaternions, _ = turning
-    for l in range(lanes):
-        b = first + min(l, width - 1)
-        missing = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
-        for k in range(4):
-            r[k, l] = select(missing, np.nan, quaternions[b, k])
-        r[_TIME_STEP, l] = entry(time_step, b)
-        r[_BEFORE, l], r[_BEFORE + 1, l] = omega[b, 0], omega[b, 1]
-
-
-@formula
-def turn_on(tile, r, lanes):
-    """Rotate the bodies by one step, from the previous angular velocities to those in the tile."""
-    for l in range(lanes):
-        next1, next2 = tile[2 * l], tile[2 * l + 1]
-        unit, b1, b2 = turn_between(
-            r[_TIME_STEP, l], r[_BEFORE, l], r[_BEFORE + 1, l], next1, next2
-        )
-        r[0, l], r[1, l], r[2, l], r[3, l] = turned(
-            r[0, l], r[1, l], r[2, l], r[3, l], unit, b1, b2
-        )
-        r[_BEFORE, l], r[_BEFORE + 1, l] = next1, next2
-
-
-@inner
-def write_turns(turning, r, row, first, width):
-    """Write orientations."""
-    _, R0, _, turns = turning
-    for l in range(width):
-        b = first + l
-        for i in range(3):
-            turns[row, b, i, 0], turns[row, b, i, 1], turns[row, b, i, 2] = row_times_matrix(
-                R0[b, i, 0], R0[b, i, 1], R0[b, i, 2], r[0, l], r[1, l], r[2, l], r[3, l]
-            )
-
-
-@formula
-def leave_turns(turning, r, first, width):
-    """Write the quaternions from which a run is resumed."""
-    for l in range(width):
-        for k in range(4):
-            turning[2][first + l, k] = r[k, l]

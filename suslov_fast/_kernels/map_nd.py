@@ -15,6 +15,7 @@ from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
 from .._formulas.rotation import mean
 from .._jit import (
+    LINE,
     Kernel,
     carray,
     copy_line,
@@ -26,7 +27,7 @@ from .._jit import (
     subtract_product,
 )
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import LINE, WIDTH, eliminate
+from .elimination import WIDTH, eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just

@@ -8,7 +8,8 @@ from .._formulas import canonical_map, coordinates, printed_map
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._jit import formula, select
 from . import codes
-from .iterate import LARGEST, body_at, map_kernel
+from .iterate import LARGEST, map_kernel
+from .lanes import body_at
 
 
 class Canonical(NamedTuple):

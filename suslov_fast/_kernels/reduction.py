@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._formulas.coordinates import sum_of_products
-from .._formulas.elementary import exponent, larger, scaled, within
+from .._formulas.elementary import exponent, larger, scaled
 from .._formulas.reduction import as_product, sum_in_two
 from .._jit import inner, kernel, share
 
@@ -57,7 +57,7 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
         largest = larger(abs(omega[i]), largest)
         undefined += 0.0 * omega[i]
     own = exponent(largest) if largest > 0.0 else 0.0
-    step = scaled(eps, within(own, 1000.0))
+    step = scaled(eps, own)
     of_k, of_others = J[k], J[0 if k > 0 else m - 1]
     three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
     if m != 2:  # for n = 3 only names change

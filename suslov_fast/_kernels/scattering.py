@@ -1,7 +1,8 @@
 """Scattering angles of bodies."""
 
+from .._formulas.elementary import scaled
 from .._formulas.scattering import scattering_angle
-from .._formulas.units import normal_body, scaled
+from .._formulas.units import normal_body
 from .._jit import inner, kernel, share
 
 

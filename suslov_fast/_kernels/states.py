@@ -15,8 +15,8 @@ import numpy as np
 
 from .._formulas import continuous, coordinates, gyrostat, integrals, linearised, section4, units
 from .._jit import Kernel, carray, formula, share, stack
+from .lanes import LANES
 
-LANES = 128
 # Rows of a block: parameters; the body; the state and its largest component so far; results.
 GIVEN, BODY, STATE, RESULT = 6, 10, 3, 4
 _GIVEN, _BODY, _STATE, _RESULT = GIVEN * LANES, BODY * LANES, STATE * LANES, RESULT * LANES

@@ -3,9 +3,9 @@
 import numpy as np
 
 from .._formulas.coordinates import sum_of_products
-from .._formulas.elementary import exponent, larger, two_to_the
-from .._formulas.nd_map import matrix_row
-from .._formulas.units import above_one, fraction, moderate, scaled
+from .._formulas.elementary import exponent, larger, scaled, two_to_the
+from .._formulas.nd_map import matrix_diagonal, matrix_row
+from .._formulas.units import above_one, fraction, moderate
 from .._jit import inner, kernel, share
 
 ENERGY, MODIFIED_ENERGY, VECTOR_FIELD, REACTION, MATRIX = range(5)
@@ -76,16 +76,16 @@ def find_reaction(s, M, P, W, out):
 @inner
 def find_matrix(s, eps, out):
     """Fill the matrix A(omega; eps) of equation (16)."""
-    m, p = s.shape[1], 0.0
+    m, poison = s.shape[1], 0.0  # a NaN in the state makes all entries NaN
     for i in range(m):
-        p += s[I_, i] * s[OMEGA, i]
-    half = 0.5 * eps * p
+        poison += 0.0 * s[OMEGA, i]
     for i in range(m):
         c, g = matrix_row(s[J_, i], s[I_, i], s[OMEGA, i], eps)
+        others = poison
         for j in range(m):
-            # A NaN in the state makes all entries NaN.
-            diagonal = 1.0 - half / s[J_, i] if i == j else 0.0 * half
-            out[i * m + j] = diagonal - c * s[OMEGA, j] - g * s[I_, j]
+            out[i * m + j] = poison - c * s[OMEGA, j] - g * s[I_, j]
+            others += s[I_, j] * s[OMEGA, j] if j != i else 0.0
+        out[i * m + i] = matrix_diagonal(s[J_, i], others, eps)
 
 
 @inner

@@ -4,9 +4,8 @@ A result (rows, B, D) is written as a flat array. A block of trajectories comput
 in a tile, which stays in the L1 cache.
 """
 
-from .._jit import expect_store, formula, stream_line
+from .._jit import LINE, expect_store, formula, stream_line
 
-LINE = 8  # numbers of a cache line
 # Results of at least this many numbers are written with non-temporal stores.
 _LARGE = 2**21
 

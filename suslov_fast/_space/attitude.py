@@ -25,6 +25,7 @@ from .._engine import threads as _threads
 from .._engine.layout import for_kernel, for_loops
 from .._engine.states import TASKS
 from .._kernels import attitude as kernels
+from .._kernels.lanes import LANES
 
 # Number of elements of the result between checks for Ctrl-C: some 0.1 s.
 _SLICE = 2**25
@@ -39,6 +40,7 @@ def attitude(
     omega: ArrayLike,
     eps: ArrayLike,
     R0: ArrayLike | None = None,
+    *,
     threads: int | None = None,
 ) -> FloatArray:
     """Orientation of the body along stored trajectories.
@@ -109,7 +111,7 @@ def attitude(
     flat_eps = for_kernel(np.broadcast_to(step_size, batch).ravel())
     in_3d = not isinstance(body, SuslovND)
     if in_3d:
-        kernel, lanes = kernels.reconstruct, kernels.LANES
+        kernel, lanes = kernels.reconstruct, LANES
         R0, carried = turns[0].copy(), np.tile([1.0, 0.0, 0.0, 0.0], (size, 1))
     else:
         kernel, lanes = kernels.reconstruct_nd, 1
@@ -147,7 +149,7 @@ def _check_that_states_follow(
     parameters = _implicit_parameters(body, eps, batch)
     stray = np.full(size, -1)
     for start, stop in _slices(rows, size * m):
-        work = (stop - start) * size * m * _CHECKING if size > kernels.LANES else 0
+        work = (stop - start) * size * m * _CHECKING if size > LANES else 0
         some = omega[start - 1 : stop]
         _threads.run(kernels.follow, work, threads, *parameters, start - 1, some, stray)
     if stray.max(initial=-1) < 0:

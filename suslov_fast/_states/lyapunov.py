@@ -20,6 +20,7 @@ from .._engine.states import TASKS
 from .._engine.status import SingularStepWarning
 from .._jit import Kernel
 from .._kernels import exponents as kernels
+from .._kernels.lanes import LANES
 
 # Number of operations between checks for Ctrl-C: some 0.1 s.
 _SLICE = 2**28
@@ -110,7 +111,7 @@ def _growth(
     )
     carried = np.empty((kernels.ROWS, size))
     _threads.run(kernels.enter, size * _STEP, threads, parameters, omega, carried)
-    _iterate(kernels.iterate, steps, _STEP, size, kernels.LANES, threads, carried)
+    _iterate(kernels.iterate, steps, _STEP, size, LANES, threads, carried)
     products = carried[[kernels.LENGTH, kernels.AREA]].T
     exponents = carried[[kernels.OF_LENGTH, kernels.OF_AREA]].T
     return np.ascontiguousarray(products), np.ascontiguousarray(exponents)

@@ -87,6 +87,21 @@ def test_next_to_the_steady_states(rng, distance):
         assert abs(float(last / first / growth) - 1) < 1e-10
 
 
+@pytest.mark.parametrize(
+    ("parameters", "omega", "steps"),
+    [
+        ((1.62, 2.44, 0.38, 0.26, 0.99, 7.646489055091985), [1.7, -2.97], 10),
+        ((1.0, 2.0, 0.0, 1.0, 0.0, 1.0), [8 + 8e-12, 2.0], 3),
+        ((2.3, 1.4, 0.5, -0.7, 0.0, 1e20), [1.1, -0.4], 2),
+        ((2.3, 1.4, 0.5, -0.7, 1e6, 0.35), [1.1, -0.4], 1000),
+    ],
+)
+def test_orbits_that_start_next_to_poles_or_take_long_steps(parameters, omega, steps):
+    """L and Y are not carried along where their sums over Omega are more accurate."""
+    exact = exact_orbit(parameters, omega, steps)[-1]
+    assert naive.relative_error(run(parameters, omega, steps).final, exact) < 5e-14
+
+
 def test_next_to_and_at_poles():
     """1 - Y + L (2 L - K) / (I1 I2) = 0 at poles; next to them the step is accurate to rounding."""
     parameters = 1.0, 1.0, 1.0, 0.0, 0.0, 1.0

@@ -129,6 +129,34 @@ def test_poles():
         sf.iterate(body, pole, 1.0, 100, save_every=None, on_singular="raise")
 
 
+@pytest.mark.parametrize(
+    ("J", "I", "omega", "eps"),
+    [
+        *(([1.0] * 4, [0.5] * 4, [1.3, 0.7, 1.2, 0.8], 1 - gap) for gap in (1e-6, 1e-12, 1e-15)),
+        ([1.0, 4.0], [0.0, 0.5], [1e-8, 4 - 4e-9], 1.0),
+    ],
+)
+def test_few_steps_from_next_to_a_pole(J, I, omega, eps):
+    """One step is as accurate as many, and the division of a run changes no bit."""
+    body, exact = sf.SuslovND(J, I), naive.step_nd(J, I, eps, omega)
+    last, two, five = (sf.iterate(body, omega, eps, n, save_every=None) for n in (1, 2, 5))
+    for state in (sf.step(body, omega, eps), last.final):
+        assert naive.relative_error(state, exact) < 1e-15
+    assert (two.extend(3).final == five.final).all()
+
+
+@pytest.mark.parametrize("k", [-1010, 1000])
+def test_units_at_the_ends_of_the_range(k):
+    body, omega, eps = sf.SuslovND([2.0, 1.0, 1.0], [0.5, 0.0, 0.0]), [0.3, 0.4, 0.5], 0.2
+    start, step = np.ldexp(omega, k), np.ldexp(eps, -k)
+    assert sf.criticality(body, start, step) == sf.criticality(body, omega, eps)
+    for here, there in (
+        (sf.exact(body, start, step, 5), sf.exact(body, omega, eps, 5)),
+        (np.array(sf.limits(body, start, step)), np.array(sf.limits(body, omega, eps))),
+    ):
+        np.testing.assert_array_equal(here, np.ldexp(there, k))
+
+
 def test_orbits_past_their_pole_jump():
     """States of orbits that pass a pole after about 800 steps, against `rank2` and `exact`."""
     body = sf.SuslovND([1.0] * 4, [0.0, 1.0, 0.0, 0.0])

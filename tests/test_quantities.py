@@ -91,6 +91,12 @@ def matrix_nd(J, I, eps, omega):
     return [[entry / J_i for entry in row] for J_i, row in zip(J, slope, strict=True)]
 
 
+def test_the_diagonal_of_the_matrix_for_long_steps():
+    """The terms of component i in A_ii cancel exactly."""
+    body = sf.SuslovND([0.6, 1.2, 0.8], [-0.95, 0.0, 0.0])
+    assert sf.matrix(body, [-0.86, -1e-12, 7e-6], 6e8)[0, 0] == 1
+
+
 def test_three_dimensions_and_n_agree(rng):
     for _ in range(20):
         (I1, I2, I13, I23), eps, (w1, w2) = random_problem(rng)

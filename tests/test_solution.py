@@ -3,6 +3,7 @@
 from fractions import Fraction
 from itertools import product
 
+import mpmath
 import naive
 import numpy as np
 import pytest
@@ -166,13 +167,22 @@ def test_any_parameters(rng, spread):
         assert naive.energy_error(parameters[:2], sf.exact(body, omega, eps, n), exact) < 1e-14
 
 
-@pytest.mark.parametrize("k", [-600, -37, 600])
+@pytest.mark.parametrize("k", [-930, -37, 930])
 def test_the_unit_of_time_of_the_flow(unit, k):
     """Powers of two change no bit, also next to the repelling half."""
     for omega, t in (([2, -1e6], 2e-5), ([2, -1e8], 2e-7), ([1.0, 0.5], 3.0), ([1e-9, -3.0], 9.0)):
         for time in (t, 0.125 * t * np.arange(40)):
             scaled = sf.flow(unit, np.ldexp(omega, k), np.ldexp(time, -k))
             np.testing.assert_array_equal(scaled, np.ldexp(sf.flow(unit, omega, time), k))
+
+
+@pytest.mark.parametrize("omega", [[2e34, 1.0], [-3e60, 2.0], [1e40, -1e33]])
+def test_limits_for_long_steps(omega):
+    """For |Y| above 1e32 r rounds to -1; its logarithm does not round to 0."""
+    h = naive.first_integral(1, 1, 0, 1, 1, omega)
+    point = [2 * float(mpmath.sqrt(h)), 0.0]
+    found = np.array(sf.limits(sf.Suslov3D(1, 1, 0, 1), omega, 1.0))
+    np.testing.assert_allclose(found, [point, np.negative(point)], rtol=1e-15)
 
 
 def test_limits_of_the_undefined_state(unit):
@@ -183,7 +193,7 @@ def test_limits_of_the_undefined_state(unit):
         assert fixed.tolist() == [0.0, -2.0 * Y]
 
 
-@pytest.mark.parametrize("scale", [1e-14, 1e-90, 1e-120, 1e-145])
+@pytest.mark.parametrize("scale", [1e-14, 1e-90, 1e-145, 1e-270])
 def test_slow_orbits_reach_their_limits(unit, scale):
     """An orbit with tiny steps follows the flow and has its limits."""
     states = sf.exact(unit, [scale, scale], 1.0, 50 / scale) / scale

@@ -124,7 +124,8 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     -----
     By equation (8) of the paper at x = 0, y = c D, the multiplier is (1 + Y) / (1 - Y) with
     Y = eps c D / (2 I1 I2), D = I13**2 I2 + I23**2 I1. In n dimensions Y = eps c s / 2 for the
-    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``.
+    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``; their errors are relative
+    to the largest.
 
     Examples
     --------

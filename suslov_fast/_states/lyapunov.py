@@ -64,6 +64,10 @@ def lyapunov_exponents(
     the :func:`multipliers` of the steady state that the orbit approaches, with an error of order
     1 / steps: one is 0, the others are negative.
 
+    Of an orbit that leaves the line of steady states, a displacement along the orbit grows and
+    shrinks again. If it outgrows the displacement across by 1e16, single exponents lose all digits;
+    their sum does not.
+
     Examples
     --------
     >>> import numpy as np

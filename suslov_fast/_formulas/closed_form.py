@@ -54,8 +54,8 @@ from .integrals import level
 NO_POWER = -1e5
 # Ratio |Y| / T beyond which a state is far from both limits; only for t > 1.
 FAR_OUT = 1.5
-# The longest time, and number of steps, for which products with 0 are 0.
-LONGEST = np.finfo(np.float64).max
+# Times, and numbers of steps, up to this are told apart: `two_product` does not overflow.
+LONGEST = 2.0**990
 # |X| + |Y| below this: `level` leaves the range of float64, and the state is a fixed point.
 MOTIONLESS = 1e-280
 # Squares of larger X or Y leave the range of float64.

@@ -35,7 +35,7 @@ def speed(results):
     saved = sorted((pair for pair in shares if pair[1]), key=lambda pair: -pair[1])
     panels = [
         ("Last states only: steps per second", last, "{:.2e}", "log"),
-        ("Saved states: % of streaming stores", saved, "{:.0f}", "linear"),
+        ("Saved states: % of the fastest stores", saved, "{:.0f}", "linear"),
     ]
     heights = [1 + len(rows) for _, rows, _, _ in panels]
     figure = Figure(figsize=(11, 1.4 + 0.31 * sum(heights)), layout="constrained")

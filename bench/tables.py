@@ -107,11 +107,11 @@ TABLES = (
     Table(
         "saved states",
         "**Saved states**: 257 of each of 65,536 trajectories, 16 bytes each:",
-        (*SAVED, ("of streaming stores", share), ERROR),
+        (*SAVED, ("of the fastest stores", share), ERROR),
     ),
     Table(
         "few orbits",
-        "**Few orbits**, 5,000,000 states in all, as shares of streaming stores:",
+        "**Few orbits**, 5,000,000 states in all, as shares of the fastest stores:",
         (share,),
         "orbits",
     ),
@@ -153,7 +153,7 @@ TABLES = (
     ),
     Table(
         "n dimensions, saved states",
-        "**In n dimensions, all states** of 4096 orbits, as shares of streaming stores:",
+        "**In n dimensions, all states** of 4096 orbits, as shares of the fastest stores:",
         (share,),
         "n - 1 =",
     ),

@@ -48,8 +48,8 @@ def exact(
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
         The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; for
-        non-integer n and for |n| > 2**53 if t >= 1, and if they or eps omega0 leave the range of
-        float64, with a `RuntimeWarning`; and if omega0 is NaN, without a warning.
+        non-integer n and for ``|n| > 2**53`` if t >= 1, and if they or eps omega0 leave the range
+        of float64, with a `RuntimeWarning`; and if omega0 is NaN, without a warning.
 
     Raises
     ------

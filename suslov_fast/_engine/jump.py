@@ -25,8 +25,7 @@ _TOGETHER = 2**19
 
 def run_3d(run: Run) -> Results:
     """Return the last states and the statuses; fill the saved states."""
-    # The last state of a run that saves states does not depend on how the run is divided.
-    if not _may_jump(run) or (run.save_every is None and run.steps < JUMP):
+    if not _may_jump(run) or _is_short(run):
         return _iterate(run)
     results = _jump(run)
     _report_all(run)
@@ -38,10 +37,10 @@ def run_nd(run: Run) -> Results:
 
     The choice between closed form and iteration for a trajectory does not depend on the others.
     """
-    if _may_jump(run) and run.save_every is None and run.steps < JUMP:
+    if _may_jump(run) and _is_short(run):
         # From step 0: the division of a run must not decide where the closed form is used.
         run = replace(run, start=0, resume={}) if run.start else run
-        # Near a pole it is more accurate than elimination.
+        # Near a pole the closed form is more accurate than elimination.
         return iterate_nd(run, _closed_form_or_iteration)
     return _closed_form_or_iteration(run)
 
@@ -79,6 +78,15 @@ def _closed_form_or_iteration(run: Run) -> Results:
 def _may_jump(run: Run) -> bool:
     """Return True if the closed form may be used."""
     return run.method == "auto" and run.orientation is None and run.steps > 0
+
+
+def _is_short(run: Run) -> bool:
+    """Return True if iteration is faster: few steps, of which only the last state is saved.
+
+    Runs that save more states use the closed form for any number of steps, so that their states do
+    not depend on the division of a run.
+    """
+    return run.save_every is None and run.steps < JUMP
 
 
 def _report_all(run: Run) -> None:

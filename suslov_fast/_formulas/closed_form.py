@@ -54,10 +54,11 @@ from .integrals import level
 NO_POWER = -1e5
 # Ratio |Y| / T beyond which a state is far from both limits; only for t > 1.
 FAR_OUT = 1.5
-# Times, and numbers of steps, up to this are told apart: `two_product` does not overflow.
+# Longer times and larger numbers of steps are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990
-# |X| + |Y| below this: `level` leaves the range of float64, and the state is a fixed point.
-MOTIONLESS = 1e-280
+# A state with |X| + |Y| below this is taken for a fixed point: `level` would leave the range of
+# float64.
+SMALLEST = 1e-280
 # Squares of larger X or Y leave the range of float64.
 LARGEST = 2.0**500
 # Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
@@ -124,7 +125,8 @@ def logarithm_of_ratio(T, T_lost, r):
     scale = two_to_the(-k)
     scale = select(r < 0.0, -scale, scale)
     d, d_lost = scale * d, scale * d_lost
-    # T_lost may be larger than 1. It has no effect on m - 1 for large T, where scale = -1.
+    # T_lost comes last, as it may be larger than 1. For large T, where scale = -1, it cancels in
+    # the first sum.
     above, lost = two_sum(d, -s)
     above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * T_lost)
     below, lost = two_sum(d, s)
@@ -166,7 +168,7 @@ def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
     X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
     factor = two_to_the(within(power + o, 1022.0))
     X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
-    rests = (X == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
+    rests = (X == 0.0) | (abs(X) + abs(Y) < SMALLEST)
     kind = select(rests, select((1.0 - Y) - lost == 0.0, UNDEFINED, RESTS), REGULAR)
     kind = select((abs(X) + abs(Y) < LARGEST) & (power + o < 1022.0), kind, OUT_OF_RANGE)
     kind = select((I13 == 0.0) & (I23 == 0.0) | (eps == 0.0), RESTS, kind)

@@ -9,9 +9,9 @@ L_next = L (1 + Y + K L / (I1 I2)) / (1 - Y + L (2 L - K) / (I1 I2)),
 Y_next = Y - (2 L L_next - K (L + L_next)) / (I1 I2),
 
 and, given L_next, two linear equations for Omega_next, whose determinant 1 + L**2 / (I1 I2) has no
-zero. The poles are those of the first line. L and Y are carried along with Omega, so they are
-accurate near the steady states l = 0 and near Y = 1, where their sums over Omega cancel; elsewhere
-these sums replace them, so they do not depart from Omega.
+zero. The poles are those of the first line. L_next and Y_next also follow from Omega_next by their
+definitions, which keeps them consistent with it. The recurrences are used where the sums of the
+definitions cancel: near the steady states l = 0 and near Y = 1.
 
 Y is stored as Z = c - Y as in `canonical_map`. M, P, Q, E and W are logarithms of the units of the
 moments, the products of inertia, k, eps and the state.
@@ -103,9 +103,9 @@ def denominator(b1, b2, K, c, L, Z):
 
 
 @formula
-def unless_cancelled(total, size, carried):
-    """A sum of terms whose absolute values add up to `size`, or its carried value if it cancels."""
-    return select(8.0 * abs(total) < size, carried, total)
+def unless_cancelled(total, size, otherwise):
+    """A sum whose terms have absolute values that add up to `size`; `otherwise` if they cancel."""
+    return select(8.0 * abs(total) < size, otherwise, total)
 
 
 @formula

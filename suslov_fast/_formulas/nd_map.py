@@ -35,7 +35,10 @@ def matrix_row(J_i, I_i, omega_i, eps):
 
 @formula
 def matrix_diagonal(J_i, others, eps):
-    """Return A_ii, without the terms that cancel; others = p - I_i omega_i."""
+    """Return A_ii of `matrix_row` without the terms of component i, whose sum is 0.
+
+    others = p - I_i omega_i, without cancellation.
+    """
     return 1.0 - 0.5 * eps * others / J_i
 
 

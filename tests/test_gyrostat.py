@@ -97,7 +97,7 @@ def test_next_to_the_steady_states(rng, distance):
     ],
 )
 def test_orbits_that_start_next_to_poles_or_take_long_steps(parameters, omega, steps):
-    """L and Y are not carried along where their sums over Omega are more accurate."""
+    """Y_next is a quotient, in which large terms do not cancel."""
     exact = exact_orbit(parameters, omega, steps)[-1]
     assert naive.relative_error(run(parameters, omega, steps).final, exact) < 5e-14
 

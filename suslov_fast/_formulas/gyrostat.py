@@ -9,9 +9,7 @@ L_next = L (1 + Y + K L / (I1 I2)) / (1 - Y + L (2 L - K) / (I1 I2)),
 Y_next = Y - (2 L L_next - K (L + L_next)) / (I1 I2),
 
 and, given L_next, two linear equations for Omega_next, whose determinant 1 + L**2 / (I1 I2) has no
-zero. The poles are those of the first line. L_next and Y_next also follow from Omega_next by their
-definitions, which keeps them consistent with it. The recurrences are used where the sums of the
-definitions cancel: near the steady states l = 0 and near Y = 1.
+zero. So l is accurate near the steady states l = 0, and the poles are those of the first line.
 
 Y is stored as Z = c - Y as in `canonical_map`. M, P, Q, E and W are logarithms of the units of the
 moments, the products of inertia, k, eps and the state.
@@ -81,8 +79,8 @@ def invariant_density(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
 
 @formula
 def enter(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
-    """Constants 1 / I1, 1 / I2, K, c, h I13 and h I23 of an orbit, its state (L, Z, Omega1, Omega2)
-    with Omega in the unit 2**W, and W.
+    """Constants 1 / I1, 1 / I2, K and c of an orbit, its state (L, Z, Omega1, Omega2) with Omega in
+    the unit 2**W, and h I13, h I23 and W.
     """
     omega1, omega2, W = normal_state(omega1, omega2)
     l, unit, I13, I23, k = with_rotor(I13, I23, k, P, Q, W, omega1, omega2)
@@ -90,7 +88,7 @@ def enter(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
     _, Y, lost = canonical_state(I13, I23, *canonical_body(I1, I2, I13, I23), step, omega1, omega2)
     c, Z = shifted(Y, lost)
     h = 0.5 * step
-    return 1.0 / I1, 1.0 / I2, h * k, c, h * I13, h * I23, h * l, Z, omega1, omega2, W
+    return 1.0 / I1, 1.0 / I2, h * k, c, h * l, Z, omega1, omega2, h * I13, h * I23, W
 
 
 @formula
@@ -103,37 +101,27 @@ def denominator(b1, b2, K, c, L, Z):
 
 
 @formula
-def unless_cancelled(total, size, otherwise):
-    """A sum whose terms have absolute values that add up to `size`; `otherwise` if they cancel."""
-    return select(8.0 * abs(total) < size, otherwise, total)
-
-
-@formula
-def step(b1, b2, K, c, h13, h23, L, Z, omega1, omega2):
+def step(b1, b2, K, c, L, Z, omega1, omega2):
     """Next state (L, Z, Omega1, Omega2); NaN if there is none."""
     below = denominator(b1, b2, K, c, L, Z)
     p, q, u = b1 * L, b2 * L, (b1 * L) * (b2 * K)
     next_L = L * (((1.0 + c) - Z + u) / below)
-    # c - Y_next as one quotient, whose terms do not cancel where L is large.
+    # c - Y_next as one quotient: the two terms of Y_next cancel where L or K is large.
     next_Z = (Z * ((1.0 - c) + Z - u) + 2.0 * ((1.0 + c) * (p * q) - u)) / below
     # The second equation inserted into the first.
     next_p, next_q = b1 * next_L, b2 * next_L
     inverse = 1.0 / (1.0 + p * q)
     right1, right2 = omega1 - next_p * omega2, omega2 + next_q * omega1
-    next1, next2 = (right1 - p * right2) * inverse, (right2 + q * right1) * inverse
-    x1, x2, y1, y2 = h13 * next1, h23 * next2, b2 * h23 * next1, b1 * h13 * next2
-    next_L = unless_cancelled(K + (x1 + x2), abs(K) + abs(x1) + abs(x2), next_L)
-    next_Z = unless_cancelled(c - (y1 - y2), c + abs(y1) + abs(y2), next_Z)
-    return next_L, next_Z, next1, next2
+    return next_L, next_Z, (right1 - p * right2) * inverse, (right2 + q * right1) * inverse
 
 
 @formula
 def jacobian(I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2):
     """Entries (11, 12, 21, 22) of A(omega; eps)**-1 A(omega_next; -eps), A = Id - h f'."""
-    b1, b2, K, c, h13, h23, L, Z, omega1, omega2, _ = enter(
+    b1, b2, K, c, L, Z, omega1, omega2, h13, h23, _ = enter(
         I1, I2, I13, I23, k, eps, M, P, Q, E, omega1, omega2
     )
-    next_L, _, next1, next2 = step(b1, b2, K, c, h13, h23, L, Z, omega1, omega2)
+    next_L, _, next1, next2 = step(b1, b2, K, c, L, Z, omega1, omega2)
     inverse = 1.0 / denominator(b1, b2, K, c, L, Z)  # of det A
     a11, a12 = 1.0 + b1 * h13 * omega2, b1 * (L + h23 * omega2)
     a21, a22 = -b2 * (L + h13 * omega1), 1.0 - b2 * h23 * omega1

@@ -9,9 +9,8 @@ from . import codes
 from .iterate import LARGEST, map_kernel
 from .lanes import entry
 
-# Rows of a block: the constants b1, b2, K, c, h13 and h23 of the map, a bound of the state, and the
-# unit of omega.
-_BOUND, _UNIT = 6, 7
+# Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
+_BOUND, _UNIT = 4, 5
 
 
 @formula
@@ -20,11 +19,11 @@ def enter(parameters, omega, b, c, s, l):
     I1, I2, I13, I23, k, eps, M, P, Q, E = formulas.normal_gyrostat(
         entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(k, b), entry(eps, b)
     )
-    b1, b2, K, shift, h13, h23, L, Z, omega1, omega2, W = formulas.enter(
+    b1, b2, K, shift, L, Z, omega1, omega2, _, _, W = formulas.enter(
         I1, I2, I13, I23, k, eps, M, P, Q, E, omega[b, 0], omega[b, 1]
     )
     unit = two_to_the(W)
-    c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l] = b1, b2, K, shift, h13, h23
+    c[0, l], c[1, l], c[2, l], c[3, l] = b1, b2, K, shift
     c[_BOUND, l], c[_UNIT, l] = LARGEST / larger(unit, 1.0), unit
     missing = np.isnan(omega[b, 0] + omega[b, 1])
     s[0, l], s[1, l] = select(missing, np.nan, L), Z
@@ -35,7 +34,7 @@ def enter(parameters, omega, b, c, s, l):
 @formula
 def advance(c, s, l):
     L, Z, omega1, omega2 = formulas.step(
-        c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l], s[0, l], s[1, l], s[2, l], s[3, l]
+        c[0, l], c[1, l], c[2, l], c[3, l], s[0, l], s[1, l], s[2, l], s[3, l]
     )
     exists = larger(abs(omega1), abs(omega2)) < c[_BOUND, l]
     s[0, l], s[1, l] = select(exists, L, np.nan), Z

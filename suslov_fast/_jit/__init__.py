@@ -14,7 +14,7 @@ from .instructions import (
     subtract_product,
     two_product,
 )
-from .kernels import Kernel, kernel, share
+from .kernels import Kernel, kernel, namespace, share
 from .options import formula, inner
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "formula",
     "inner",
     "kernel",
+    "namespace",
     "number_of_bits",
     "select",
     "share",

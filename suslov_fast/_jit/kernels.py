@@ -8,7 +8,7 @@ arguments.
 """
 
 import functools
-from types import FunctionType
+from types import FunctionType, ModuleType
 
 import numba
 import numpy as np
@@ -31,7 +31,8 @@ class Kernel:
     name : str, optional
         Its name in the cache, by default its own.
     **names
-        Functions that free names of the function stand for. Numba caches no closure.
+        What names of the function stand for that its module only declares, such as a `namespace`.
+        Numba caches no closure.
     """
 
     def __init__(self, function, name=None, **names):
@@ -67,6 +68,16 @@ class Kernel:
 def kernel(function):
     """Compile a function when it is first called from Python."""
     return Kernel(function)
+
+
+def namespace(name, **contents):
+    """Return a module of functions and constants, whose attributes Numba resolves as it compiles.
+
+    A loop that declares `map: ModuleType` and calls `map.advance` thus serves several maps.
+    """
+    module = ModuleType(name)
+    vars(module).update(contents)
+    return module
 
 
 @formula

@@ -1,12 +1,125 @@
 """Scaling by powers of two, which keeps products in the range of float64.
 
-Parameters and states may have any unit. Quantities are computed from numbers of the order of 1, and
-the result is scaled last: exactly, unless it is subnormal. Logarithms of units are integers, stored
-as floats.
+Parameters and states may have any unit. `enter` scales them to numbers of the order of 1, and
+`leave` scales a result back: exactly, unless it is subnormal. Between them a formula is what it is
+on paper. Logarithms of units are integers, stored as floats.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 from .._jit import formula, select
 from .elementary import TO_INTEGER, exponent, larger, scaled, smaller, two_to_the
+
+# Moments, or products of inertia, whose exponents differ by more are NaN, and so is a step size
+# above 2**LONGEST: squares and products of three of them are in range below.
+APART, LONGEST = 400.0, 500.0
+# In place of the logarithm of 0, of which no unit is taken.
+NONE = -1e4
+
+
+class Body(NamedTuple):
+    """A body and a step size in their own units, 2**M of moments, 2**P of products of inertia,
+    2**Q of k and 2**E of eps.
+    """
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    M: float
+    P: float
+    Q: float
+    E: float
+
+
+class Problem(NamedTuple):
+    """A body, a step size and a state in one system of units."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    omega1: float
+    omega2: float
+
+
+class Units(NamedTuple):
+    """Logarithms of the units of moments, of products of inertia and of omega.
+
+    That of k is P + W, and that of time M - P - W.
+    """
+
+    M: float
+    P: float
+    W: float
+
+
+@formula
+def of_body(I1, I2, I13, I23, k, eps):
+    """A body and a step size in their own units."""
+    of_1, of_2 = exponent(I1), exponent(I2)
+    M = ((0.5 * (of_1 + of_2) - 0.25) + TO_INTEGER) - TO_INTEGER  # rounded down
+    most, least = larger(abs(I13), abs(I23)), smaller(abs(I13), abs(I23))
+    P, Q, E = exponent(most), exponent(k), exponent(eps)
+    of_moments, of_products = two_to_the(-M), two_to_the(-P)
+    of_moments = select(abs(of_1 - of_2) > APART, np.nan, of_moments)
+    of_products = select((least > 0.0) & (P - exponent(least) > APART), np.nan, of_products)
+    return Body(
+        I1 * of_moments,
+        I2 * of_moments,
+        I13 * of_products,
+        I23 * of_products,
+        k * two_to_the(-Q),
+        eps * two_to_the(-E),
+        M,
+        select(most > 0.0, P, select(k == 0.0, M, NONE)),
+        select(k == 0.0, NONE, Q),
+        E,
+    )
+
+
+@formula
+def of_state(body, omega1, omega2):
+    """The problem of a body and a state, and its units.
+
+    No term of l = I13 omega1 + I23 omega2 + k is above 2. A state that is NaN in one component is
+    NaN in both.
+    """
+    W = exponent(larger(abs(omega1), abs(omega2)))
+    unit = two_to_the(-W)
+    unit = select(omega1 + omega2 == omega1 + omega2, unit, np.nan)
+    P = larger(body.P, body.Q - W)
+    of_products, of_k = fraction(body.P - P), fraction(body.Q - W - P)
+    longer = body.E + P + W - body.M
+    problem = Problem(
+        body.I1,
+        body.I2,
+        body.I13 * of_products,
+        body.I23 * of_products,
+        body.k * of_k,
+        select((longer < LONGEST) | (body.eps == 0.0), scaled(body.eps, longer), np.nan),
+        omega1 * unit,
+        omega2 * unit,
+    )
+    return problem, Units(body.M, P, W)
+
+
+@formula
+def enter(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """`of_state` of a body that is not used for other states."""
+    return of_state(of_body(I1, I2, I13, I23, k, eps), omega1, omega2)
+
+
+@formula
+def leave(value, units, moment, product, omega):
+    """A result whose dimension is moment**... product**... omega**..., in the unit of the user."""
+    return scaled(value, moment * units.M + product * units.P + omega * units.W)
 
 
 @formula

@@ -52,29 +52,36 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     return value
 
 
-def vectors(name: str, value: ArrayLike, dimension: int, allow_nan: bool = False) -> FloatArray:
-    """Return an array of finite real vectors, components on the last axis."""
-    array = _vectors(name, value, dimension)
+def vectors(
+    name: str,
+    value: ArrayLike,
+    dimension: int,
+    allow_nan: bool = False,
+    labels: Sequence[str] = (),
+) -> FloatArray:
+    """Return finite real vectors, components on the last axis; the names of these are `labels`."""
+    array = _vectors(name, value, dimension, labels)
     _all_finite(name, array, allow_nan)
     return array
 
 
-def states(name: str, value: ArrayLike, dimension: int, later: bool = False) -> FloatArray:
+def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = False) -> FloatArray:
     """Return states; if one component is NaN, set all components of that state to NaN.
 
+    `labels` are the names of the components.
     With `later`, a LARGE array is not checked here; the caller calls `real_array` if it finds
     infinite numbers.
     """
-    array = _vectors(name, value, dimension)
+    array = _vectors(name, value, len(labels), labels)
     if (later and array.size > LARGE) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 
 
-def _vectors(name: str, value: ArrayLike, dimension: int) -> FloatArray:
+def _vectors(name: str, value: ArrayLike, dimension: int, labels: Sequence[str]) -> FloatArray:
     array = _floats(name, value)
     if type(value) not in _PLAIN:
-        _check_labels(name, value)
+        _check_labels(name, value, labels)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise wrong(name, f"shape (..., {dimension})", array.shape)
     return array
@@ -154,8 +161,11 @@ def _is_xarray(value: Any) -> bool:
     return type(value).__module__.partition(".")[0] == "xarray"
 
 
-def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return arguments, the labelled ones aligned by the names of their axes."""
+def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[str, Any]:
+    """Return arguments, the labelled ones aligned by the names of their axes.
+
+    States have these components.
+    """
     labelled = {
         name: [dim for dim in value.dims if dim not in _OWN_AXES]
         for name, value in arguments.items()
@@ -179,7 +189,7 @@ def aligned(arguments: dict[str, Any]) -> dict[str, Any]:
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
         own = [dim for dim in value.dims if dim in _OWN_AXES]
         if own:
-            _check_labels(name, value)
+            _check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
         absent = [dim for dim in whole[first:] if dim not in dims]
         arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *own).data
@@ -201,8 +211,8 @@ def without_labels(parameters: dict[str, Any]) -> None:
             raise wrong(name, f"the index of {first}", "another: pass values without labels")
 
 
-def _check_labels(name: str, value: Any) -> None:
-    """Raise ValueError if components are not on the last axis, or not in order."""
+def _check_labels(name: str, value: Any, components: Sequence[str]) -> None:
+    """Raise ValueError if components are not on the last axis, or not those named, in order."""
     if _is_xarray(value):
         dims = [str(dim) for dim in value.dims]
         own = [dim for dim in _OWN_AXES if dim in dims]
@@ -218,10 +228,7 @@ def _check_labels(name: str, value: Any) -> None:
     if not len(labels):
         return
     received = np.asarray(labels).tolist()
-    expected = sorted(received)
-    if isinstance(received[0], str):
-        last = "n" if received[0].endswith("n") else ""
-        expected = [f"Omega{k + 1}{last}" for k in range(len(received))]
+    expected = list(components) if isinstance(received[0], str) else sorted(received)
     if received != expected:
         how = f"{_short(received)}: pass values in this order, without labels"
         raise wrong(name, f"the components {_short(expected)} in order", how)

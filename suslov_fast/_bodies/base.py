@@ -21,7 +21,7 @@ Kind = TypeVar("Kind", bound="Body")
 class Body:
     """A body, or a batch of them; the fields of a subclass are its parameters."""
 
-    # The number of axes of a parameter that are not axes of the batch.
+    # The number of axes of most parameters that are not axes of the batch.
     _own_axes: ClassVar[int] = 0
     # Names of the parameters of the map: moments of inertia, and couplings of the components.
     _moments: ClassVar[tuple[str, ...]] = ()
@@ -55,6 +55,16 @@ class Body:
         """The number of components of a state."""
         return 2
 
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        """The labels of the components of a state."""
+        return "Omega1", "Omega2"
+
+    @classmethod
+    def _axes(cls, name: str) -> int:
+        """Return the number of axes of a parameter that are not axes of the batch."""
+        return cls._own_axes
+
     def _set(self, **values: Any) -> None:
         """Check the parameters, and set read-only copies."""
         without_labels(values)
@@ -68,8 +78,7 @@ class Body:
                 raise ValueError(
                     f"{name}: expected a positive {self._meanings[name]}, got {array.min()}"
                 )
-        shapes = {name: array.shape for name, array in arrays.items()}
-        common_shape({name: shape[: len(shape) - self._own_axes] for name, shape in shapes.items()})
+        common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
         for name, array in arrays.items():
             # Memory of a bytes object can never be made writeable.
             frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
@@ -78,8 +87,11 @@ class Body:
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        shapes = map(np.shape, self._values.values())
-        return np.broadcast_shapes(*(shape[: len(shape) - self._own_axes] for shape in shapes))
+        return np.broadcast_shapes(*(self._batch_of(*item) for item in self._values.items()))
+
+    def _batch_of(self, name: str, value: float | FloatArray) -> tuple[int, ...]:
+        shape = np.shape(value)
+        return shape[: len(shape) - self._axes(name)]
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):

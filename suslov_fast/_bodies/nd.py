@@ -68,6 +68,11 @@ class SuslovND(Body):
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
 
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        """The labels of the components of a state."""
+        return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
+
     @classmethod
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None

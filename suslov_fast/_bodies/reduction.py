@@ -43,10 +43,15 @@ def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np
     return solved
 
 
-def check_solved(body: SuslovND, function: str) -> None:
-    """Raise an error that names the function unless `is_solved` to rounding."""
+def are_solved(body: SuslovND) -> NDArray[np.bool_]:
+    """Return a mask of the bodies of a batch that are solved, to rounding."""
     J, I = units_of(body).parameters
-    solved = is_solved(J, I, _ROUNDING)
+    return is_solved(J, I, _ROUNDING)
+
+
+def check_solved(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless all bodies are solved."""
+    solved = are_solved(body)
     if not solved.all():
         which = spell(first_index(~np.atleast_1d(solved)))
         raise NotIntegrableError(

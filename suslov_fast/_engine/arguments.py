@@ -19,22 +19,23 @@ def check(
     body: AnyBody,
     by_name: dict[str, ArrayLike],
     numbers: dict[str, ArrayLike] | None = None,
-    dimension: int | None = None,
+    components: tuple[str, ...] | None = None,
     orientations: dict[str, ArrayLike] | None = None,
     kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
 ) -> tuple[list[Any], tuple[int, ...]]:
     """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
 
-    The body is one of `kinds`. States, in `by_name`, have the dimension of the body or `dimension`,
-    and may be NaN. Scalars become floats.
+    The body is one of `kinds`. States, in `by_name`, have the components of the body or those
+    given, and may be NaN. Scalars become floats.
     """
     instance("body", body, kinds)
     numbers, orientations = numbers or {}, orientations or {}
-    values = aligned(by_name | numbers | orientations)
+    labels = components or body._labels
+    values = aligned(by_name | numbers | orientations, labels)
     arrays: list[Any] = []
     shapes = {"body": body.shape}
     for name in by_name:
-        arrays.append(state := states(name, values[name], dimension or body.dimension))
+        arrays.append(state := states(name, values[name], labels))
         shapes[name] = state.shape[:-1]
     for name in numbers:
         arrays.append(number := real_number(name, values[name]))

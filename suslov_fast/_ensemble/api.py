@@ -130,7 +130,7 @@ def ensemble(
     store = resolved(store)
     check_progress(progress)
     one_of("method", method, map_of(body).methods)
-    source, eps = source_of(omega0, body.dimension), real_array("eps", eps).copy()
+    source, eps = source_of(omega0, body._labels), real_array("eps", eps).copy()
     side, orientation = body.dimension + 1, None
     if not isinstance(attitude, (bool, np.bool_)):
         orientation = rotations("attitude", attitude, side).copy()

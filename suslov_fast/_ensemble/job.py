@@ -117,12 +117,13 @@ class Job:
 
     def part(self, tile: int) -> Job:
         """Return the job with the parameters of one tile."""
-        where, own = self.where(tile), self.body._own_axes
+        where = self.where(tile)
 
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
             return array[own_part(array.shape[: array.ndim - own], where)]
 
-        body = type(self.body)(**{name: cut(each, own) for name, each in self.parameters.items()})
+        kind, parameters = type(self.body), self.parameters
+        body = kind(**{name: cut(each, kind._axes(name)) for name, each in parameters.items()})
         orientation = None if self.orientation is None else cut(self.orientation, 2)
         return replace(self, body=body, eps=cut(self.eps), orientation=orientation)
 

@@ -126,8 +126,9 @@ class Kept:
 Source = RandomStarts | Kept
 
 
-def source_of(omega0: Any, dimension: int) -> Source:
-    """Return the source of the argument `omega0`."""
+def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
+    """Return the source of the argument `omega0`; the labels are those of components."""
+    dimension = len(labels)
     if isinstance(omega0, RandomStarts):
         return omega0
     if isinstance(omega0, (str, os.PathLike)):
@@ -138,7 +139,7 @@ def source_of(omega0: Any, dimension: int) -> Source:
     elif hasattr(omega0, "dask"):
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
     else:
-        return Kept(vectors("omega0", omega0, dimension, allow_nan=True).copy())
+        return Kept(vectors("omega0", omega0, dimension, True, labels).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
         raise wrong("omega0", f"shape (..., {dimension})", omega0.shape)
     return Kept(omega0)

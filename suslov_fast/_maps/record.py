@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -42,8 +44,8 @@ class Map:
         The name in files, "suslov3d".
     body
         The class of its bodies.
-    components
-        The labels of the components of a state.
+    title
+        What it is, for people: title of datasets.
     methods
         Values of the argument `method`; the first is the default.
     parameters
@@ -54,21 +56,44 @@ class Map:
         Arrays needed to resume a run, in addition to `ENDS`.
     quantities
         The methods of `Trajectories` that apply to its runs.
+    samples
+        Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
+        kernels of the map.
+    conserved
+        The functions of (body, omega, eps) whose drift the summary of a run of a body reports.
+    closed_form
+        True for a body for which the method "auto" evaluates a closed form, without orientations.
     carries_attitude
         True if runs can include the orientation.
+    variable, meaning
+        The name of a state in `Trajectories`, datasets, files and stores, and what it means.
+    components
+        The labels of the components of a state.
     """
 
     name: str
     body: type[Any]
-    components: Callable[[Any], tuple[str, ...]]
+    title: str
     methods: tuple[str, ...]
     parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
     run: Callable[[Run], Results]
     kept: tuple[Kept, ...]
     quantities: frozenset[str]
+    samples: tuple[tuple[Any, tuple[float, ...]], ...]
+    conserved: Callable[[Any], tuple[str, ...]] = lambda body: ()
+    closed_form: Callable[[Any], bool] = lambda body: False
     carries_attitude: bool = True
+    variable: str = "omega"
+    meaning: str = "angular velocity"
+    components: Callable[[Any], tuple[str, ...]] = attrgetter("_labels")
 
     @property
     def resume(self) -> tuple[Kept, ...]:
         """All arrays needed to resume a run."""
         return *self.kept, *ENDS
+
+    def symbols(self, body: Any) -> list[str]:
+        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
+        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in self.components(body))
+        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
+        return [f"${word}_{{{index}}}$" for word, index in words]

@@ -38,12 +38,14 @@ copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
 
 
 @cache
-def _map_of_class(body: str) -> Map:
-    if body not in _BODIES.values():
-        raise TypeError(f"body: expected {' or '.join(body_names())}, got {body}")
-    return map_named(next(name for name, each in _BODIES.items() if each == body))
+def _map_of_class(kind: type[Any]) -> Map:
+    for base in kind.__mro__:
+        for name, body in _BODIES.items():
+            if body == base.__name__ and (record := map_named(name)).body is base:
+                return record
+    raise TypeError(f"body: expected {' or '.join(body_names())}, got {kind.__name__}")
 
 
 def map_of(body: Any) -> Map:
-    """Return the map of a body, that of `iterate`."""
-    return _map_of_class(type(body).__name__)
+    """Return the map of a body, or of an object of a subclass: that of `iterate`."""
+    return _map_of_class(body.__class__)

@@ -10,7 +10,7 @@ from .record import Kept, Map
 MAP = Map(
     name="suslov3d",
     body=Suslov3D,
-    components=lambda body: ("Omega1", "Omega2"),
+    title="Discrete Suslov problem",
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
     run=run_3d,
@@ -21,4 +21,7 @@ MAP = Map(
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),
+    samples=((Suslov3D(1, 1, 1, 0, 2), (1.0, -3.0)),),
+    conserved=lambda body: ("first_integral",),
+    closed_form=lambda body: True,
 )

@@ -23,11 +23,13 @@ def _parameters(
 MAP = Map(
     name="suslov3d_full",
     body=Suslov3D,
-    components=lambda body: ("Omega1", "Omega2", "Omega3"),
+    title="Suslov problem in three components",
     methods=("auto",),
     parameters=_parameters,
     run=partial(iterate, kernel=full, work=2.0),
     kept=(Kept("state", ("flat", 3)),),
     quantities=frozenset(),
+    samples=((Suslov3D(1, 1, 1, 0, 2), (1.0, -3.0, 0.5)),),
     carries_attitude=False,
+    components=lambda body: ("Omega1", "Omega2", "Omega3"),
 )

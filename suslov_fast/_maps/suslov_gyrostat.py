@@ -13,7 +13,7 @@ from .record import Kept, Map
 MAP = Map(
     name="suslov_gyrostat",
     body=SuslovGyrostat,
-    components=lambda body: ("Omega1", "Omega2"),
+    title="Discrete Suslov gyrostat",
     methods=("auto",),
     # Not scaled here: the kernel scales each trajectory.
     parameters=partial(for_loops, units=False),
@@ -23,4 +23,6 @@ MAP = Map(
         Kept("turn", ("flat", 4), attitude=True),
     ),
     quantities=frozenset(("first_integral", "energy")),
+    samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.0)),),
+    conserved=lambda body: ("first_integral",),
 )

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from .._bodies.nd import SuslovND
+from .._bodies.reduction import are_solved, is_solved
 from .._engine.jump import run_nd
 from .._engine.layout import for_loops
 from .record import Kept, Map
 
+
+def _conserved(body: SuslovND) -> tuple[str, ...]:
+    return ("first_integral",) if are_solved(body).all() else ("energy", "modified_energy")
+
+
 MAP = Map(
     name="suslov_nd",
     body=SuslovND,
-    components=lambda body: tuple(f"Omega{i + 1}n" for i in range(body.dimension)),
+    title="Discrete Suslov problem in n dimensions",
     methods=("auto", "gauss", "rank2"),
     parameters=for_loops,
     run=run_nd,
@@ -22,4 +28,10 @@ MAP = Map(
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "reaction")
     ),
+    samples=(
+        (SuslovND([1.0, 1.5, 2.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
+        (SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
+    ),
+    conserved=_conserved,
+    closed_form=lambda body: bool(is_solved(*body.parameters).any()),
 )

@@ -140,6 +140,8 @@ def _checked(
         body = replace(body, I3=I3)  # type: ignore[arg-type]
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
-    arrays, batch = check(body, {name: omega}, {"eps": eps}, 3, kinds=Suslov3D)
+    map = map_named("suslov3d_full")
+    components = map.components(body)
+    arrays, batch = check(body, {name: omega}, {"eps": eps}, components, kinds=Suslov3D)
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    return Run(map_named("suslov3d_full"), body, batch, states, own_eps, steps=1, save_every=None)
+    return Run(map, body, batch, states, own_eps, steps=1, save_every=None)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from .._checks import wrong
 from .._engine.status import Status
 from .._maps.registry import map_named
-from .schema import HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
+from .schema import COMPONENTS, HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
 
 if TYPE_CHECKING:
     import xarray
 
 # Names not available for axes of the batch.
-_TAKEN = ("n", "time", "component", "space", "body", "flat")
+_TAKEN = ("n", "time", *COMPONENTS, "space", "body", "flat")
 
 
 def import_xarray(*others: str, extra: str = "xarray") -> Any:
@@ -52,8 +52,8 @@ def dataset_of(
     labels = np.array(map.components(body_of(map, entries)), dtype=object)
     dataset = xarray.Dataset(
         variables,
-        coords={"component": ("component", labels, {"long_name": "component of angular velocity"})},
-        attrs={"title": "Trajectories of the discrete Suslov problem", **header},
+        coords={"component": ("component", labels, {"long_name": f"component of {map.meaning}"})},
+        attrs={"title": map.title, **header},
     )
     for variable in dataset.variables.values():
         if variable.dtype.kind == "f":
@@ -170,7 +170,7 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
     """Return a parameter in its shape before `dataset_of` dropped axes."""
     variable = dataset[name]
-    own = tuple(dim for dim in variable.dims if dim == "component")
+    own = tuple(dim for dim in COMPONENTS if dim in variable.dims)
     along = [dim for dim in variable.dims if dim not in own]
     if strangers := [str(dim) for dim in along if dim not in batch]:
         raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))

@@ -32,6 +32,10 @@ _KINDS = int, str, str, str, int, int
 HEADER = "format", "version", "map", "method", "steps", "save_every"
 
 
+# Axes of the parameters of a body after those of the batch; the first is also that of states.
+COMPONENTS = "component", "component_j", "component_k"
+
+
 class Entry(NamedTuple):
     """An array of a run."""
 
@@ -53,8 +57,7 @@ class Entry(NamedTuple):
         )
 
 
-_STATES = {
-    "omega": Entry(("n", "batch", "component"), meaning="angular velocity"),
+_ENDS = {
     "n": Entry(("n",), "int64", "number of steps"),
     "eps": Entry(("batch",), meaning="step size", varying=True),
     "status": Entry(("batch",), "int8", "how the trajectory ended"),
@@ -70,10 +73,11 @@ _ATTITUDE = Entry(
 
 def schema_of(map: Map) -> dict[str, Entry]:
     """Return the possible arrays of runs of a map, by name."""
-    body, entries = map.body, dict(_STATES)
-    dims = ("batch", *("component",) * body._own_axes)
+    states = Entry(("n", "batch", "component"), meaning=map.meaning)
+    body, entries = map.body, {map.variable: states, **_ENDS}
     for name in body._names():
         optional = name in body._optional()
+        dims = ("batch", *COMPONENTS[: body._axes(name)])
         entries[name] = Entry(dims, "float64", body._meanings[name], True, optional)
     entries[RESUME + "omega0"] = Entry(("flat", "component"), optional=True)
     if map.carries_attitude:
@@ -202,7 +206,7 @@ def check(values: Mapping[str, Any], shapes: Shapes) -> None:
     components = omega[-1] if omega else 0
     sizes = {
         "n": 1 if every is None else header["steps"] // every + 1,
-        "component": components,
+        **dict.fromkeys(COMPONENTS, components),
         "space": components + 1,
         "body": components + 1,
         "flat": math.prod(batch),

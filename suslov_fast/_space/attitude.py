@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
 from .._checks import (
     FloatArray,
     aligned,
     common_shape,
     first_index,
+    instance,
     real_array,
     rotations,
     spell,
@@ -31,7 +34,6 @@ from .._kernels.lanes import LANES
 _SLICE = 2**25
 # Costs of an element of the result, and of checking an element of the states, in steps of the map.
 _TURNING, _CHECKING = 10, 10
-_CLASSES = ("Suslov3D", "SuslovND", "SuslovGyrostat")
 
 
 @filled
@@ -90,11 +92,11 @@ def attitude(
     >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
     True
     """
-    if type(body).__name__ not in _CLASSES:
-        raise TypeError(f"body: expected {' or '.join(_CLASSES)}, got {type(body).__name__}")
+    instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
     m = body.dimension
-    omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}).values()
-    states = vectors("omega", omega, m, allow_nan=True)
+    labels = body._labels
+    omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}, labels).values()
+    states = vectors("omega", omega, m, allow_nan=True, labels=labels)
     if states.ndim < 2 or len(states) == 0:
         raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")
     step_size = real_array("eps", eps)

@@ -8,7 +8,10 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, aligned, common_shape, real_number, states
+from .._bodies.gyrostat import SuslovGyrostat
+from .._bodies.nd import SuslovND
+from .._bodies.three import Suslov3D
+from .._checks import FloatArray, aligned, common_shape, instance, real_number, states
 from .._engine.states import of_state
 from .._engine.threads import thread_count
 from .._kernels import states as kernels
@@ -17,8 +20,8 @@ from . import nd
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
 Finder = Callable[..., FloatArray]
 
-TABLE: dict[str, dict[str, Finder]] = {
-    "Suslov3D": {
+TABLE: dict[type[Any], dict[str, Finder]] = {
+    Suslov3D: {
         "energy": partial(of_state, kernels.energy, ()),
         "first_integral": partial(of_state, kernels.first_integral, ()),
         "modified_energy": partial(of_state, kernels.modified_energy, ()),
@@ -33,8 +36,8 @@ TABLE: dict[str, dict[str, Finder]] = {
         "matrix": partial(of_state, kernels.matrix, (2, 2)),
         "closed_form": partial(of_state, kernels.constants, (4,)),
     },
-    "SuslovND": nd.QUANTITIES,
-    "SuslovGyrostat": {
+    SuslovND: nd.QUANTITIES,
+    SuslovGyrostat: {
         "energy": partial(of_state, kernels.energy, ()),
         "first_integral": partial(of_state, kernels.gyrostat_first_integral, ()),
         "invariant_density": partial(of_state, kernels.gyrostat_invariant_density, ()),
@@ -53,12 +56,12 @@ def find(
     name: str = "omega",
 ) -> FloatArray:
     """Check the arguments of a public function, whose states are called `name`, and evaluate it."""
-    finder = TABLE.get(type(body).__name__, {}).get(quantity)
-    if finder is None:
-        classes = " or ".join(each for each, has in TABLE.items() if quantity in has)
-        raise TypeError(f"body: expected {classes}, got {type(body).__name__}")
-    omega, eps = aligned({name: omega, "eps": eps}).values()
-    state = states(name, omega, body.dimension, later=True)
+    kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
+    instance("body", body, kinds)
+    finder = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
+    labels = ("x", "y") if name == "xy" else body._labels
+    omega, eps = aligned({name: omega, "eps": eps}, labels).values()
+    state = states(name, omega, labels, later=True)
     shapes, step = {"body": body.shape, name: state.shape[:-1]}, None
     if eps is not None:
         step = real_number("eps", eps)

@@ -25,7 +25,7 @@ _NO_TURN = 1.0, 0.0, 0.0, 0.0
 
 def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
     """Iterate by a kernel of `map_kernel`; `work` is the cost of a step, in those of the 3D map."""
-    resume, turning, numbers = _resume(run), None, kernel.names["numbers"]
+    resume, turning, numbers = _resume(run), None, kernel.names["map"].STATE
     if not run.start:
         resume["state"] = np.empty((0 if run.single else run.size, numbers))
     if run.orientation is not None:

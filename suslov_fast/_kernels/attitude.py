@@ -7,18 +7,16 @@ out     (N, B, n, n), the orientations at the other states; NaN from the first N
 
 from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean
-from .._jit import carray, formula, inner, kernel, share, stack
+from .._jit import formula, inner, kernel, share
 from .lanes import LANES
-from .turning_3d import TURNING, enter_turns, leave_turns, turn_on, write_turns
+from .turning_3d import enter_turns, leave_turns, turn_on, turns_block, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
-
-_ROOM = TURNING * LANES
 
 
 @inner
 def turn_block(block, omega, turning):
     """Fill the orientations of a block."""
-    r, batch, first = carray(stack(_ROOM), (TURNING, LANES)), omega.shape[1], block * LANES
+    r, batch, first = turns_block(), omega.shape[1], block * LANES
     width, states = min(LANES, batch - first), omega.reshape(omega.size)
     enter_turns(turning, omega[0], first, width, width, r)
     for n in range(len(turning[3])):

@@ -1,60 +1,83 @@
-"""The three-component scheme, in which Omega3 may be nonzero."""
+"""The three-component scheme, in which Omega3 may be nonzero, a module for `iterate`."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.full_map import Coefficients, full_coefficients, full_matrix, full_step
-from .._jit import formula, select
+from .._jit import carray, formula, select, stack
 from . import codes
-from .iterate import LARGEST, map_kernel
-from .lanes import body_at, entry
+from .iterate import LARGEST
+from .lanes import LANES, body_at, entry, row
 
-# Rows of a block: the coefficients, a bound of the state, and the unit of omega.
-_BOUND, _UNIT = 10, 11
+D, STATE = 3, 3
+_STATE = STATE * LANES
+
+
+class Block(NamedTuple):
+    """A block of trajectories: states in a unit, coefficients by name, a bound of the states."""
+
+    state: object
+    omega1: object
+    omega2: object
+    omega3: object
+    of: Coefficients
+    bound: object
+    unit: object
 
 
 @formula
-def coefficients_at(c, l):
+def block():
+    state = carray(stack(_STATE), (STATE, LANES))
+    of = Coefficients(
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row()
+    )  # fmt: skip
+    return Block(state, state[0], state[1], state[2], of, row(), row())
+
+
+@formula
+def coefficients_at(b, l):
+    k = b.of
     return Coefficients(
-        c[0, l], c[1, l], c[2, l], c[3, l], c[4, l], c[5, l], c[6, l], c[7, l], c[8, l], c[9, l]
-    )
+        k.one1[l], k.k1[l], k.k3[l], k.k5[l], k.k7[l],
+        k.one2[l], k.k2[l], k.k4[l], k.k6[l], k.k8[l],
+    )  # fmt: skip
 
 
 @formula
-def enter(parameters, omega, b, c, s, l):
-    I1, I2, I13, I23, eps = body_at(parameters[:5], b)
-    omega1, omega2, omega3 = omega[b, 0], omega[b, 1], omega[b, 2]
+def enter(parameters, omega, i, b, l):
+    I1, I2, I13, I23, eps = body_at(parameters[:5], i)
+    omega1, omega2, omega3 = omega[i, 0], omega[i, 1], omega[i, 2]
     W = exponent(larger(larger(abs(omega1), abs(omega2)), abs(omega3)))
-    k = full_coefficients(I1, I2, I13, I23, eps, entry(parameters[5], b), W)
-    c[0, l], c[1, l], c[2, l], c[3, l], c[4, l] = k.one1, k.k1, k.k3, k.k5, k.k7
-    c[5, l], c[6, l], c[7, l], c[8, l], c[9, l] = k.one2, k.k2, k.k4, k.k6, k.k8
+    k, of = full_coefficients(I1, I2, I13, I23, eps, entry(parameters[5], i), W), b.of
+    of.one1[l], of.k1[l], of.k3[l], of.k5[l], of.k7[l] = k.one1, k.k1, k.k3, k.k5, k.k7
+    of.one2[l], of.k2[l], of.k4[l], of.k6[l], of.k8[l] = k.one2, k.k2, k.k4, k.k6, k.k8
     unit, inverse = two_to_the(W), two_to_the(-W)
-    c[_BOUND, l], c[_UNIT, l] = LARGEST / larger(unit, 1.0), unit
+    b.bound[l], b.unit[l] = LARGEST / larger(unit, 1.0), unit
     missing = omega1 + omega2 + omega3 != omega1 + omega2 + omega3
-    s[0, l] = select(missing, np.nan, omega1 * inverse)
-    s[1, l], s[2, l] = omega2 * inverse, omega3 * inverse
+    b.omega1[l] = select(missing, np.nan, omega1 * inverse)
+    b.omega2[l], b.omega3[l] = omega2 * inverse, omega3 * inverse
     return codes.NONFINITE if missing else codes.OK, 1
 
 
 @formula
-def advance(c, s, l):
-    next1, next2, next3 = full_step(coefficients_at(c, l), s[0, l], s[1, l], s[2, l])
-    in_range = larger(abs(next1), abs(next2)) < c[_BOUND, l]
-    s[0, l] = select(in_range, next1, np.nan)
-    s[1, l], s[2, l] = select(in_range, next2, np.nan), select(in_range, next3, np.nan)
+def advance(b, l):
+    next1, next2, next3 = full_step(coefficients_at(b, l), b.omega1[l], b.omega2[l], b.omega3[l])
+    in_range = larger(abs(next1), abs(next2)) < b.bound[l]
+    b.omega1[l] = select(in_range, next1, np.nan)
+    b.omega2[l], b.omega3[l] = select(in_range, next2, np.nan), select(in_range, next3, np.nan)
 
 
 @formula
-def show(c, s, l, out, i):
-    unit = c[_UNIT, l]
-    out[i], out[i + 1], out[i + 2] = s[0, l] * unit, s[1, l] * unit, s[2, l] * unit
+def show(b, l, out, i):
+    unit = b.unit[l]
+    out[i], out[i + 1], out[i + 2] = b.omega1[l] * unit, b.omega2[l] * unit, b.omega3[l] * unit
 
 
 @formula
-def cause(c, s, l):
-    m11, m12, m21, m22, det = full_matrix(coefficients_at(c, l), s[0, l], s[1, l], s[2, l])
+def cause(b, l):
+    k = coefficients_at(b, l)
+    m11, m12, m21, m22, det = full_matrix(k, b.omega1[l], b.omega2[l], b.omega3[l])
     in_range = np.isfinite(m11 * m22) and np.isfinite(m12 * m21)
     return codes.SINGULAR if np.isnan(det) and in_range else codes.NONFINITE
-
-
-full = map_kernel("full", 3, 3, enter, advance, show, cause)

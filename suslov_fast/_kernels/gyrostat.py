@@ -1,55 +1,79 @@
-"""The map of the Suslov gyrostat."""
+"""The map of the Suslov gyrostat, a module for `iterate`."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from .._formulas import gyrostat as formulas
 from .._formulas.elementary import larger, two_to_the
-from .._jit import formula, select
+from .._jit import carray, formula, select, stack
 from . import codes
-from .iterate import LARGEST, map_kernel
-from .lanes import entry
+from .iterate import LARGEST
+from .lanes import LANES, entry, row
 
-# Rows of a block: constants b1, b2, K and c of the map, a bound of the state, the unit of omega.
-_BOUND, _UNIT = 4, 5
+D, STATE = 2, 4
+_STATE = STATE * LANES
+
+
+class Block(NamedTuple):
+    """A block of trajectories: L, Z and omega in a unit, constants, a bound of omega."""
+
+    state: object
+    L: object
+    Z: object
+    omega1: object
+    omega2: object
+    b1: object
+    b2: object
+    K: object
+    c: object
+    bound: object
+    unit: object
 
 
 @formula
-def enter(parameters, omega, b, c, s, l):
+def block():
+    state = carray(stack(_STATE), (STATE, LANES))
+    return Block(
+        state, state[0], state[1], state[2], state[3], row(), row(), row(), row(), row(), row()
+    )
+
+
+@formula
+def enter(parameters, omega, i, b, l):
     I1, I2, I13, I23, k, eps = parameters
     I1, I2, I13, I23, k, eps, M, P, Q, E = formulas.normal_gyrostat(
-        entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(k, b), entry(eps, b)
+        entry(I1, i), entry(I2, i), entry(I13, i), entry(I23, i), entry(k, i), entry(eps, i)
     )
-    b1, b2, K, shift, L, Z, omega1, omega2, _, _, W = formulas.enter(
-        I1, I2, I13, I23, k, eps, M, P, Q, E, omega[b, 0], omega[b, 1]
+    b1, b2, K, c, L, Z, omega1, omega2, _, _, W = formulas.enter(
+        I1, I2, I13, I23, k, eps, M, P, Q, E, omega[i, 0], omega[i, 1]
     )
     unit = two_to_the(W)
-    c[0, l], c[1, l], c[2, l], c[3, l] = b1, b2, K, shift
-    c[_BOUND, l], c[_UNIT, l] = LARGEST / larger(unit, 1.0), unit
-    missing = np.isnan(omega[b, 0] + omega[b, 1])
-    s[0, l], s[1, l] = select(missing, np.nan, L), Z
-    s[2, l], s[3, l] = omega1, omega2
+    b.b1[l], b.b2[l], b.K[l], b.c[l] = b1, b2, K, c
+    b.bound[l], b.unit[l] = LARGEST / larger(unit, 1.0), unit
+    missing = np.isnan(omega[i, 0] + omega[i, 1])
+    b.L[l], b.Z[l] = select(missing, np.nan, L), Z
+    b.omega1[l], b.omega2[l] = omega1, omega2
     return codes.NONFINITE if missing else codes.OK, 1
 
 
 @formula
-def advance(c, s, l):
+def advance(b, l):
     L, Z, omega1, omega2 = formulas.step(
-        c[0, l], c[1, l], c[2, l], c[3, l], s[0, l], s[1, l], s[2, l], s[3, l]
+        b.b1[l], b.b2[l], b.K[l], b.c[l], b.L[l], b.Z[l], b.omega1[l], b.omega2[l]
     )
-    exists = larger(abs(omega1), abs(omega2)) < c[_BOUND, l]
-    s[0, l], s[1, l] = select(exists, L, np.nan), Z
-    s[2, l], s[3, l] = select(exists, omega1, np.nan), select(exists, omega2, np.nan)
+    exists = larger(abs(omega1), abs(omega2)) < b.bound[l]
+    b.L[l], b.Z[l] = select(exists, L, np.nan), Z
+    b.omega1[l], b.omega2[l] = select(exists, omega1, np.nan), select(exists, omega2, np.nan)
 
 
 @formula
-def show(c, s, l, out, i):
-    out[i], out[i + 1] = s[2, l] * c[_UNIT, l], s[3, l] * c[_UNIT, l]
+def show(b, l, out, i):
+    out[i], out[i + 1] = b.omega1[l] * b.unit[l], b.omega2[l] * b.unit[l]
 
 
 @formula
-def cause(c, s, l):
-    d = formulas.denominator(c[0, l], c[1, l], c[2, l], c[3, l], s[0, l], s[1, l])
-    return codes.SINGULAR if np.isnan(d) and np.isfinite(s[0, l] * s[0, l]) else codes.NONFINITE
-
-
-gyrostat = map_kernel("gyrostat", 2, 4, enter, advance, show, cause)
+def cause(b, l):
+    d = formulas.denominator(b.b1[l], b.b2[l], b.K[l], b.c[l], b.L[l], b.Z[l])
+    in_range = np.isfinite(b.L[l] * b.L[l])
+    return codes.SINGULAR if np.isnan(d) and in_range else codes.NONFINITE

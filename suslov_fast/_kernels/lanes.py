@@ -1,9 +1,15 @@
 """Trajectories side by side: a block of up to LANES of them advances together."""
 
-from .._jit import LINE, formula
+from .._jit import LINE, carray, formula, stack
 
 # In loops over steps 64 lanes lose a quarter to the outer loop; 256 are no faster.
 LANES = 128
+
+
+@formula
+def row():
+    """Return a number for each lane, on the stack."""
+    return carray(stack(LANES), (LANES,))
 
 
 @formula
@@ -13,13 +19,13 @@ def whole(width):
 
 
 @formula
-def entry(parameter, b):
-    """Return the parameter of trajectory b, which may be one number for all."""
-    return parameter[min(b, parameter.size - 1)]
+def entry(parameter, i):
+    """Return the parameter of trajectory i, which may be one number for all."""
+    return parameter[min(i, parameter.size - 1)]
 
 
 @formula
-def body_at(parameters, b):
-    """Return I1, I2, I13, I23 and eps of trajectory b."""
+def body_at(parameters, i):
+    """Return I1, I2, I13, I23 and eps of trajectory i."""
     I1, I2, I13, I23, eps = parameters
-    return entry(I1, b), entry(I2, b), entry(I13, b), entry(I23, b), entry(eps, b)
+    return entry(I1, i), entry(I2, i), entry(I13, i), entry(I23, i), entry(eps, i)

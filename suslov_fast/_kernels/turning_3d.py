@@ -1,7 +1,6 @@
 """Orientations in three dimensions, a block of trajectories at a time.
 
-The block has TURNING rows `r`: the quaternion of the rotation since state 0, the time step, the
-angular velocity before a step, and R0. `turning` is a tuple of arrays:
+`turning` is a tuple of arrays:
 
 time_step     (B,) or (1,), in the unit of time of the angular velocities
 R0            (B, 3, 3), the orientations at state 0
@@ -9,15 +8,44 @@ quaternions   (B, 4), read and written
 turns         (rows, B, 3, 3), the results
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
 from .._jit import carray, formula, inner, select, stack
-from .lanes import LANES, entry
+from .lanes import LANES, entry, row
 from .tiles import lead_of, write_row
 
-_TIME_STEP, BEFORE, _START, TURNING = 4, 5, 7, 16
-_TILE = 9 * LANES
+_TILE, _QUATERNION, _MATRIX = 9 * LANES, 4 * LANES, 9 * LANES
+
+
+class Turns(NamedTuple):
+    """Rotations of a block of trajectories.
+
+    Attributes
+    ----------
+    q
+        (4, LANES), the quaternion of the rotation since state 0.
+    time_step
+        The step size, in the unit of time of the angular velocities.
+    omega1, omega2
+        The angular velocity before a step.
+    R0
+        (9, LANES), the orientation at state 0, row by row.
+    """
+
+    q: object
+    time_step: object
+    omega1: object
+    omega2: object
+    R0: object
+
+
+@formula
+def turns_block():
+    q, R0 = carray(stack(_QUATERNION), (4, LANES)), carray(stack(_MATRIX), (9, LANES))
+    return Turns(q, row(), row(), row(), R0)
 
 
 @formula
@@ -28,12 +56,19 @@ def enter_turns(turning, omega, first, width, lanes, r):
         b = first + min(l, width - 1)
         missing = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
         for k in range(4):
-            r[k, l] = select(missing, np.nan, quaternions[b, k])
-        r[_TIME_STEP, l] = entry(time_step, b)
-        r[BEFORE, l], r[BEFORE + 1, l] = omega[b, 0], omega[b, 1]
+            r.q[k, l] = select(missing, np.nan, quaternions[b, k])
+        r.time_step[l] = entry(time_step, b)
+        r.omega1[l], r.omega2[l] = omega[b, 0], omega[b, 1]
         for i in range(3):
             for j in range(3):
-                r[_START + 3 * i + j, l] = R0[b, i, j]
+                r.R0[3 * i + j, l] = R0[b, i, j]
+
+
+@formula
+def start_turns(states, r, lanes):
+    """Set the angular velocities before the next step."""
+    for l in range(lanes):
+        r.omega1[l], r.omega2[l] = states[2 * l], states[2 * l + 1]
 
 
 @formula
@@ -41,27 +76,25 @@ def turn_on(states, r, lanes):
     """Rotate the bodies by one step, from the previous angular velocities to those in `states`."""
     for l in range(lanes):
         next1, next2 = states[2 * l], states[2 * l + 1]
-        unit, b1, b2 = turn_between(r[_TIME_STEP, l], r[BEFORE, l], r[BEFORE + 1, l], next1, next2)
-        r[0, l], r[1, l], r[2, l], r[3, l] = turned(
-            r[0, l], r[1, l], r[2, l], r[3, l], unit, b1, b2
+        unit, b1, b2 = turn_between(r.time_step[l], r.omega1[l], r.omega2[l], next1, next2)
+        r.q[0, l], r.q[1, l], r.q[2, l], r.q[3, l] = turned(
+            r.q[0, l], r.q[1, l], r.q[2, l], r.q[3, l], unit, b1, b2
         )
-        r[BEFORE, l], r[BEFORE + 1, l] = next1, next2
+        r.omega1[l], r.omega2[l] = next1, next2
 
 
 @inner
-def write_turns(turning, r, row, first, width):
-    """Write orientations to a row of the results."""
+def write_turns(turning, r, place, first, width):
+    """Write orientations to row `place` of the results."""
     turns, tile = turning[3], carray(stack(_TILE), (_TILE,))
-    for i in range(3):
-        k = _START + 3 * i
+    q, R0 = r.q, r.R0
+    for k in range(0, 9, 3):
         for l in range(width):
-            tile[9 * l + 3 * i], tile[9 * l + 3 * i + 1], tile[9 * l + 3 * i + 2] = (
-                row_times_matrix(
-                    r[k, l], r[k + 1, l], r[k + 2, l], r[0, l], r[1, l], r[2, l], r[3, l]
-                )
+            tile[9 * l + k], tile[9 * l + k + 1], tile[9 * l + k + 2] = row_times_matrix(
+                R0[k, l], R0[k + 1, l], R0[k + 2, l], q[0, l], q[1, l], q[2, l], q[3, l]
             )
     batch, flat = turns.shape[1], turns.reshape(turns.size)
-    write_row(tile, flat, 9 * (row * batch + first), 9 * width, 9 * batch, lead_of(turns))
+    write_row(tile, flat, 9 * (place * batch + first), 9 * width, 9 * batch, lead_of(turns))
 
 
 @formula
@@ -69,4 +102,4 @@ def leave_turns(turning, r, first, width):
     """Write the quaternions from which a run is resumed."""
     for l in range(width):
         for k in range(4):
-            turning[2][first + l, k] = r[k, l]
+            turning[2][first + l, k] = r.q[k, l]

@@ -8,7 +8,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine.iterate import iterate
 from .._engine.layout import flat_body, flat_parameter
-from .._kernels.full import full
+from .._kernels.maps_3d import full
 from .record import Kept, Map
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from .._bodies.gyrostat import SuslovGyrostat
 from .._engine.iterate import iterate
 from .._engine.layout import for_loops
-from .._kernels.gyrostat import gyrostat
+from .._kernels.maps_3d import gyrostat
 from .record import Kept, Map
 
 MAP = Map(

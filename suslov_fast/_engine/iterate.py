@@ -137,7 +137,7 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
 
 def _matrices(tasks: int, m: int) -> FloatArray:
     """Return memory for elimination."""
-    shape = tasks, m + 4, m + 2, WIDTH
+    shape = tasks, m + 3, m + 1, WIDTH
     advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
     require(8 * math.prod(shape), advice, shape)
     memory = np.empty(math.prod(shape) + LINE)

@@ -104,10 +104,10 @@ def units_serve(lane, lanes):
 def solve_lanes(J, I, omega, lane, chosen, room):
     """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
 
-    room (m + 4, m + 2, WIDTH) holds A, with omega as column m, and from row m + 1 on J, I, omega.
+    room (m + 3, m + 1, WIDTH) holds A, with omega as column m, and from row m on J, I, omega.
     """
-    m = room.shape[1] - 2
-    matrix, all_J, all_I, w = room[: m + 1], room[m + 1], room[m + 2], room[m + 3]
+    m = room.shape[1] - 1
+    matrix, all_J, all_I, w = room[:m], room[m], room[m + 1], room[m + 2]
     of = carray(stack(ROOM_OF_ROW), (6, WIDTH))
     for first in range(0, chosen, WIDTH):
         last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
@@ -424,7 +424,7 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). All but `final` are read if start is not 0.
     room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 2, WIDTH)
+        (tasks, 2, M, lanes); for elimination (tasks, m + 3, m + 1, WIDTH)
     """
     first, last, start, stop, every, first_row = span
     bodies, states, matrices = room

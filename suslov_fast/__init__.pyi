@@ -20,11 +20,7 @@ from ._runs.solution import limits as limits
 from ._runs.trajectories import SingularStepError as SingularStepError
 from ._runs.trajectories import Trajectories as Trajectories
 from ._show.plots import animate_body as animate_body
-from ._show.plots import plot_convergence as plot_convergence
-from ._show.plots import plot_four_dimensions as plot_four_dimensions
 from ._show.plots import plot_phase as plot_phase
-from ._show.plots import plot_regimes as plot_regimes
-from ._show.plots import plot_scattering as plot_scattering
 from ._space.attitude import attitude as attitude
 from ._space.scattering import scattering_angle as scattering_angle
 from ._space.vectors import from_matrix as from_matrix

@@ -78,15 +78,6 @@ ax : matplotlib.axes.Axes, optional
 Returns
 -------
 matplotlib.axes.Axes""",
-    "panels": """\
-letters : sequence of str, optional
-    Letters of the panels, written above them.
-ax : sequence of matplotlib.axes.Axes, optional
-    Axes to draw on, one for each panel; by default those of a new figure.
-
-Returns
--------
-list of matplotlib.axes.Axes""",
     "invalid": """\
 TypeError, ValueError
     If an argument has a wrong type or shape, or is infinite.""",

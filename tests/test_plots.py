@@ -55,75 +55,22 @@ def test_phase(number):
 
 def test_axes_are_taken_and_returned(body):
     figure = Figure()
-    first, second, space, *rest = (
-        figure.add_subplot(3, 3, k + 1, projection="3d" if k == 2 else None) for k in range(9)
-    )
+    first, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
     run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], 0.2, 9)
     assert run.plot(ax=first) is first
     assert sf.plot_phase(*PICTURES[1], levels=2, legend=False, ax=first) is first
     assert first.get_legend() is None
-    assert sf.plot_convergence(ax=second) is second
-    assert sf.plot_regimes(ax=np.array(rest[:3])) == rest[:3]
-    assert sf.plot_scattering(ax=rest[3:5]) == rest[3:5]
-    assert sf.plot_four_dimensions(ax=(space, rest[5])) == [space, rest[5]]
-    with pytest.raises(ValueError, match="ax: expected 3 axes, got 2"):
-        sf.plot_regimes(ax=rest[:2])
     for wrong in (figure, space):
         with pytest.raises(TypeError, match="ax: expected plane axes of Matplotlib"):
             run.plot(ax=wrong)
-    with pytest.raises(TypeError, match="ax: expected axes with projection='3d'"):
-        sf.plot_four_dimensions(ax=rest[:2])
 
 
-def test_legends_and_letters_are_outside_the_axes():
-    for panels in (
-        [sf.plot_phase(*PICTURES[1], levels=2, letter="a")],
-        sf.plot_regimes(letters="abc"),
-    ):
-        panels[0].figure.draw_without_rendering()
-        [legend] = [panel.get_legend() for panel in panels if panel.get_legend()]
-        for panel in panels:
-            assert panel.get_title(loc="left")
-            for other in (panel, panel.xaxis.label):
-                assert not legend.get_window_extent().overlaps(other.get_window_extent())
-
-
-def test_regimes():
-    panels = sf.plot_regimes()
-    assert [panel.get_title() for panel in panels] == ["$t = 0.402$", "$t = 1$", "$t = 1.51$"]
-    for panel in panels:
-        lines = {line.get_label(): line.get_xydata() for line in panel.get_lines()}
-        np.testing.assert_allclose(lines["iterated"], lines["closed form"], atol=1e-12)
-        X, Y = lines["iterated"].T
-        level = (X**2 + 2 * Y**2) / (2 + X**2)
-        np.testing.assert_allclose(level, level[0], rtol=1e-12)
-
-
-def test_orders():
-    """The map has order 2 in every dimension, and the modified energy order 4."""
-    space, drift = sf.plot_four_dimensions(letters="ab")
-    assert space.get_xlabel() == r"$\Omega_{14}$"
-    for axes, first, orders, error in (
-        (sf.plot_convergence(letter="b"), 3, [2, 2, 2], 0.01),
-        (drift, 0, [2, 2, 4, 4], 0.1),
-    ):
-        curves = [np.log(line.get_xydata())[first:] for line in axes.get_lines()]
-        slopes = [np.polyfit(*curve.T, 1)[0] for curve in curves]
-        np.testing.assert_allclose(slopes, orders, atol=error)
-
-
-@pytest.mark.compiled
-def test_scattering_shows_bodies_alone():
-    panels = sf.plot_scattering((1.0, 4.0), letters="ab")
-    assert panels[0].figure.axes[-1].get_ylabel() == "scattering angle (degrees)"
-    for panel, ratio in zip(panels, (1.0, 4.0), strict=True):
-        shades, lines = panel.collections[:2]
-        outline = np.concatenate([path.vertices for path in shades.get_paths()])
-        I13, I23 = 0.97 * outline.T  # vertices lie on the edge of the region
-        body = sf.Suslov3D(np.sqrt(ratio), 1 / np.sqrt(ratio), I13, I23)
-        assert np.isfinite(body.admissible_I3()[0]).all()
-        shown = lines.levels[[len(path.vertices) > 0 for path in lines.get_paths()]]
-        assert shown.size >= 2, "too few contours in the region of bodies"
+def test_legend_and_letter_are_outside_the_axes():
+    axes = sf.plot_phase(*PICTURES[1], levels=2, letter="a")
+    axes.figure.draw_without_rendering()
+    assert axes.get_title(loc="left") == "(a)"
+    for other in (axes, axes.xaxis.label):
+        assert not axes.get_legend().get_window_extent().overlaps(other.get_window_extent())
 
 
 def test_animation(body):
@@ -148,7 +95,6 @@ def test_animation(body):
 
 
 B = sf.Suslov3D(4, 2, -0.5, -0.3)
-MANY = sf.Suslov3D([4, 3], 2, -0.5, -0.3)
 BAD = [
     (lambda: sf.plot_phase(B, 10.0, 4.0), "extent: expected a criticality t < 1"),
     (lambda: sf.plot_phase(B, 0, 4.0), "eps: expected a positive number, got 0"),
@@ -158,15 +104,6 @@ BAD = [
     (lambda: sf.plot_phase(B, 0.2, 4.0, levels=2.5), "levels: expected .* 2.5 of type float"),
     (lambda: sf.plot_phase(sf.Suslov3D(1, 2, 0, 0), 0.1, 4.0), "I13 or I23 other than 0"),
     (lambda: sf.plot_phase(sf.SuslovND([1, 2], [1, 2]), 0.1, 4.0), "body: expected Suslov3D"),
-    (lambda: sf.plot_regimes(B, 0.0), "eps: expected a positive number, got 0.0"),
-    (lambda: sf.plot_regimes(MANY), "body: expected a single one, got"),
-    (lambda: sf.plot_convergence(MANY), "body: expected a single one, got"),
-    (lambda: sf.plot_convergence(B, [1, 0.5], -4), "time: expected a positive number, got -4"),
-    (lambda: sf.plot_convergence(B, [[1, 0.5]]), r"omega0: expected shape \(2,\), got \(1, 2\)"),
-    (lambda: sf.plot_four_dimensions(sf.SuslovND([1, 2], [1, 2])), "a single one with n = 4"),
-    (lambda: sf.plot_scattering(()), "ratios: expected at least one number"),
-    (lambda: sf.plot_scattering((1, -1)), "ratios: expected a positive number, got -1"),
-    (lambda: sf.plot_scattering(extent=0), "extent: expected a positive number, got 0"),
     (lambda: sf.animate_body(B, fps=0), "fps: expected a positive number, got 0"),
     (lambda: sf.animate_body(B, every=0), "every: expected an integer of at least 1, got 0"),
     (lambda: sf.animate_body(B, eps=[0.1, 0.2]), "eps: expected a single number, got"),
@@ -202,7 +139,7 @@ def test_style(family, fontset):
 def test_the_same_picture_is_the_same_file(tmp_path, monkeypatch, suffix, start):
     from suslov_fast._cli import main, pictures
 
-    monkeypatch.setattr(pictures, "DRAWINGS", {"picture1": pictures.DRAWINGS["picture1"]})
+    monkeypatch.setattr(pictures, "PICTURES", {1: PICTURES[1]})
     for folder in ("first", "second"):
         with pytest.raises(SystemExit, match="0"):
             main(["pictures", "-o", str(tmp_path / folder), "--format", suffix, "--letters"])

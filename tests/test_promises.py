@@ -168,7 +168,7 @@ every_case = pytest.mark.parametrize(
 def test_every_function_of_states_is_in_the_table():
     functions = {name: getattr(sf, name) for name in sf.__all__ if name.islower()}
     batched = {n for n, f in functions.items() if "threads" in inspect.signature(f).parameters}
-    assert batched - {name.split(":")[0] for name in ROWS} == {"scattering_angle"}  # of a body
+    assert batched - {name.split(":")[0] for name in ROWS} == set()
 
 
 def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):

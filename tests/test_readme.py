@@ -34,7 +34,7 @@ def test_shell_blocks(tmp_path, monkeypatch):
     """Run the commands in this process, with one picture, as test_cli.py draws all."""
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pictures, "DRAWINGS", {"picture4": pictures.DRAWINGS["picture4"]})
+    monkeypatch.setattr(pictures, "PICTURES", {4: pictures.PICTURES[4]})
     for line in "".join(blocks(README, "sh")).splitlines():
         command, *arguments = shlex.split(line)
         with pytest.raises(SystemExit) as stopped:

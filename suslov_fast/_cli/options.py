@@ -196,9 +196,7 @@ COMMANDS = {
     ),
     "pictures": Command(
         "pictures.pictures",
-        "Draw the paper's four pictures, and four others. The others show an orbit in each regime "
-        "with its closed form (regimes), the order of the map (convergence), motion for n = 4 "
-        "(four_dimensions), and the scattering angle (scattering).",
+        "Draw the paper's four pictures. The gallery of the documentation has scripts of others.",
         {"": "output format dpi letters force"},
         {"output": {"metavar": "DIR", "help": "a folder (this one)", "default": Path()}},
     ),

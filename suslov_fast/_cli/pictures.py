@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from functools import partial
 from typing import Any
-
-import numpy as np
 
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
@@ -28,36 +24,24 @@ _EPS = 0.05
 # Size of a step: angular velocity, orientation, and a point of the path.
 _BYTES = 8 * (2 + 9 + 3)
 
-# The function of each picture, and the arguments for the letters of its panels.
-DRAWINGS: dict[str, tuple[Callable[..., Any], dict[str, str]]] = {
-    f"picture{number}": (partial(plots.plot_phase, *picture), {"letter": "abcd"[number - 1]})
-    for number, picture in PICTURES.items()
-}
-DRAWINGS |= {
-    "regimes": (plots.plot_regimes, {"letters": "abc"}),
-    "convergence": (plots.plot_convergence, {}),
-    "four_dimensions": (plots.plot_four_dimensions, {"letters": "ab"}),
-    "scattering": (plots.plot_scattering, {"letters": "ab"}),
-}
-
 
 def pictures(options: argparse.Namespace) -> str:
-    """Draw all pictures, and return their names."""
+    """Draw the pictures of the paper, and return their names."""
     with style(), about(options.output):
         from matplotlib import rcParams
 
         rcParams.update(_SETTINGS)
         options.output.mkdir(parents=True, exist_ok=True)
-        paths = {name: options.output / f"{name}.{options.format}" for name in DRAWINGS}
+        paths = {n: options.output / f"picture{n}.{options.format}" for n in PICTURES}
         for path in paths.values():
             require_new(path, options.force)
         saving = {"format": options.format, "dpi": options.dpi, "metadata": _DATES[options.format]}
         with progress_bar("drawing") as report:
-            for k, (name, (draw, letters)) in enumerate(DRAWINGS.items()):
-                report(k, len(DRAWINGS))
-                with replacing(paths[name]) as new:
-                    axes = draw(**letters if options.letters else {})
-                    np.ravel(axes)[0].figure.savefig(new, **saving)
+            for k, (number, picture) in enumerate(PICTURES.items()):
+                report(k, len(PICTURES))
+                with replacing(paths[number]) as new:
+                    letter = "abcd"[k] if options.letters else None
+                    plots.plot_phase(*picture, letter=letter).figure.savefig(new, **saving)
     return "\n".join(map(str, paths.values()))
 
 

@@ -273,7 +273,7 @@ class Trajectories:
         states = self.omega.reshape(len(self.omega), -1, D)
         labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
         with style():
-            [axes] = axes_for(ax, (5.0, 5.0))
+            axes = axes_for(ax, (5.0, 5.0))
             axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
             axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
             axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")

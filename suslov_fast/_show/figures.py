@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,35 +20,23 @@ def positive(name: str, value: Any) -> float:
     return number
 
 
-def axes_for(
-    ax: Any,
-    size: tuple[float, float],
-    projections: Sequence[str | None] = (None,),
-    letters: Sequence[str] | None = None,
-) -> list[Any]:
-    """Return the axes passed, checked, or those of a new figure: one for each projection.
+def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> Any:
+    """Return the plane axes passed, checked, or those of a new figure.
 
-    The figure, with width and height in inches, is not shown in a window. Letters are above the
-    panels, outside data and legends.
+    The figure, with width and height in inches, is not shown in a window. The letter is above the
+    panel, outside data and legends.
     """
     from matplotlib.axes import Axes
 
     from .picture import Picture
 
-    count = len(projections)
     if ax is None:
-        figure = Picture(figsize=size, layout="constrained")
-        ax = [figure.add_subplot(1, count, k + 1, projection=projections[k]) for k in range(count)]
-    panels = list(np.ravel(np.asarray(ax, dtype=object)))
-    if len(panels) != count:
-        raise ValueError(f"ax: expected {count} axes, got {len(panels)}")
-    for panel, projection in zip(panels, projections, strict=True):
-        if not isinstance(panel, Axes) or (projection == "3d") != (panel.name == "3d"):
-            kind = "axes with projection='3d'" if projection else "plane axes of Matplotlib"
-            raise TypeError(f"ax: expected {kind}, got {panel!r}")
-    for panel, letter in zip(panels, letters or "", strict=bool(letters)):
-        panel.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
-    return panels
+        ax = Picture(figsize=size, layout="constrained").add_subplot()
+    elif not isinstance(ax, Axes) or ax.name == "3d":
+        raise TypeError(f"ax: expected plane axes of Matplotlib, got {ax!r}")
+    if letter:
+        ax.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
+    return ax
 
 
 def legend_below(axes: Any, columns: int) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
-from .figures import axes_for, plot_around, towards_eye
+from .figures import plot_around, towards_eye
 from .style import styled
 
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
@@ -20,11 +20,13 @@ _BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
+    from .picture import Picture
+
     radii, principal, I3, _ = ellipsoid(body)
     radii = _BODY * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere())
     path = _PATH * rotations[:, :, 2]
-    [axes] = axes_for(None, (4.8, 4.8), ("3d",))
+    axes = Picture(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
 

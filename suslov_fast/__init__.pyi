@@ -3,6 +3,7 @@
 
 from ._bodies.gyrostat import SuslovGyrostat as SuslovGyrostat
 from ._bodies.nd import SuslovND as SuslovND
+from ._bodies.quadratic import QuadraticField as QuadraticField
 from ._bodies.reduction import NotIntegrableError as NotIntegrableError
 from ._bodies.three import Suslov3D as Suslov3D
 from ._engine.status import SingularStepWarning as SingularStepWarning

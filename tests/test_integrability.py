@@ -12,14 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from suslov_fast import Suslov3D, SuslovGyrostat, SuslovND, step
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, step
 
 pytest.importorskip("flint")
 sympy = pytest.importorskip("sympy")
 
 from suslov_fast import integrability  # noqa: E402
 from suslov_fast.integrability import (  # noqa: E402
-    QuadraticField,
     _exact,
     _growth,
     darboux_polynomials,
@@ -279,13 +278,10 @@ def test_linear_and_trivial_fields():
     assert hk_bases(MAP, 0).dimension == 0
 
 
-def test_numbers_are_taken_exactly_and_printed():
-    field = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]], [np.float32(0.1)])
-    assert field([2**40]) == (F(0.1) * 2**80 + F(2**102, 3) + F(float(np.float32(0.1))),)
+def test_maps_are_printed():
     assert repr(MAP.inverse) == (
         "kahan(QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2), eps=-1/4)"
     )
-    assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
 
 
 class Quantity(float):
@@ -295,14 +291,7 @@ class Quantity(float):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, r"quadratic: .*\(D, D, D\).*2, 2"),
-        (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
-        (lambda: QuadraticField([[[math.nan]]]), ValueError, "quadratic: .*finite.*got nan"),
-        (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, r"linear: .*\(1, 1\), got \(2,\)"),
-        (lambda: field_of(lambda x: (x[0] ** 3,), 1), ValueError, "f: .*degree at most 2"),
-        (lambda: field_of(lambda x: (0.1 * x[0],), 1), TypeError, "the value of f: .*got float"),
-        (lambda: of(3), TypeError, "body: expected Suslov3D.*got int"),
-        (lambda: of(Suslov3D([1, 2], 1, 0, 1)), ValueError, r"body: .*shape \(2,\)"),
+        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, r"field: .*shape \(2,\)"),
         (lambda: kahan(BODY, 1), TypeError, "field: expected QuadraticField, got Suslov3D"),
         (lambda: kahan(CUBIC, None), TypeError, "eps: .*got NoneType"),
         (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without units, got Quantity"),
@@ -334,6 +323,5 @@ def test_without_python_flint():
 
 def test_the_reference_has_every_public_name():
     text = (Path(__file__).parent.parent / "docs" / "api.md").read_text(encoding="utf-8")
-    assert {*integrability.__all__} == {
-        *re.findall(r"^   integrability\.(\w+)$", text, re.MULTILINE)
-    }
+    named = {*re.findall(r"^   integrability\.(\w+)$", text, re.MULTILINE)}
+    assert {*integrability.__all__} - {"QuadraticField"} == named  # listed as a body

@@ -7,13 +7,10 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
-from numbers import Rational
 from typing import Any
 
 import flint
 import numpy as np
-
-from .._checks import wrong
 
 Point = tuple[Fraction, ...]
 Matrix = tuple[Point, ...]
@@ -23,25 +20,6 @@ Polynomials = tuple[Any, ...]  # of python-flint, in the variables x1, ..., xD
 
 DRAWS = 8  # of primes with points or lines, of which two must agree
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
-
-
-def exact_array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
-    """Return an array of fractions; floats raise an error if `exact`."""
-    if hasattr(value, "unit") or hasattr(value, "units"):
-        raise wrong(name, "numbers without units", type(value).__name__, TypeError)
-    array = np.array(value, dtype=object)
-    if shape is not None and array.shape != shape:
-        raise wrong(name, f"the shape {shape}", array.shape)
-    kinds = "integers or fractions" if exact else "integers, fractions or floats"
-    for index, each in np.ndenumerate(array):
-        number = each.item() if isinstance(each, np.generic) else each
-        if not isinstance(number, Rational if exact else Rational | float):
-            raise wrong(name, kinds, type(each).__name__, TypeError)
-        if not math.isfinite(number):
-            raise wrong(name, "finite numbers", number)
-        a = Fraction(number)
-        array[index] = Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
-    return array
 
 
 def fmpq(a: Any) -> Any:

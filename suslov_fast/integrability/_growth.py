@@ -47,8 +47,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D
-    >>> from suslov_fast.integrability import QuadraticField, degrees, kahan
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast.integrability import degrees, kahan
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """

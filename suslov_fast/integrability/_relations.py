@@ -13,6 +13,7 @@ from typing import Any
 import flint
 import numpy as np
 
+from .._bodies.polynomial import exact_array
 from .._checks import instance, integer, wrong
 from . import _exact
 from ._exact import (
@@ -22,7 +23,6 @@ from ._exact import (
     Polynomials,
     Residues,
     confirmed,
-    exact_array,
     monomial_values,
     null_space,
     over_rationals,
@@ -97,8 +97,8 @@ def hk_bases(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D
-    >>> from suslov_fast.integrability import QuadraticField, hk_bases, kahan
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast.integrability import hk_bases, kahan
     >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     >>> hk_bases(map, 1).dimension, hk_bases(map, 2).dimension
     (0, 1)
@@ -222,8 +222,8 @@ def darboux_polynomials(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D
-    >>> from suslov_fast.integrability import QuadraticField, darboux_polynomials, kahan
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast.integrability import darboux_polynomials, kahan
     >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     >>> for P in darboux_polynomials(map, 3):
     ...     print(P.factor())

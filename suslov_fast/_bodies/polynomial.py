@@ -1,0 +1,165 @@
+"""Rational numbers and polynomials with rational coefficients, without other libraries."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from .._checks import wrong
+
+Monomial = tuple[int, ...]  # the indices of the variables, in ascending order: (0, 0, 2) is x1^2*x3
+_NUMBERS = Rational | float | np.integer | np.floating
+
+
+def rational(name: str, value: Any, exact: bool = False) -> Fraction:
+    """Return a number as a fraction; floats raise an error if `exact`."""
+    number = value.item() if isinstance(value, np.generic) else value
+    if not isinstance(number, Rational if exact else Rational | float | np.floating):
+        kinds = "integers or fractions" if exact else "integers, fractions or floats"
+        raise wrong(name, kinds, type(value).__name__, TypeError)
+    if not isinstance(number, Rational) and not math.isfinite(number):
+        raise wrong(name, "finite numbers", number)
+    a = Fraction(*number.as_integer_ratio())  # type: ignore[union-attr]
+    return Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
+
+
+def exact_array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
+    """Return an array of fractions; floats raise an error if `exact`."""
+    if hasattr(value, "unit") or hasattr(value, "units"):
+        raise wrong(name, "numbers without units", type(value).__name__, TypeError)
+    # A list of integers and floats would become one of floats.
+    given = value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+    if shape is not None and given.shape != shape:
+        raise wrong(name, f"shape {shape}", given.shape)
+    array = np.full(given.shape, Fraction(0))
+    some = given.flat if given.dtype == object else given.ravel()[:1]
+    for each in {type(each): each for each in some}.values():
+        rational(name, each, exact)
+    for index in map(tuple, np.argwhere(given)):  # most coefficients of a field are 0
+        array[index] = rational(name, given[index], exact)
+    return array
+
+
+def plain(a: Fraction) -> float | str:
+    """Return a float if it is this number exactly, else the string "p/q"."""
+    try:
+        return float(a) if Fraction(float(a)) == a else str(a)
+    except OverflowError:
+        return str(a)
+
+
+class Polynomial:
+    """A polynomial in x1, x2, ..., which adds, subtracts and multiplies exactly.
+
+    `terms` maps monomials to coefficients. Floats are taken as the binary numbers that they are.
+    """
+
+    __slots__ = ("terms",)
+
+    def __init__(self, terms: dict[Monomial, Fraction]) -> None:
+        self.terms = {powers: c for powers, c in terms.items() if c}
+
+    @classmethod
+    def variables(cls, count: int) -> tuple[Polynomial, ...]:
+        """Return x1, ..., xD."""
+        return tuple(cls({(i,): Fraction(1)}) for i in range(count))
+
+    @classmethod
+    def of(cls, name: str, value: Any) -> Polynomial:
+        """Return a polynomial, or a number as a polynomial."""
+        return value if isinstance(value, cls) else cls({(): rational(name, value)})
+
+    @property
+    def degree(self) -> int:
+        """The degree, 0 of 0."""
+        return max(map(len, self.terms), default=0)
+
+    def derivative(self, i: int) -> Polynomial:
+        """Return the derivative with respect to variable i, counted from 0."""
+        terms = {}
+        for powers, c in self.terms.items():
+            if i in powers:
+                k = powers.index(i)
+                terms[powers[:k] + powers[k + 1 :]] = powers.count(i) * c
+        return Polynomial(terms)
+
+    def __call__(self, x: Any) -> Any:
+        """Return the value at a point."""
+        total = Fraction(0)
+        for powers, c in self.terms.items():
+            total = total + math.prod((x[i] for i in powers), start=c)
+        return total
+
+    def __add__(self, other: Any) -> Polynomial:
+        if not isinstance(other, Polynomial | _NUMBERS):
+            return NotImplemented
+        terms = dict(self.terms)
+        for powers, c in Polynomial.of("number", other).terms.items():
+            terms[powers] = terms.get(powers, Fraction(0)) + c
+        return Polynomial(terms)
+
+    def __mul__(self, other: Any) -> Polynomial:
+        if not isinstance(other, Polynomial | _NUMBERS):
+            return NotImplemented
+        terms: dict[Monomial, Fraction] = {}
+        for right, b in Polynomial.of("number", other).terms.items():
+            for left, a in self.terms.items():
+                powers = tuple(sorted(left + right))
+                terms[powers] = terms.get(powers, Fraction(0)) + a * b
+        return Polynomial(terms)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Polynomial:
+        return Polynomial({powers: -c for powers, c in self.terms.items()})
+
+    def __pos__(self) -> Polynomial:
+        return self
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __truediv__(self, other: Any) -> Polynomial:
+        if not isinstance(other, _NUMBERS):
+            return NotImplemented
+        return self * (1 / rational("divisor", other))
+
+    def __pow__(self, power: Any) -> Polynomial:
+        if power not in range(1000):
+            raise wrong("power", "a small integer of at least 0", power)
+        return math.prod([self] * int(power), start=Polynomial({(): Fraction(1)}))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Polynomial) and self.terms == other.terms
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self.terms.items()))
+
+    def __repr__(self) -> str:
+        return self.text("x{}", "*", "^{}", "{}/{}")
+
+    def text(self, variable: str, times: str, power: str, quotient: str) -> str:
+        """Return the polynomial as text, the terms of highest degree first."""
+        terms = []
+        for powers, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
+            a = abs(c)
+            size = str(a)
+            if a.denominator > 2**20:
+                size = str(plain(a))
+            elif a.denominator > 1:
+                size = quotient.format(a.numerator, a.denominator)
+            factors = [] if a == 1 and powers else [size]
+            for i in dict.fromkeys(powers):
+                times_i = powers.count(i)
+                suffix = power.format(times_i) if times_i > 1 else ""
+                factors.append(variable.format(i + 1) + suffix)
+            terms.append((" - " if c < 0 else " + ") + times.join(factors))
+        whole = "".join(terms) or " + 0"
+        return whole[3:] if whole[1] == "+" else f"-{whole[3:]}"

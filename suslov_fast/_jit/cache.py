@@ -33,21 +33,30 @@ def digests():
     return tuple(d.hexdigest()[:_DIGITS] for d in (sources, hashlib.sha256(versions)))
 
 
+def name_of(function):
+    """Return the name of a function, for which its sources do not matter."""
+    return getattr(function, "name_without_digests", function.__qualname__)
+
+
 def enable_cache(function, compile_with):
     """Compile a function on its first call, with Numba's cache if a cache folder exists."""
-    name = function.__name__
+    function.name_without_digests = name = function.__qualname__
     function.__qualname__ = "_".join((name, *digests()))
     compiled = compile_with(function)
-    if config.BOUNDSCHECK:  # Numba would cache checked and unchecked code under one name
+    # Numba would cache code with and without checks of bounds under one name.
+    if config.BOUNDSCHECK or config.DISABLE_JIT:
         return compiled
     with suppress(RuntimeError):  # no writable folder: each process compiles
         compiled.enable_caching()
-        _tolerate_unusable_files(compiled, name)
+        _tolerate_unusable_files(compiled, name.translate({ord("<"): None, ord(">"): None}))
     return compiled
 
 
 def _tolerate_unusable_files(compiled, name):
-    """Recompile if a cache file cannot be read; continue if none can be written."""
+    """Recompile if a cache file cannot be read; continue if none can be written.
+
+    `name` is that of the function in the names of files, without the digests.
+    """
     cache = getattr(compiled, "_cache", None)
     if not all(hasattr(cache, method) for method in ("load_overload", "save_overload")):
         return  # a Numba with another cache class

@@ -4,6 +4,8 @@ import hashlib
 
 import numba
 
+from .cache import enable_cache, name_of
+
 OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and prevents SIMD.
     "error_model": "numpy",
@@ -24,12 +26,12 @@ def called_from_python(function, parallel=False):
 
 def inner(function):
     """Compile a loop that kernels call."""
-    return numba.njit(**_INNER)(_distinct(function))
+    return enable_cache(_distinct(function), numba.njit(**_INNER))
 
 
 def formula(function):
     """Compile a formula: LLVM inlines it, so a loop over lanes that calls it becomes SIMD."""
-    return numba.njit(forceinline=True, **_INNER)(_distinct(function))
+    return enable_cache(_distinct(function), numba.njit(forceinline=True, **_INNER))
 
 
 def _distinct(function):
@@ -43,6 +45,6 @@ def _distinct(function):
             getattr(cell.cell_contents, "py_func", cell.cell_contents)
             for cell in function.__closure__
         ]
-        names = [f"{p.__module__}.{p.__qualname__}" if callable(p) else repr(p) for p in parts]
+        names = [f"{p.__module__}.{name_of(p)}" if callable(p) else repr(p) for p in parts]
         function.__qualname__ += "_" + hashlib.sha256(repr(names).encode()).hexdigest()[:12]
     return function

@@ -43,7 +43,7 @@ def saved(method):
 
 
 for method, label, limit in (
-    ("auto", "the last state by the closed form", None),
+    ("auto", "the last state by the closed form, equivalent steps", None),
     ("canonical", "iterates, one division per step", ("divisions", 1)),
     ("ds2", "iterates the map as printed", ("divisions", 1)),
 ):

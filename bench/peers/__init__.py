@@ -9,7 +9,7 @@ from cases import DIMENSIONS, QUANTITIES
 from formulas import Formulas
 from work import Case, dimensions, jumps, last_states, motions, quantities, saved_states
 
-FREE, PRANGE = "C, parameter-free", "Numba, `prange` over trajectories"
+FREE, PRANGE = "C, parameter-free", "Numba, naive: `prange` over trajectories"
 BATCH, FOUR = "NumPy, over the batch", "one division per four steps"
 CASES = []
 
@@ -27,6 +27,7 @@ for function, key, label, batch, steps, divisions in (
     ("c.projective", "c-projective", f"{FREE}, {FOUR}", 65_536, 1000, 0.25),
     ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
     ("c.as_printed", "c-printed", "C, as printed", 65_536, 1000, 2),
+    ("blocked_numba.final", "numba-blocks", "Numba, parameter-free, in blocks", 65_536, 1000, 1),
     ("naive_numba.final", "numba", PRANGE, 16_384, 250, None),
     ("numpy_batch.final", "numpy", BATCH, 4096, 250, None),
     ("numpy_batch.final_python", "python", "Python", 64, 1000, None),

@@ -59,7 +59,7 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     instance("body", body, Suslov3D)
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
         angle = _angle(*map(np.asarray, body.parameters))
-    return np.broadcast_to(angle, body.shape)[()]
+    return np.broadcast_to(angle, body.shape).copy()[()]
 
 
 def _angle(I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray) -> FloatArray:

@@ -100,9 +100,9 @@ SECONDS = ("seconds", lambda results, row: figure(row.seconds, 2))
 TABLES = (
     Table(
         "last states",
-        "**Last states** of 65,536 trajectories after 1000 steps; slower peers do a part of it. The "
-        "closed form takes no steps: its row counts those that it replaces. A form with fewer than "
-        "one division per step can pass the limit of one per step.",
+        "**Last states** of 65,536 trajectories after 1000 steps; slower peers do a part of it. "
+        "The closed form takes no steps: its row counts those that it replaces. A form with fewer "
+        "than one division per step can pass the limit of one per step.",
         (("1e9 steps/s", rate(1e9)), OF_PRINTED, ("of the divider", share), ERROR),
     ),
     Table(
@@ -205,7 +205,7 @@ def everything(results):
 def summary(results):
     """Table of the README, with the markers around it."""
     text = (
-        "Last states per second, of 65,536 trajectories after 1000 steps (the naive loops do fewer), "
+        "Last states per second, of 65,536 trajectories after 1000 steps (naive loops do fewer), "
         f"with the largest relative error of 64 of them. Measured on {caption(results)}."
     )
     in_C = [row for row in results.best("last states") if row.whose == "C"]

@@ -53,6 +53,33 @@ def test_phase(number):
         np.testing.assert_allclose(orbit.get_xydata()[1:], steps, atol=1e-11 * extent)
 
 
+@pytest.mark.parametrize("I13", [-0.5, 0.0])
+def test_phase_of_a_gyrostat(I13):
+    """Levels that meet the line of steady states have two orbits from it to it, others one turn."""
+    body, eps = sf.SuslovGyrostat(4, 2, I13, -0.3 if I13 else 0.0, 0.4), 0.4
+    axes = sf.plot_phase(body, eps, 2.6, levels=6)
+    lines = axes.get_lines()
+    steady = [line.get_xydata() for line in lines if "k = 0" in line.get_label()]
+    assert len(steady) == (2 if I13 else 0)
+    for ends in steady:
+        np.testing.assert_allclose(ends @ [body.I13, body.I23], -body.k, rtol=1e-12)
+    orbits = [line.get_xydata() for line in lines if line.get_marker() == "."][:-1]
+    curves = [line.get_xydata() for line in lines if line.get_linestyle() == "-"]
+    levels = [sf.first_integral(body, curve, eps) for curve in curves[:6]]
+    for orbit in orbits:
+        F = sf.first_integral(body, orbit, eps)
+        np.testing.assert_allclose(F, F[0], rtol=1e-12)
+        np.testing.assert_allclose(sf.step(body, orbit[:-1], eps), orbit[1:], atol=1e-12)
+        assert min(abs(level / F[0] - 1).max() for level in levels) < 1e-12
+        momentum = abs(orbit @ [body.I13, body.I23] + body.k)
+        A2 = 4 * body.I1 * body.I2 * F[0] * (body.I13**2 / body.I1 + body.I23**2 / body.I2)
+        if body.k**2 < A2:
+            assert max(momentum[0], momentum[-1]) < 0.1 * momentum.max()
+        else:
+            assert np.hypot(*(orbit[-1] - orbit[0])) < 0.2
+    assert len(orbits) == (9 if I13 else 6)
+
+
 def test_axes_are_taken_and_returned(body):
     figure = Figure()
     first, space = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
@@ -81,22 +108,27 @@ def test_animation(body):
     for number in frames:
         animation._func(number)
     axes = animation._fig.axes[0]
+    assert axes.get_title().startswith("time 0.30: ")
     assert "$I_3$ = 3" in axes.get_title()
     front = np.array(axes.get_lines()[-1].get_data_3d())
     assert front.shape == (3, 7)
+    behind = np.array(axes.get_lines()[-2].get_data_3d())
+    shown = np.isfinite([behind[0], front[0]])
+    assert (shown[:, 1:] & shown[:, :-1]).any(axis=0).all(), "a gap in the path"
     length = np.linalg.norm(front, axis=0)
     np.testing.assert_allclose(length[np.isfinite(length)], 1.15, rtol=1e-12)
     with pytest.raises(ValueError, match="I3: expected one with a positive definite"):
         sf.animate_body(sf.Suslov3D(4, 1, -0.5, -0.3, I3=0.01))
     with pytest.raises(sf.SingularStepError, match="singular step, first: 0 at step 1"):
         sf.animate_body(sf.Suslov3D(2, 2, 0.5, 0), [2, -9], 1.0)
+    sf.animate_body(sf.SuslovGyrostat(4, 2, -0.5, -0.3, 2.0), steps=1)._draw_was_started = True
     # No rigid body has the parameters of the first picture, but there is an ellipsoid.
     sf.animate_body(body, steps=1)._draw_was_started = True
 
 
 B = sf.Suslov3D(4, 2, -0.5, -0.3)
 BAD = [
-    (lambda: sf.plot_phase(B, 10.0, 4.0), "extent: expected a criticality t < 1"),
+    (lambda: sf.plot_phase(B, 10.0, 4.0), "extent: expected a criticality below 1"),
     (lambda: sf.plot_phase(B, 0, 4.0), "eps: expected a positive number, got 0"),
     (lambda: sf.plot_phase(B, 0.2, -4.0), "extent: expected a positive number, got -4.0"),
     (lambda: sf.plot_phase(B, 0.2, [4, 4]), r"extent: expected a positive number, got \[4, 4\]"),

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.matter import ellipsoid_of_inertia
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 
+_PARAMETERS = ("I1", "I2", "I13", "I23")
 
-def ellipsoid(body: Suslov3D) -> tuple[FloatArray, FloatArray, float, bool]:
+
+def ellipsoid(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray, float, bool]:
     """Return the ellipsoid of inertia of a single body; ValueError if there is none.
 
     These are the semi-axes, the largest being 1, their directions as columns, the corresponding I3,
     and True if it is admissible. I3 is that of the body, by default the middle of the interval of
     admissible values, or, if that is empty, a value with a positive definite inertia tensor.
     """
-    low, high = body.admissible_I3()
-    if body.I3 is not None:
-        I3 = float(body.I3)
+    I1, I2, I13, I23 = (float(getattr(body, each)) for each in _PARAMETERS)
+    parameters = I1, I2, I13, I23
+    low, high = Suslov3D(*parameters).admissible_I3()
+    given = getattr(body, "I3", None)
+    if given is not None:
+        I3 = float(given)
     elif np.isfinite(low):
         I3 = float(0.5 * (low + high))
     else:
-        I1, I2, I13, I23 = map(float, body.parameters)
         I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
-    return *ellipsoid_of_inertia(body.parameters, I3), I3, bool(low < I3 < high)
+    return *ellipsoid_of_inertia(parameters, I3), I3, bool(low < I3 < high)
 
 
 def sphere(turns: int = 64) -> FloatArray:

@@ -53,7 +53,13 @@ def towards_eye(axes: Any) -> FloatArray:
 
 
 def plot_around(axes: Any, points: FloatArray, in_front: Any, alpha: float, **look: Any) -> None:
-    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it with `alpha`."""
-    for order, hidden, opacity in ((1, in_front, alpha), (3, ~in_front, 1.0)):
-        part = np.where(hidden[:, np.newaxis], np.nan, points)
+    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it with `alpha`.
+
+    The part behind ends at the first point of the part in front, so that there is no gap.
+    """
+    behind = ~in_front
+    behind[1:] |= ~in_front[:-1]
+    behind[:-1] |= ~in_front[1:]
+    for order, shown, opacity in ((1, behind, alpha), (3, in_front, 1.0)):
+        part = np.where(shown[:, np.newaxis], points, np.nan)
         axes.plot(*part.T, zorder=order, alpha=opacity, **look)

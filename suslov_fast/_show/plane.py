@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
 from .._states.conserved import energy
@@ -17,6 +18,29 @@ def repelling_direction(body: Suslov3D) -> FloatArray:
         raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
     direction: FloatArray = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
     return direction
+
+
+def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
+    """Complex g = I13 / sqrt(I1) + i I23 / sqrt(I2), and k, of a single body that can move.
+
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
+    the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
+    the phase on a level.
+    """
+    instance("body", body, (Suslov3D, SuslovGyrostat))
+    k = getattr(body, "k", 0.0)
+    if body.shape or not (body.I13 or body.I23 or k):
+        raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
+    return complex(body.I13 / np.sqrt(body.I1), body.I23 / np.sqrt(body.I2)), float(k)
+
+
+def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatArray) -> FloatArray:
+    """States (N, 2) on the level R of the first integral, at phases psi (N,)."""
+    g, k = half_angle(body)
+    e, turn = 0.5 * eps / np.sqrt(body.I1 * body.I2), g / abs(g) if g else 1.0
+    A = R * abs(g)
+    z = R * turn * ((1 - 1j * e * k) * np.exp(1j * psi) - 1j * e * A) / (1 - e * A * np.sin(psi))
+    return np.stack([z.real / np.sqrt(body.I1), z.imag / np.sqrt(body.I2)], axis=-1)
 
 
 def level_curves(body: Suslov3D, eps: float, t: float, reach: float = 3.0) -> list[FloatArray]:

@@ -7,30 +7,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, integer, vectors, wrong
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
-from .._states.conserved import criticality, energy
+from .._states.conserved import energy
 from .._states.continuous import vector_field
-from .._states.coordinates import from_xy, to_xy
 from .figures import axes_for, legend_below, positive
-from .plane import level_curves, repelling_direction
+from .plane import half_angle, on_level
 from .style import styled
 from .turning import turning_body
 
 # Lines differ in style as well as in colour.
 _LINE = "crimson"
-_STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2 = 0$"
-# Angle of the ends of orbits from the line, in coordinates in which energy levels are circles.
-_NEAR = 0.03
+_STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
+# Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
+_NEAR, _LONGEST = 0.03, 1000
 # A realizable body: admissible_I3() is (2.27, 5.68).
 _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 
 @styled
 def plot_phase(
-    body: Suslov3D,
+    body: Suslov3D | SuslovGyrostat,
     eps: float,
     extent: float,
     *,
@@ -43,10 +43,10 @@ def plot_phase(
 
     Parameters
     ----------
-    body : Suslov3D
-        A single body, whose products of inertia are not both 0.
+    body : Suslov3D or SuslovGyrostat
+        A single body, of which not all states are steady.
     eps : float
-        Positive step size; t < 1 must hold in the whole picture.
+        Positive step size; the criticality must be below 1 in the whole picture.
     extent : float
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
@@ -58,8 +58,14 @@ def plot_phase(
     Raises
     ------
     TypeError, ValueError
-        If t >= 1 in the corners of the picture, all states are steady, or an argument is not of the
-        kind above.
+        If the criticality is at least 1 in the corners of the picture, all states are steady, or an
+        argument is not of the kind above.
+
+    Notes
+    -----
+    Each level has a colour: a thin line, and states of the map as dots. An orbit that goes from a
+    repelling to an attracting steady state is drawn from near the one to near the other, on both
+    sides of the line of steady states; a periodic one for one turn.
 
     Examples
     --------
@@ -68,29 +74,28 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
-    direction = repelling_direction(body)
+    g, k = half_angle(body)
     eps, extent = positive("eps", eps), positive("extent", extent)
     levels = integer("levels", levels, 1)
-    farthest = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
-    in_corners = float(criticality(body, farthest * direction, eps))
-    if not in_corners < 1:
-        expected = "a criticality t < 1 in the corners of the picture"
-        raise wrong("extent", expected, f"t = {in_corners:.3g}")
+    e = 0.5 * eps / float(np.sqrt(body.I1 * body.I2))
+    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
+    if not e * largest * abs(g) < 1:
+        expected = "a criticality below 1 in the corners of the picture"
+        raise wrong("extent", expected, f"{e * largest * abs(g):.3g}")
     axes = axes_for(ax, (5.2, 5.6), letter)
-    colours = _colours(levels)
+    colours, turn = _colours(levels), np.linspace(0.0, 2.0 * np.pi, 300)
     for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
-        starts, t, steps = _orbit_through(body, eps, level * farthest * direction)
-        orbits = iterate(body, starts, eps, steps).omega
-        axes.plot(*level_curves(body, eps, t)[0].T, "-", color=colour, linewidth=0.8, alpha=0.7)
-        for k in range(2):
-            axes.plot(*orbits[:, k].T, ".", color=colour, markersize=4.5, markeredgewidth=0)
-            _arrow(axes, body, orbits[:, k], extent, colour)
-    for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
-        ends = np.outer([0, sign * 2.0 * extent], direction)
-        label = f"{_STEADY}, {name}"
-        axes.plot(*ends.T, color=_LINE, linewidth=2.4, linestyle=style, label=label)
-    axes.plot([], [], "-", color=colours[levels // 2], linewidth=0.8, label="$F$ constant")
-    axes.plot([], [], ".", color=colours[levels // 2], markersize=6, label="states of the map")
+        R = float(level) * largest
+        axes.plot(*on_level(body, eps, R, turn).T, "-", color=colour, linewidth=0.8, alpha=0.7)
+        for psi, steps in _orbits(e, R * abs(g), k):
+            orbit = iterate(body, on_level(body, eps, R, np.array(psi)), eps, steps).omega
+            axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
+            _arrow(axes, body, orbit, extent, colour)
+    if g:
+        _steady_states(axes, body, g, k, 4.0 * extent)
+    colour, name = colours[levels // 2], "levels of $F$, one colour each"
+    axes.plot([], [], "-", color=colour, linewidth=0.8, label=name)
+    axes.plot([], [], ".", color=colour, markersize=6, label="states of the map")
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
@@ -101,7 +106,7 @@ def plot_phase(
 
 @styled
 def animate_body(
-    body: Suslov3D | None = None,
+    body: Suslov3D | SuslovGyrostat | None = None,
     omega0: ArrayLike | None = None,
     eps: float = 0.05,
     steps: int = 440,
@@ -114,7 +119,7 @@ def animate_body(
 
     Parameters
     ----------
-    body : Suslov3D, optional
+    body : Suslov3D or SuslovGyrostat, optional
         A single body, drawn with its I3; by default one with I1 = 4, I2 = 2, I13 = -0.5,
         I23 = -0.3 and I3 = 3. Where a body has no I3, the middle of ``body.admissible_I3()`` is
         drawn or, where no rigid body has these parameters, an I3 with a positive definite
@@ -156,15 +161,18 @@ def animate_body(
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _BODY if body is None else body
-    direction = repelling_direction(body)
-    if omega0 is None:
-        _, y = to_xy(body, 2.0 * direction)
-        omega0 = from_xy(body, [0.15 * y / np.sqrt(body.I1 * body.I2), y])
+    g, k = half_angle(body)
+    if omega0 is None:  # near the repelling steady rotation, where there is one
+        along = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23) if g else [1.0, 0.0]
+        R = 2.0 * float(np.sqrt(2.0 * energy(body, along)))
+        A = R * abs(g)
+        end = 2.0 * np.arctan2(np.sqrt(A + k), np.sqrt(A - k)) if abs(k) < A else 0.0
+        omega0 = on_level(body, eps, R, np.array(0.15 - end))
     omega = iterate(body, _state(omega0), eps, steps, on_singular="raise").omega
     rotations = attitude(body, omega, eps, R0)
     if rotations.ndim != 3:
         raise wrong("R0", "shape (3, 3)", rotations.shape[1:])
-    figure, draw = turning_body(body, rotations)
+    figure, draw = turning_body(body, rotations, eps)
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 
@@ -182,17 +190,34 @@ def _colours(count: int) -> Any:
     return colormaps["viridis"](np.linspace(0.1, 0.8, count))
 
 
-def _orbit_through(body: Suslov3D, eps: float, end: FloatArray) -> tuple[FloatArray, float, int]:
-    """Two states near a repelling steady state, their t, and the steps to the attracting one."""
-    _, y_end = to_xy(body, end)
-    y = y_end * np.cos(_NEAR)
-    x = y_end * np.sin(_NEAR) / np.sqrt(body.I1 * body.I2) * np.array([-1.0, 1.0])
-    starts = from_xy(body, np.stack([x, [y, y]], axis=-1))
-    t = float(criticality(body, starts[0], eps))
-    return starts, t, int(np.ceil(np.arctanh(np.cos(_NEAR)) / np.arctanh(t)))
+def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
+    """Phase of the initial state, and steps, of the orbits on a level; theory: the gyrostat."""
+    if abs(k) > A:  # one turn
+        steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
+        return [(0.0, int(min(np.ceil(steps), _LONGEST)))]
+    # From the steady state at -end to that at end, on either side.
+    end, rate = 2.0 * np.arctan2(np.sqrt(A + k), np.sqrt(A - k)), e * np.sqrt(A * A - k * k)
+    found = []
+    for side, half in ((1.0, end), (-1.0, np.pi - end)):
+        psi = -end + side * 2.0 / np.pi * half * _NEAR
+        p, q = np.sin(0.5 * psi) / np.sqrt(A + k), np.cos(0.5 * psi) / np.sqrt(A - k)
+        steps = np.log(abs((p - q) / (p + q))) / np.arctanh(rate)
+        found.append((psi, int(min(np.ceil(steps), _LONGEST))))
+    return found
 
 
-def _arrow(axes: Any, body: Suslov3D, orbit: FloatArray, extent: float, colour: Any) -> None:
+def _steady_states(axes: Any, body: Any, g: complex, k: float, reach: float) -> None:
+    """The attracting and the repelling half of the line l = 0, which meet where F is least."""
+    middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2])
+    direction = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+    line = _STEADY + (r" + k = 0$" if k else " = 0$")
+    for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
+        ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
+        label = f"{line}, {name}"
+        axes.plot(*ends.T, color=_LINE, linewidth=2.4, linestyle=style, label=label)
+
+
+def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:
     """Direction of motion at the middle state of the orbit, or the nearest one in view."""
     inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
     if inside.size:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
@@ -18,7 +19,9 @@ _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 _BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 
-def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[int], list[Any]]]:
+def turning_body(
+    body: Suslov3D | SuslovGyrostat, rotations: FloatArray, eps: float
+) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
     from .picture import Picture
 
@@ -33,6 +36,7 @@ def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[
     @styled
     def draw(number: int) -> list[Any]:
         from matplotlib.colors import LightSource
+        from matplotlib.patheffects import withStroke
 
         axes.clear()
         R, eye, light = rotations[number], towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
@@ -47,14 +51,15 @@ def turning_body(body: Suslov3D, rotations: FloatArray) -> tuple[Any, Callable[[
             order = 3 if R @ normal @ eye > 0 else 1
             ends = np.outer([reach, _TIP], R[:, k]).T
             axes.plot(*ends, color=colour, linewidth=2.2, zorder=order)
-            centred = {"color": colour, "ha": "center", "va": "center", "zorder": order}
-            axes.text(*(_NAME * R[:, k]), name, **centred)
+            look = {"color": colour, "ha": "center", "va": "center", "zorder": order}
+            outline = [withStroke(linewidth=3.0, foreground="white")]
+            axes.text(*(_NAME * R[:, k]), name, path_effects=outline, **look)
         past = path[: number + 1]
         plot_around(axes, past, past @ eye >= 0, 0.45, color="crimson", linewidth=1.2)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
-        title = f"ellipsoid of inertia with $I_3$ = {I3:.3g}, path of the axis $a$"
+        title = f"time {number * eps:.2f}: ellipsoid of inertia, $I_3$ = {I3:.3g}; path of axis $a$"
         axes.set_title(title, y=0.0, fontsize="small")
         return []
 

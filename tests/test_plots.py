@@ -77,7 +77,7 @@ def test_phase_of_a_gyrostat(I13):
             assert max(momentum[0], momentum[-1]) < 0.1 * momentum.max()
         else:
             assert np.hypot(*(orbit[-1] - orbit[0])) < 0.2
-    assert len(orbits) == (9 if I13 else 6)
+    assert len(orbits) == (11 if I13 else 6)
 
 
 def test_axes_are_taken_and_returned(body):

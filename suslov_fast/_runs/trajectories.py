@@ -236,6 +236,8 @@ class Trajectories:
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
 
+        Colours follow the size of the first state, from the smallest to the largest.
+
         Parameters
         ----------
         components : tuple of int
@@ -262,7 +264,7 @@ class Trajectories:
         >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_for
+        from .._show.figures import axes_for, plot_orbits
         from .._show.style import style
 
         D = self.omega.shape[-1]
@@ -274,7 +276,7 @@ class Trajectories:
         labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
         with style():
             axes = axes_for(ax, (5.0, 5.0))
-            axes.plot(states[..., first], states[..., second], ".-", markersize=3, linewidth=0.6)
+            plot_orbits(axes, states, (first, second))
             axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
             axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
             axes.set_aspect("equal", adjustable="datalim")

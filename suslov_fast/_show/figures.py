@@ -63,3 +63,24 @@ def plot_around(axes: Any, points: FloatArray, in_front: Any, alpha: float, **lo
     for order, shown, opacity in ((1, behind, alpha), (3, in_front, 1.0)):
         part = np.where(shown[:, np.newaxis], points, np.nan)
         axes.plot(*part.T, zorder=order, alpha=opacity, **look)
+
+
+def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> None:
+    """Draw orbits, states (N, batch, D), in the plane of two components.
+
+    Colours follow the size of the first state, so that neighbouring orbits look alike; above the
+    axes stands which components of how many are shown.
+    """
+    from matplotlib import colormaps
+
+    size = np.sqrt((states[0] ** 2).sum(axis=-1))
+    rank = size.argsort().argsort() / max(1, len(size) - 1)
+    colours = colormaps["viridis"](0.05 + 0.85 * rank)
+    if len(size):
+        axes.set_prop_cycle(color=colours)
+    axes.plot(*(states[..., k] for k in components), ".-", markersize=3, linewidth=0.6)
+    notes = ["colour: size of the first state"] * (len(size) > 1)
+    if states.shape[-1] > 2:
+        shown = " and ".join(str(k + 1) for k in components)
+        notes.insert(0, f"components {shown} of {states.shape[-1]}")
+    axes.set_title("; ".join(notes), fontsize="small")

@@ -95,6 +95,73 @@ def test_damage_is_repaired(store, finished, name, harm):
     assert_same(xarray.open_zarr(store), expected(20))
 
 
+def other_numbers(node):
+    """Return metadata that differ in each number."""
+    if isinstance(node, dict):
+        return {name: other_numbers(each) for name, each in node.items()}
+    if isinstance(node, list):
+        return [other_numbers(each) for each in node]
+    return node + 1 if type(node) is int else node
+
+
+def changed(**others):
+    """Return a function that replaces entries of metadata; those that groups lack, by others."""
+
+    def change(text):
+        node = json.loads(text)
+        if node["node_type"] == "group":
+            return json.dumps({**node, "attributes": {**node["attributes"], "steps": 10}})
+        return json.dumps({**node, **others})
+
+    return change
+
+
+METADATA_HARMS = {
+    "removed": lambda text: None,
+    "empty": lambda text: "",
+    "cut": lambda text: text[: len(text) // 2],
+    "array": lambda text: "[1]",
+    "object": lambda text: "{}",
+    "null": lambda text: "null",
+    "group": lambda text: '{"zarr_format": 3, "node_type": "group", "attributes": {}}',
+    "other": lambda text: json.dumps({**json.loads(text), "zarr_format": 2}),
+    "numbers": lambda text: json.dumps(other_numbers(json.loads(text)) | {"zarr_format": 3}),
+    "attributes": lambda text: json.dumps({**json.loads(text), "attributes": {"a": 1}}),
+    "type": changed(data_type="int16", fill_value=0),
+    "shape": changed(shape=[40], dimension_names=None),
+}
+METADATA = [f"{name}/zarr.json" for name in [*VARIABLES, "I2", "progress"]] + ["zarr.json"]
+
+
+def files(store):
+    """Return all bytes and times of a store."""
+    found = sorted(store.rglob("*"))
+    return [(path, path.is_file() and path.read_bytes(), path.stat().st_mtime_ns) for path in found]
+
+
+@pytest.mark.parametrize("harm", METADATA_HARMS)
+@pytest.mark.parametrize("name", METADATA)
+@pytest.mark.sampled(17)
+def test_damaged_metadata_are_reported_or_repaired(store, finished, name, harm):
+    changed = METADATA_HARMS[harm]((store / name).read_text())
+    (store / name).unlink() if changed is None else (store / name).write_text(changed)
+    before = files(store)
+    for call in (
+        lambda: ensemble(**ASKED, steps=31, store=store),
+        lambda: ensemble(**ASKED, steps=20, store=store),
+        lambda: open_ensemble(store),
+    ):
+        with pytest.raises(
+            ValueError, match=r"run\.zarr: .*; ensemble with verify=True repairs it"
+        ):
+            call()
+        assert files(store) == before
+    assert_same(ensemble(**ASKED, steps=20, store=store, verify=True), expected(20))
+    for path in finished.rglob("*.*"):
+        assert (store / path.relative_to(finished)).read_bytes() == path.read_bytes(), path
+    assert contents(store) == contents(finished)
+
+
 @pytest.mark.parametrize("harm", ["chunk", "array"])
 @pytest.mark.parametrize("name", ["eps", "I23", "component"])
 @pytest.mark.sampled(2)
@@ -231,7 +298,10 @@ def test_other_folders_and_stores_are_not_touched(tmp_path):
     zarr.create_group(tmp_path / "other.zarr", attributes={"mine": 1})
     zarr.create_group(tmp_path / "old.zarr", attributes={"source": "suslov_fast 0.2.0"})
     zarr.create_group(tmp_path / "old.zarr", path="progress", attributes={"run": "{}"})
-    for name, received in (("other", "got another: "), ("old", r"another, of suslov_fast 0\.2\.0")):
+    for name, received in (
+        ("other", "got another: "),
+        ("old", r"format 1, of suslov_fast 0\.2\.0"),
+    ):
         for function in (lambda store: ensemble(**asked, store=store), open_ensemble):
             with pytest.raises(ValueError, match=received):
                 function(tmp_path / f"{name}.zarr")

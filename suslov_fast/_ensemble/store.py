@@ -14,6 +14,7 @@ in one object: readers see either all old or all new shapes while a run is exten
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -21,7 +22,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,8 +38,20 @@ from .reductions import REDUCTIONS
 
 PROGRESS = "progress"
 MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
-# Version of this format; stores of suslov_fast 0.2 have none.
-_LAYOUT = 3
+# Version of this format.
+_LAYOUT = 4
+# Attributes of the root until all metadata are written for the first time.
+_UNFINISHED = {"unfinished": True}
+# What Zarr raises if metadata are damaged. Errors of access to a store are others.
+_DAMAGE = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    AssertionError,
+    ArithmeticError,
+    RuntimeError,
+)
 
 # Number of tiles whose marks share a chunk, which is rewritten for each, and of steps in one of n.
 _TOGETHER = 4096
@@ -84,100 +97,207 @@ def only_writer(store: Any) -> Iterator[None]:
         yield
 
 
-def _group(store: Any, mode: Any = "r") -> Any:
-    """Open the root group; None if there is none, or an empty one left by a killed process."""
+class Found(NamedTuple):
+    """What a store holds."""
+
+    # The description of the run.
+    notes: dict[str, Any]
+    # Number of steps that readers see, and for each tile the number for which it was finished.
+    steps: int = -1
+    done: Any = None
+    # What is wrong with the metadata, if anything is.
+    damage: Exception | None = None
+
+
+def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") -> Any:
+    """Open a group, with `copies` by the metadata in the root; None if it cannot be read."""
     import zarr
 
+    options = {"mode": mode, "zarr_format": 3, "use_consolidated": copies}
     try:
-        group = zarr.open_group(store, mode=mode, zarr_format=3, use_consolidated=False)
-    except (FileNotFoundError, NotADirectoryError):
+        group = zarr.open_group(store, path=path, **options)
+    except (FileNotFoundError, NotADirectoryError, *_DAMAGE):
         return None
-    return group if PROGRESS in group or group.attrs or list(group) else None
+    return group if group.metadata.zarr_format == 3 else None  # not that of a damaged one
 
 
-def _notes(group: Any, store: Any) -> dict[str, Any]:
-    """Return the description of the run in a store; ValueError if it is of another version."""
-    notes = dict(group[PROGRESS].attrs) if PROGRESS in group else {}
-    if notes.get("layout") != _LAYOUT:
-        source = group.attrs.get("source", "") if "run" in notes else ""
-        received = f"another{f', of {source}' if source else ''}: {store}"
-        raise wrong("store", "a new name or a store written by ensemble of this version", received)
-    return notes
-
-
-def _stranger(store: Any) -> str | None:
-    """Return a description of a path that is not a Zarr group."""
-    if not _is_folder(store) or not os.path.lexists(store):
-        return None
+def _stranger(store: Any) -> str:
+    """Return a description of a path that is neither free nor a Zarr group."""
+    if not _is_folder(store) or not os.path.lexists(store) or _group(store) is not None:
+        return ""
     if not os.path.isdir(store):
         return "a file"
     names = [name for name in os.listdir(store) if not name.endswith(".partial")]
-    return "another folder" if names and "zarr.json" not in names else None
+    return "another folder" if names else ""
+
+
+def _member(group: Any, name: str) -> Any:
+    """Return an array or a group; None if it cannot be read."""
+    try:
+        return group[name]
+    except _DAMAGE:
+        return None
+
+
+def _digest(notes: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(notes, sort_keys=True).encode()).hexdigest()
+
+
+def _notes(group: Any) -> dict[str, Any]:
+    """Return the description of the run in a group; empty if it is damaged or absent."""
+    notes = {} if group is None else dict(group.attrs)
+    return notes if notes.pop("digest", None) == _digest(notes) else {}
+
+
+def look(store: Any, run: str | None = None) -> Found | None:
+    """Return what a store holds, and what is damaged; None if there is no store.
+
+    If the two descriptions in a store differ, that of `run` counts. Raises ValueError if the store
+    is of another program or version.
+    """
+    # The copies first: while a run is extended, the originals are newer.
+    copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
+    if root is None and own is None:
+        return None
+    if root is not None and (dict(root.attrs) == _UNFINISHED or not (root.attrs or list(root))):
+        return None
+    kept = None if copies is None else _member(copies, PROGRESS)
+    described = [notes for notes in map(_notes, (own, kept)) if notes]
+    if not described:
+        raise _of_another(store, root, own)
+    notes = next((each for each in described if each["run"] == run), described[0])
+    try:
+        _compare(root, copies, _notes(own), _notes(kept))
+        refuse_codecs(store)
+        steps, done = root.attrs["steps"], np.asarray(root[MARKS][...])
+        if done.max(initial=-1) > steps:
+            raise ValueError("zarr.json has too few steps")
+    except _DAMAGE as damage:
+        return Found(notes, damage=damage)
+    return Found(notes, steps, done)
+
+
+def _of_another(store: Any, root: Any, own: Any) -> Exception:
+    """Return the error for a store of another program or version."""
+    notes, attributes = (dict(each.attrs) if each is not None else {} for each in (own, root))
+    if "run" not in notes:
+        return wrong("store", "a new name or a store of ensemble", f"another: {store}")
+    of = attributes.get("source", f"suslov_fast {attributes.get('version', 'unknown')}")
+    received = f"format {notes.get('layout', 1)}, of {of}, in {store}: compute the run anew"
+    return wrong("store", f"a new name or a store in format {_LAYOUT}", received)
+
+
+def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -> None:
+    """Raise an error that names metadata that are lost or differ from their copy.
+
+    While a run is extended, it has more steps than its copy, and axes of time may be longer.
+    """
+    if not new:
+        raise ValueError(f"{PROGRESS}/zarr.json")
+    about = new["attributes"]
+    if (
+        not old
+        or old != {**new, "steps": old["steps"]}
+        or about != {name: root.attrs[name] for name in about}
+        or not 0 <= root.attrs["steps"] <= old["steps"] <= new["steps"]
+    ):
+        raise ValueError("zarr.json")
+    longest = len(numbers_of_saved(new["steps"], about.get("save_every")))
+    nodes = {name: node.metadata.to_dict() for name, node in copies.members(max_depth=None)}
+    del nodes[PROGRESS]
+    if missing := {*new["variables"], MARKS, RECORDS} - set(nodes):
+        raise ValueError(f"zarr.json, without {', '.join(sorted(missing))}")
+    for name, node in nodes.items():
+        member = _member(root, name)
+        found = {} if member is None else member.metadata.to_dict()
+        if found and (node.get("dimension_names") or ("",))[0] == "n":
+            rows, *others = found["shape"]
+            if node["shape"][0] <= rows <= longest:
+                found["shape"] = (node["shape"][0], *others)
+        if found != node:
+            raise ValueError(f"{name}/zarr.json")
 
 
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
     """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
-    Raises ValueError if the store holds another run, or none, and FileExistsError if the path is
-    not a Zarr store. The next call completes the work of a process killed here.
+    Raises ValueError if the store holds another run, or is damaged, and FileExistsError if the
+    path is not a Zarr store. The next call completes the work of a process killed here.
     """
     import zarr
 
-    group, store = _group(job.store), job.store
-    if group is None:
-        if stranger := _stranger(store):
-            message = f"expected the name of a Zarr store to write, got {stranger}"
+    store, run = job.store, json.dumps(identity)
+    found = look(store, run)
+    if found is None:
+        if received := _stranger(store):
+            message = f"expected the name of a Zarr store to write, got {received}"
             raise OSError(errno.EEXIST, message, store)
         group = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False)
-        notes: dict[str, Any] = {
-            "layout": _LAYOUT,
-            "run": json.dumps(identity),
-            "tile": list(job.tile),
-            "rows": job.rows,
-            "variables": sorted(map(str, dataset.variables)),
-        }
-        group.create_group(PROGRESS, attributes=notes)
-    notes = _notes(group, store)
-    require_same(identity, json.loads(notes["run"]), store)
-    stored = int(group.attrs.get("steps", -1))
-    if stored > job.steps:
-        raise wrong("steps", f"at least the {stored} of the run in {store}", job.steps)
-    job = replace(job, tile=tuple(notes["tile"]), rows=int(notes["rows"]))
-    with advice(store):
-        whole = zarr.open_group(store, mode="r").metadata.consolidated_metadata is not None
-        if stored != job.steps or verify or not whole:
-            _write(job, dataset, verify or stored < 0)
-        refuse_codecs(store)
+        group.attrs.put(_UNFINISHED)
+        for name in list(group):
+            del group[name]
+        about = {name: value for name, value in dataset.attrs.items() if name != "steps"}
+        notes: dict[str, Any] = {"layout": _LAYOUT, "run": run, "attributes": about}
+        notes |= {"tile": job.tile, "rows": job.rows, "compression": job.compression}
+        found = Found({**notes, "variables": []})
+    else:
+        notes = found.notes
+        require_same(identity, json.loads(notes["run"]), store)
+        if notes["steps"] > job.steps:
+            raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
+        if found.damage and not verify:
+            with advice(store):
+                raise found.damage
+        tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
+        job = replace(job, tile=tile, rows=rows, compression=compression)
+    if verify or found.steps != job.steps:
+        with advice(store):
+            _write(job, dataset, found.notes, verify or found.steps < 0)
+            refuse_codecs(store)
     return job
 
 
-def _write(job: Job, dataset: Any, all_values: bool) -> None:
-    """Resize arrays to the shapes of the dataset, and write the known values."""
+def _write(job: Job, dataset: Any, notes: dict[str, Any], all_values: bool) -> None:
+    """Write the metadata of all arrays, and the known values; existing chunks remain."""
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
 
-    group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
-    attributes, codecs = dict(group.attrs), [Crc32cCodec()]
-    packed: list[Any] = list(codecs)
+    codecs: list[Any] = [Crc32cCodec()]
+    packed = list(codecs)
     if job.compression:
         packed.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
+    # Metadata are made in memory, since Zarr removes the chunks of an array that it creates anew.
+    memory = zarr.create_group(zarr.storage.MemoryStore(), zarr_format=3)
+    groups = (_group(job.store, path, mode="r+") for path in ("", PROGRESS))
+    group = next(each for each in groups if each is not None)
+    place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
 
-    def fit(name: str, shape: Any, chunks: Any, **options: Any) -> None:
-        array = _array(group, name)
-        if array is None or array.chunks != chunks:
-            options = {"compressors": codecs, "overwrite": True, **options}
-            group.create_array(name, shape=shape, chunks=chunks, **options)
-        elif array.shape != shape:
-            array.resize(shape)
+    def put(name: str, shape: Any, chunks: Any, **options: Any) -> None:
+        made = memory.create_array(name, shape=shape, chunks=chunks, **options)
+        zarr.Array(zarr.AsyncArray(made.metadata, place / name)).update_attributes({})
 
+    def describe(path: str, attributes: dict[str, Any]) -> None:
+        made = memory.require_group(path) if path else memory
+        zarr.Group(zarr.AsyncGroup(made.metadata, place / path)).update_attributes(attributes)
+
+    if _group(job.store) is None:
+        describe("", notes["attributes"])
+    group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
+    variables = sorted({*notes["variables"], *map(str, dataset.variables)})
+    for name in variables:
+        if name not in dataset.variables and _member(group, name) is None:
+            raise wrong("coords", f"{name}, which this store has lost", "none")
+    notes = {**notes, "variables": variables, "steps": job.steps}
+    describe(PROGRESS, {**notes, "digest": _digest(notes)})
     size, tiles = job.record.itemsize, math.prod(job.grid)
-    fit(MARKS, (tiles,), (_TOGETHER,), dtype="int64", fill_value=-1)
-    fit(RECORDS, (*job.batch, size), (*job.tile, size), dtype="uint8", fill_value=255)
+    put(MARKS, (tiles,), (_TOGETHER,), dtype="int64", fill_value=-1, compressors=codecs)
+    chunks = (*job.tile, size)
+    put(RECORDS, (*job.batch, size), chunks, dtype="uint8", fill_value=255, compressors=codecs)
     lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
     computed: list[Any] = [*job.states, *job.ends]
     for name in computed:
         variable = dataset[name].variable
-        fit(
+        put(
             name,
             variable.shape,
             tuple(lengths.get(dim, length) for dim, length in variable.sizes.items()),
@@ -190,7 +310,8 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
     if job.keeps_states:
         about = {"dimension_names": ("n",), "attributes": dict(dataset["n"].attrs)}
         # A chunk does not depend on the number of steps: it serves old and new metadata.
-        fit("n", job.numbers.shape, (_TOGETHER,), dtype="int64", fill_value=0, **about)
+        shape, chunks = job.numbers.shape, (_TOGETHER,)
+        put("n", shape, chunks, dtype="int64", fill_value=0, compressors=codecs, **about)
         group["n"][...] = job.numbers
     if all_values:
         known = dataset.drop_vars([*computed, "n"], errors="ignore").drop_attrs(deep=False)
@@ -201,20 +322,13 @@ def _write(job: Job, dataset: Any, all_values: bool) -> None:
             if variable.dtype.kind == "f":  # an absent chunk is recognised by its NaN
                 encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
         known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
-        group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
-    # Coordinates of the user that are not passed now remain.
-    group.attrs.put({**dataset.attrs, **group.attrs, **attributes, "steps": job.steps})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
         zarr.consolidate_metadata(job.store, zarr_format=3)
-
-
-def _array(group: Any, name: str) -> Any:
-    """Return an array; None if its metadata are missing or damaged."""
-    try:
-        return group[name]
-    except (KeyError, ValueError, TypeError, AttributeError):
-        return None
+    # Last of all the number of steps, in one object with the copies.
+    group = zarr.open_group(job.store, mode="r+", use_consolidated=True)
+    others = {name: each for name, each in group.attrs.items() if name not in _UNFINISHED}
+    group.attrs.put({**others, **notes["attributes"], "steps": job.steps})
 
 
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
@@ -246,7 +360,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 
 def open_arrays(job: Job) -> Arrays:
     """Return the arrays written during a run, by name."""
-    group = _group(job.store, "r+")
+    group = _group(job.store, mode="r+")
     # Chunks of NaN are written like others: testing for them takes longer.
     return {
         name: group[name].with_config({"write_empty_chunks": True})
@@ -270,33 +384,30 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
     """Return the dataset of a store, lazy."""
     import xarray
 
-    group = _group(store)
-    if group is None and _stranger(store):
-        raise wrong("store", "a store written by ensemble", f"another one: {store}")
-    notes = {} if group is None else _notes(group, store)
-    if group is None or "steps" not in group.attrs:
-        received = f"none at {store}"
-        raise wrong("store", "a store written by ensemble", received, FileNotFoundError)
+    found = look(store)
+    if found is None:
+        expected, received = "a store written by ensemble", _stranger(store)
+        if received:
+            raise wrong("store", expected, f"another one, {received}: {store}")
+        raise wrong("store", expected, f"none at {store}", FileNotFoundError)
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
-        refuse_codecs(store)
-        if lost := [name for name in notes["variables"] if name not in group]:
-            raise ValueError(f"{', '.join(lost)} missing")
+        if found.damage:
+            raise found.damage
+        # The copies agree with each other while the arrays are extended.
         options: dict[str, Any] = {"zarr_format": 3, "chunks": chunks, "drop_variables": ["n"]}
-        try:
-            dataset = xarray.open_zarr(store, consolidated=False, **options)
-        except ValueError:  # some arrays are already longer while a run is extended
-            dataset = xarray.open_zarr(store, consolidated=True, **options)
+        dataset = xarray.open_zarr(store, consolidated=True, **options)
         for name in ("eps", "component", *map_named(dataset.attrs["map"]).body._names()):
             values = dataset[name].load().values if name in dataset else np.empty(0)
             if (values == "" if values.dtype.kind in "OT" else values != values).any():
                 raise ValueError(f"a chunk of {name} is missing")
-        done, steps = np.asarray(group[MARKS][...]), int(dataset.attrs["steps"])
+        done, steps = found.done, found.steps
+        dataset.attrs["steps"] = steps
         dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
         if "n" in dataset.dims:
             numbers = numbers_of_saved(steps, dataset.attrs.get("save_every"))
             dataset = dataset.isel(n=slice(0, len(numbers)))
-            dataset = dataset.assign_coords(n=("n", numbers, dict(group["n"].attrs)))
+            dataset = dataset.assign_coords(n=("n", numbers, dict(_group(store)["n"].attrs)))
             dataset = labelled.with_time(dataset)
     return dataset
 
@@ -306,6 +417,6 @@ def advice(store: Any) -> Iterator[None]:
     """Add to an error about damaged data how to repair them."""
     try:
         yield
-    except (ValueError, RuntimeError, KeyError) as error:
+    except _DAMAGE as error:
         received = f"{store}: {error}; ensemble with verify=True repairs it"
         raise wrong("store", "an undamaged store", received) from error

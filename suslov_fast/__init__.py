@@ -10,20 +10,18 @@ Iterate a batch of initial angular velocities of a body::
 The map is defined by V. Dragovic and B. Gajic, arXiv:0807.2966.
 """
 
-import re
+import ast
 from importlib import import_module
 from pathlib import Path
 
 __version__ = "0.3.0"
 
-# `__init__.pyi` lists the public names, one import each.
+# The imports in `__init__.pyi` list the public names.
 _MODULE_OF = {
-    name: module
-    for module, name in re.findall(
-        r"^from (\S+) import (\w+) as \2$",
-        Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"),
-        re.MULTILINE,
-    )
+    alias.name: f".{node.module}"
+    for node in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
 }
 __all__ = sorted(_MODULE_OF)
 
@@ -34,7 +32,10 @@ def __getattr__(name: str) -> object:
         return import_module(".integrability", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_MODULE_OF[name], __name__), name)
+    try:
+        value = globals()[name] = getattr(import_module(_MODULE_OF[name], __name__), name)
+    except AttributeError as error:  # which would read "cannot import name", without its cause
+        raise ImportError(f"{__name__}.{name}: {error}") from error
     return value
 
 

@@ -24,7 +24,7 @@ GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 BODIES = [
     sf.Suslov3D(4, 1, -0.5, -0.3),
     sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
-    sf.Suslov3D(4, 1, -0.5, -0.3, I3=[2.0, 3.0]),
+    sf.Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]),
     sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
     sf.SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
     GYROSTAT,
@@ -58,8 +58,10 @@ def test_equality_copies_and_immutability(body):
         assert hash(twin) == hash(body)
         assert twin.shape == body.shape
         assert twin.to_dict() == plain
-    name = next(iter(plain))
-    assert replace(body, **{name: np.multiply(plain[name], 2.0)}) != body
+    assert sf.body_from_dict(plain) == body
+    kind, name = list(plain)[:2]
+    assert plain[kind] == type(body).__name__
+    assert replace(body, **{name: np.multiply(plain[name], 1.01)}) != body
     assert body != 4
     with pytest.raises(AttributeError):
         setattr(body, name, 3)
@@ -69,13 +71,17 @@ def test_equality_copies_and_immutability(body):
         with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
             array.flags.writeable = True
     with pytest.raises(ValueError, match="expected the names"):
-        type(body).from_dict({"I1": 1})
+        type(body).from_dict({"body": plain[kind], "I1": 1})
+    with pytest.raises(ValueError, match=f"body: expected '{plain[kind]}', got 'Other'"):
+        type(body).from_dict(plain | {"body": "Other"})
+    with pytest.raises(ValueError, match=r"body: expected one of 'Suslov3D', .* got 'Other'"):
+        sf.body_from_dict(plain | {"body": "Other"})
     with pytest.raises(TypeError, match="expected a mapping"):
         type(body).from_dict([1])
 
 
 def test_I3_is_a_part_of_a_body():
-    with_it, without = sf.Suslov3D(4, 1, -0.5, -0.3, 3), BODIES[0]
+    with_it, without = (sf.Suslov3D(4, 2, -0.5, -0.3, I3) for I3 in (3, None))
     assert with_it != without
     assert with_it.to_dict() == without.to_dict() | {"I3": 3}
     omega = [1.0, 0.5, 0.1]
@@ -84,10 +90,32 @@ def test_I3_is_a_part_of_a_body():
         assert (run.omega == whole.omega).all()
         assert run.body == with_it
     assert (sf.step_full(with_it, omega, 0.2) == whole.omega[1]).all()
-    assert sf.iterate_full(with_it, omega, 0.2, 5, 2).body.I3 == 2
+    assert sf.iterate_full(with_it, omega, 0.2, 5, 4).body.I3 == 4
     with pytest.raises(TypeError, match="I3: expected a number, or a body whose I3 is set"):
         sf.step_full(without, omega, 0.2)
     assert (sf.step(with_it, omega[:2], 0.2) == sf.step(without, omega[:2], 0.2)).all()
+
+
+def test_an_I3_that_no_body_has():
+    """One warning for a batch, none for copies, flat bodies, or the limits of the interval."""
+    message = "I3: expected one that a body with these parameters can have .* got 20.0"
+    for kind, k in ((sf.Suslov3D, ()), (sf.SuslovGyrostat, (0.1,))):
+        for I3 in (20, [[3, 20], [20, 4]]):
+            with pytest.warns(UserWarning, match=message) as caught:
+                body = kind(4, 2, -0.5, -0.3, *k, I3=I3)
+            assert [each.filename for each in caught] == [__file__]
+            assert pickle.loads(pickle.dumps(body)) == body
+    with pytest.warns(UserWarning, match=r"I3: .* got 3\.0"):
+        sf.step_full(sf.Suslov3D(4, 1, -0.5, -0.3), [1.0, 0.5, 0.1], 0.2, 3)
+    for unit in (1.0, 1e-300, 1e300):
+        parameters = np.multiply([4, 2, -0.5, -0.3], unit)
+        low, high = sf.Suslov3D(*parameters).admissible_I3()
+        for end, inside in ((low, 1 + 1e-9), (high, 1 - 1e-9)):
+            sf.Suslov3D(*parameters, I3=end * inside)
+            with pytest.warns(UserWarning, match="I3: expected one"):
+                sf.Suslov3D(*parameters, I3=end / inside)
+    plate, rotation = np.diag([1.0, 2.0, 3.0]), np.linalg.qr(np.vander([0.3, 1.0, 2.0]))[0]
+    sf.Suslov3D.from_inertia(rotation @ plate @ rotation.T, [1, 2, 3])
 
 
 def test_text(rng):

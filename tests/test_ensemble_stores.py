@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import pickle
 import random
 import shutil
@@ -14,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ensemble_runs import BODY, CUT, assert_same, contents, made
-from test_files import Bomb
 
 from suslov_fast import RandomStarts, ensemble, iterate, open_ensemble
 
@@ -310,6 +310,13 @@ def test_other_folders_and_stores_are_not_touched(tmp_path):
     with pytest.raises(ValueError, match="got another"):
         open_ensemble(tmp_path / "notes")
     assert (tmp_path / "notes" / "a.txt").read_text() == "mine"
+
+
+class Bomb:
+    """An object that runs code when it is unpickled."""
+
+    def __reduce__(self):
+        return os.mkdir, ("exploded",)
 
 
 @pytest.mark.parametrize("kind", ["second", "third"])

@@ -10,6 +10,8 @@ import pytest
 import suslov_fast as sf
 from suslov_fast._engine import run, threads
 
+# No body has the I3 of some runs of the scheme in three components.
+pytestmark = pytest.mark.filterwarnings("ignore:I3")
 METHODS = ("auto", "canonical", "ds2")
 
 # With the body `unit` and eps = 1: X**2 = Omega1**2 / 2 and Y = -Omega2 / 2.

@@ -80,9 +80,7 @@ class Body:
                 )
         common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
         for name, array in arrays.items():
-            # Memory of a bytes object can never be made writeable.
-            frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
-            object.__setattr__(self, name, frozen if array.ndim else float(array))
+            object.__setattr__(self, name, _frozen(array))
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
@@ -106,8 +104,16 @@ class Body:
         arrays = [np.asarray(value) + 0.0 for value in self._values.values()]
         return hash(tuple((array.shape, array.tobytes()) for array in arrays))
 
+    @classmethod
+    def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
+        """Return a body with parameters of another, or parts of them, which are not checked."""
+        self = object.__new__(cls)
+        vars(self).update(dict.fromkeys(cls._optional()))
+        vars(self).update({name: _frozen(np.asarray(each)) for name, each in values.items()})
+        return self
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(self._values.values())
+        return self._of, (self._values,)
 
     def __repr__(self) -> str:
         name, values = type(self).__name__, self._values.items()
@@ -127,7 +133,7 @@ class Body:
         return r",\quad ".join([rf"$\text{{{type(self).__name__}{shape}}}", *terms]) + "$"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters as numbers and nested lists, without loss, for JSON.
+        """Return the class and the parameters, without loss, for JSON.
 
         Returns
         -------
@@ -137,9 +143,10 @@ class Body:
         --------
         >>> from suslov_fast import Suslov3D
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
-        {'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
+        {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        return {name: np.asarray(value).tolist() for name, value in self._values.items()}
+        values = {name: np.asarray(value).tolist() for name, value in self._values.items()}
+        return {"body": type(self).__name__, **values}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
@@ -148,7 +155,7 @@ class Body:
         Parameters
         ----------
         parameters : mapping
-            Numbers and nested lists by name.
+            Numbers and nested lists by name, and, as "body", the name of this class.
 
         Returns
         -------
@@ -157,20 +164,36 @@ class Body:
         Raises
         ------
         TypeError, ValueError
-            If the names are not those of the parameters, or no body has such parameters.
+            If it describes a body of another class, the names are not those of the parameters, or
+            no body has such parameters.
+
+        See Also
+        --------
+        suslov_fast.body_from_dict : The body of any class.
 
         Examples
         --------
         >>> from suslov_fast import Suslov3D
-        >>> Suslov3D.from_dict({"I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
+        >>> Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
         names = cls._names()
         if not isinstance(parameters, Mapping):
             raise TypeError(f"expected a mapping of {names}, got {type(parameters).__name__}")
+        parameters = dict(parameters)
+        kind = parameters.pop("body", None)
+        if kind != cls.__name__:
+            raise ValueError(f"body: expected {cls.__name__!r}, got {kind!r}")
         if not set(names) - set(cls._optional()) <= set(parameters) <= set(names):
             raise ValueError(f"expected the names {names}, got {sorted(map(str, parameters))}")
         return cls(**parameters)
+
+
+def _frozen(array: FloatArray) -> float | FloatArray:
+    """Return a read-only copy of a parameter, or its number."""
+    # Memory of a bytes object can never be made writeable.
+    frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
+    return frozen if array.ndim else float(array)
 
 
 def _symbol(name: str) -> str:

@@ -7,6 +7,7 @@ from typing import ClassVar, NoReturn
 
 from .._checks import FloatArray
 from .base import Body
+from .matter import warn_of_I3
 from .three import Suslov3D, check_apart
 
 
@@ -25,11 +26,13 @@ class SuslovGyrostat(Body):
         Products of inertia.
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, in units of inertia times angular velocity.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, positive, as in :class:`Suslov3D`.
 
     Raises
     ------
     TypeError, ValueError
-        If a parameter is not a finite real number, I1 or I2 is not positive, they are more than
+        If a parameter is not a finite real number, a moment is not positive, they are more than
         2**1800 apart, or the shapes do not broadcast.
 
     Notes
@@ -53,6 +56,7 @@ class SuslovGyrostat(Body):
     I13: float | FloatArray
     I23: float | FloatArray
     k: float | FloatArray
+    I3: float | FloatArray | None = None
 
     _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
     _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")
@@ -67,5 +71,6 @@ class SuslovGyrostat(Body):
         )
 
     def __post_init__(self) -> None:
-        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k)
+        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k, I3=self.I3)
         check_apart(self.I1, self.I2)
+        warn_of_I3(self.I1, self.I2, self.I13, self.I23, self.I3)

@@ -2,24 +2,56 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._checks import FloatArray
 
 # Each iteration of Newton's method at least doubles the number of digits near a root, and gains one
 # bit far from it.
 _ITERATIONS = 80
-# Rounding tolerance of the triangle inequality, which is an equality for flat bodies.
+# Rounding tolerance of the triangle inequality, which is an equality for flat bodies; a change of
+# the basis of the tensor is included.
 _ROUNDING = 1e-14
+
+
+def _fits(moments: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """Return where principal moments (..., 3), in order, obey the triangle inequalities."""
+    largest = moments[..., 2]
+    fits: NDArray[np.bool_] = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
+    return fits
+
+
+def warn_of_I3(
+    I1: float | FloatArray,
+    I2: float | FloatArray,
+    I13: float | FloatArray,
+    I23: float | FloatArray,
+    I3: float | FloatArray | None,
+) -> None:
+    """Warn, once for a batch and on behalf of a constructor, of an I3 that no body has."""
+    if I3 is None:
+        return
+    entries = np.broadcast_arrays(I1, 0.0, I13, 0.0, I2, I23, I13, I23, I3)
+    tensors = np.stack(entries, axis=-1).reshape(-1, 3, 3)
+    fits = _fits(np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True)))
+    if not fits.all():
+        least = entries[-1].reshape(-1)[~fits][0]
+        warnings.warn(
+            f"I3: expected one that a body with these parameters can have (see admissible_I3), "
+            f"got {least}",
+            stacklevel=4,
+        )
 
 
 def check_triangles(name: str, tensor: FloatArray) -> None:
     """Check the triangle inequalities of the principal moments of tensors (..., 3, 3)."""
     moments = np.linalg.eigvalsh(tensor)
-    largest = moments[..., 2]
-    fits = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
+    fits = _fits(moments)
     if not fits.all():
         wrong = np.broadcast_to(moments, (*fits.shape, 3))[~fits][0]
         raise ValueError(

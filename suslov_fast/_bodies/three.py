@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
 from .base import Body
-from .matter import admissible_I3, check_triangles, shortest_rotation_to_last
+from .matter import admissible_I3, check_triangles, shortest_rotation_to_last, warn_of_I3
 
 # Largest exponent of I1 / I2 for which products with each other and with states are in range.
 _APART = 1800
@@ -40,7 +40,8 @@ class Suslov3D(Body):
         Products of inertia. Where both are 0 every angular velocity is constant.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive. It does not enter the map; :func:`iterate_full`,
-        :func:`momentum` and :func:`animate_body` take it from the body.
+        :func:`momentum` and :func:`animate_body` take it from the body. A warning is given if no
+        rigid body has it together with the other parameters; see :meth:`admissible_I3`.
 
     Raises
     ------
@@ -77,6 +78,7 @@ class Suslov3D(Body):
     def __post_init__(self) -> None:
         self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)
         check_apart(self.I1, self.I2)
+        warn_of_I3(self.I1, self.I2, self.I13, self.I23, self.I3)
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.

@@ -123,7 +123,8 @@ class Job:
             return array[own_part(array.shape[: array.ndim - own], where)]
 
         kind, parameters = type(self.body), self.parameters
-        body = kind(**{name: cut(each, kind._axes(name)) for name, each in parameters.items()})
+        parts = {name: cut(each, kind._axes(name)) for name, each in parameters.items()}
+        body = kind._of(parts)
         orientation = None if self.orientation is None else cut(self.orientation, 2)
         return replace(self, body=body, eps=cut(self.eps), orientation=orientation)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copyreg
+from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
 from typing import Any
 
+from .._checks import instance, one_of
 from .record import Map
 
 # The class of the bodies of each map; maps are imported on first use. The first map of a class is
@@ -44,6 +46,35 @@ def _map_of_class(kind: type[Any]) -> Map:
             if body == base.__name__ and (record := map_named(name)).body is base:
                 return record
     raise TypeError(f"body: expected {' or '.join(body_names())}, got {kind.__name__}")
+
+
+def body_from_dict(parameters: Mapping[str, Any]) -> Any:
+    """Return the body that its method `to_dict` described, of any class.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Numbers and nested lists by name, and, as "body", the name of the class.
+
+    Returns
+    -------
+    Suslov3D, SuslovND or SuslovGyrostat
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it does not describe a body.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovND, body_from_dict
+    >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+    SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+    """
+    instance("parameters", parameters, Mapping)
+    kind = one_of("body", parameters.get("body"), body_names())
+    record = map_named(next(name for name, body in _BODIES.items() if body == kind))
+    return record.body.from_dict(parameters)
 
 
 def map_of(body: Any) -> Map:

@@ -21,7 +21,7 @@ MAP = Map(
     quantities=frozenset(
         ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
     ),
-    samples=((Suslov3D(1, 1, 1, 0, 2), (1.0, -3.0)),),
+    samples=((Suslov3D(1, 1, 0.25, 0, 1), (4.0, -12.0)),),
     conserved=lambda body: ("first_integral",),
     closed_form=lambda body: True,
 )

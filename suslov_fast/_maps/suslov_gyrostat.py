@@ -23,6 +23,6 @@ MAP = Map(
         Kept("turn", ("flat", 4), attitude=True),
     ),
     quantities=frozenset(("first_integral", "energy")),
-    samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.0)),),
+    samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
     conserved=lambda body: ("first_integral",),
 )

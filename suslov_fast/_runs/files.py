@@ -1,16 +1,11 @@
-"""Runs in files: .npz by NumPy alone, .nc and .zarr by xarray.
-
-A .npz holds each entry of `schema` under its name. The other formats hold the dataset of
-`Trajectories.to_xarray`, and in the group "resume" the data needed to resume the run.
-"""
+"""Runs in files: a .npz holds each entry of `schema` under its name."""
 
 from __future__ import annotations
 
-import errno
 import math
 import os
+import stat
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,13 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .._checks import wrong
-from . import labelled
-from .codecs import refuse_codecs
+from .._engine.memory import require
 from .replacing import replacing
-from .schema import HEADER, RESUME, Entries, check, read_header
+from .schema import HEADER, Entries, check
 
-# The library needed by xarray for each format; .npz needs NumPy only.
-_LIBRARIES = {".npz": "", ".nc": "netCDF4", ".zarr": "zarr"}
 # Largest size in bytes of a header entry, a number or a name.
 _SHORT = 4096
 
@@ -39,67 +31,46 @@ def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
 
     Obstacles to writing are detected before the computation.
     """
-    suffix = _suffix_of(path)
-    with replacing(path, folder=suffix == ".zarr") as new:
-        yield lambda entries: _write(new, entries, suffix)
+    _check_name(path)
+    with replacing(path) as new:
+
+        def write(entries: Entries) -> None:
+            with open(new, "wb") as file:
+                np.savez(file, **entries)  # type: ignore[arg-type]
+
+        yield write
 
 
 def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
     """Return the file as converted by `interpret`; ValueErrors get the name of the file."""
-    suffix = _suffix_of(path)
-    os.stat(path)  # the system reports a missing file
+    _check_name(path)
     try:
+        # Reading a pipe or a device may never end; the system reports a missing file.
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise ValueError("expected a file, got a folder, a pipe or a device")
         try:
-            entries = _read_npz(path) if suffix == ".npz" else _read_dataset(path, suffix)
+            entries = _read_npz(path)
         except MemoryError:
             raise
         except Exception as error:  # readers raise various errors for damaged files
             raise ValueError(
-                f"expected a {suffix} file that Trajectories.save wrote, got: {error}"
+                f"expected a .npz file that Trajectories.save wrote, got: {error}"
             ) from error
         return interpret(entries)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
-def _suffix_of(path: PathLike) -> str:
-    """Return the suffix of a file name, after a check that its library is installed."""
+def _check_name(path: PathLike) -> None:
     name = os.fspath(path) if isinstance(path, os.PathLike) else path
     if not isinstance(name, str):
         raise wrong("path", "a string or a path", type(path).__name__, TypeError)
-    suffix = Path(name).suffix.lower()
-    if suffix not in _LIBRARIES or name.endswith(("/", os.sep)):
-        raise wrong("path", f"a name that ends in {', '.join(_LIBRARIES)}", repr(name))
-    if library := _LIBRARIES[suffix]:
-        labelled.import_xarray(library)
-    return suffix
-
-
-def _write(new: Path, entries: Entries, suffix: str) -> None:
-    if suffix == ".npz":
-        with open(new, "wb") as file:
-            np.savez(file, **entries)  # type: ignore[arg-type]
-        return
-    dataset = labelled.with_time(labelled.dataset_of(entries))
-    dataset.attrs["crc32"] = _checksum(entries)  # these formats need not have one
-    resume = labelled.import_xarray().Dataset()
-    for name, array in entries.items():
-        if name.startswith(RESUME):
-            name = name.removeprefix(RESUME)
-            resume[name] = ([f"{name}_{k}" for k in range(array.ndim)], array)
-            resume[name].encoding["_FillValue"] = None
-    if suffix == ".zarr":
-        # Zarr format 2, which all readers support and which has consolidated metadata.
-        options = {"mode": "a", "zarr_format": 2, "consolidated": True}
-        dataset = dataset.assign_coords(component=dataset["component"].astype(str))
-        dataset.to_zarr(new, **options)
-        resume.to_zarr(new, group="resume", **options)
-        return
-    try:
-        dataset.to_netcdf(new, engine="netcdf4")
-        resume.to_netcdf(new, mode="a", group="resume", engine="netcdf4")
-    except RuntimeError as error:  # the error of netCDF4 for a full disk
-        raise OSError(errno.EIO, f"could not be written: {error}", os.fspath(new)) from error
+    if Path(name).suffix.lower() != ".npz" or name.endswith(("/", os.sep)):
+        expected = (
+            "a name that ends in .npz (to_xarray().to_netcdf(path) and ensemble(store=...) write "
+            "other formats)"
+        )
+        raise wrong("path", expected, repr(name))
 
 
 def _read_npz(path: PathLike) -> Entries:
@@ -115,6 +86,8 @@ def _read_npz(path: PathLike) -> Entries:
             if name in HEADER and shape == () and dtype.itemsize < _SHORT
         }
         check(header, shapes)
+        nbytes = sum(math.prod(shape) * dtype.itemsize for shape, dtype in shapes.values())
+        require(nbytes, "the run in this file is too large for this machine")
         return {name: _array_of(archive, name) for name in shapes}
 
 
@@ -137,32 +110,3 @@ def _array_of(archive: zipfile.ZipFile, name: str) -> Any:
         array = np.lib.format.read_array(file, allow_pickle=False)
         file.read(1)  # reading to the end of the entry verifies its checksum
     return array
-
-
-def _read_dataset(path: PathLike, suffix: str) -> Entries:
-    xarray, name = labelled.import_xarray(), os.path.abspath(path)
-    options = {
-        "engine": "zarr" if suffix == ".zarr" else "netcdf4",
-        "mask_and_scale": False,
-        "decode_times": False,
-    }
-    if suffix == ".zarr":
-        refuse_codecs(name)
-    with xarray.open_dataset(name, **options) as opened:
-        read_header(opened.attrs)
-        dataset = opened.load()
-    with xarray.open_dataset(name, group="resume", **options) as opened:
-        resume = {RESUME + str(name): each.values for name, each in opened.data_vars.items()}
-    entries = labelled.entries_of_dataset(dataset) | resume
-    if int(dataset.attrs.get("crc32", -1)) != _checksum(entries):
-        raise ValueError("its checksum differs: the file was damaged or edited")
-    return entries
-
-
-def _checksum(entries: Entries) -> int:
-    total = 0
-    for name, array in sorted(entries.items()):
-        plain = array.dtype.kind not in "iuf"
-        data = str(array).encode() if plain else np.ascontiguousarray(array).data
-        total = zlib.crc32(data, zlib.crc32(f"{name}{array.shape}".encode(), total))
-    return total

@@ -46,9 +46,9 @@ def step_full(
     Examples
     --------
     >>> from suslov_fast import Suslov3D, step_full
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
-    array([ 0.988568,  0.315951, -0.1     ])
+    array([ 0.9897  ,  0.406546, -0.1     ])
     """
     run = _checked(body, "omega", omega, eps, I3)
     results = execute(run)
@@ -109,8 +109,8 @@ def iterate_full(
     ======  ==========  ============
     eps     Omega3 = 0  Omega3 = 0.1
     ======  ==========  ============
-    0.1     0.0750      -0.178
-    0.01    0.0806      -2.42
+    0.1     0.0782      -0.174
+    0.01    0.081       -2.42
     0.001   0.0812      -24.9
     ======  ==========  ============
 
@@ -119,7 +119,7 @@ def iterate_full(
     Examples
     --------
     >>> from suslov_fast import Suslov3D, iterate_full
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
     >>> orbit = iterate_full(body, [1.0, 0.5, 0.1], eps=0.2, steps=100, I3=3)
     >>> orbit.omega.shape
     (101, 3)

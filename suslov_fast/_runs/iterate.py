@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, one_of
+from .._checks import FloatArray, one_of, wrong
 from .._docs import filled
 from .._engine.arguments import AnyBody, check
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
@@ -147,6 +147,9 @@ def iterate(
         body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body
     )
     one_of("method", method, map.methods)
+    if attitude is not False and not map.carries_attitude:
+        expected = f"False, as states of {type(body).__name__} have no orientation"
+        raise wrong("attitude", expected, attitude, TypeError)
     if attitude is True or attitude is np.True_:
         arrays.append(np.eye(body.dimension + 1))
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])

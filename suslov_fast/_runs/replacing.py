@@ -1,11 +1,10 @@
-"""Atomic writing of files and folders."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 
 import errno
 import os
 import secrets
-import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,12 +12,11 @@ from pathlib import Path
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Path]:
-    """Create a new file or folder next to `path`, which replaces `path` at the end.
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Create a new file next to `path`, which replaces `path` at the end.
 
     It is created before the computation, so a path that is not writable is detected immediately.
-    The file mode is kept; for a link, its target is replaced. A folder must be empty or a Zarr
-    store to be replaced, and its replacement is not atomic.
+    The file mode is kept; for a link, its target is replaced.
 
     Raises OSError, with what was expected and received as its `strerror`.
     """
@@ -27,10 +25,10 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
         mode = None
         with suppress(FileNotFoundError):
             mode = os.stat(target).st_mode
-            _check_target(target, mode, folder)
+            _check_target(target, mode)
         stem = os.fsencode(f".{target.name}")[:100].decode(errors="ignore")
         new = target.with_name(f"{stem}.{secrets.token_hex(4)}.part")
-        new.mkdir() if folder else new.touch(exist_ok=False)
+        new.touch(exist_ok=False)
     except FileExistsError:
         raise
     except OSError as error:
@@ -39,35 +37,19 @@ def replacing(path: str | os.PathLike[str], folder: bool = False) -> Iterator[Pa
             f"got: {error.strerror or type(error).__name__}"
         )
         raise OSError(error.errno or errno.EIO, message, os.fspath(path)) from error
-    old = new.with_suffix(".old")
     try:
         yield new
         if mode is not None:
             os.chmod(new, stat.S_IMODE(mode))
-            if folder:  # a folder that is not empty cannot be replaced in one move
-                os.rename(target, old)
-        try:
-            os.replace(new, target)
-        except BaseException:  # also for Ctrl-C
-            with suppress(FileNotFoundError):
-                os.rename(old, target)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+        os.replace(new, target)
     finally:
-        shutil.rmtree(new, ignore_errors=True)
         with suppress(OSError):
             os.unlink(new)
 
 
-def _check_target(target: Path, mode: int, folder: bool) -> None:
-    """Raise OSError unless the target is a file, an empty folder or a Zarr store."""
-    kinds = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
-    received = kinds.get(stat.S_IFMT(mode), "neither a file nor a folder")
-    fits = stat.S_ISREG(mode)
-    if folder and (fits := stat.S_ISDIR(mode)):
-        names = set(os.listdir(target))
-        fits, received = not names or bool(names & {".zgroup", "zarr.json"}), "another folder"
-    if not fits:
-        expected = "a Zarr store" if folder else "a file"
-        message = f"expected the name of {expected} to write, got {received}"
+def _check_target(target: Path, mode: int) -> None:
+    """Raise OSError unless the target is a file."""
+    if not stat.S_ISREG(mode):
+        received = "a folder" if stat.S_ISDIR(mode) else "neither a file nor a folder"
+        message = f"expected the name of a file to write, got {received}"
         raise OSError(errno.EEXIST, message, os.fspath(target))

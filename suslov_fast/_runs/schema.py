@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import wrong
+from .._checks import one_of, real_array, wrong
 from .._engine.run import numbers_of_saved
 from .._maps.record import ENDS, Map
 from .._maps.registry import map_named
@@ -24,8 +24,8 @@ from .._maps.registry import map_named
 Entries = dict[str, NDArray[Any]]
 Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 
-# Version of this format; suslov_fast 0.2 wrote format 1.
-FORMAT = 3
+# Version of this format.
+FORMAT = 4
 RESUME = "resume/"
 # Entries of one number or one string; the last is absent if only the last state is saved.
 _KINDS = int, str, str, str, int, int
@@ -101,7 +101,8 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
     """Return the entries of a run, given as the attributes of `Trajectories`."""
     ends = [kept.name for kept in ENDS]
     arrays = {
-        **{name: run[name] for name in ("omega", "eps", *ends, "attitude")},
+        run["_map"].variable: run["states"],
+        **{name: run[name] for name in ("eps", *ends, "attitude")},
         "n": numbers_of_saved(run["steps"], run["save_every"]),
         "final": None if _is_saved(run) else run["final"],
         **run["body"]._values,
@@ -113,36 +114,38 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
 
 def _is_saved(run: Mapping[str, Any]) -> bool:
     """Return True if the last state is the last of the saved ones, bit for bit."""
-    omega, final = run["omega"], run["final"]
-    if len(omega) == 0 or (run["save_every"] and run["steps"] % run["save_every"]):
+    last, final = run["states"][-1], run["final"]
+    if run["save_every"] and run["steps"] % run["save_every"]:
         return False
-    return np.shares_memory(omega[-1], final) or omega[-1].tobytes() == final.tobytes()
+    return np.shares_memory(last, final) or last.tobytes() == final.tobytes()
 
 
 def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return the attributes of `Trajectories`; ValueError if the entries do not form a run."""
     check(entries, {name: (array.shape, array.dtype) for name, array in entries.items()})
     header = read_header(entries)
-    omega, eps, n = np.ascontiguousarray(entries["omega"]), entries["eps"], entries["n"]
+    map = map_named(header["map"])
+    states, eps, n = np.ascontiguousarray(entries[map.variable]), entries["eps"], entries["n"]
     steps, every = header["steps"], header.get("save_every")
+    one_of("method", header["method"], map.methods)
+    real_array("eps", eps)
     if not np.array_equal(n, numbers_of_saved(steps, every)):
         expected = f"the saved steps of a run of {steps} steps with save_every={every}"
         raise wrong("n", expected, np.array2string(n, threshold=4, edgeitems=2))
-    map = map_named(header["map"])
     body = body_of(map, entries)
     components = len(map.components(body))
-    if omega.shape[-1] != components:
-        raise wrong("omega", f"{components} components", omega.shape[-1])
+    if states.shape[-1] != components:
+        raise wrong(map.variable, f"{components} components", states.shape[-1])
     start = len(RESUME)
     resume = {name[start:]: each for name, each in entries.items() if name.startswith(RESUME)}
     if "state" in resume:
         resume |= {kept.name: entries[kept.name].reshape(-1) for kept in ENDS}
     return {
         **{name: entries[name] for name in ("status", "failed_at")},
-        "omega": omega,
+        "states": states,
         "eps": float(eps) if eps.ndim == 0 else eps,
         "body": body,
-        "final": entries["final"] if "final" in entries else omega[-1:].reshape(omega.shape[1:]),
+        "final": entries["final"] if "final" in entries else states[-1],
         "method": header["method"],
         "steps": steps,
         "save_every": every,
@@ -166,7 +169,7 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     written = str(values["format"])
     if written != str(FORMAT):
         version = values.get("version", "unknown")
-        old = ": runs of version 0.2 cannot be read; recompute them" if written == "1" else ""
+        old = ": runs of older versions cannot be read; recompute them" if written < "4" else ""
         raise ValueError(
             f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
             f"{version}{old}"
@@ -190,7 +193,8 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
 def check(values: Mapping[str, Any], shapes: Shapes) -> None:
     """Raise ValueError if the header and the shapes of the arrays are inconsistent."""
     header = read_header(values)
-    schema = schema_of(map_named(header["map"]))
+    map = map_named(header["map"])
+    schema = schema_of(map)
     arrays = {name: each for name, each in shapes.items() if name not in HEADER}
     missing = [name for name, each in schema.items() if not (each.optional or name in arrays)]
     unknown = [name for name in arrays if name not in schema]
@@ -202,8 +206,8 @@ def check(values: Mapping[str, Any], shapes: Shapes) -> None:
     if RESUME + "omega0" in arrays and ("attitude" in arrays) != (RESUME + "R0" in arrays):
         raise ValueError(f"attitude, {RESUME}R0: expected both or none, got one of them")
     every = header.get("save_every")
-    omega, batch = arrays["omega"][0], arrays["status"][0]
-    components = omega[-1] if omega else 0
+    states, batch = arrays[map.variable][0], arrays["status"][0]
+    components = states[-1] if states else 0
     sizes = {
         "n": 1 if every is None else header["steps"] // every + 1,
         **dict.fromkeys(COMPONENTS, components),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 import os
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -53,10 +53,11 @@ class Trajectories:
 
     Attributes
     ----------
-    omega : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first nonexistent state on.
+    states : ndarray(float, shape=(n_saved, ..., D))
+        The saved states; NaN from the first nonexistent state on. The map's name for them,
+        `omega`, is the same array, and ``np.asarray(run)`` gives it, too.
     eps : float or ndarray(float, shape=(...))
-        The step size, in the unit of time of omega.
+        The step size, in the unit of time of the states.
     body : Suslov3D, SuslovND or SuslovGyrostat
         The body.
     status : ndarray(int8, shape=(...))
@@ -65,7 +66,7 @@ class Trajectories:
         The index of the first state that does not exist, or -1; read-only if nothing failed.
     final : ndarray(float, shape=(..., D))
         The state after the last step, even if not saved; if saved, it may share memory with
-        `omega`.
+        `states`.
     method : str
         The requested method.
     steps : int
@@ -74,6 +75,11 @@ class Trajectories:
         The states 0, k, 2k, ... were saved, or only the last.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
         The orientations of the body at the saved states, if requested.
+
+    Notes
+    -----
+    ``len(run)`` is the number of saved states. Runs are equal if all of the above is equal, where
+    NaN equals NaN; they are not hashable.
 
     Examples
     --------
@@ -85,7 +91,7 @@ class Trajectories:
     (26,)
     """
 
-    omega: FloatArray
+    states: FloatArray
     eps: float | FloatArray
     body: AnyBody
     status: NDArray[np.int8]
@@ -94,7 +100,7 @@ class Trajectories:
     method: str
     steps: int
     save_every: int | None
-    attitude: FloatArray | None = None
+    attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
     # The map, and the arrays from which `extend` continues.
     _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -105,7 +111,7 @@ class Trajectories:
         self = object.__new__(cls)
         # Faster than `__init__`, which takes a tenth of a short run.
         vars(self).update(
-            omega=results.omega,
+            states=results.omega,
             eps=run.eps,
             body=run.body,
             status=results.status,
@@ -177,7 +183,38 @@ class Trajectories:
             threads=threads,
             progress=progress,
         )
-        return finish(run, on_singular, before=(self.omega, self.attitude))
+        return finish(run, on_singular, before=(self.states, self.attitude))
+
+    @property
+    def omega(self) -> FloatArray:
+        """The saved states, if they are angular velocities."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The saved states, if they are those of a field."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        own = self._map.variable
+        if name != own:
+            raise AttributeError(
+                f"{name}: expected {own} or states, the names of the states of a run of "
+                f"{self._map.name}"
+            )
+        return self.states
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.states, dtype, copy=copy)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Trajectories):
+            return NotImplemented
+        names = [each.name for each in fields(self) if each.name != "_resume"]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
@@ -199,39 +236,51 @@ class Trajectories:
 
     def first_integral(self) -> FloatArray:
         """Return :func:`suslov_fast.first_integral` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("first_integral", self.eps)
+        from .._states.conserved import first_integral
+
+        return self._of_states(first_integral, self.eps)
 
     def energy(self) -> FloatArray:
         """Return :func:`suslov_fast.energy` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("energy")
+        from .._states.conserved import energy
+
+        return self._of_states(energy)
 
     def modified_energy(self) -> FloatArray:
         """Return :func:`suslov_fast.modified_energy` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("modified_energy", self.eps)
+        from .._states.conserved import modified_energy
+
+        return self._of_states(modified_energy, self.eps)
 
     def criticality(self) -> FloatArray:
         """Return :func:`suslov_fast.criticality` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("criticality", self.eps)
+        from .._states.conserved import criticality
+
+        return self._of_states(criticality, self.eps)
 
     def to_xy(self) -> FloatArray:
         """Return :func:`suslov_fast.to_xy` of the saved states, shape (n_saved, ..., 2)."""
-        return self._of_states("to_xy")
+        from .._states.coordinates import to_xy
+
+        return self._of_states(to_xy)
 
     def reaction(self) -> FloatArray:
         """Return the discrete :func:`suslov_fast.reaction` from each saved state to its next.
 
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
         """
-        return self._of_states("reaction", self.eps)
+        from .._states.continuous import reaction
 
-    def _of_states(self, name: str, *eps: float | FloatArray) -> FloatArray:
+        return self._of_states(reaction, self.eps)
+
+    def _of_states(
+        self, function: Callable[..., FloatArray], *eps: float | FloatArray
+    ) -> FloatArray:
         """Return a quantity of the saved states; TypeError if the map does not have it."""
+        name = function.__name__
         if name not in self._map.quantities:
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
-        import suslov_fast
-
-        values: FloatArray = getattr(suslov_fast, name)(self.body, self.omega, *eps)
-        return values
+        return function(self.body, self.states, *eps)
 
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
@@ -267,18 +316,18 @@ class Trajectories:
         from .._show.figures import axes_for, plot_orbits
         from .._show.style import style
 
-        D = self.omega.shape[-1]
+        D = self.states.shape[-1]
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
-        states = self.omega.reshape(len(self.omega), -1, D)
-        labels = [label.removeprefix("Omega") for label in self._map.components(self.body)]
+        states = self.states.reshape(len(self), -1, D)
+        symbols = self._map.symbols(self.body)
         with style():
             axes = axes_for(ax, (5.0, 5.0))
             plot_orbits(axes, states, (first, second))
-            axes.set_xlabel(rf"$\Omega_{{{labels[first]}}}$")
-            axes.set_ylabel(rf"$\Omega_{{{labels[second]}}}$")
+            axes.set_xlabel(symbols[first])
+            axes.set_ylabel(symbols[second])
             axes.set_aspect("equal", adjustable="datalim")
         return axes
 
@@ -300,8 +349,8 @@ class Trajectories:
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component". It can be written to NetCDF
-            and Zarr without loss; only files of :meth:`save` can be extended.
+            Its dimensions are "n", those of the batch, and "component". Its methods `to_netcdf` and
+            `to_zarr` write it without loss; only files of :meth:`save` can be extended.
 
         Raises
         ------
@@ -341,7 +390,6 @@ class Trajectories:
 
         return cls(**run_of(entries_of_dataset(dataset)))
 
-    @filled
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file that :meth:`load` reads, without loss.
 
@@ -351,15 +399,15 @@ class Trajectories:
         Parameters
         ----------
         path : str or path-like
-            A name that ends in .npz, which needs only NumPy, in .nc (NetCDF) or in .zarr.
+            A name that ends in .npz.
 
         Raises
         ------
-        %(needs_xarray)s
         OSError
             If the file cannot be written.
         TypeError, ValueError
-            If the suffix of the name is another.
+            If the name ends otherwise. ``run.to_xarray().to_netcdf(path)`` writes NetCDF, and
+            :func:`ensemble` a Zarr store.
         """
         from .files import place_for
         from .schema import entries_of
@@ -368,22 +416,22 @@ class Trajectories:
             put(entries_of(vars(self)))
 
     @classmethod
-    @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
         """Read a run written by :meth:`save`.
 
         Parameters
         ----------
         path : str or path-like
-            Its name, which ends in .npz, .nc or .zarr.
+            Its name, which ends in .npz.
 
         Raises
         ------
-        %(needs_xarray)s
         OSError
             If the file cannot be read.
+        MemoryError
+            If the run does not fit in memory.
         TypeError, ValueError
-            If the suffix is another, or the file holds something else or is damaged.
+            If the name ends otherwise, or the file holds something else or is damaged.
         """
         from .files import read
         from .schema import run_of
@@ -403,11 +451,18 @@ class Trajectories:
     def _rows(self) -> list[tuple[str, object]]:
         failed, n = np.count_nonzero(self.status < 0), self.n
         return [
-            ("omega", self.omega.shape),
+            (self._map.variable, self.states.shape),
             ("n", f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))),
             ("eps", _range(self.eps)),
             ("failed", f"{failed} of {self.status.size}"),
         ]
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Compare attributes of runs."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return type(a) is type(b) and bool(a == b)
 
 
 def _range(eps: float | FloatArray) -> str:

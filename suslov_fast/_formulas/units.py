@@ -12,9 +12,10 @@ import numpy as np
 from .._jit import formula, select
 from .elementary import TO_INTEGER, exponent, larger, scaled, smaller, two_to_the
 
-# Moments, or products of inertia, whose exponents differ by more are NaN, and so is a step size
-# above 2**LONGEST: squares and products of three of them are in range below.
-APART, LONGEST = 400.0, 500.0
+# Moments whose exponents differ by more are NaN, and so is a step size above 2**LONGEST: squares
+# and products of three of them are in range below. The smaller product of inertia is NaN where it
+# would be subnormal; its square may underflow, as it is negligible.
+APART, LONGEST, NEGLIGIBLE = 400.0, 500.0, 960.0
 # In place of the logarithm of 0, of which no unit is taken.
 NONE = -1e4
 
@@ -69,7 +70,7 @@ def of_body(I1, I2, I13, I23, k, eps):
     P, Q, E = exponent(most), exponent(k), exponent(eps)
     of_moments, of_products = two_to_the(-M), two_to_the(-P)
     of_moments = select(abs(of_1 - of_2) > APART, np.nan, of_moments)
-    of_products = select((least > 0.0) & (P - exponent(least) > APART), np.nan, of_products)
+    of_products = select((least > 0.0) & (P - exponent(least) > NEGLIGIBLE), np.nan, of_products)
     return Body(
         I1 * of_moments,
         I2 * of_moments,

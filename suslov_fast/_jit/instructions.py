@@ -4,7 +4,7 @@ Only the documented extension API is used: numba.extending.intrinsic, numba.type
 """
 
 import numpy as np
-from llvmlite import ir
+from llvmlite import binding, ir
 from numba import carray, config, types
 from numba.core.errors import RequireLiteralValue
 from numba.extending import intrinsic
@@ -13,6 +13,9 @@ from .options import formula
 
 _DOUBLE, _BIT = ir.DoubleType(), ir.IntType(1)
 LINE = 8  # numbers of a cache line, and of the longest vector
+# Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
+# then take 1.4 times as long. On AMD's, rows that share a line with their neighbour take 0.7.
+_PREFETCHES = binding.get_host_cpu_name().startswith("znver")
 
 
 @intrinsic
@@ -117,6 +120,8 @@ def _copy_line(past_caches):
 @intrinsic
 def _expect_store(typing, target, i):
     def emit(context, builder, signature, arguments):
+        if not _PREFETCHES:
+            return context.get_dummy_value()
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
         byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
         kind = ir.FunctionType(ir.VoidType(), (byte, word, word, word))
@@ -210,7 +215,7 @@ if config.DISABLE_JIT:
         return (*index[:-1], slice(index[-1], index[-1] + LINE))
 
     def expect_store(target, i):
-        """Prefetch the cache line of target[i] for writing."""
+        """Prefetch the cache line of target[i] for writing, on AMD's processors."""
 
     def call(kernel, arguments):
         """Call a kernel by its address, with a tuple of arguments."""

@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas import canonical_map, coordinates
-from .._formulas.elementary import larger
+from .._formulas import canonical_map, coordinates, units
+from .._formulas.elementary import larger, two_to_the
 from .._jit import carray, formula, select, stack
 from . import codes
 from .iterate import LARGEST
 from .lanes import LANES, body_at, row
-from .printed import own_unit
 
 D, STATE = 2, 2
 _STATE = STATE * LANES
@@ -46,15 +45,16 @@ def block():
 def enter(parameters, omega, i, b, l):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
-    step, state1, state2, unit = own_unit(eps, omega1, omega2)
-    X, Y, lost = coordinates.to_canonical(I1, I2, I13, I23, step, state1, state2)
-    m11, m12, m21, m22 = coordinates.from_canonical(I1, I2, I13, I23, step)
+    p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
+    X, Y, lost = coordinates.to_canonical(p.I1, p.I2, p.I13, p.I23, p.eps, p.omega1, p.omega2)
+    m11, m12, m21, m22 = coordinates.from_canonical(p.I1, p.I2, p.I13, p.I23, p.eps)
     # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state does not change.
-    rests = coordinates.at_rest(I13, I23, step, X, Y)
+    rests = coordinates.at_rest(p.I13, p.I23, p.eps, X, Y)
     m11, m12 = select(rests, 0.0, m11), select(rests, 0.0, m12)
     m21, m22 = select(rests, 0.0, m21), select(rests, 0.0, m22)
     X, Y, lost = select(rests, 0.0, X), select(rests, 0.0, Y), select(rests, 0.0, lost)
     c, Z = canonical_map.shifted(Y, lost)
+    unit = two_to_the(u.W)
     largest = larger(larger(abs(m11), abs(m12)), larger(abs(m21), abs(m22)))
     # omega is finite if |X| + |Z| is below this.
     bound = (LARGEST / larger(unit, 1.0)) / largest
@@ -62,11 +62,11 @@ def enter(parameters, omega, i, b, l):
     b.rest1[l] = select(rests, omega1, 0.0) + m12 * c
     b.rest2[l] = select(rests, omega2, 0.0) + m22 * c
     b.scale[l], b.bound[l], b.c[l] = select(rests, 1.0, unit), bound, c
-    missing = omega1 + omega2 != omega1 + omega2
-    b.X[l], b.Z[l] = select(missing, np.nan, X), Z
+    X = select(omega1 + omega2 == omega1 + omega2, X, np.nan)
+    b.X[l], b.Z[l] = X, Z
     code = codes.SUPERCRITICAL if abs(Y) >= 1.0 else codes.OK
     bounded = canonical_map.stays_bounded(X, Z, c, bound)
-    return codes.NONFINITE if missing else code, 0 if bounded else 1
+    return codes.NONFINITE if np.isnan(X) else code, 0 if bounded else 1
 
 
 @formula

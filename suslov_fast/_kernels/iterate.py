@@ -102,8 +102,9 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
             to_guard += guards
             if start == 0 and l < width:
                 status[i] = code
-                if code == codes.NONFINITE:
-                    failed_at[i] = 0
+                if code == codes.NONFINITE:  # the state, or the step in units of the motion
+                    unknown = np.isnan(omega[i, 0] + omega[i, 1] + omega[i, map.D - 1])
+                    failed_at[i] = 0 if unknown else 1
         if start > 0:
             for l in range(lanes):
                 for k in range(map.STATE):

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas import coordinates, printed_map
-from .._formulas.elementary import exponent, larger, scaled, two_to_the
+from .._formulas import coordinates, printed_map, units
+from .._formulas.elementary import larger, two_to_the
 from .._jit import carray, formula, select, stack
 from . import codes
 from .iterate import LARGEST
@@ -36,27 +36,20 @@ def block():
 
 
 @formula
-def own_unit(eps, omega1, omega2):
-    """Return eps and a state in a unit 2**k in which the state is of the order of 1, and 2**k."""
-    k = exponent(larger(abs(omega1), abs(omega2)))
-    inverse = two_to_the(-k)
-    return scaled(eps, k), omega1 * inverse, omega2 * inverse, two_to_the(k)
-
-
-@formula
 def enter(parameters, omega, i, b, l):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
-    step, state1, state2, unit = own_unit(eps, omega1, omega2)
-    _, Y, _ = coordinates.to_canonical(I1, I2, I13, I23, step, state1, state2)
-    rests = (eps == 0.0) | (I13 == 0.0) & (I23 == 0.0)
-    k1, k2, k3, k4 = printed_map.printed_coefficients(I1, I2, I13, I23, step)
-    b.k1[l], b.k2[l], b.k3[l], b.k4[l] = k1, k2, k3, k4
+    p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
+    _, Y, _ = coordinates.to_canonical(p.I1, p.I2, p.I13, p.I23, p.eps, p.omega1, p.omega2)
+    rests, unit = (eps == 0.0) | (I13 == 0.0) & (I23 == 0.0), two_to_the(u.W)
+    k1, k2, k3, k4 = printed_map.printed_coefficients(p.I1, p.I2, p.I13, p.I23, p.eps)
+    b.k1[l], b.k2[l] = select(rests, 0.0, k1), select(rests, 0.0, k2)
+    b.k3[l], b.k4[l] = select(rests, 0.0, k3), select(rests, 0.0, k4)
     b.bound[l] = select(rests, np.inf, LARGEST / larger(unit, 1.0))
     b.unit[l] = select(rests, 1.0, unit)
-    missing = omega1 + omega2 != omega1 + omega2
-    b.omega1[l] = select(missing, np.nan, select(rests, omega1, state1))
-    b.omega2[l] = select(rests, omega2, state2)
+    missing = (omega1 + omega2 != omega1 + omega2) | select(rests, False, Y != Y)
+    b.omega1[l] = select(missing, np.nan, select(rests, omega1, p.omega1))
+    b.omega2[l] = select(rests, omega2, p.omega2)
     code = codes.SUPERCRITICAL if abs(Y) >= 1.0 and not rests else codes.OK
     return codes.NONFINITE if missing else code, 1
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import common_shape, integer, one_of, real_array, rotations
+from .._checks import common_shape, integer, one_of, real_array, rotations, wrong
 from .._docs import filled
 from .._engine.arguments import AnyBody
 from .._engine.progress import Progress, check_progress, reporter
@@ -73,7 +73,8 @@ def ensemble(
         Quantities of each trajectory, accumulated over the saved states, or, with
         ``save_every=None``, over all states, of which only the last is stored:
         "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
-        since the start, dimensionless), "omega_min", "omega_max" (the extrema of each component).
+        since the start, dimensionless), "omega_min", "omega_max" (the extrema of each component,
+        named by the variable of the states).
     method : str
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
@@ -89,7 +90,7 @@ def ensemble(
         A Dask client, or the address of a scheduler, whose workers compute the tiles, on one thread
         each. All must have access to the store. By default this process computes on all threads.
     verify : bool
-        Read all stored data, and recompute what is damaged or missing.
+        Read all stored data, and write anew what is damaged or missing, metadata included.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``, both in
         steps of one trajectory.
@@ -102,8 +103,8 @@ def ensemble(
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, or the store holds another run, a run of version 0.2, or damaged
-        metadata; then nothing is computed or written.
+        If an argument is invalid, or the store holds another run, one of an earlier version, or,
+        without `verify`, damaged metadata; then nothing is computed or written.
     BlockingIOError
         If another process writes to the store.
     OSError
@@ -136,6 +137,12 @@ def ensemble(
         orientation = rotations("attitude", attitude, side).copy()
     elif attitude:
         orientation = np.eye(side)
+    if orientation is not None and not map_of(body).carries_attitude:
+        raise wrong(
+            "attitude",
+            f"False for a {type(body).__name__}, whose map has no orientation",
+            "another",
+        )
     shapes = {"body": body.shape, "omega0": source.shape, "eps": eps.shape}
     if orientation is not None:
         shapes["attitude"] = orientation.shape[:-2]
@@ -225,8 +232,8 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     FileNotFoundError
         If there is nothing of that name.
     ValueError
-        If it is no store of :func:`ensemble`, one of version 0.2, or one that has lost parameters;
-        and if decoding its arrays could run code.
+        If it is no store of :func:`ensemble`, one of an earlier version, or one with damaged
+        metadata or parameters; and if decoding its arrays could run code.
     %(needs_large)s
 
     Examples

@@ -27,7 +27,7 @@ from .._checks import FloatArray
 from .._engine.layout import flat_matrices, own_states
 from .._engine.run import Results, Run, go_on
 from .job import Job, step_work
-from .reductions import REDUCTIONS
+from .reductions import reductions_of
 from .store import RECORDS, Arrays, advice
 
 # Called with a tile and the number of its stored steps.
@@ -54,6 +54,7 @@ def pieces(
     run = Run(job.map, job.body, shape, omega0, job.eps, job.steps, every, job.method)
     run.orientation = None if job.orientation is None else flat_matrices(job.orientation, shape)
     run.threads = threads
+    known = reductions_of(job.map)
     most = int(_FIRST / (math.prod(shape) * step_work(D)))
     stop = -1
     while stop < job.steps:
@@ -70,11 +71,11 @@ def pieces(
         if len(results.omega):
             before, first = reduced, omega0.reshape(*shape, D)
             reduced = {
-                name: REDUCTIONS[name].reduce(job.body, job.eps, results.omega, first)
+                name: known[name].reduce(job.body, job.eps, results.omega, first)
                 for name in job.reductions
             }
             for name in before:
-                reduced[name] = REDUCTIONS[name].combine(before[name], reduced[name])
+                reduced[name] = known[name].combine(before[name], reduced[name])
         yield run, results, reduced
         del results  # the next piece takes the same memory
         start = stop
@@ -86,8 +87,9 @@ def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     where, last = job.where(tile), run.steps == job.steps
     rows = slice(run.rows_before, run.rows_before + len(results.omega))
     if len(results.omega) and (job.save_every is not None or last):
+        states = {job.map.variable: results.omega, "attitude": results.attitude}
         for name in job.states:
-            arrays[name][(rows, *where)] = getattr(results, name)
+            arrays[name][(rows, *where)] = states[name]
     if last:
         for name in job.ends:
             arrays[name][where] = reduced[name] if name in reduced else getattr(results, name)

@@ -14,7 +14,7 @@ from .._checks import FloatArray, integer, wrong
 from .._engine.run import alike, numbers_of_saved
 from .._maps.record import Map
 from .._maps.registry import map_of
-from .reductions import REDUCTIONS
+from .reductions import reductions_of
 from .starts import Slices, Source, described, own_part
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
@@ -67,7 +67,10 @@ class Job:
     @property
     def states(self) -> tuple[str, ...]:
         """Stored arrays with an axis of time."""
-        return (("omega",) + ("attitude",) * (self.orientation is not None)) * self.keeps_states
+        return (
+            self.map.variable,
+            *("attitude",) * (self.orientation is not None),
+        ) * self.keeps_states
 
     @property
     def ends(self) -> tuple[str, ...]:
@@ -94,8 +97,9 @@ class Job:
             for kept in self.map.resume
             if self.orientation is not None or not kept.attitude
         ]
+        known = reductions_of(self.map)
         reduced: list[Any] = [
-            (name, "float64", (D,) * REDUCTIONS[name].of_components) for name in self.reductions
+            (name, "float64", (D,) * known[name].of_components) for name in self.reductions
         ]
         return np.dtype([("steps", "int64"), *resume, *reduced])
 

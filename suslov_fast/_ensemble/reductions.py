@@ -9,6 +9,8 @@ import numpy as np
 
 from .._bodies.reduction import NotIntegrableError
 from .._checks import FloatArray, wrong
+from .._maps.record import Map
+from .._maps.registry import map_of
 from .._states.conserved import energy, first_integral, modified_energy
 
 
@@ -25,10 +27,8 @@ class Reduction(NamedTuple):
 
 def _drift(meaning: str, observable: Callable[[Any, FloatArray, FloatArray], Any]) -> Reduction:
     def reduce(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
-        begin = observable(body, first, eps)
         with np.errstate(all="ignore"):
-            # There is no relative change of 0.
-            change = abs(observable(body, states, eps) / np.where(begin > 0, begin, np.nan) - 1.0)
+            change = abs(observable(body, states, eps) / observable(body, first, eps) - 1.0)
         return np.fmax.reduce(change, axis=0)
 
     return Reduction(f"largest relative change of {meaning} since the start", reduce, np.fmax)
@@ -45,24 +45,33 @@ REDUCTIONS = {
     "first_integral_drift": _drift("F", first_integral),
     "modified_energy_drift": _drift("the modified energy", modified_energy),
     "energy_drift": _drift("the energy", lambda body, omega, eps: energy(body, omega)),
-    "omega_min": _extreme("least", np.fmin),
-    "omega_max": _extreme("largest", np.fmax),
 }
+
+
+def reductions_of(map: Map) -> dict[str, Reduction]:
+    """Return the reductions for runs of a map, by name."""
+    name = map.variable
+    extremes = {
+        f"{name}_min": _extreme("least", np.fmin),
+        f"{name}_max": _extreme("largest", np.fmax),
+    }
+    return {**REDUCTIONS, **extremes}
 
 
 def checked(body: Any, names: Any) -> tuple[str, ...]:
     """Return names of reductions in alphabetical order; raise an error if the body lacks one."""
     if names is None:
         return ()
-    expected = f"names among {', '.join(REDUCTIONS)}"
+    known = reductions_of(map_of(body))
+    expected = f"names among {', '.join(known)}"
     if isinstance(names, str) or not isinstance(names, Sequence):
         raise wrong("reductions", f"a list of {expected}", repr(names), TypeError)
-    if not names or any(name not in REDUCTIONS for name in names):
+    if not names or any(name not in known for name in names):
         raise wrong("reductions", expected, repr(names))
     for name in names:
         state = np.zeros(body.dimension)
         try:
-            REDUCTIONS[name].reduce(body, np.asarray(1.0), state[np.newaxis], state)
+            known[name].reduce(body, np.asarray(1.0), state[np.newaxis], state)
         except (NotIntegrableError, TypeError) as error:
             raise type(error)(f"reductions: {name}: {error}") from error
     return tuple(sorted(set(names)))

@@ -1,14 +1,15 @@
 """Creation, extension, repair and opening of the Zarr store of a run.
 
 The root group holds the results, with the names and attributes of `Trajectories.to_xarray`. The
-group "progress" holds the data for resumption; its attributes identify the run:
+group "progress" holds the data for resumption; its attributes describe the run, with a digest:
 
     steps_done    for each tile the number of steps of the run for which it was finished, or -1
     record        for each trajectory the data from which the next piece starts, as `Job.record`
 
 An absent chunk reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
 which Zarr verifies when it reads. The root group holds a copy of all metadata ("consolidated"),
-in one object: readers see either all old or all new shapes while a run is extended.
+in one object: readers see either all old or all new shapes while a run is extended, and each
+file of metadata is compared with its copy.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from .._runs import labelled
 from .._runs.codecs import refuse_codecs
 from .._runs.schema import header_of, schema_of
 from .job import Job, require_same
-from .reductions import REDUCTIONS
+from .reductions import reductions_of
 
 PROGRESS = "progress"
 MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
@@ -105,7 +106,7 @@ class Found(NamedTuple):
     # Number of steps that readers see, and for each tile the number for which it was finished.
     steps: int = -1
     done: Any = None
-    # What is wrong with the metadata, if anything is.
+    # What is damaged, if anything is.
     damage: Exception | None = None
 
 
@@ -121,20 +122,10 @@ def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") ->
     return group if group.metadata.zarr_format == 3 else None  # not that of a damaged one
 
 
-def _stranger(store: Any) -> str:
-    """Return a description of a path that is neither free nor a Zarr group."""
-    if not _is_folder(store) or not os.path.lexists(store) or _group(store) is not None:
-        return ""
-    if not os.path.isdir(store):
-        return "a file"
-    names = [name for name in os.listdir(store) if not name.endswith(".partial")]
-    return "another folder" if names else ""
-
-
 def _member(group: Any, name: str) -> Any:
     """Return an array or a group; None if it cannot be read."""
     try:
-        return group[name]
+        return None if group is None else group[name]
     except _DAMAGE:
         return None
 
@@ -157,34 +148,40 @@ def look(store: Any, run: str | None = None) -> Found | None:
     """
     # The copies first: while a run is extended, the originals are newer.
     copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
-    if root is None and own is None:
+    attributes = {} if root is None else dict(root.attrs)
+    if attributes == _UNFINISHED or (own is None and not attributes and _is_free(store, root)):
         return None
-    if root is not None and (dict(root.attrs) == _UNFINISHED or not (root.attrs or list(root))):
-        return None
-    kept = None if copies is None else _member(copies, PROGRESS)
-    described = [notes for notes in map(_notes, (own, kept)) if notes]
-    if not described:
-        raise _of_another(store, root, own)
-    notes = next((each for each in described if each["run"] == run), described[0])
+    new, old = _notes(own), _notes(_member(copies, PROGRESS))
+    notes = new if new and run in (None, new["run"]) else old or new
+    if not notes:
+        stored = {} if own is None else dict(own.attrs)
+        received = f"another: {store}"
+        if "run" in stored:
+            of = attributes.get("source", f"suslov_fast {attributes.get('version', 'unknown')}")
+            received = f"format {stored.get('layout', 1)} of {of}: compute {store} anew"
+        raise wrong("store", f"a new name or a store in format {_LAYOUT}", received)
     try:
-        _compare(root, copies, _notes(own), _notes(kept))
+        _compare(root, copies, new, old)
         refuse_codecs(store)
-        steps, done = root.attrs["steps"], np.asarray(root[MARKS][...])
-        if done.max(initial=-1) > steps:
-            raise ValueError("zarr.json has too few steps")
+        needed = ("eps", "component", *map_named(attributes["map"]).body._names())
+        for name in new["known"]:
+            values = np.asarray(root[name][...])  # raises an error if its checksum differs
+            lost = values == "" if values.dtype.kind in "OT" else values != values
+            if name in needed and lost.any():
+                raise ValueError(f"a chunk of {name} is missing")
+        done = np.asarray(root[MARKS][...])
+        if done.max(initial=-1) > attributes["steps"]:
+            raise ValueError("zarr.json is damaged")
     except _DAMAGE as damage:
         return Found(notes, damage=damage)
-    return Found(notes, steps, done)
+    return Found(notes, attributes["steps"], done)
 
 
-def _of_another(store: Any, root: Any, own: Any) -> Exception:
-    """Return the error for a store of another program or version."""
-    notes, attributes = (dict(each.attrs) if each is not None else {} for each in (own, root))
-    if "run" not in notes:
-        return wrong("store", "a new name or a store of ensemble", f"another: {store}")
-    of = attributes.get("source", f"suslov_fast {attributes.get('version', 'unknown')}")
-    received = f"format {notes.get('layout', 1)}, of {of}, in {store}: compute the run anew"
-    return wrong("store", f"a new name or a store in format {_LAYOUT}", received)
+def _is_free(store: Any, root: Any) -> bool:
+    """Return True if a store can be created in a place without metadata."""
+    if root is not None or not _is_folder(store) or not os.path.lexists(store):
+        return root is None or not list(root)
+    return os.path.isdir(store) and all(name.endswith(".partial") for name in os.listdir(store))
 
 
 def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -> None:
@@ -193,7 +190,7 @@ def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -
     While a run is extended, it has more steps than its copy, and axes of time may be longer.
     """
     if not new:
-        raise ValueError(f"{PROGRESS}/zarr.json")
+        raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
     about = new["attributes"]
     if (
         not old
@@ -201,58 +198,55 @@ def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -
         or about != {name: root.attrs[name] for name in about}
         or not 0 <= root.attrs["steps"] <= old["steps"] <= new["steps"]
     ):
-        raise ValueError("zarr.json")
+        raise ValueError("zarr.json is damaged or missing")
     longest = len(numbers_of_saved(new["steps"], about.get("save_every")))
-    nodes = {name: node.metadata.to_dict() for name, node in copies.members(max_depth=None)}
-    del nodes[PROGRESS]
-    if missing := {*new["variables"], MARKS, RECORDS} - set(nodes):
-        raise ValueError(f"zarr.json, without {', '.join(sorted(missing))}")
-    for name, node in nodes.items():
-        member = _member(root, name)
+    for name in (*new["known"], *new["computed"], MARKS, RECORDS):
+        node, member = copies[name].metadata.to_dict(), _member(root, name)
         found = {} if member is None else member.metadata.to_dict()
         if found and (node.get("dimension_names") or ("",))[0] == "n":
             rows, *others = found["shape"]
             if node["shape"][0] <= rows <= longest:
                 found["shape"] = (node["shape"][0], *others)
         if found != node:
-            raise ValueError(f"{name}/zarr.json")
+            raise ValueError(f"{name}/zarr.json is damaged or missing")
 
 
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
     """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
-    Raises ValueError if the store holds another run, or is damaged, and FileExistsError if the
-    path is not a Zarr store. The next call completes the work of a process killed here.
+    Raises ValueError if the store holds another run, or is damaged. The next call completes the
+    work of a process killed here.
     """
     import zarr
 
     store, run = job.store, json.dumps(identity)
     found = look(store, run)
     if found is None:
-        if received := _stranger(store):
-            message = f"expected the name of a Zarr store to write, got {received}"
-            raise OSError(errno.EEXIST, message, store)
         group = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False)
         group.attrs.put(_UNFINISHED)
         for name in list(group):
             del group[name]
         about = {name: value for name, value in dataset.attrs.items() if name != "steps"}
-        notes: dict[str, Any] = {"layout": _LAYOUT, "run": run, "attributes": about}
+        notes: dict[str, Any] = {"layout": _LAYOUT, "run": run, "attributes": about, "known": []}
         notes |= {"tile": job.tile, "rows": job.rows, "compression": job.compression}
-        found = Found({**notes, "variables": []})
-    else:
-        notes = found.notes
-        require_same(identity, json.loads(notes["run"]), store)
-        if notes["steps"] > job.steps:
-            raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
-        if found.damage and not verify:
-            with advice(store):
-                raise found.damage
-        tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
-        job = replace(job, tile=tile, rows=rows, compression=compression)
-    if verify or found.steps != job.steps:
+        _write(job, dataset, notes, True)
+        return job
+    notes = found.notes
+    require_same(identity, json.loads(notes["run"]), store)
+    if notes["steps"] > job.steps:
+        raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
+    tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
+    job = replace(job, tile=tile, rows=rows, compression=compression)
+    if not verify:
         with advice(store):
-            _write(job, dataset, found.notes, verify or found.steps < 0)
+            if found.damage:
+                raise found.damage
+            records = _group(store)[RECORDS]
+            for each in np.flatnonzero(found.done != job.steps).tolist():
+                records[job.where(each)]  # raises an error if its checksum differs
+    if verify or found.steps != job.steps:
+        _write(job, dataset, notes, verify)
+        with advice(store):
             refuse_codecs(store)
     return job
 
@@ -262,45 +256,49 @@ def _write(job: Job, dataset: Any, notes: dict[str, Any], all_values: bool) -> N
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
 
-    codecs: list[Any] = [Crc32cCodec()]
-    packed = list(codecs)
-    if job.compression:
-        packed.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
-    # Metadata are made in memory, since Zarr removes the chunks of an array that it creates anew.
-    memory = zarr.create_group(zarr.storage.MemoryStore(), zarr_format=3)
     groups = (_group(job.store, path, mode="r+") for path in ("", PROGRESS))
     group = next(each for each in groups if each is not None)
     place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
+    # Metadata are made in memory, since Zarr removes the chunks of an array that it creates.
+    memory = zarr.create_group(zarr.storage.MemoryStore(), zarr_format=3)
+
+    def put_group(path: str, attributes: dict[str, Any]) -> None:
+        made = zarr.AsyncGroup(memory.metadata, place / path)
+        zarr.Group(made).update_attributes(attributes)
+        memory.attrs.put({})
 
     def put(name: str, shape: Any, chunks: Any, **options: Any) -> None:
         made = memory.create_array(name, shape=shape, chunks=chunks, **options)
         zarr.Array(zarr.AsyncArray(made.metadata, place / name)).update_attributes({})
 
-    def describe(path: str, attributes: dict[str, Any]) -> None:
-        made = memory.require_group(path) if path else memory
-        zarr.Group(zarr.AsyncGroup(made.metadata, place / path)).update_attributes(attributes)
-
     if _group(job.store) is None:
-        describe("", notes["attributes"])
+        put_group("", notes["attributes"])
     group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
-    variables = sorted({*notes["variables"], *map(str, dataset.variables)})
-    for name in variables:
-        if name not in dataset.variables and _member(group, name) is None:
-            raise wrong("coords", f"{name}, which this store has lost", "none")
-    notes = {**notes, "variables": variables, "steps": job.steps}
-    describe(PROGRESS, {**notes, "digest": _digest(notes)})
+    computed: list[Any] = [*job.states, *job.ends, *("n",) * job.keeps_states]
+    known = dataset.drop_vars(computed).drop_attrs(deep=False)
+    for name in notes["known"]:
+        if name not in known.variables and _member(group, name) is None:
+            raise wrong("coords", f"{name}, which {job.store} has lost", "none")
+    names = sorted({*notes["known"], *map(str, known.variables)})
+    notes = {**notes, "known": names, "computed": computed, "steps": job.steps}
+    put_group(PROGRESS, {**notes, "digest": _digest(notes)})
+    codecs: list[Any] = [Crc32cCodec()]
     size, tiles = job.record.itemsize, math.prod(job.grid)
     put(MARKS, (tiles,), (_TOGETHER,), dtype="int64", fill_value=-1, compressors=codecs)
     chunks = (*job.tile, size)
     put(RECORDS, (*job.batch, size), chunks, dtype="uint8", fill_value=255, compressors=codecs)
+    packed = list(codecs)
+    if job.compression:
+        packed.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
     lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
-    computed: list[Any] = [*job.states, *job.ends]
     for name in computed:
         variable = dataset[name].variable
+        chunks = tuple(lengths.get(dim, length) for dim, length in variable.sizes.items())
         put(
             name,
             variable.shape,
-            tuple(lengths.get(dim, length) for dim, length in variable.sizes.items()),
+            # A chunk of n does not depend on the number of steps: it serves old and new metadata.
+            (_TOGETHER,) if name == "n" else chunks,
             dtype=variable.dtype,
             fill_value=np.nan if variable.dtype.kind == "f" else NOT_COMPUTED,
             compressors=packed,
@@ -308,19 +306,15 @@ def _write(job: Job, dataset: Any, notes: dict[str, Any], all_values: bool) -> N
             attributes={key: np.asarray(each).tolist() for key, each in variable.attrs.items()},
         )
     if job.keeps_states:
-        about = {"dimension_names": ("n",), "attributes": dict(dataset["n"].attrs)}
-        # A chunk does not depend on the number of steps: it serves old and new metadata.
-        shape, chunks = job.numbers.shape, (_TOGETHER,)
-        put("n", shape, chunks, dtype="int64", fill_value=0, compressors=codecs, **about)
         group["n"][...] = job.numbers
     if all_values:
-        known = dataset.drop_vars([*computed, "n"], errors="ignore").drop_attrs(deep=False)
         encoding: dict[Any, Any] = {}
         for name, variable in known.variables.items():
             del group[name]
             encoding[name] = {"compressors": codecs}
             if variable.dtype.kind == "f":  # an absent chunk is recognised by its NaN
                 encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
+        known.attrs = dict(group.attrs)
         known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
@@ -345,7 +339,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
             entries[name] = np.broadcast_to(np.zeros((), entry.dtype), shape)
     dataset = labelled.dataset_of(entries, job.dims, coords)
     for name in job.reductions:
-        meaning, *_, of_components = REDUCTIONS[name]
+        meaning, *_, of_components = reductions_of(job.map)[name]
         own = {"component": D} if of_components else {}
         nothing = np.broadcast_to(0.0, (*batch, *own.values()))
         dataset[name] = ((*job.dims, *own), nothing, {"long_name": meaning})
@@ -386,10 +380,8 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
 
     found = look(store)
     if found is None:
-        expected, received = "a store written by ensemble", _stranger(store)
-        if received:
-            raise wrong("store", expected, f"another one, {received}: {store}")
-        raise wrong("store", expected, f"none at {store}", FileNotFoundError)
+        received = f"none at {store}"
+        raise wrong("store", "a store written by ensemble", received, FileNotFoundError)
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
         if found.damage:
@@ -397,10 +389,6 @@ def open_dataset(store: Any, chunks: Any = "auto") -> Any:
         # The copies agree with each other while the arrays are extended.
         options: dict[str, Any] = {"zarr_format": 3, "chunks": chunks, "drop_variables": ["n"]}
         dataset = xarray.open_zarr(store, consolidated=True, **options)
-        for name in ("eps", "component", *map_named(dataset.attrs["map"]).body._names()):
-            values = dataset[name].load().values if name in dataset else np.empty(0)
-            if (values == "" if values.dtype.kind in "OT" else values != values).any():
-                raise ValueError(f"a chunk of {name} is missing")
         done, steps = found.done, found.steps
         dataset.attrs["steps"] = steps
         dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"

@@ -92,11 +92,31 @@ def test_steps_that_are_not_invertible(unit):
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-8, 1e-12, 3e-15])
 @pytest.mark.parametrize("eps", [1.0, -1.0])
-def test_next_to_t_1(unit, gap, eps):
+@pytest.mark.parametrize("body", [(1, 1, 1, 0), (2.3, 1.4, 0.5, -0.7)])
+@naive.mpmath.workdps(900)
+def test_next_to_t_1(body, gap, eps):
     """The sum is log |rho(0) / rho(n)| / n, with the density rho of the invariant measure."""
-    omega, steps = [1e-3, -eps * 2 * (1 - gap)], 40
-    states = naive.orbit(1, 1, 1, 0, eps, omega, steps)
-    density = [naive.invariant_density(1, 1, 1, 0, eps, state) for state in (states[0], states[-1])]
-    exact = naive.mpmath.log(abs(density[0] / density[1])) / steps
-    total = sf.lyapunov_exponents(unit, omega, eps, steps).sum()
-    assert abs(float(total / exact) - 1) < 2e-14
+    y, steps = -eps * 2 * body[0] * body[1] * (1 - gap), 40
+    omega = sf.from_xy(sf.Suslov3D(*body), [1e-3, y])
+    states = naive.orbit(*body, eps, omega, steps)
+    logs = [naive.mpmath.log(abs(naive.invariant_density(*body, eps, each))) for each in states]
+    modulus = sum(abs(v - w) for v, w in zip(logs[1:], logs, strict=False)) / steps
+    total = sf.lyapunov_exponents(sf.Suslov3D(*body), omega, eps, steps).sum()
+    assert abs(total - (logs[0] - logs[-1]) / steps) < 1e-14 * modulus
+
+
+@pytest.mark.parametrize("eps", [1e-9, 1e-5, -0.01])
+def test_small_steps(rng, eps):
+    """The sum of one step is eps times the divergence, with an error of order eps**2."""
+    for body in (
+        THREE,
+        sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9),
+        sf.SuslovND([1, 2, 3], [2, 3, 4]),
+    ):
+        omega = rng.normal(size=body.dimension)
+        total = sf.lyapunov_exponents(body, omega, eps, 1).sum()
+        middle = (omega + sf.step(body, omega, eps)) / 2
+        unit = np.eye(body.dimension)
+        ahead, behind = (sf.vector_field(body, middle + sign * unit) for sign in (1, -1))
+        divergence = np.trace(ahead - behind) / 2  # the field is quadratic
+        assert abs(total / (eps * divergence) - 1) < 1e-13 + 10 * eps * eps

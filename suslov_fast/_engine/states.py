@@ -122,7 +122,7 @@ def by_slabs(
         bodies = type(body)(*(each[part] for each in vectors)) if body.shape else body
         out[part] = values = function(bodies, some, steps[part])
         if warn:
-            absent = np.isnan(values.reshape((*some.shape[:-1], -1))[..., 0])
+            absent = np.isnan(values.reshape((*some.shape[:-1], math.prod(result)))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
     if lost.any():
         warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch, stacklevel=6)

@@ -3,40 +3,43 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.nd import SuslovND
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
-from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray, first_index, integer, spell
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import WithoutRotor, check
-from .._engine.layout import flat_vectors, for_kernel
-from .._engine.states import TASKS
+from .._engine.arguments import check
+from .._engine.layout import own_parameter, own_states
+from .._engine.run import Run, execute, go_on
 from .._engine.status import SingularStepWarning
-from .._jit import Kernel
-from .._kernels import exponents as kernels
-from .._kernels.lanes import LANES
+from .._maps.registry import map_of
+from .table import TABLE
 
-# Number of operations between checks for Ctrl-C: some 0.1 s.
-_SLICE = 2**28
-# Cost of a step in three dimensions, in steps of the map.
-_STEP = 20
+# Size of the derivatives that are held at a time.
+_SLAB = 2**20
+# In the matrix A of a step longer by this power of two its identity is lost in rounding.
+_LONGER = 200
+# t is computed exactly if 1 - t**2 is below this.
+_NEXT_TO_1 = 0.1
 
 
 @filled
 def lyapunov_exponents(
-    body: WithoutRotor, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
+    body: Any, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     omega0 : array_like(float, shape=(..., D))
         Initial angular velocities. The result is NaN for states that are NaN.
     %(eps)s
@@ -60,9 +63,10 @@ def lyapunov_exponents(
     -----
     The derivatives of the map along the orbit are multiplied, and the product is decomposed as Q R
     after each step, beginning with Q = Id. The exponents are the mean logarithms of the diagonal of
-    R; their sum is the mean of ``log |det DPhi|``. As `steps` grows, they tend to the logarithms of
-    the :func:`multipliers` of the steady state that the orbit approaches, with an error of order
-    1 / steps: one is 0, the others are negative.
+    R; their sum is the mean of ``log |det DPhi|``, with an error below 1e-12 of the mean of its
+    magnitude. As `steps` grows, they tend to the logarithms of the :func:`multipliers` of the
+    steady state that the orbit approaches, with an error of order 1 / steps: one is 0, the others
+    are negative.
 
     Of an orbit that leaves the line of steady states, a displacement along the orbit grows and
     shrinks again. If it outgrows the displacement across by 1e16, single exponents lose all digits;
@@ -76,19 +80,18 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps})
-    steps = integer("steps", steps, 1)
-    threads = _threads.thread_count(threads)
-    arguments = flat_vectors(state, batch).copy(), step_size, batch, steps, threads
-    if isinstance(body, Suslov3D):
-        products, exponents = _growth(body, *arguments)
-    else:
-        products, exponents = _growth_nd(body, *arguments)
-    logarithms = np.empty(products.shape)
-    _threads.run(kernels.take_logarithms, 0, threads, products, exponents, float(steps), logarithms)
-    if isinstance(body, Suslov3D):
-        logarithms[:, 1] -= logarithms[:, 0]  # of the area, less that of the length
-    result = -np.sort(-logarithms, axis=-1).reshape((*batch, body.dimension))
+    kinds = tuple(kind for kind, quantities in TABLE.items() if "jacobian" in quantities)
+    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps}, kinds=kinds)
+    steps, threads = integer("steps", steps, 1), _threads.thread_count(threads)
+    if 0 in batch:
+        return np.empty((*batch, body.dimension))
+    with np.errstate(all="ignore"):
+        lengths, of_det = _sums(body, state, step_size, batch, steps, threads)
+        # The last length is the least accurate, and follows from the determinant.
+        last = of_det - lengths[..., :-1].sum(axis=-1)
+        lengths[..., -1] = np.where(np.isnan(last), lengths[..., -1] + 0.0 * of_det, last)
+    lengths[np.isnan(lengths).any(axis=-1)] = np.nan
+    result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
     if failed.any():
         warnings.warn(
@@ -100,58 +103,135 @@ def lyapunov_exponents(
     return result
 
 
-def _growth(
-    body: Suslov3D,
-    omega: FloatArray,
+def _sums(
+    body: Any,
+    state: FloatArray,
     eps: float | FloatArray,
     batch: tuple[int, ...],
     steps: int,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the growth of a length and of an area, as products and exponents (B, 2)."""
-    size = len(omega)
-    parameters = tuple(
-        for_kernel(np.broadcast_to(each, batch).reshape(size)) for each in (*body.parameters, eps)
-    )
-    carried = np.empty((kernels.ROWS, size))
-    _threads.run(kernels.enter, size * _STEP, threads, parameters, omega, carried)
-    _iterate(kernels.iterate, steps, _STEP, size, LANES, threads, carried)
-    products = carried[[kernels.LENGTH, kernels.AREA]].T
-    exponents = carried[[kernels.OF_LENGTH, kernels.OF_AREA]].T
-    return np.ascontiguousarray(products), np.ascontiguousarray(exponents)
+    """Return the sums of the logarithms of the diagonals of R, and of |det DPhi|."""
+    D, quantity = body.dimension, TABLE[map_of(body).body]["jacobian"]
+    frame, lengths, of_det = np.eye(D), np.zeros((*batch, D)), np.zeros(batch)
+    log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_matrix
+    invariant = None
+    run = Run(map_of(body), body, batch, own_states(state, batch), own_parameter(eps), 0, 1)
+    run.threads = threads
+    for omega in _slabs(run, steps):
+        # A state without a next one has no derivative either.
+        before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
+        of_step = quantity(body, before, eps, before.shape[:-1], threads, "omega")
+        if frame.ndim == 2:  # directions that the first step annihilates come last
+            lost = (of_step[0] == 0.0).all(axis=-2)
+            frame = np.take_along_axis(
+                np.broadcast_to(frame, of_step[0].shape),
+                np.argsort(lost, axis=-1, kind="stable")[..., np.newaxis, :],
+                axis=-1,
+            )
+        logarithms, invariant = log_det(body, omega, eps, invariant)
+        for derivative, logarithm in zip(of_step, logarithms, strict=True):
+            frame, diagonal = _orthonormalised(derivative @ frame)
+            lengths += np.log(diagonal)
+            of_det += logarithm
+    return lengths, of_det
 
 
-def _growth_nd(
-    body: SuslovND,
-    omega: FloatArray,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
-    steps: int,
-    threads: int | None,
+def _orthonormalised(frame: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Apply the modified Gram-Schmidt method to the columns of matrices; return Q, and diag R."""
+    D = frame.shape[-1]
+    diagonal = np.empty(frame.shape[:-1])
+    for k in range(D):
+        column = frame[..., k]
+        diagonal[..., k] = length = np.sqrt((column * column).sum(axis=-1))
+        column /= np.where(length > 0.0, length, 1.0)[..., np.newaxis]
+        if k + 1 < D:
+            along = column[..., np.newaxis, :] @ frame[..., k + 1 :]
+            frame[..., k + 1 :] -= column[..., np.newaxis] * along
+    return frame, diagonal
+
+
+def _slabs(run: Run, steps: int) -> Iterator[FloatArray]:
+    """Yield all states (..., D) of a run in parts; the first state of a part is the last before."""
+    size = max(run.omega0.size * run.omega0.shape[1], 1)
+    length = max(_SLAB // size, 1)
+    run.steps = min(length, steps)
+    found = execute(run)
+    yield found.omega
+    while run.steps < steps:
+        last, resume = found.omega[-1:], found.resume
+        resume = {name: array for name, array in resume.items() if name != "omega0"}
+        until = min(run.steps + length, steps)
+        run = replace(run, start=run.steps, steps=until, resume=resume)
+        found = go_on(run)
+        found = found._replace(omega=np.concatenate([last, found.omega]))
+        yield found.omega
+
+
+def _canonical(
+    body: Any, omega: FloatArray, eps: float | FloatArray, G: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the growth of the vectors of a frame, as products and exponents (B, m)."""
-    size, m = omega.shape
-    J, I = (flat_vectors(each, batch) for each in units_of(body).parameters)
-    _, power = np.frexp(np.nan_to_num(abs(omega).max(axis=-1)))
-    omega = np.ldexp(omega, -power[:, np.newaxis])
-    with np.errstate(all="ignore"):
-        step = np.ldexp(np.broadcast_to(scaled_eps(body, eps), batch).reshape(size), power)
-        h = 0.5 * step[:, np.newaxis] / J
-    frames = np.empty((size, m, m))
-    frames[:] = np.eye(m)
-    products, exponents = np.ones((size, m)), np.zeros((size, m))
-    scratch = np.empty((min(size, TASKS), kernels.scratch_size(m)))
-    grown = h, I, omega, frames, products, exponents, scratch
-    _iterate(kernels.iterate_nd, steps, 3 * m**3 + _STEP * m, size, 1, threads, *grown)
-    return products, exponents
+    """Return log |det DPhi| of the steps between states in three dimensions, and 1 - t**2.
+
+    With X = e l, Y and K = e k of the module `_formulas.gyrostat`, the invariant density gives
+    det DPhi = (1 + Y + K X) / (1 - Y + 2 X**2 - K X) (1 + X_next**2) / (1 + X**2). Next to t = 1
+    the first numerator nearly vanishes, and follows from 1 - t**2, which is constant on an orbit:
+    (1 + K X + Y) (1 + K X - Y) / (1 + X**2).
+    """
+    I1, I2, I13, I23, *rest = body.parameters
+    k, root = rest[0] if rest else 0.0, np.sqrt(I1) * np.sqrt(I2)
+    omega1, omega2 = 0.5 * omega[..., 0] * eps, 0.5 * omega[..., 1] * eps
+    K = 0.5 * (k / root) * eps
+    X = I13 / root * omega1 + I23 / root * omega2 + K
+    Y, KX, square = I23 / I2 * omega1 - I13 / I1 * omega2, K * X, X * X
+    if G is None:
+        G = np.array(((1.0 + KX + Y) * (1.0 + KX - Y) / (1.0 + square))[0])
+        numbers = np.broadcast_arrays(I1, I2, I13, I23, k, eps, omega[0, ..., 0], omega[0, ..., 1])
+        for index in np.argwhere(abs(G) < _NEXT_TO_1):
+            i = tuple(index)
+            G[i] = _exact(*(Fraction(float(each[i])) for each in numbers))
+    above, below, product = 1.0 + KX + Y, 1.0 + KX - Y, G * (1.0 + square)
+    first = abs(above) < abs(below)  # the smaller one follows from the other
+    above, below = np.where(first, product / below, above), np.where(first, below, product / above)
+    wide = 2.0 * (X * (X - K))
+    of_step = _logarithm(above, KX + Y) - _logarithm(below + wide, KX - Y + wide)
+    ratio, change = (1.0 + square[1:]) / (1.0 + square[:-1]), square[1:] - square[:-1]
+    return of_step[:-1] + _logarithm(ratio, change / (1.0 + square[:-1])), G
 
 
-def _iterate(
-    kernel: Kernel, steps: int, cost: int, size: int, lanes: int, threads: int | None, *arrays: Any
-) -> None:
-    """Make the steps of all orbits in slices; `cost` is that of one step of one orbit."""
-    length = max(_SLICE // (cost * max(size, lanes)), 1)
-    for start in range(0, steps, length):
-        count = min(length, steps - start)
-        work = count * size * cost if size > lanes else 0
-        _threads.run(kernel, work, threads, count, *arrays)
+def _by_matrix(
+    body: Any, omega: FloatArray, eps: float | FloatArray, _: FloatArray | None
+) -> tuple[FloatArray, None]:
+    """Return log |det A(omega_next; -eps)| - log |det A(omega; eps)| of the steps."""
+    matrix, batch = TABLE[map_of(body).body]["matrix"], omega.shape[:-1]
+    power = np.clip(1000 - np.frexp(eps)[1], 0, _LONGER)  # A(omega; 2**power eps) exists
+    unit = np.ldexp(1.0, power)[..., np.newaxis, np.newaxis]
+    change = matrix(body, omega, np.ldexp(eps, power), batch, None, "omega")
+    change = (change - np.eye(body.dimension)) / unit
+    return _log_det(-change[1:]) - _log_det(change[:-1]), None
+
+
+def _log_det(change: FloatArray) -> FloatArray:
+    """Return log |det(1 + change)|, without adding 1 where all is small."""
+    small = np.asarray(abs(change).sum(axis=-1).max(axis=-1) < 0.5)
+    result: FloatArray = np.linalg.slogdet(np.eye(change.shape[-1]) + change)[1]
+    rest, total = np.where(small[..., np.newaxis, np.newaxis], change, 0.0), np.zeros(small.shape)
+    for k in range(change.shape[-1]):
+        pivot = rest[..., k, k].copy()
+        total += np.log1p(pivot)
+        row = rest[..., k : k + 1, :] / (1.0 + pivot)[..., np.newaxis, np.newaxis]
+        rest = rest - rest[..., :, k : k + 1] * row
+    return np.where(small, total, result)
+
+
+def _logarithm(value: FloatArray, less_1: FloatArray) -> FloatArray:
+    """Return log |value|, accurate for both a small value and a small value - 1."""
+    return np.where(abs(less_1) < 0.5, np.log1p(less_1), np.log(abs(value)))
+
+
+def _exact(*numbers: Fraction) -> float:
+    """Return 1 - t**2 of a state, rounded once."""
+    I1, I2, I13, I23, k, eps, omega1, omega2 = numbers
+    l, y = I13 * omega1 + I23 * omega2 + k, I23 * I1 * omega1 - I13 * I2 * omega2
+    a, h = I1 * I2, eps * eps / 4
+    return float(((a + h * k * l) ** 2 - h * y * y) / (a * (a + h * l * l)))

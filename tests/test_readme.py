@@ -19,36 +19,39 @@ README = DOCS.parent / "README.md"
 
 
 @pytest.mark.compiled
-def test_python_blocks(tmp_path, monkeypatch):
-    """Run each block alone, as a reader would; serially, since parallel loops compile slowly."""
-    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
-    monkeypatch.chdir(tmp_path)
-    assert len(blocks(README, "python")) == 3
-    for code in blocks(README, "python"):
-        expected = [after or below for after, below in PRINTED.findall(code)]
-        assert run(code, "README.md", {}).splitlines() == expected
+def test_blocks_in_one_folder(tmp_path, monkeypatch):
+    """Run all blocks in order, as a reader does; serially, since parallel loops compile slowly.
 
-
-@pytest.mark.compiled
-def test_shell_blocks(tmp_path, monkeypatch):
-    """Run the commands in this process, with one picture, as test_cli.py draws all."""
+    Each Python block is a program of its own. Commands run in this process, with one picture, as
+    test_cli.py draws all.
+    """
     pytest.importorskip("matplotlib")
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.setattr(pictures, "PICTURES", {4: pictures.PICTURES[4]})
-    for line in "".join(blocks(README, "sh")).splitlines():
-        command, *arguments = shlex.split(line)
-        with pytest.raises(SystemExit) as stopped:
-            main(arguments)
-        assert (command, stopped.value.code) == ("suslov-fast", 0), line
-    subprocess.run([Path(sys.executable).with_name("suslov-fast"), "--version"], check=True)
-    assert np.load(tmp_path / "orbits.npz")["omega"].shape == (6, 1000, 2)
+    monkeypatch.chdir(tmp_path)
+    kinds = []
+    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
+        kinds.append(kind)
+        if kind == "python":
+            expected = [after or below for after, below in PRINTED.findall(code)]
+            assert run(code, "README.md", {}).splitlines() == expected
+        elif kind == "sh":
+            for line in code.splitlines():
+                command, *arguments = shlex.split(line)
+                with pytest.raises(SystemExit) as stopped:
+                    main(arguments)
+                assert (command, stopped.value.code) == ("suslov-fast", 0), line
+    assert kinds.count("python") >= 3
+    assert "sh" in kinds
+    assert np.load(tmp_path / "run.npz")["omega"].shape == (6, 1000, 2)
     assert (tmp_path / "pictures" / "picture4.png").exists()
+    subprocess.run([Path(sys.executable).with_name("suslov-fast"), "--version"], check=True)
 
 
 def test_length_and_set_up():
     """The lines that set up a checkout are those that CI runs."""
     text = README.read_text(encoding="utf-8")
-    assert text.count("\n") <= 150
+    assert text.count("\n") <= 170
     assert {name for name, _ in BLOCK.findall(text)} == {"python", "sh", "sh setup", "text"}
     first, second = "".join(blocks(README, "sh setup")).splitlines()
     assert first.endswith(".venv/bin/suslov-fast run")

@@ -45,7 +45,7 @@ def test_all_pages_are_included(tmp_path):
     """The notebook, and the scripts for a type checker, contain all blocks of all pages."""
     pages = TUTORIAL.pages()
     assert set(pages) == {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
-    assert len(pages) == 7
+    assert len(pages) == 8
     command = [sys.executable, SCRIPT, tmp_path / "t.ipynb", "--scripts", tmp_path / "scripts"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
@@ -64,7 +64,7 @@ def test_all_pages_are_included(tmp_path):
 def test_the_notebook_has_no_sphinx_syntax():
     cells = TUTORIAL.notebook()["cells"]
     texts = ["".join(each["source"]) for each in cells if each["cell_type"] == "markdown"]
-    assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 8
+    assert sum(text.count("\n# ") + text.startswith("# ") for text in texts) == 9
     syntax = r"\{(func|class|doc|ref|download|figure|toctree)\}|:::|\.md\b|^: |Next:"
     assert not re.search(syntax, "\n".join(texts), re.MULTILINE)
 

@@ -193,17 +193,10 @@ def step_work(dimension: int) -> float:
 def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:
     """Raise a ValueError that names the difference if the store holds another run."""
     differing = [
-        f"{name} {_short(stored.get(name))} instead of {_short(asked[name])}"
+        f"{name} {stored.get(name)!s:.99} instead of {asked[name]!s:.99}"
         for name in asked
         if stored.get(name) != asked[name]
     ]
     if differing:
         received = f"{store} of another run, with {'; '.join(differing)}"
         raise wrong("store", "a new store or that of this run", received)
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_short(each)}" for name, each in value.items())
-    text = str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

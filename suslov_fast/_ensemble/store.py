@@ -148,7 +148,7 @@ def look(store: Any, run: str | None = None) -> Found | None:
     """
     # The copies first: while a run is extended, the originals are newer.
     copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
-    attributes = {} if root is None else dict(root.attrs)
+    attributes = next((dict(each.attrs) for each in (copies, root) if each is not None), {})
     if attributes == _UNFINISHED or (own is None and not attributes and _is_free(store, root)):
         return None
     new, old = _notes(own), _notes(_member(copies, PROGRESS))
@@ -161,7 +161,7 @@ def look(store: Any, run: str | None = None) -> Found | None:
             received = f"format {stored.get('layout', 1)} of {of}: compute {store} anew"
         raise wrong("store", f"a new name or a store in format {_LAYOUT}", received)
     try:
-        _compare(root, copies, new, old)
+        _compare(store, root, copies, new, old)
         refuse_codecs(store)
         needed = ("eps", "component", *map_named(attributes["map"]).body._names())
         for name in new["known"]:
@@ -170,11 +170,12 @@ def look(store: Any, run: str | None = None) -> Found | None:
             if name in needed and lost.any():
                 raise ValueError(f"a chunk of {name} is missing")
         done = np.asarray(root[MARKS][...])
-        if done.max(initial=-1) > attributes["steps"]:
+        shown = attributes["steps"]
+        if done.max(initial=-1) > shown < old["steps"] and _group(store).attrs["steps"] == shown:
             raise ValueError("zarr.json is damaged")
     except _DAMAGE as damage:
         return Found(notes, damage=damage)
-    return Found(notes, attributes["steps"], done)
+    return Found(notes, shown, done)
 
 
 def _is_free(store: Any, root: Any) -> bool:
@@ -184,7 +185,7 @@ def _is_free(store: Any, root: Any) -> bool:
     return os.path.isdir(store) and all(name.endswith(".partial") for name in os.listdir(store))
 
 
-def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -> None:
+def _compare(store: Any, root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -> None:
     """Raise an error that names metadata that are lost or differ from their copy.
 
     While a run is extended, it has more steps than its copy, and axes of time may be longer.
@@ -193,19 +194,20 @@ def _compare(root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -
         raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
     about = new["attributes"]
     if (
-        not old
+        root is None
+        or not old
         or old != {**new, "steps": old["steps"]}
-        or about != {name: root.attrs[name] for name in about}
-        or not 0 <= root.attrs["steps"] <= old["steps"] <= new["steps"]
+        or about != {name: copies.attrs[name] for name in about}
+        or not 0 <= copies.attrs["steps"] <= old["steps"] <= new["steps"]
     ):
         raise ValueError("zarr.json is damaged or missing")
-    longest = len(numbers_of_saved(new["steps"], about.get("save_every")))
     for name in (*new["known"], *new["computed"], MARKS, RECORDS):
         node, member = copies[name].metadata.to_dict(), _member(root, name)
         found = {} if member is None else member.metadata.to_dict()
         if found and (node.get("dimension_names") or ("",))[0] == "n":
             rows, *others = found["shape"]
-            if node["shape"][0] <= rows <= longest:
+            latest = _notes(_group(store, PROGRESS))["steps"]
+            if node["shape"][0] <= rows <= len(numbers_of_saved(latest, about.get("save_every"))):
                 found["shape"] = (node["shape"][0], *others)
         if found != node:
             raise ValueError(f"{name}/zarr.json is damaged or missing")
@@ -246,8 +248,6 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
                 records[job.where(each)]  # raises an error if its checksum differs
     if verify or found.steps != job.steps:
         _write(job, dataset, notes, verify)
-        with advice(store):
-            refuse_codecs(store)
     return job
 
 

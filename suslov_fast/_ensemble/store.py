@@ -216,12 +216,16 @@ def _compare(store: Any, root: Any, copies: Any, new: dict[str, Any], old: dict[
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
     """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
-    Raises ValueError if the store holds another run, or is damaged. The next call completes the
-    work of a process killed here.
+    Raises ValueError if the store holds another run, or is damaged, and FileExistsError if the
+    path is not a Zarr store. The next call completes the work of a process killed here.
     """
     import zarr
 
     store, run = job.store, json.dumps(identity)
+    if _group(store) is None and _group(store, PROGRESS) is None and not _is_free(store, None):
+        received = "another folder" if os.path.isdir(store) else "a file"
+        message = f"expected the name of a Zarr store to write, got {received}"
+        raise OSError(errno.EEXIST, message, store)
     found = look(store, run)
     if found is None:
         group = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False)

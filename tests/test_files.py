@@ -275,3 +275,14 @@ def test_other_paths_are_not_replaced(tmp_path):
     (path / "thesis.tex").touch()
     unwritable("got a folder")
     assert (path / "thesis.tex").exists()
+
+
+@pytest.mark.parametrize("change", [lambda data: data + bytes(8), lambda data: data[:-8]])
+def test_an_entry_of_another_size_than_its_header_says(path, change):
+    with zipfile.ZipFile(path) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    entries["omega.npy"] = change(entries["omega.npy"])
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in entries.items():
+            archive.writestr(name, data)
+    refused(path, r"omega\.npy: \d+ bytes, shape \(5, 5, 2\) of float64")

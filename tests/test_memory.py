@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import memory
+from suslov_fast._engine import memory, run
 
 GB = 2**30
 MEMINFO = "MemTotal:       33554432 kB\nMemAvailable:   16777216 kB\n"  # 16 GB
@@ -129,3 +129,20 @@ else:
     raise AssertionError("ended")
 """
     children.run(code, threads, **children.layer("workqueue"))
+
+
+def test_the_tested_memory_is_that_used(body, monkeypatch):
+    """A run is tested for all that it allocates, if only its last state is saved, too."""
+    asked = []
+    monkeypatch.setattr(run, "require", lambda nbytes, *more: asked.append(nbytes))
+    omega = np.ones((20_000, 2))
+    for save_every in (None, 1):
+        options = {"save_every": save_every, "method": "canonical", "threads": 1}
+        sf.iterate(body, omega[:1], 0.2, 2, **options)
+        tracemalloc.start()
+        try:
+            sf.iterate(body, omega, 0.2, 2, **options)
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert 0.5 * peak < asked[-1]

@@ -140,6 +140,7 @@ def test_signals_at_random_moments():
     """The lock is released wherever the handler of a signal raises."""
     chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
     idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
+    threads.run(idle, threads.CROSSOVER, 2)  # starts threads, once
     try:
         for _ in range(2_000):
             try:
@@ -214,3 +215,53 @@ def test_progress(body, capsys, small_parts):
     assert seen[-2:] == [(700, 700)] * 2
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
+
+
+@needs_fork
+def test_a_child_of_a_process_in_a_parallel_call(monkeypatch):
+    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
+    monkeypatch.setattr(threads, "_idle_at_fork", True)
+    monkeypatch.setattr(threads, "_one_at_a_time", threading.RLock())
+    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
+    for busy in (False, True):
+        monkeypatch.setattr(threads, "_may_use_threads", True)
+        lock = threads._one_at_a_time
+        if busy:
+            other = threading.Thread(target=lock.acquire)
+            other.start()
+            other.join()
+        threads._before_fork()
+        threads._after_fork_in_child()
+        assert threads._may_use_threads != busy
+
+
+@pytest.mark.parametrize("error", [RuntimeError, MemoryError])
+def test_threads_that_cannot_be_started(error, monkeypatch):
+    """Calls are then serial, and the threads that were started end."""
+    started, threads_before, start = [], threading.active_count(), threading.Thread.start
+
+    def limited(thread):
+        if len(started) == 2:
+            raise error("can't start new thread")
+        started.append(start(thread))
+
+    calls = []
+    kernel = SimpleNamespace(serial=lambda: calls.append("serial"), parallel=calls.append)
+    monkeypatch.setattr(threading.Thread, "start", limited)
+    threads._can_start.cache_clear()
+    try:
+        threads.run(kernel, threads.CROSSOVER, 2)
+    finally:
+        threads._can_start.cache_clear()
+    assert calls == ["serial"]
+    assert len(started) == 2
+    assert threading.active_count() == threads_before
+
+
+def test_progress_of_a_run_that_goes_on(body, small_parts):
+    seen = []
+    run = sf.iterate(body, np.ones((70, 2)), 0.2, 500, method="ds2")
+    run.extend(300, progress=lambda *n: seen.append(n))
+    assert len(seen) > 4
+    assert seen[-1] == (300, 300)
+    assert max(seen) == (300, 300)

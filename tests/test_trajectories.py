@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -324,3 +325,24 @@ def test_plot(components):
         assert np.array_equal(drawn, orbits.omega[:, k, 0][:, list(components)])
     with pytest.raises(ValueError, match="components: expected an integer from 0 to 2, got 3"):
         orbits.plot(components=(0, 3))
+
+
+def test_a_failure_is_reported_once(unit):
+    with pytest.warns(sf.SingularStepWarning, match="at step 1"):
+        run = sf.iterate(unit, [1.0, -3.0], 1.0, 1)
+    assert run.extend(3).failed_at == run.steps
+
+
+def test_a_run_as_an_array():
+    run, other = RUNS["failed"], RUNS["batch"]
+    assert len(run) == 6
+    assert np.asarray(run) is run.states is run.omega
+    assert np.array(run) is not run.states
+    assert np.asarray(run, np.float32).dtype == np.float32
+    assert (run == run.extend(0)) is True
+    assert (run == replace(run, states=run.states + 1.0)) is (run == other) is (run == 1) is False
+    assert run != replace(run, attitude=np.ones(3))
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(run)
+    with pytest.raises(AttributeError, match="x: expected omega or states"):
+        _ = run.x

@@ -57,7 +57,8 @@ html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
-html_sidebars = {page: [] for page in ("index", "start", "bibliography", "changelog", "citing")}
+wide = "index start architecture performance bibliography changelog citing search genindex"
+html_sidebars = {page: [] for page in wide.split()}
 
 copybutton_exclude = ".linenos, .gp, .go"
 
@@ -109,6 +110,7 @@ sphinx_gallery_conf = {
     "matplotlib_animations": (True, "jshtml"),
     "download_all_examples": False,
     "min_reported_time": 1e9,
+    "write_computation_times": False,
     "show_memory": False,
     "show_signature": False,
     "plot_gallery": True,

@@ -20,9 +20,9 @@ steps = np.unique(np.geomspace(10, 100_000, 25).astype(int))
 found = np.array([lyapunov_exponents(body, omega, eps, int(n)) for n in steps])
 
 figure, axes = plt.subplots(figsize=(6.4, 4), layout="constrained")
-for k, marker in enumerate("os"):
+for k, (marker, name) in enumerate((("o", "larger exponent"), ("s", "smaller exponent"))):
     distance = abs(found[:, k] - expected[k])
-    axes.loglog(steps, distance, marker, fillstyle="none", label=rf"$\lambda_{k + 1}$")
+    axes.loglog(steps, distance, marker, fillstyle="none", label=name)
 axes.loglog(steps, 2 / steps, "--", color="crimson", label=r"$\propto 1/n$")
 axes.set(xlabel="steps $n$", ylabel="distance from the limit")
 axes.legend(frameon=False, loc="upper right")

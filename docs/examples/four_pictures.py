@@ -18,8 +18,8 @@ pictures = [
     (Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
     (Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
 ]
-figure, axes = plt.subplots(2, 2, figsize=(9, 9.6), layout="constrained")
+figure, axes = plt.subplots(2, 2, figsize=(7.2, 8), layout="constrained")
 for panel, letter, (body, eps, extent) in zip(axes.flat, "abcd", pictures, strict=True):
     plot_phase(body, eps, extent, letter=letter, legend=False, ax=panel)
 entries = axes[0, 0].get_legend_handles_labels()
-figure.legend(*entries, loc="outside lower center", ncols=4, frameon=False)
+figure.legend(*entries, loc="outside lower center", ncols=2, frameon=False)

@@ -26,6 +26,7 @@ grid = np.linspace(-2.6, 2.6, 300)
 F = first_integral(body, np.stack(np.meshgrid(grid, grid), axis=-1), eps)
 levels = np.unique(first_integral(body, starts[:7], eps))
 axes.contour(grid, grid, F, levels=levels, colors="gray", linewidths=0.5)
+axes.plot([], [], color="gray", linewidth=0.5, label="levels of $F$")
 for chosen, marker, color, label in (
     (~periodic, "o", "black", "from one steady state to another"),
     (periodic, "s", "darkorange", "periodic"),

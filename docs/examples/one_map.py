@@ -30,5 +30,7 @@ states = axes.scatter(eps * x / np.sqrt(2 * a), eps * y / (2 * a), c=t, s=8, vmi
 X, Y = np.meshgrid(np.linspace(-1.5, 1.5, 200), np.linspace(-1, 1, 200))
 level = np.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
 axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
+axes.plot([], [], color="gray", linewidth=0.6, label="$t = 0.2, 0.4, 0.6, 0.8$")
+axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1))
 axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.5, 1.5), ylim=(-1, 1))
 figure.colorbar(states, label="criticality $t$")

@@ -30,7 +30,7 @@ class QuadraticField(Body):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
     :func:`iterate` and the functions of a state take it like a body; the state is x. Its map is the
-    discretization of Kahan. :mod:`suslov_fast.integrability` analyses that map exactly.
+    discretization of Kahan. `suslov_fast.integrability` analyses that map exactly.
 
     Parameters
     ----------

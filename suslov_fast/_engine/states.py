@@ -30,6 +30,9 @@ SLAB, COPIES = 2**15, 2**20
 # Bodies are repeated, as at the times of a run, up to this number: whole blocks.
 REPEATED = 8 * LANES
 
+# The parameter k of a body without a rotor.
+NO_ROTOR = np.zeros(1)
+
 Index = tuple[Any, ...]
 # Arguments of a call of a kernel: the index of the first state; parameters, the last of them eps;
 # states (count, D); and the period of the bodies. A parameter is (1, ...) or (period, ...).
@@ -45,9 +48,9 @@ def of_state(
     batch: tuple[int, ...],
     threads: int | None,
     name: str = "omega",
-    warn: bool = False,
+    warn: bool = True,
 ) -> FloatArray:
-    """Return a quantity (..., *shape) of states whose body has parameters of one number each.
+    """Return a quantity (..., *shape) of states of bodies in three dimensions.
 
     With `warn`, one warning counts the states without a result; `name` is that of the argument
     that holds the states.
@@ -57,6 +60,8 @@ def of_state(
     missing: list[tuple[int, int]] = []
     for begin, parameters, states, period in _parts(body, eps, omega, batch):
         count = len(states)
+        if len(parameters) == 5:
+            parameters = *parameters[:4], NO_ROTOR, parameters[4]
         tasks = min(-(-period // LANES) * -(-count // period), TASKS)
         report = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
@@ -133,7 +138,8 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: 
     """Warn of states without a next state; `first` counts states in C order."""
     index = tuple(int(i) for i in np.unravel_index(first, batch))
     warnings.warn(
-        f"{count} of {math.prod(batch)} states: singular or non-finite step, first: {spell(index)}",
+        f"{count} of {math.prod(batch)} states: singular step or out of range, first: "
+        f"{spell(index)}",
         SingularStepWarning,
         stacklevel=stacklevel,
     )
@@ -142,11 +148,11 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: 
 def _parts(
     body: Any, eps: float | FloatArray | None, omega: FloatArray, batch: tuple[int, ...]
 ) -> Iterator[_Part]:
-    """Yield the parts of a batch; eps is 1 if none is needed.
+    """Yield the parts of a batch; eps is 0 if none is given.
 
     One call processes all states if few numbers must be copied; otherwise each slab is one call.
     """
-    eps = 1.0 if eps is None else eps
+    eps = 0.0 if eps is None else eps
     if not batch:  # one state: the code below would take most of the time of a call
         parameters = *flat_body(body, (), units=False), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1

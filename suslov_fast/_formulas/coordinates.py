@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from .._jit import formula, select, two_product
-from .elementary import exponent, scaled
-from .units import normal_state
+from .._jit import formula, two_product
 
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
@@ -38,11 +36,27 @@ def sum_of_products(v1, w1, v2, w2):
 
 
 @formula
+def rotor(I13, I23, k, omega1, omega2):
+    """l = I13 Omega1 + I23 Omega2 + k to a few ulps, despite cancellation."""
+    p1, error1 = two_product(I13, omega1)
+    p2, error2 = two_product(I23, omega2)
+    x, error = two_sum(p1, p2)
+    total, rest = two_sum(x, k)
+    return total + (rest + (error + (error1 + error2)))
+
+
+@formula
 def to_xy(I1, I2, I13, I23, omega1, omega2):
     """Coordinates x and y of equation (7)."""
     x = sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
     return x, y
+
+
+@formula
+def xy_of_problem(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """`to_xy` of a problem in the units of `units`."""
+    return to_xy(I1, I2, I13, I23, omega1, omega2)
 
 
 @formula
@@ -104,20 +118,15 @@ def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
 
 
 @formula
-def xy_of_state(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """`to_xy` of a body in the units of `units`, whose logarithms are M and P, and of any state."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
-    return scaled(x, W + P), scaled(y, W + P + M)
+def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """X = eps l / sqrt(2 I1 I2), Y with its rounding error, and K = eps k / sqrt(2 I1 I2).
 
-
-@formula
-def state_of_xy(I1, I2, I13, I23, eps, M, P, E, x, y):
-    """Inverse of `xy_of_state`."""
-    W, of_y = exponent(x) - P, exponent(y) - P - M
-    W = select(of_y < W, W, of_y)
-    omega1, omega2 = from_xy(I1, I2, I13, I23, scaled(x, -W - P), scaled(y, -W - P - M))
-    return scaled(omega1, W), scaled(omega2, W)
+    Without a rotor they are those of `to_canonical`.
+    """
+    constants = canonical_body(I1, I2, I13, I23)
+    _, Y, lost = canonical_state(I13, I23, *constants, eps, omega1, omega2)
+    root = constants[-1]
+    return eps * rotor(I13, I23, k, omega1, omega2) * root, Y, lost, eps * k * root
 
 
 @formula

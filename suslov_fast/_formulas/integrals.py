@@ -1,14 +1,20 @@
-"""Conserved quantities of the 3D flow and the 3D map, and terms of those in n dimensions.
+"""Conserved quantities of both bodies in three dimensions, l = I13 Omega1 + I23 Omega2 + k.
 
-Arguments that are called M, P, E and W are the logarithms of units: see `units`.
+A formula gets a problem in the units of `units`; k = 0 is the body without a rotor.
 """
+
+import math
 
 import numpy as np
 
 from .._jit import formula, select
-from .coordinates import sum_of_products, to_canonical
-from .elementary import scaled
-from .units import above_one, normal_state
+from .coordinates import dimensionless, rotor
+from .elementary import exponent, larger, two_to_the
+from .trigonometric import arctangent
+from .twofold import difference, plus, product, square
+
+# The number below 1.
+BELOW_ONE = 1.0 - 2.0**-53
 
 
 @formula
@@ -18,49 +24,29 @@ def energy(I1, I2, omega1, omega2):
 
 
 @formula
-def canonical_x(I1, I2, eps, x, k):
-    """X = 2**k eps x / sqrt(2 I1 I2) and 1 in one unit, in which neither is above 1, and its
-    logarithm.
-    """
-    return above_one(eps * x / np.sqrt(2.0 * I1 * I2), k)
+def first_integral(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """F of Lemma 1, equation (6)."""
+    step = eps * rotor(I13, I23, k, omega1, omega2)
+    return (I1 * omega1 * omega1 + I2 * omega2 * omega2) / (4.0 * I1 * I2 + step * step)
 
 
 @formula
-def integral(I1, I2, eps, M, E, W, omega1, omega2, x, of_x):
-    """First integral F, equation (6), reduced by the factor I1 I2; x is in units 2**of_x."""
-    X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
-    above = omega1 * (omega1 / I2) + omega2 * (omega2 / I1)
-    return scaled(above / (4.0 * one * one + 2.0 * X * X), 2.0 * W - M - 2.0 * k)
+def modified_energy(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """2 I1 I2 F."""
+    return 2.0 * I1 * I2 * first_integral(I1, I2, I13, I23, k, eps, omega1, omega2)
 
 
 @formula
-def density(I1, I2, eps, M, E, x, of_x):
-    """Density 1 / (x (4 I1 I2 + eps**2 x**2)) of the invariant measure."""
-    X, one, k = canonical_x(I1, I2, eps, x, E + of_x - M)
-    value = 1.0 / (x * (I1 * I2) * (4.0 * one * one + 2.0 * X * X))
-    return scaled(value, -of_x - 2.0 * M - 2.0 * k)
-
-
-@formula
-def first_integral(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """F of Lemma 1."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    x = sum_of_products(I13, omega1, I23, omega2)
-    return integral(I1, I2, eps, M, E, W, omega1, omega2, x, P + W)
-
-
-@formula
-def modified_energy(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """2 I1 I2 F, from the energy."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    x = sum_of_products(I13, omega1, I23, omega2)
-    X, one, k = canonical_x(I1, I2, eps, x, E + W + P - M)
-    return scaled(energy(I1, I2, omega1, omega2) / (one * one + 0.5 * X * X), M + 2 * W - 2 * k)
+def invariant_density(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Density 1 / (l (4 I1 I2 + eps**2 l**2)) of the invariant measure."""
+    l = rotor(I13, I23, k, omega1, omega2)
+    step = eps * l
+    return 1.0 / (l * (4.0 * I1 * I2 + step * step))
 
 
 @formula
 def level(X, Y):
-    """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) = |eps| sqrt(h / (I1 I2)), conserved by the map."""
+    """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) of `canonical_map`, conserved by the map."""
     # Units in which the sums of squares are in range.
     size = abs(X) + abs(Y) + 1e-300
     above, below = 1.0 / size, 1.0 / (abs(X) + 1.0)
@@ -69,46 +55,53 @@ def level(X, Y):
     return size * below * np.sqrt(squares)
 
 
-# X and Y are computed for steps of at most this power of two in the units of body and state; then
-# no product is out of range, even if the moments are far apart.
-LONGEST = 64.0
+@formula
+def length_of_products(I1, I2, I13, I23):
+    """|g| = sqrt(I13**2 / I1 + I23**2 / I2); beside a large k both terms may be tiny."""
+    unit = exponent(larger(abs(I13), abs(I23)))
+    I13, I23 = I13 * two_to_the(-unit), I23 * two_to_the(-unit)
+    return np.sqrt(I13 * (I13 / I1) + I23 * (I23 / I2)) * two_to_the(unit)
 
 
 @formula
-def level_of_longer_step(T, X, j):
-    """T for X and Y multiplied by 2**j, j >= 0."""
-    unit = 1.0 / (abs(X) + 1.0)
-    ones, X1 = 2.0 * unit * unit, abs(X) * unit
-    longer = scaled(X1, j)
-    large = longer > 1.0
-    # sqrt(ones + longer**2), in the unit of the larger of 1 and longer.
-    ratio = select(large, 1.0 / longer, longer)
-    below = select(large, np.sqrt(1.0 + ones * ratio * ratio), np.sqrt(ones + ratio * ratio))
-    T = T * (np.sqrt(ones + X1 * X1) / below)
-    return select(large, T / X1, scaled(T, j))
-
-
-# The number below 1.
-BELOW_ONE = 1.0 - 2.0**-53
+def is_subcritical(X, Y, K):
+    """Test that |e| A < 1, of the rounded numbers of `dimensionless`."""
+    return (1.0 - Y) * (1.0 + Y) > K * (0.5 * K - X)
 
 
 @formula
-def criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """t = eps sqrt(h / (I1 I2)), with the sign of eps."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    K = E + W + P - M
-    k = select(K < LONGEST, K, LONGEST)
-    X, Y, _ = to_canonical(I1, I2, I13, I23, scaled(eps, k), omega1, omega2)
-    T, Y = level_of_longer_step(level(X, Y), X, K - k), scaled(Y, K - k)
-    # Rounding must not move an orbit to the other regime: T < 1 exactly if |Y| < 1.
-    below = select(T > 1.0, T, 1.0)
-    below = select(T != T, T, below)
-    T = select(abs(Y) < 1.0, select(T < 1.0, T, BELOW_ONE), below)
+def criticality(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """e A = e |g| |z| / sqrt(1 + e**2 l**2), e = eps / (2 sqrt(I1 I2)).
+
+    Here z = sqrt(I1) Omega1 + i sqrt(I2) Omega2. Without a rotor it is t = eps sqrt(h / (I1 I2)).
+    """
+    X, Y, _, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
+    z = np.sqrt(I1 * omega1 * omega1 + I2 * omega2 * omega2)
+    gz = length_of_products(I1, I2, I13, I23) * z
+    T = 0.5 * abs(eps) * gz / np.sqrt((I1 * I2) * (1.0 + 0.5 * X * X))
+    # Rounding must not move an orbit to the other regime.
+    within, beyond = select(T < 1.0, T, BELOW_ONE), select(T > 1.0, T, 1.0)
+    T = select(T == T, select(is_subcritical(X, Y, K), within, beyond), T)
     return select(eps < 0.0, -T, T)
 
 
 @formula
-def invariant_density(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
-    """Density of the invariant measure."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    return density(I1, I2, eps, M, E, sum_of_products(I13, omega1, I23, omega2), P + W)
+def rotation_number(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Turns of the phase in a step: sign(k) arctan(e mu) / pi, and 0 unless k**2 > A**2.
+
+    With mu**2 = k**2 - A**2, I1 I2 (1 + e**2 l**2) mu**2 is a difference of two terms, computed
+    with twice the digits of a float:
+
+    k**2 (I1 I2 + (eps l / 2)**2) - (I13**2 I2 + I23**2 I1) (I1 Omega1**2 + I2 Omega2**2).
+    """
+    of_1, of_2 = product((I1, 0.0), (omega1, 0.0)), product((I2, 0.0), (omega2, 0.0))
+    l = plus(product((I13, 0.0), (omega1, 0.0)), product((I23, 0.0), (omega2, 0.0)))
+    half_step = product((0.5 * eps, 0.0), plus(l, (k, 0.0)))
+    below = plus(product((I1, 0.0), (I2, 0.0)), square(half_step))
+    g = plus(product((I2, 0.0), square((I13, 0.0))), product((I1, 0.0), square((I23, 0.0))))
+    z = plus(product(of_1, (omega1, 0.0)), product(of_2, (omega2, 0.0)))
+    rest, lost = difference(product(square((k, 0.0)), below), product(g, z))
+    tangent = 0.5 * abs(eps) * np.sqrt(larger(rest + lost, 0.0) / below[0] / (I1 * I2))
+    turns = arctangent(tangent, 1.0) / math.pi
+    turns = select((k < 0.0) != (eps < 0.0), -turns, turns)
+    return select(rest > 0.0, turns, select(rest <= 0.0, 0.0, np.nan))

@@ -1,88 +1,80 @@
-"""The derivative of the 3D map, and the matrix that the paper inverts.
+"""The derivative of the map of both bodies in three dimensions, and the matrix that the paper
+inverts.
 
-M, P, E and W are logarithms of units: see `units`.
+A formula gets a problem in the units of `units`; k = 0 is the body without a rotor.
 """
 
 import numpy as np
 
 from .._jit import formula, select
-from .canonical_map import denominator, shifted
-from .coordinates import at_rest, to_canonical
-from .elementary import exponent, larger, scaled, two_to_the
-from .printed_map import printed_coefficients
-from .units import moderate, normal_state
+from .canonical_map import ZERO_TO_ROUNDING, shifted
+from .coordinates import dimensionless, rotor
+from .elementary import smaller
 
-# |X| + |Y| below this: the derivative is the identity plus a small matrix, computed separately.
+# |X| + |Y| + |K| below this: the derivative is the identity plus a small matrix, computed
+# separately.
 NEAR_IDENTITY = 0.25
 
 
 @formula
-def canonical_jacobian(X, Z, c):
-    """Derivative of `canonical_step` by X and Y, minus the last result (0 or 1) times the identity.
+def denominator(X, Y, lost, K):
+    """D = 1 - Y + X (X - K / 2) of the next state; NaN where it is 0 to rounding.
 
-    With d = 1 - Y + X**2 its rows are
-    ((1 + Y)(1 - Y - X**2), X (2 + X**2)) / d**2,
-    (-2 X (1 + Y)(1 - Y), (1 - Y)**2 - 2 Y X**2) / d**2.
+    As in `canonical_map` the threshold decreases towards X = 0.
     """
-    # In the unit of |X| if that is above 1: its square is in range.
-    one = two_to_the(-exponent(larger(abs(X), 1.0)))
-    X1 = X * one
-    square, unit = X1 * X1, one * one
-    below, above, Y = ((1.0 - c) + Z) * unit, ((1.0 + c) - Z) * unit, (c - Z) * unit
-    r = 1.0 / (below + square)
-    near = abs(X) + abs(c - Z) < NEAR_IDENTITY
-    from_X = 2.0 * Y * below - square * (3.0 * unit - Y) - square * square
-    from_Y = -square * (2.0 * unit + square)
-    d11 = select(near, from_X, above * (below - square))
-    d22 = select(near, from_Y, below * below - 2.0 * Y * square)
-    d12 = X1 * one * (2.0 * unit + square)
-    d21 = -2.0 * X * above * below
-    return d11 * r * r, d12 * r * r, d21 * r * r, d22 * r * r, select(near, 1.0, 0.0)
+    c, Z = shifted(Y, lost)
+    size = abs(X) * (abs(X) + 0.5 * abs(K))
+    D = ((1.0 - c) + Z) + X * (X - 0.5 * K)
+    return select(abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size), D, np.nan)
 
 
 @formula
-def jacobian(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+def derivative(X, Y, lost, K):
+    """Derivative of the next (X, Y) by (X, Y), minus the last result (0 or 1) times the identity.
+
+    X_next = X (1 + Y + K X / 2) / D,  Y_next = Y - X X_next + K (X + X_next) / 2.
+    """
+    r = 1.0 / denominator(X, Y, lost, K)
+    below, above, square, turn = (1.0 - Y) - lost, (1.0 + Y) + lost, X * X, 0.5 * K * X
+    less, more = below - turn, (2.0 + square) * r
+    d11 = ((above + turn) * r) * ((less - square) * r) + (turn * r) * more
+    d12 = (X * r) * more
+    d21 = (below * r) * ((K * (1.0 - 0.5 * square) - 2.0 * X * above) * r)
+    d22 = (less * r) * (less * r) - (2.0 * Y * X * r) * (X * r) - (turn * r) * ((square - 2.0) * r)
+    # The same minus 1, without cancellation.
+    e11 = 2.0 * below * (Y + 2.0 * turn) - square * (3.0 - Y + 0.5 * K * K + X * (X - K))
+    e11, e22 = e11 * (r * r), -d12 * (X - 0.5 * K)
+    near = abs(X) + abs(Y) + abs(K) < NEAR_IDENTITY
+    return select(near, e11, d11), d12, d21, select(near, e22, d22), select(near, 1.0, 0.0)
+
+
+@formula
+def jacobian(I1, I2, I13, I23, k, eps, omega1, omega2):
     """Entries (11, 12, 21, 22) of the derivative of the map; NaN at its poles."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    eps_W = moderate(eps, E + W + P - M)
-    X, Y, lost = to_canonical(I1, I2, I13, I23, eps_W, omega1, omega2)
-    rests = at_rest(I13, I23, eps_W, X, Y)
-    c, Z = shifted(Y, lost)
-    _, regular = denominator(X, Z, c)
-    d11, d12, d21, d22, identity = canonical_jacobian(X, Z, c)
-    # From (X, Y) to (x, y), then to (Omega1, Omega2).
-    s = np.sqrt(2.0 * I1 * I2)
-    d12, d21 = d12 / s, d21 * s
-    right11, right12 = d11 * I13 + d12 * (I23 * I1), d11 * I23 - d12 * (I13 * I2)
-    right21, right22 = d21 * I13 + d22 * (I23 * I1), d21 * I23 - d22 * (I13 * I2)
-    inverse = 1.0 / (I13 * I13 * I2 + I23 * I23 * I1)
-    a11 = identity + (I13 * I2 * right11 + I23 * right21) * inverse
-    a12 = (I13 * I2 * right12 + I23 * right22) * inverse
-    a21 = (I23 * I1 * right11 - I13 * right21) * inverse
-    a22 = identity + (I23 * I1 * right12 - I13 * right22) * inverse
-    # A NaN in an entry or in the state makes all entries NaN.
-    poison = 0.0 * (a11 + a12 + a21 + a22)
-    poison = select(regular, poison, np.nan)
-    poison = select(rests, 0.0 * (omega1 + omega2), poison)
+    X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
+    d11, d12, d21, d22, identity = derivative(X, Y, lost, K)
+    # From (X, sqrt(2) Y) to sqrt(I1) Omega1 and sqrt(I2) Omega2: a rotation, and a common factor.
+    d12, d21 = d12 * np.sqrt(0.5), d21 * np.sqrt(2.0)
+    D = I13 * I13 * I2 + I23 * I23 * I1
+    inverse = select(D > 0.0, 1.0 / D, 0.0)
+    along = select(D > 0.0, I13 * I13 * I2 * inverse, 1.0)
+    across, both = I23 * I23 * I1 * inverse, I13 * I23 * inverse
+    shear, ratio = both * np.sqrt(I1 * I2) * (d12 + d21), np.sqrt(I2 / I1)
     return (
-        (select(rests, 1.0, a11)) + poison,
-        (select(rests, 0.0, a12)) + poison,
-        (select(rests, 0.0, a21)) + poison,
-        (select(rests, 1.0, a22)) + poison,
+        identity + (along * d11 + across * d22 + shear),
+        both * I2 * (d11 - d22) + ratio * (across * d21 - along * d12),
+        both * I1 * (d11 - d22) + (across * d12 - along * d21) / ratio,
+        identity + (across * d11 + along * d22 - shear),
     )
 
 
 @formula
-def matrix(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+def matrix(I1, I2, I13, I23, k, eps, omega1, omega2):
     """Entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
-    omega1, omega2, W = normal_state(omega1, omega2)
-    k1, k2, k3, k4 = printed_coefficients(I1, I2, I13, I23, eps)
-    K = E + W + P - M
-    # A NaN in the state makes all entries NaN.
-    poison = 0.0 * (omega1 + omega2)
+    h1, h2 = 0.5 * eps / I1, 0.5 * eps / I2
     return (
-        1.0 + scaled(k1 * omega2 + poison, K),
-        scaled(k1 * omega1 + k3 * omega2, K),
-        scaled(-k4 * omega1 - k2 * omega2, K),
-        1.0 - scaled(k2 * omega1 + poison, K),
+        1.0 + h1 * (I13 * omega2),
+        h1 * rotor(I13, 2.0 * I23, k, omega1, omega2),
+        -h2 * rotor(2.0 * I13, I23, k, omega1, omega2),
+        1.0 - h2 * (I23 * omega1),
     )

@@ -4,9 +4,8 @@ import numpy as np
 
 from .._jit import formula, select
 from .coordinates import to_canonical, to_xy
-from .elementary import logarithm, scaled
-from .integrals import canonical_x, criticality, level
-from .units import moderate, normal_state
+from .elementary import logarithm
+from .integrals import criticality, level
 
 # T below this: artanh(T) / T is 1, and T may have lost digits.
 TINY = 1e-150
@@ -27,32 +26,24 @@ def inverse_hyperbolic_sine(s):
 
 
 @formula
-def constants(I1, I2, I13, I23, eps, M, P, E, omega1, omega2):
+def constants(I1, I2, I13, I23, k, eps, omega1, omega2):
     """Constants h, k1, k2 and t; k1 and k2 are NaN unless -1 < t < 1.
 
     With T = |t| and r = (1 - T) / (1 + T),
     k1 = -(2 / eps) artanh(t) = sqrt(h / (I1 I2)) log(r) / T,
     and sinh(k2) = y / (|x| sqrt(I1 I2 (1 - T**2))).
     """
-    t = criticality(I1, I2, I13, I23, eps, M, P, E, omega1, omega2)
-    omega1, omega2, W = normal_state(omega1, omega2)
+    t = criticality(I1, I2, I13, I23, k, eps, omega1, omega2)
     x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
-    K = E + W + P - M
-    X, one, k = canonical_x(I1, I2, eps, x, K)
-    h = (x * x + y / I1 * (y / I2)) / (4.0 * one * one + 2.0 * X * X)
-
-    X, Y, lost = to_canonical(I1, I2, I13, I23, moderate(eps, K), omega1, omega2)
+    X, Y, lost = to_canonical(I1, I2, I13, I23, eps, omega1, omega2)
+    below = 1.0 + 0.5 * X * X
+    h = 0.25 * (x * x + y / I1 * (y / I2)) / below
     T = level(X, Y)
-    complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / (1.0 + 0.5 * X * X)  # 1 - T**2
+    complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / below  # 1 - T**2
     inverse = 1.0 / (1.0 + T)
     log_r = logarithm(complement * inverse * inverse, 2.0 * (select(T < 1.0, T, 1.0)) * inverse)
     k1 = np.sqrt(h / (I1 * I2)) * (select(T > TINY, log_r / T, -2.0))
     k2 = inverse_hyperbolic_sine(y / (abs(x) * np.sqrt(I1 * I2 * complement)))
     k2 = select(h == 0.0, 0.0, k2)
-    below = abs(Y) < 1.0
-    return (
-        scaled(h, 2 * (P + W - k)),
-        select(below, scaled(k1, P + W - M - k), np.nan),
-        select(below, k2, np.nan),
-        t,
-    )
+    below_critical = abs(Y) < 1.0
+    return h, select(below_critical, k1, np.nan), select(below_critical, k2, np.nan), t

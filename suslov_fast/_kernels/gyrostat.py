@@ -6,6 +6,7 @@ import numpy as np
 
 from .._formulas import gyrostat as formulas
 from .._formulas.elementary import larger, two_to_the
+from .._formulas.units import enter as enter_units
 from .._jit import carray, formula, select, stack
 from . import codes
 from .iterate import LARGEST
@@ -42,19 +43,18 @@ def block():
 @formula
 def enter(parameters, omega, i, b, l):
     I1, I2, I13, I23, k, eps = parameters
-    I1, I2, I13, I23, k, eps, M, P, Q, E = formulas.normal_gyrostat(
-        entry(I1, i), entry(I2, i), entry(I13, i), entry(I23, i), entry(k, i), entry(eps, i)
-    )
-    b1, b2, K, c, L, Z, omega1, omega2, _, _, W = formulas.enter(
-        I1, I2, I13, I23, k, eps, M, P, Q, E, omega[i, 0], omega[i, 1]
-    )
-    unit = two_to_the(W)
+    p, units = enter_units(
+        entry(I1, i), entry(I2, i), entry(I13, i), entry(I23, i), entry(k, i), entry(eps, i),
+        omega[i, 0], omega[i, 1],
+    )  # fmt: skip
+    b1, b2, K, c, L, Z = formulas.enter(*p)
+    unit = two_to_the(units.W)
     b.b1[l], b.b2[l], b.K[l], b.c[l] = b1, b2, K, c
     b.bound[l], b.unit[l] = LARGEST / larger(unit, 1.0), unit
-    missing = np.isnan(omega[i, 0] + omega[i, 1])
-    b.L[l], b.Z[l] = select(missing, np.nan, L), Z
-    b.omega1[l], b.omega2[l] = omega1, omega2
-    return codes.NONFINITE if missing else codes.OK, 1
+    # Out of range L and K are NaN: there is a state 0, and no next one.
+    b.L[l] = select(np.isnan(p.omega1), np.nan, select(np.isnan(K), 0.0, L))
+    b.Z[l], b.omega1[l], b.omega2[l] = Z, p.omega1, p.omega2
+    return codes.NONFINITE if np.isnan(p.omega1) else codes.OK, 1
 
 
 @formula
@@ -75,5 +75,5 @@ def show(b, l, out, i):
 @formula
 def cause(b, l):
     d = formulas.denominator(b.b1[l], b.b2[l], b.K[l], b.c[l], b.L[l], b.Z[l])
-    in_range = np.isfinite(b.L[l] * b.L[l])
+    in_range = np.isfinite(b.K[l] + b.L[l] * b.L[l])
     return codes.SINGULAR if np.isnan(d) and in_range else codes.NONFINITE

@@ -20,30 +20,30 @@ from . import nd
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
 Finder = Callable[..., FloatArray]
 
+# Of both bodies in three dimensions.
+_WITH_ROTOR: dict[str, Finder] = {
+    "energy": partial(of_state, kernels.energy, ()),
+    "first_integral": partial(of_state, kernels.first_integral, ()),
+    "modified_energy": partial(of_state, kernels.modified_energy, ()),
+    "criticality": partial(of_state, kernels.criticality, ()),
+    "rotation_number": partial(of_state, kernels.rotation_number, ()),
+    "invariant_density": partial(of_state, kernels.invariant_density, ()),
+    "vector_field": partial(of_state, kernels.vector_field, (2,)),
+    "reaction": partial(of_state, kernels.reaction, ()),
+    # Without a step size, the same formula with eps = 0.
+    "discrete_reaction": partial(of_state, kernels.reaction, ()),
+    "jacobian": partial(of_state, kernels.jacobian, (2, 2)),
+    "matrix": partial(of_state, kernels.matrix, (2, 2)),
+}
 TABLE: dict[type[Any], dict[str, Finder]] = {
     Suslov3D: {
-        "energy": partial(of_state, kernels.energy, ()),
-        "first_integral": partial(of_state, kernels.first_integral, ()),
-        "modified_energy": partial(of_state, kernels.modified_energy, ()),
-        "criticality": partial(of_state, kernels.criticality, ()),
-        "invariant_density": partial(of_state, kernels.invariant_density, ()),
+        **_WITH_ROTOR,
         "to_xy": partial(of_state, kernels.to_xy, (2,)),
         "from_xy": partial(of_state, kernels.from_xy, (2,)),
-        "vector_field": partial(of_state, kernels.vector_field, (2,)),
-        "reaction": partial(of_state, kernels.reaction, ()),
-        "discrete_reaction": partial(of_state, kernels.discrete_reaction, (), warn=True),
-        "jacobian": partial(of_state, kernels.jacobian, (2, 2), warn=True),
-        "matrix": partial(of_state, kernels.matrix, (2, 2)),
         "closed_form": partial(of_state, kernels.constants, (4,)),
     },
     SuslovND: nd.QUANTITIES,
-    SuslovGyrostat: {
-        "energy": partial(of_state, kernels.energy, ()),
-        "first_integral": partial(of_state, kernels.gyrostat_first_integral, ()),
-        "invariant_density": partial(of_state, kernels.gyrostat_invariant_density, ()),
-        "vector_field": partial(of_state, kernels.gyrostat_vector_field, (2,)),
-        "jacobian": partial(of_state, kernels.gyrostat_jacobian, (2, 2), warn=True),
-    },
+    SuslovGyrostat: _WITH_ROTOR,
 }
 
 

@@ -35,6 +35,7 @@ from ._states.conserved import energy as energy
 from ._states.conserved import first_integral as first_integral
 from ._states.conserved import invariant_density as invariant_density
 from ._states.conserved import modified_energy as modified_energy
+from ._states.conserved import rotation_number as rotation_number
 from ._states.continuous import reaction as reaction
 from ._states.continuous import vector_field as vector_field
 from ._states.coordinates import ClosedForm as ClosedForm

@@ -16,6 +16,9 @@ body : Suslov3D, SuslovND or SuslovGyrostat
     "body": """\
 body : Suslov3D or SuslovND
     The body, or a batch of them.""",
+    "body_in_3d": """\
+body : Suslov3D or SuslovGyrostat
+    The body, or a batch of them.""",
     "body_3d": """\
 body : Suslov3D
     The body, or a batch of them.""",

@@ -114,3 +114,140 @@ def test_next_to_and_at_poles():
     assert np.isnan(at.omega[1:]).all()
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.jacobian(sf.SuslovGyrostat(*parameters[:5]), [1.0, -3.0], 1.0)).all()
+
+
+def exact_jacobian(parameters, omega):
+    return naive.derivative(partial(exact_step, parameters), omega)
+
+
+def exact_reaction(parameters, omega):
+    omega, following = naive.exactly(*omega), exact_step(parameters, omega)
+    slope = naive.quotient(parameters[5], omega, following)
+    return naive.reaction(*parameters[:4], omega, following, slope)
+
+
+def of_body(parameters):
+    I1, I2, I13, I23, k, _ = parameters
+    return sf.SuslovGyrostat(I1, I2, I13, I23, k) if k else sf.Suslov3D(I1, I2, I13, I23)
+
+
+@pytest.mark.parametrize("k", [0.0, 1.0, -30.0])
+@pytest.mark.parametrize("Y", [1e3, -1e8, 1e20])
+def test_derivative_and_reaction_far_from_the_steady_states(rng, k, Y):
+    """Products of order Y**2 cancel to order Y in A(omega; eps)**-1 A(omega_next; -eps), and sums
+    over next states in the reaction.
+    """
+    for I1, I2, I13, I23, eps in ((1.0, 1.0, 0.5, 0.0, 1.0), (2.0, 2.0, 0.25, 0.5, -0.5)):
+        parameters = I1, I2, I13, I23, k, eps
+        across = np.array([-I13, I23]) * Y / (I13**2 + I23**2) * [0, 1] + [0.5, 0]
+        for omega in ([0.5, Y], [Y, 0.7], across):
+            omega = np.array(omega)
+            jacobian = sf.jacobian(of_body(parameters), omega, eps)
+            exact = exact_jacobian(parameters, omega)
+            assert error(jacobian, exact) < 2e-15
+            computed = sf.reaction(of_body(parameters), omega, eps)
+            assert error(computed, exact_reaction(parameters, omega)) < 5e-15
+
+
+@pytest.mark.parametrize("k", [0.0, 1e-3, 0.9, -20.0])
+def test_quantities_in_sixty_digits(rng, k):
+    for _ in range(15):
+        parameters, omega = random_problem(rng)
+        I1, I2, I13, I23, _, eps = parameters = (*parameters[:4], k, parameters[5])
+        body, (w1, w2) = sf.SuslovGyrostat(*parameters[:5]), naive.exactly(*omega)
+        I1, I2, I13, I23, k_, eps_ = naive.exactly(*parameters)
+        l = rotor(parameters, omega)
+        two_a_F = 2 * I1 * I2 * (I1 * w1**2 + I2 * w2**2) / (4 * I1 * I2 + eps_**2 * l**2)
+        assert error(sf.modified_energy(body, omega, eps), two_a_F) < 3e-15
+        A2 = 2 * two_a_F * (I13**2 / I1 + I23**2 / I2)
+        e = eps_ / (2 * mpmath.sqrt(I1 * I2))
+        assert error(sf.criticality(body, omega, eps), e * mpmath.sqrt(A2)) < 3e-15
+        mu2 = k_**2 - A2
+        turns = mpmath.sign(k_) * mpmath.atan(e * mpmath.sqrt(mu2)) / mpmath.pi if mu2 > 0 else 0
+        assert error(sf.rotation_number(body, omega, eps), turns) < 1e-15
+        # The residuals of the equations are A(omega; eps) v - b.
+        residuals = partial(implicit, *parameters, naive.exactly(*omega))
+        rows = naive.derivative(residuals, [0, 0])
+        exact = [[c / I for c in row] for I, row in zip((I1, I2), rows, strict=True)]
+        assert error(sf.matrix(body, omega, eps), exact) < 1e-15
+        slope = -l * w2 / I1, l * w1 / I2
+        exact = naive.reaction(*parameters[:4], (w1, w2), (w1, w2), slope)
+        assert abs(float(sf.reaction(body, omega) / exact - 1)) < 1e-13
+        exact = exact_reaction(parameters, omega)
+        assert abs(float(sf.reaction(body, omega, eps) / exact - 1)) < 1e-12
+        exact = I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k_
+        assert error(sf.momentum(body, omega), exact) < 1e-15
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-13, -1e-9])
+def test_the_rotation_number_next_to_its_onset(gap):
+    """A**2 and k**2 agree in most digits, and mu is their difference."""
+    I1, I2, I13, I23, eps, omega = 2.3, 1.4, 0.5, -0.7, 0.35, [1.1, -0.4]
+    I1_, I2_, I13_, I23_, eps_ = naive.exactly(I1, I2, I13, I23, eps)
+
+    def excess(k):
+        l = rotor((I1, I2, I13, I23, k), omega)
+        F = (I1_ * mpmath.mpf(1.1) ** 2 + I2_ * mpmath.mpf(-0.4) ** 2) / (
+            4 * I1_ * I2_ + eps_**2 * l**2
+        )
+        return k**2 - 4 * F * (I13_**2 * I2_ + I23_**2 * I1_)
+
+    k = float(mpmath.findroot(excess, 0.9)) * (1 + gap)
+    square = excess(mpmath.mpf(k)) * eps_**2 / (4 * I1_ * I2_)
+    exact = mpmath.atan(mpmath.sqrt(square)) / mpmath.pi if square > 0 else 0
+    for sign in (1, -1):
+        body = sf.SuslovGyrostat(I1, I2, sign * I13, sign * I23, sign * k)
+        computed = sf.rotation_number(body, omega, eps)
+        assert error(computed, sign * exact) < 1e-15
+        assert sf.rotation_number(body, omega, -eps) == -computed
+
+
+def test_the_rotation_number_counts_turns():
+    """Turns of Omega in a long run, where abs(e) A < 1."""
+    body, omega, steps = (
+        sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [1.8, -1.8, 3.0]),
+        [1.1, -0.4],
+        20000,
+    )
+    for eps in (0.35, -0.35):
+        w = sf.iterate(body, omega, eps, steps).omega
+        angle = np.unwrap(np.arctan2(np.sqrt(1.4) * w[..., 1], np.sqrt(2.3) * w[..., 0]), axis=0)
+        turns = (angle[-1] - angle[0]) / (2 * np.pi * steps)
+        number = sf.rotation_number(body, omega, eps)
+        assert abs(turns - number).max() < 1 / steps
+        assert (np.sign(number) == np.sign(body.k * eps)).all()
+    assert sf.rotation_number(sf.Suslov3D(2.3, 1.4, 0.5, -0.7), [omega, [np.nan, 0]], 0.35)[0] == 0
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e150])
+def test_steps_out_of_range_fail_with_a_status(scale):
+    """Long steps are computed as they are, or fail; they are not replaced by shorter ones."""
+    parameters = (
+        8.398263621037692e-38, 8.398263621037692e-38, 4.337998088528932, 1.561520618688691e20,
+        1.35615046914525e-68, 3.1561824957925115e30 * scale,
+    )  # fmt: skip
+    omega = [-1.3979326002487293e34, -150756675552641.88]
+    result = run(parameters, omega, 1, on_singular="ignore")
+    if result.status == sf.Status.NONFINITE:
+        assert scale == 1e150
+        assert result.failed_at == 1
+        assert np.isnan(result.final).all()
+    else:
+        assert naive.relative_error(result.final, exact_step(parameters, omega)) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "instead"),
+    [
+        ("closed_form", ([1, 2], 0.1), "exact"),
+        ("to_xy", ([1, 2],), "iterate or flow"),
+        ("from_xy", ([1, 2],), "iterate or flow"),
+        ("scattering_angle", (), "iterate or flow"),
+        ("step_full", ([1, 2, 0], 0.1), "iterate or flow"),
+        ("iterate_full", ([1, 2, 0], 0.1, 3), "iterate or flow"),
+        ("multipliers", (1.0, 0.1), "jacobian"),
+    ],
+)
+def test_functions_without_meaning_for_a_rotor_name_another(name, arguments, instead):
+    with pytest.raises(TypeError, match=f"no meaning with a rotor; use {instead}"):
+        getattr(sf, name)(sf.SuslovGyrostat(2, 3, 0.1, 0.2, 0.5), *arguments)

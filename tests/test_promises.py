@@ -115,16 +115,17 @@ FORWARD, SCATTERED = np.arange(40), np.array([-1e9, -3, 0, 7, 700, 1e9])
 ROWS = {
     "energy": of_states(sf.energy, "3D gyrostat nD", (1, 0, 2)),
     "first_integral": of_steps(sf.first_integral, "3D gyrostat solved", (-1, 0, 2)),
-    "modified_energy": of_steps(sf.modified_energy, "3D nD", (1, 0, 2)),
-    "criticality": of_steps(sf.criticality, "3D solved", (0, 0, 0)),
+    "modified_energy": of_steps(sf.modified_energy, "3D gyrostat nD", (1, 0, 2)),
+    "criticality": of_steps(sf.criticality, "3D gyrostat solved", (0, 0, 0)),
+    "rotation_number": of_steps(sf.rotation_number, "3D gyrostat", (0, 0, 0)),
     "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
     "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
     "from_xy": of_states(sf.from_xy, "3D", name="xy"),
     "vector_field": of_states(sf.vector_field, "3D gyrostat nD", (-1, 1, 2)),
-    "reaction": of_states(sf.reaction, "3D nD", (1, None, 2)),
-    "discrete reaction": of_steps(sf.reaction, "3D nD", (1, None, 2)),
+    "reaction": of_states(sf.reaction, "3D gyrostat nD", (1, None, 2)),
+    "discrete reaction": of_steps(sf.reaction, "3D gyrostat nD", (1, None, 2)),
     "jacobian": of_steps(sf.jacobian, "3D gyrostat nD", (0, 0, 0)),
-    "matrix": of_steps(sf.matrix, "3D nD", (0, 0, 0)),
+    "matrix": of_steps(sf.matrix, "3D gyrostat nD", (0, 0, 0)),
     "closed_form": of_steps(
         sf.closed_form, "3D", (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0), name="omega0"
     ),
@@ -150,9 +151,9 @@ ROWS = {
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
         "3D gyrostat nD", (0, 0, 0), name="omega0",
     ),
-    "to_matrix": of_states(sf.to_matrix, "3D nD", (0, 0, 1), threads=False),
-    "to_vector": of_states(sf.to_vector, "3D", (0, 0, 1), threads=False),
-    "momentum": of_states(sf.momentum, "3D nD", (1, None, 1), threads=False),
+    "to_matrix": of_states(sf.to_matrix, "3D gyrostat nD", (0, 0, 1), threads=False),
+    "to_vector": of_states(sf.to_vector, "3D gyrostat", (0, 0, 1), threads=False),
+    "momentum": of_states(sf.momentum, "3D gyrostat nD", (1, None, 1), threads=False),
 }  # fmt: skip
 # LAPACK may round differently if matrices are aligned differently in memory.
 ROUNDED = {("jacobian", "nD"): 1e-13, ("lyapunov_exponents", "nD"): 1e-13}

@@ -118,10 +118,9 @@ def test_special_cases(body, unit):
     fast = sf.Suslov3D(1e-300, 2e-300, 1e300, 1e300)
     assert (sf.vector_field(slow, [1e-300, 1e-300]) == 0).all()
     assert sf.vector_field(fast, [1e300, 1e300]).tolist() == [-np.inf, np.inf]
-    # eps omega overflows.
-    assert abs(sf.first_integral(unit, [1e200, 1e200], 1e140) / 2e-280 - 1) < 1e-14
-    assert abs(sf.modified_energy(unit, [1e200, 1e200], 1e140) / 4e-280 - 1) < 1e-14
-    assert sf.first_integral(unit, [1e200, 1e200], 1e300) == 0  # 2e-600
+    # Squares of eps omega are in range up to 1e100.
+    assert abs(sf.first_integral(unit, [1e200, 1e200], 1e-110) / 2e220 - 1) < 1e-14
+    assert abs(sf.modified_energy(unit, [1e200, 1e200], 1e-110) / 4e220 - 1) < 1e-14
 
 
 def test_coordinates(rng):
@@ -161,12 +160,33 @@ def test_criticality_agrees_with_the_status(unit):
     "omega",
     [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305), (0.0, 1e100), (1e200, 3e200)],
 )
-@pytest.mark.parametrize("eps", [1.0, 1e-300, -1e250])
+@pytest.mark.parametrize("eps", [1e-205, 1e-300, -1e-150])
 def test_criticality_beyond_squares(unit, omega, eps):
     """t grows with eps on and next to the line of steady states, and has a limit elsewhere."""
-    expected = naive.criticality(1, 1, 1, 0, eps, omega)
-    expected = np.sign(eps) * np.inf if abs(expected) > 1.7e308 else float(expected)
-    assert sf.criticality(unit, omega, eps) == pytest.approx(expected, rel=1e-14)
+    expected = float(naive.criticality(1, 1, 1, 0, eps, omega))
+    if abs(eps) * max(omega) < 1e150:
+        assert sf.criticality(unit, omega, eps) == pytest.approx(expected, rel=1e-14)
+    else:
+        with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+            assert np.isnan(sf.criticality(unit, omega, eps))
+
+
+@pytest.mark.parametrize("name", [*IN_3D, "jacobian", "reaction"])
+def test_out_of_range_there_is_a_warning_and_no_number(name):
+    """Moments, products or step sizes so far apart that squares may be out of range."""
+    function = getattr(sf, name)
+    eps = () if name in WITHOUT_STEP else (1.0,)
+    calls = [
+        (sf.Suslov3D(1e-120, 1e120, 0.5, 0.5), *eps),
+        (sf.Suslov3D(2, 3, 1e-300, 0.5), *eps),
+        *([(sf.Suslov3D(2, 3, 0.5, 0.5), 1e200)] if eps else []),
+    ]
+    for body, *eps in calls:
+        if name == "energy":  # needs no square of a product
+            assert sf.energy(body, [0.0, 2.0]) == 2 * body.I2
+            continue
+        with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+            assert np.isnan(function(body, [1.0, 2.0], *eps)).all()
 
 
 def test_closed_form(rng):

@@ -15,6 +15,16 @@ AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 WithoutRotor = Suslov3D | SuslovND
 
 
+# Bodies whose states are (Omega1, Omega2).
+IN_3D = Suslov3D, SuslovGyrostat
+
+
+def refuse_rotor(body: object, function: str, instead: str) -> None:
+    """Raise TypeError for a body with a rotor, for which a function has no meaning."""
+    if isinstance(body, SuslovGyrostat):
+        raise TypeError(f"body: {function} has no meaning with a rotor; use {instead}")
+
+
 def check(
     body: AnyBody,
     by_name: dict[str, ArrayLike],

@@ -17,12 +17,22 @@ def vector_field(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 @formula
 def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """The two terms of the multiplier, (l_next - l) / eps and
-    (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2, whose difference it is.
+    """The terms l' and (I1 - I2) Omega1 Omega2 of equation (2), whose difference the multiplier is.
 
-    Both are rational functions of the state with the denominator of the next state. These are
-    derived from equation (4); no terms cancel that do not in the result, and eps = 0 gives the
-    continuous multiplier, of equation (2).
+    l' = l y / (I1 I2) with the y of equation (7).
+    """
+    l = rotor(I13, I23, k, omega1, omega2)
+    y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
+    return l * (y / (I1 * I2)), (I1 - I2) * (omega1 * omega2)
+
+
+@formula
+def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """The same terms of equation (4), (l_next - l) / eps and
+    (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
+
+    Both are rational functions of the state with the denominator of the next state, and in these
+    no terms cancel that do not cancel in the result.
     """
     X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
     D = denominator(X, Y, lost, K)

@@ -12,9 +12,9 @@ import numpy as np
 from .._jit import formula, select
 from .elementary import TO_INTEGER, exponent, larger, scaled, smaller, two_to_the
 
-# Moments whose exponents differ by more are NaN, and so is a step size above 2**LONGEST: squares
-# and products of three of them are in range below. The smaller product of inertia is NaN where it
-# would be subnormal; its square may underflow, as it is negligible.
+# A body is NaN whose moments have exponents that differ by more than APART, or whose smaller product
+# of inertia would be subnormal; so is a step size above 2**LONGEST. Then squares and products of
+# three numbers are in range, but for the square of a negligible product of inertia.
 APART, LONGEST, NEGLIGIBLE = 400.0, 500.0, 960.0
 # In place of the logarithm of 0, of which no unit is taken.
 NONE = -1e4
@@ -68,9 +68,9 @@ def of_body(I1, I2, I13, I23, k, eps):
     M = ((0.5 * (of_1 + of_2) - 0.25) + TO_INTEGER) - TO_INTEGER  # rounded down
     most, least = larger(abs(I13), abs(I23)), smaller(abs(I13), abs(I23))
     P, Q, E = exponent(most), exponent(k), exponent(eps)
-    of_moments, of_products = two_to_the(-M), two_to_the(-P)
-    of_moments = select(abs(of_1 - of_2) > APART, np.nan, of_moments)
-    of_products = select((least > 0.0) & (P - exponent(least) > NEGLIGIBLE), np.nan, of_products)
+    apart = (abs(of_1 - of_2) > APART) | (least > 0.0) & (P - exponent(least) > NEGLIGIBLE)
+    of_moments = select(apart, np.nan, two_to_the(-M))
+    of_products = select(apart, np.nan, two_to_the(-P))
     return Body(
         I1 * of_moments,
         I2 * of_moments,

@@ -280,15 +280,17 @@ def energy_at_lane(own, s, l):
     return integrals.energy(own.I1[l], own.I2[l], s.omega1[l], s.omega2[l])
 
 
-_leave_reaction = leave_two((-1, 2, 2), (1, 0, 2))
+def of_two_terms(name, evaluated, *dimensions):
+    """`of_body` for a difference of terms, each with a dimension of its own."""
+    leave = leave_two(*dimensions)
 
+    @formula
+    def at_lane(own, s, l):
+        problem, unit = units.of_state(body_at(own, l), s.omega1[l], s.omega2[l])
+        first, second = leave(evaluated(*problem), unit)
+        return first - second
 
-@formula
-def reaction_at_lane(own, s, l):
-    """The two terms have different dimensions if moments and products have different units."""
-    problem, unit = units.of_state(body_at(own, l), s.omega1[l], s.omega2[l])
-    slope, gyration = _leave_reaction(continuous.reaction(*problem), unit)
-    return slope - gyration
+    return of_formulas(name, 1, enter_body, at_lane)
 
 
 @formula
@@ -302,7 +304,9 @@ def from_xy_at_lane(own, s, l):
 
 
 energy = of_formulas("energy", 1, enter_moments, energy_at_lane)
-reaction = of_formulas("reaction", 1, enter_body, reaction_at_lane)
+_REACTION = (-1, 2, 2), (1, 0, 2)
+reaction = of_two_terms("reaction", continuous.reaction, *_REACTION)
+discrete_reaction = of_two_terms("discrete_reaction", continuous.discrete_reaction, *_REACTION)
 from_xy = of_formulas("from_xy", 2, enter_body, from_xy_at_lane)
 
 first_integral = of_body("first_integral", integrals.first_integral, (-1, 0, 2))

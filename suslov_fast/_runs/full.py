@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
 from .._docs import filled
-from .._engine.arguments import check
+from .._engine.arguments import check, refuse_rotor
 from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
@@ -135,6 +135,7 @@ def _checked(
     body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None
 ) -> Run:
     """Return a run of one step."""
+    refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
     if I3 is not None:
         body = replace(body, I3=I3)  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ import numpy as np
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, instance
 from .._docs import filled
+from .._engine.arguments import refuse_rotor
 
 
 @filled
@@ -56,6 +57,7 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
     1.221073798141
     """
+    refuse_rotor(body, "scattering_angle", "iterate or flow")
     instance("body", body, Suslov3D)
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
         angle = _angle(*map(np.asarray, body.parameters))

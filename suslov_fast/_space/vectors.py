@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, common_shape, instance, vectors
 from .._docs import filled
-from .._engine.arguments import WithoutRotor, check
+from .._engine.arguments import IN_3D, AnyBody, check
 
 # Relative tolerance of antisymmetry and of the constraint.
 _ROUNDING = 1e-12
@@ -17,7 +18,7 @@ _ROUNDING = 1e-12
 
 @filled
 def to_matrix(
-    body: WithoutRotor,
+    body: AnyBody,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -27,7 +28,7 @@ def to_matrix(
 
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     %(omega)s
     %(frame)s
 
@@ -53,23 +54,23 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    (state,), batch = check(body, {"omega": omega})
+    (state,), batch = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
     turn = _turn(body.dimension + 1, rotation, attitude)
     column = np.broadcast_to(state, (*batch, body.dimension))
-    if isinstance(body, Suslov3D):
+    if isinstance(body, IN_3D):
         column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
     return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis, np.newaxis]), turn)
 
 
 @filled
 def from_matrix(
-    body: WithoutRotor, matrix: ArrayLike, *, rotation: ArrayLike | None = None
+    body: AnyBody, matrix: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
     """Angular velocities from antisymmetric matrices, the inverse of :func:`to_matrix`.
 
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     matrix : array_like(float, shape=(..., n, n))
         Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
         basis. Where one is NaN, so is the result.
@@ -93,7 +94,7 @@ def from_matrix(
     >>> from_matrix(body, to_matrix(body, [2.0, 5.0]))
     array([2., 5.])
     """
-    instance("body", body, (Suslov3D, SuslovND))
+    instance("body", body, (*IN_3D, SuslovND))
     n = body.dimension + 1
     matrices = _square("matrix", matrix, n, allow_nan=True)
     turn = _turn(n, rotation, None)
@@ -111,7 +112,7 @@ def from_matrix(
             f"{np.nanmax(forbidden):.2g}"
         )
     column = adapted[..., :-1, -1]
-    if isinstance(body, Suslov3D):
+    if isinstance(body, IN_3D):
         column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
     batch = common_shape({"body": body.shape, "matrix": column.shape[:-1]})
     return np.broadcast_to(column + 0.0, (*batch, n - 1)).copy()
@@ -119,7 +120,7 @@ def from_matrix(
 
 @filled
 def to_vector(
-    body: Suslov3D,
+    body: Suslov3D | SuslovGyrostat,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -129,7 +130,7 @@ def to_vector(
 
     Parameters
     ----------
-    %(body_3d)s
+    %(body_in_3d)s
     %(omega_3d)s
     %(frame)s
 
@@ -148,8 +149,8 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    instance("body", body, Suslov3D)
-    (state,), batch = check(body, {"omega": omega})
+    instance("body", body, IN_3D)
+    (state,), batch = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
     return _turned_vector(vector, _turn(3, rotation, attitude))
@@ -157,13 +158,13 @@ def to_vector(
 
 @filled
 def from_vector(
-    body: Suslov3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
+    body: Suslov3D | SuslovGyrostat, vector: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
     """Angular velocities from vectors, the inverse of :func:`to_vector`.
 
     Parameters
     ----------
-    %(body_3d)s
+    %(body_in_3d)s
     vector : array_like(float, shape=(..., 3))
         Angular velocities that obey the constraint: normal to the constrained axis of the body.
         Where one is NaN, so is the result.
@@ -188,7 +189,7 @@ def from_vector(
     >>> from_vector(body, [1.0, 0.0, 0.5], rotation=rotation).shape
     (2,)
     """
-    instance("body", body, Suslov3D)
+    instance("body", body, IN_3D)
     array = vectors("vector", vector, 3, allow_nan=True)
     turn = _turn(3, rotation, None)
     adapted = _turned_vector(array, None if turn is None else turn.swapaxes(-2, -1))
@@ -205,7 +206,7 @@ def from_vector(
 
 @filled
 def momentum(
-    body: WithoutRotor,
+    body: AnyBody,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -213,9 +214,11 @@ def momentum(
 ) -> FloatArray:
     """Angular momentum M = I Omega, or M = I Omega + Omega I in n dimensions.
 
+    With a rotor it is I Omega + k e3.
+
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     %(omega)s
     %(frame)s
 
@@ -242,12 +245,15 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), _ = check(body, {"omega": omega})
+    (state,), _ = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
-        if isinstance(body, Suslov3D):
+        if isinstance(body, IN_3D):
             w1, w2 = state[..., 0], state[..., 1]
-            components = body.I1 * w1, body.I2 * w2, body.I13 * w1 + body.I23 * w2
+            third = body.I13 * w1 + body.I23 * w2
+            if isinstance(body, SuslovGyrostat):
+                third = third + body.k
+            components = body.I1 * w1, body.I2 * w2, third
             return _turned_vector(np.stack(np.broadcast_arrays(*components), axis=-1), turn)
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
         matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))

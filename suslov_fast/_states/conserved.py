@@ -98,11 +98,12 @@ def modified_energy(
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
     The map conserves it wherever :func:`first_integral` is known, and for every other body up to an
-    error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F.
+    error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F,
+    also with a rotor.
 
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     %(omega)s
     %(eps)s
     %(threads)s
@@ -135,7 +136,9 @@ def criticality(
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
     It is constant along an orbit. If -1 < t < 1, the orbit follows the continuous motion. Otherwise
-    the step is too long, and the orbit jumps across the line of steady states.
+    the step is too long, and the orbit jumps across the line of steady states. For a gyrostat it is
+    t = e A, with e = eps / (2 sqrt(I1 I2)) and A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2), which
+    is the same for k = 0; the orbit can meet a pole only if abs(t) >= 1.
 
     Parameters
     ----------
@@ -168,6 +171,49 @@ def criticality(
     array([0.1049, 1.2281])
     """
     return find("criticality", body, omega, eps, threads)
+
+
+@filled
+def rotation_number(
+    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
+
+    It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
+    body without a rotor, and for a gyrostat where abs(k) <= A.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        The body, or a batch of them.
+    %(omega_3d)s
+    %(eps)s
+    %(threads)s
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        Between -1/2 and 1/2, with the sign of k eps.
+
+    Raises
+    ------
+    %(invalid)s
+
+    Notes
+    -----
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, e = eps / (2 sqrt(I1 I2)),
+    l = I13 Omega1 + I23 Omega2 + k and the A of :func:`criticality`
+    it is sign(k) arctan(e sqrt(k**2 - A**2)) / pi turns of the argument of z / (1 - i e l). If
+    abs(e) A < 1, Omega turns as often. It is not in the paper.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovGyrostat, rotation_number
+    >>> body = SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8])
+    >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
+    array([0.      , 0.      , 0.046869])
+    """
+    return find("rotation_number", body, omega, eps, threads)
 
 
 @filled

@@ -52,7 +52,7 @@ def reaction(
 
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     %(omega)s
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
@@ -75,6 +75,7 @@ def reaction(
     In three dimensions lambda follows from the third equation of (2). Its discretization, made as
     in equation (4), is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
+    A rotor of constant momentum does not change it.
 
     Examples
     --------

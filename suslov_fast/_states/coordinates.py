@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._docs import filled
+from .._engine.arguments import refuse_rotor
 from .table import find
 
 
@@ -45,6 +46,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
+    refuse_rotor(body, "to_xy", "iterate or flow")
     return find("to_xy", body, omega, None, threads)
 
 
@@ -75,6 +77,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> Flo
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
+    refuse_rotor(body, "from_xy", "iterate or flow")
     if isinstance(body, Suslov3D) and np.any((np.asarray(body.I13) == 0) & (body.I23 == 0)):
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
@@ -140,5 +143,6 @@ def closed_form(
     >>> (2 * np.sqrt(4 * h) * np.tanh(k1 * 0.2 * np.arange(4) + k2)).round(6)
     array([-0.95    , -1.030413, -1.102959, -1.167933])
     """
+    refuse_rotor(body, "closed_form", "exact")
     constants = find("closed_form", body, omega0, eps, threads, "omega0")
     return ClosedForm(*(constants[..., k][()] for k in range(4)))

@@ -11,7 +11,7 @@ from .._bodies.nd import SuslovND
 from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
 from .._docs import filled
-from .._engine.arguments import WithoutRotor, check
+from .._engine.arguments import WithoutRotor, check, refuse_rotor
 from .table import find
 
 
@@ -61,9 +61,11 @@ def matrix(
 ) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
+    For a gyrostat A(omega; eps) next_omega = A(0; -eps) omega.
+
     Parameters
     ----------
-    %(body)s
+    %(any_body)s
     %(omega)s
     %(eps)s
     %(threads)s
@@ -135,6 +137,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([[1.      , 0.940805],
            [1.      , 1.062919]])
     """
+    refuse_rotor(body, "multipliers", "jacobian at the steady state")
     (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
     units = units_of(body)
     if isinstance(body, SuslovND):

@@ -30,8 +30,7 @@ _WITH_ROTOR: dict[str, Finder] = {
     "invariant_density": partial(of_state, kernels.invariant_density, ()),
     "vector_field": partial(of_state, kernels.vector_field, (2,)),
     "reaction": partial(of_state, kernels.reaction, ()),
-    # Without a step size, the same formula with eps = 0.
-    "discrete_reaction": partial(of_state, kernels.reaction, ()),
+    "discrete_reaction": partial(of_state, kernels.discrete_reaction, ()),
     "jacobian": partial(of_state, kernels.jacobian, (2, 2)),
     "matrix": partial(of_state, kernels.matrix, (2, 2)),
 }

@@ -12,9 +12,9 @@ import numpy as np
 from .._jit import formula, select
 from .elementary import TO_INTEGER, exponent, larger, scaled, smaller, two_to_the
 
-# A body is NaN whose moments have exponents that differ by more than APART, or whose smaller product
+# A body is NaN if the exponents of its moments differ by more than APART, or if its smaller product
 # of inertia would be subnormal; so is a step size above 2**LONGEST. Then squares and products of
-# three numbers are in range, but for the square of a negligible product of inertia.
+# three numbers are in range, except for the square of a negligible product of inertia.
 APART, LONGEST, NEGLIGIBLE = 400.0, 500.0, 960.0
 # In place of the logarithm of 0, of which no unit is taken.
 NONE = -1e4
@@ -127,39 +127,6 @@ def leave(value, units, moment, product, omega):
 def fraction(k):
     """2**k for an integer k <= 0, and 0 where that is subnormal."""
     return select(k < -1022.0, 0.0, two_to_the(larger(k, -1022.0)))
-
-
-@formula
-def normal_body(I1, I2, I13, I23, eps):
-    """A body and a step size in units of powers of two, and the logarithms of the units.
-
-    The moments have the unit 2**M, the products of inertia 2**P and the step size 2**E. All are of
-    the order of 1, unless the moments, or the products, differ by orders of magnitude.
-    """
-    # Rounded down.
-    M = ((0.5 * (exponent(I1) + exponent(I2)) - 0.25) + TO_INTEGER) - TO_INTEGER
-    product = larger(abs(I13), abs(I23))
-    P = select(product > 0.0, exponent(product), M)
-    E = exponent(eps)
-    of_moments, of_products = two_to_the(-M), two_to_the(-P)
-    return (
-        I1 * of_moments,
-        I2 * of_moments,
-        I13 * of_products,
-        I23 * of_products,
-        eps * two_to_the(-E),
-        M,
-        P,
-        E,
-    )
-
-
-@formula
-def normal_state(omega1, omega2):
-    """A state in the unit 2**W, and W."""
-    W = exponent(larger(abs(omega1), abs(omega2)))
-    unit = two_to_the(-W)
-    return omega1 * unit, omega2 * unit, W
 
 
 @formula

@@ -211,7 +211,7 @@ def rotation_number(
     >>> from suslov_fast import SuslovGyrostat, rotation_number
     >>> body = SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8])
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
-    array([0.      , 0.      , 0.046869])
+    array([0.      , 0.      , 0.043038])
     """
     return find("rotation_number", body, omega, eps, threads)
 

@@ -7,10 +7,22 @@ import subprocess
 import sys
 from fractions import Fraction as F
 
+import mpmath
 import numpy as np
 import pytest
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, vector_field
+from suslov_fast import (
+    QuadraticField,
+    SingularStepWarning,
+    Status,
+    Suslov3D,
+    SuslovGyrostat,
+    SuslovND,
+    Trajectories,
+    iterate,
+    step,
+    vector_field,
+)
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -167,3 +179,186 @@ def test_python_flint_is_not_needed():
 def test_bad_input(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def volterra(n):
+    return of_function(lambda x: [x[i] * (x[(i + 1) % n] - x[i - 1]) for i in range(n)], n)
+
+
+def random_field(rng, D, shape=()):
+    size = 0.3 / D
+    coefficients = (size * rng.normal(size=(*shape, *(D,) * k)) for k in (3, 2, 1))
+    return QuadraticField(*coefficients)
+
+
+def runge_kutta_step(field, x, eps):
+    """Solve (y - x) / eps = -f(x) / 2 + 2 f((x + y) / 2) - f(y) / 2, which is linear in y."""
+    D = len(x)
+
+    def residual(y):
+        f = [
+            field([mpmath.mpf(a) for a in z])
+            for z in (x, [(a + b) / 2 for a, b in zip(x, y, strict=True)], y)
+        ]
+        return [
+            b - a - eps * (-f[0][i] / 2 + 2 * f[1][i] - f[2][i] / 2)
+            for i, (a, b) in enumerate(zip(x, y, strict=True))
+        ]
+
+    start = residual([mpmath.mpf(0)] * D)
+    units = mpmath.eye(D)
+    columns = [residual(list(units[:, j])) for j in range(D)]
+    matrix = mpmath.matrix(D, D)
+    for j, column in enumerate(columns):
+        for i in range(D):
+            matrix[i, j] = column[i] - start[i]
+    return list(mpmath.lu_solve(matrix, mpmath.matrix([-a for a in start])))
+
+
+def exactly(field):
+    """The field as a function of numbers of any type."""
+    return lambda x: [
+        sum(
+            math.prod([mpmath.mpf(c.numerator) / c.denominator, *(x[i] for i in powers)])
+            for powers, c in each.terms.items()
+        )
+        for each in field.polynomials
+    ]
+
+
+@pytest.mark.parametrize(
+    ("field", "x", "eps", "steps"),
+    [
+        (LORENZ, [1.0, 2.0, 20.0], 1 / 64, 40),
+        (HENON, [0.125, 0.25, 0.25, -0.125], -0.25, 200),
+        (volterra(7), [1.0, 0.5, 0.75, 1.25, 0.5, 1.0, 2.0], 0.125, 60),
+        (QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)), [1.1, -0.4], 0.35, 60),
+        (QuadraticField(np.zeros((1, 1, 1)), [[-0.5]], [0.25]), [3.0], 0.5, 30),
+    ],
+)  # fmt: skip
+def test_orbits_against_the_runge_kutta_form(field, x, eps, steps):
+    with mpmath.workdps(60):
+        expected, f = [list(map(mpmath.mpf, x))], exactly(field)
+        for _ in range(steps):
+            expected.append(runge_kutta_step(f, expected[-1], eps))
+        found = iterate(field, x, eps, steps).x
+        for row, y in zip(found, expected, strict=True):
+            assert max(abs(a - b) for a, b in zip(row, y, strict=True)) <= 1e-13 * max(map(abs, y))
+
+
+def test_published_orbits():
+    """Values of runs in 60 digits."""
+    prey = of_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+    np.testing.assert_allclose(
+        iterate(prey, [0.5, 0.7], 1 / 8, 200).final,
+        [0.4904468907172823201, 1.337749716137072884],
+        rtol=1e-13,
+    )
+    np.testing.assert_allclose(
+        iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500).final,
+        [0.251219885039800047, 0.12357749590236766, -0.02024485246071989, -0.2466615457776315],
+        rtol=1e-13,
+    )
+
+
+def test_poles_overflow_and_rest():
+    square = QuadraticField([[[1]]])  # x / (1 - eps x)
+    x = [[8.0], [7.0], [np.nan], [1e200], [0.0], [-0.0], [4.0]]
+    with pytest.warns(
+        SingularStepWarning, match="2 of 7 traj.*: singular step, first: 0 at step 1"
+    ):
+        run = iterate(square, x, 1 / 8, 3)
+    S, N, ok = Status.SINGULAR, Status.NONFINITE, Status.OK
+    assert run.status.tolist() == [S, ok, N, N, ok, ok, S]
+    assert run.failed_at.tolist() == [1, -1, 0, 1, -1, -1, 2]
+    assert np.isnan(run.x[[1, 2, 3], [0, 6, 6]]).tolist() == [[True], [True], [True]]
+    np.testing.assert_allclose(run.x[:, 1, 0], [7, 56, -28 / 3, -56 / 13], rtol=1e-14)
+    assert np.signbit(run.x[:, 5]).all()
+    # A regular matrix with rows of very different size, and a singular one.
+    stiff = QuadraticField(np.zeros((2, 2, 2)), np.diag([-1e40, -1.0]))
+    assert iterate(stiff, [1.0, 1.0], 0.5, 2).x.tolist() == [[1, 1], [-1, 0.6], [1, 0.36]]
+    swap = QuadraticField(np.zeros((2, 2, 2)), [[0, 1e30], [1e-30, 0]])
+    assert iterate(swap, [1.0, 1.0], 2.0, 1, on_singular="ignore").status == S
+    field = QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25))
+    assert (iterate(field, [-0.75, 1.5], 0.3, 5).x == [-0.75, 1.5]).all()  # f = 0
+    assert (iterate(LORENZ, [0.0, 0.0, 0.0], 1 / 64, 5).x == 0).all()
+
+
+@pytest.mark.parametrize("D", [1, 2, 3, 12])
+def test_bits_depend_on_the_problem_alone(D):
+    rng = np.random.default_rng(D)
+    field, x, eps = random_field(rng, D), rng.normal(size=(70, D)), rng.uniform(-0.2, 0.2, 70)
+    run = iterate(field, x, eps, 9)
+    assert run.ok
+    for k in (0, 33, 69):
+        np.testing.assert_array_equal(iterate(field, x[k], eps[k], 9).x, run.x[:, k])
+    np.testing.assert_array_equal(
+        iterate(field, x[::-1], eps[::-1], 9, save_every=3).x, run.x[::3, ::-1]
+    )
+    np.testing.assert_array_equal(iterate(field, x, eps, 4).extend(5).x, run.x)
+    coefficients = [
+        np.asarray(each, float) for each in (field.quadratic, field.linear, field.constant)
+    ]
+    batch = QuadraticField(np.tile(coefficients[0], (70, 1, 1, 1)), *coefficients[1:])
+    np.testing.assert_array_equal(iterate(batch, x, eps, 9).x, run.x)
+    # Other units of length, 2**k, and of time, 2**m.
+    for k, m in ((3, 5), (600, -300), (-650, 300), (0, 900), (-400, -500)):
+        scaled = (
+            np.ldexp(each, power)
+            for each, power in zip(coefficients, (-k - m, -m, k - m), strict=True)
+        )
+        other = iterate(QuadraticField(*scaled), np.ldexp(x, k), np.ldexp(eps, m), 9)
+        np.testing.assert_array_equal(other.x, np.ldexp(run.x, k))
+
+
+def test_threads_and_batches_of_fields():
+    rng = np.random.default_rng(0)
+    fields, x = random_field(rng, 5, (40, 1)), rng.normal(size=(40, 50, 5))
+    run = iterate(fields, x, 0.1, 300, save_every=None)
+    np.testing.assert_array_equal(iterate(fields, x, 0.1, 300, save_every=None, threads=1).x, run.x)
+    one = QuadraticField(fields.quadratic[7, 0], fields.linear[7, 0], fields.constant[7, 0])
+    np.testing.assert_array_equal(iterate(one, x[7], 0.1, 300).final, run.final[7])
+    np.testing.assert_array_equal(run.status < 0, np.isnan(run.final).any(axis=-1))
+
+
+def test_bodies_as_fields():
+    for body, eps in (
+        (Suslov3D(4.1, 1, -0.5, [0.3, -0.25]), 0.2),
+        (SuslovGyrostat(2, 3, 0.5, -0.25, [0.75, -2.0]), -0.3),
+        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 0.4),
+    ):
+        x = np.full((2, body.dimension), 0.4)
+        np.testing.assert_allclose(
+            iterate(QuadraticField.of(body), x, eps, 20).x, iterate(body, x, eps, 20).omega, 1e-12
+        )
+
+
+@pytest.mark.parametrize(
+    "field", [of_function(lambda x: (x[0] / 3, x[0] - x[1]), 2), HENON, BATCH], ids=str
+)
+def test_files_and_datasets_hold_the_field_exactly(field, tmp_path):
+    x = np.full((3, 2, field.dimension), 0.1)
+    run, whole = iterate(field, x, 0.01, 5), iterate(field, x, 0.01, 8)
+    run.save(tmp_path / "run.npz")
+    loaded = Trajectories.load(tmp_path / "run.npz")
+    assert loaded == run
+    assert (loaded.body, loaded.body.H) == (field, field.H)
+    assert loaded.extend(3) == whole
+    pytest.importorskip("xarray")
+    data = run.to_xarray()
+    assert data.attrs["title"] == "Kahan map of a quadratic field"
+    assert data.component.values.tolist() == [f"x{i + 1}" for i in range(field.dimension)]
+    assert Trajectories.from_xarray(data).body == field
+    assert iterate(field, data.x[-1], 0.01, 3).x.shape == (4, *x.shape)
+
+
+def test_what_a_run_of_a_field_refuses():
+    with pytest.raises(TypeError, match=r"attitude: .*QuadraticField have no orientation"):
+        iterate(LORENZ, [1.0, 2.0, 3.0], 0.1, 3, attitude=True)
+    with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
+        step(LORENZ, [1.0, 2.0], 0.1)
+    with pytest.raises(AttributeError, match="x"):
+        _ = iterate(LORENZ, [1.0, 2.0, 3.0], 0.1, 3).omega
+    huge = QuadraticField([[[F(10) ** 400]]])
+    with pytest.raises(ValueError, match="body: expected coefficients in the range of float64"):
+        step(huge, [1.0], 0.1)

@@ -45,6 +45,16 @@ class Body:
         named = {name: getattr(self, name) for name in self._names()}
         return {name: value for name, value in named.items() if value is not None}
 
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        """The parameters that are set, as floats."""
+        return {name: np.asarray(value, np.float64) for name, value in self._values.items()}
+
+    @property
+    def _text(self) -> str | None:
+        """The body as JSON, if `_arrays` are not all of it."""
+        return None
+
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """The parameters of the map, in order."""

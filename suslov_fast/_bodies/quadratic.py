@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,14 +12,16 @@ from numbers import Rational
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .._checks import instance, integer, real_array, vectors, wrong
+from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
 from .base import Body
 from .gyrostat import SuslovGyrostat
 from .nd import SuslovND
 from .polynomial import Polynomial, exact_array, plain
 from .three import Suslov3D
 
+IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1}
 # Length of the text of a single field.
@@ -223,6 +226,17 @@ class QuadraticField(Body):
     def _axes(cls, name: str) -> int:
         return _AXES[name]
 
+    @classmethod
+    def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
+        return cls(**values)
+
+    @property
+    def _text(self) -> str | None:
+        numbers = () if self.shape else (c for p in self.polynomials for c in p.terms.values())
+        if self.H is None and all(isinstance(plain(c), float) for c in numbers):
+            return None
+        return json.dumps(self.to_dict())
+
     @property
     def dimension(self) -> int:
         """The number of variables."""
@@ -243,6 +257,38 @@ class QuadraticField(Body):
                     times = len({*powers}) or 1
                     terms[i][tuple(powers)] = times * array[(i, *powers)]
         return tuple(map(Polynomial, terms))
+
+    @cached_property
+    def terms(self) -> tuple[tuple[IntArray, ...], tuple[FloatArray, ...]]:
+        """The nonzero terms: indices (i, j, k), (i, j) and (i,), as columns, and coefficients.
+
+        The coefficients are (T,), or (..., T) of a batch, rounded once.
+        """
+        if self.shape:
+            q, l, c = (getattr(self, name) for name in _AXES)
+            q = np.triu(q) + np.triu(q, 1)
+            tables = [
+                (np.argwhere(each.any(tuple(range(each.ndim - k)))), each)
+                for each, k in zip((q, l, c), (3, 2, 1), strict=True)
+            ]
+            return (
+                tuple(np.ascontiguousarray(index.T) for index, _ in tables),
+                tuple(each[(..., *index.T)] for index, each in tables),
+            )
+        found: list[dict[Any, float]] = [{}, {}, {}]
+        try:
+            for i, each in enumerate(self.polynomials):
+                for powers, a in each.terms.items():
+                    found[2 - len(powers)][(i, *powers)] = float(a)
+        except OverflowError:
+            raise wrong("body", "coefficients in the range of float64", self) from None
+        return (
+            tuple(
+                np.array([*each], np.int64).reshape(-1, 3 - k).T.copy()
+                for k, each in enumerate(found)
+            ),
+            tuple(np.array([*each.values()], np.float64) for each in found),
+        )
 
     @property
     def components(self) -> tuple[Any, ...]:
@@ -268,8 +314,9 @@ class QuadraticField(Body):
             return tuple(each(point) for each in self.polynomials)
         state = vectors("x", x, self.dimension, allow_nan=True)
         q, l, c = (np.asarray(getattr(self, name), np.float64) for name in _AXES)
-        slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]
-        return (slopes @ state[..., np.newaxis])[..., 0] + c
+        with np.errstate(all="ignore"):
+            slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]
+            return (slopes @ state[..., np.newaxis])[..., 0] + c
 
     def __eq__(self, other: object) -> bool:
         same = super().__eq__(other)

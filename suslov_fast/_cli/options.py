@@ -225,12 +225,13 @@ COMMANDS = {
 
 
 def body_classes() -> list[Any]:
-    """Return the classes of bodies that have a map."""
+    """Return the classes of bodies that have a map and moments of inertia."""
     import suslov_fast
 
     from .._maps.registry import body_names
 
-    return [getattr(suslov_fast, name) for name in body_names()]
+    classes = [getattr(suslov_fast, name) for name in body_names()]
+    return [kind for kind in classes if kind._moments]
 
 
 def flag(name: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._checks import FloatArray
 from .._jit import LINE, Kernel
-from .._kernels import map_nd
+from .._kernels import kahan, map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDTH
 from .._kernels.lanes import LANES
@@ -91,6 +91,26 @@ def _iterate_nd(run: Run, kernel: Kernel) -> Results:
     return Results(final, resume["status"], resume["failed_at"], resume)
 
 
+def iterate_field(run: Run) -> Results:
+    """Iterate Kahan's map of a quadratic field."""
+    size, D = run.omega0.shape
+    resume = _resume(run)
+    if not run.start:
+        resume["state"] = np.empty((size, D))
+    kept = tuple(resume[name] for name in ("status", "failed_at", "state"))
+    indices, values, parameters = run.parameters
+    work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
+    tasks = min(run.threads or numba.get_num_threads(), max(-(-size // WIDTH), 1))
+    room = (
+        _aligned((tasks, 2, D, D + 1, WIDTH)),
+        _aligned((tasks, 2, D, WIDTH)),
+        _aligned((tasks, indices[1].shape[1], WIDTH)),
+    )
+    before = indices, values, (*parameters, run.omega0)
+    final = _make_steps(run, kahan.iterate_field, work, WIDTH, before, None, kept, room)
+    return Results(final, resume["status"], resume["failed_at"], resume)
+
+
 def _resume(run: Run) -> dict[str, Any]:
     """Return status and failed_at for kernels to fill, or copies of the data of a resumed run."""
     if run.start:
@@ -137,9 +157,12 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
 
 def _matrices(tasks: int, m: int) -> FloatArray:
     """Return memory for elimination."""
-    shape = tasks, m + 3, m + 1, WIDTH
-    advice = "elimination works in {}: use method='rank2', fewer threads, or shorter steps"
-    require(8 * math.prod(shape), advice, shape)
+    return _aligned((tasks, m + 3, m + 1, WIDTH), "method='rank2', fewer threads, or shorter steps")
+
+
+def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:
+    """Return memory for matrices that begins on a cache line."""
+    require(8 * math.prod(shape), f"elimination works in {{}}: use {advice}", shape)
     memory = np.empty(math.prod(shape) + LINE)
     first = -(memory.ctypes.data // 8) % LINE  # vectors across two cache lines take a fifth longer
     return memory[first : first + math.prod(shape)].reshape(shape)

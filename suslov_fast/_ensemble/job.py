@@ -126,16 +126,18 @@ class Job:
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
             return array[own_part(array.shape[: array.ndim - own], where)]
 
-        kind, parameters = type(self.body), self.parameters
-        parts = {name: cut(each, kind._axes(name)) for name, each in parameters.items()}
-        body = kind._of(parts)
+        kind, body = type(self.body), self.body
+        if body.shape:
+            parameters = self.parameters.items()
+            body = kind._of({name: cut(each, kind._axes(name)) for name, each in parameters})
         orientation = None if self.orientation is None else cut(self.orientation, 2)
         return replace(self, body=body, eps=cut(self.eps), orientation=orientation)
 
     @property
     def parameters(self) -> dict[str, FloatArray]:
         """The parameters of the body that are set, as arrays."""
-        return {name: np.asarray(value) for name, value in self.body._values.items()}
+        arrays: dict[str, FloatArray] = self.body._arrays
+        return arrays
 
     def identity(self) -> dict[str, Any]:
         """Return plain values that identify the results, for any number of steps."""

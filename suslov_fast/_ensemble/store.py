@@ -332,7 +332,7 @@ def _write(job: Job, dataset: Any, notes: dict[str, Any], all_values: bool) -> N
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with placeholders without memory for results."""
     batch, D = job.batch, job.body.dimension
-    entries = header_of(job.map, job.method, job.steps, job.save_every)
+    entries = header_of(job.body, job.map, job.method, job.steps, job.save_every)
     entries |= {"eps": job.eps, **job.parameters}
     if job.keeps_states:
         entries["n"] = job.numbers

@@ -18,6 +18,7 @@ _BODIES = {
     "suslov_nd": "SuslovND",
     "suslov3d_full": "Suslov3D",
     "suslov_gyrostat": "SuslovGyrostat",
+    "quadratic": "QuadraticField",
 }
 
 

@@ -9,6 +9,7 @@ run begin with `RESUME`; datasets omit them.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -28,8 +29,8 @@ Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 FORMAT = 4
 RESUME = "resume/"
 # Entries of one number or one string; the last is absent if only the last state is saved.
-_KINDS = int, str, str, str, int, int
-HEADER = "format", "version", "map", "method", "steps", "save_every"
+_KINDS = int, str, str, str, int, int, str
+HEADER = "format", "version", "map", "method", "steps", "save_every", "body"
 
 
 # Axes of the parameters of a body after those of the batch; the first is also that of states.
@@ -88,11 +89,11 @@ def schema_of(map: Map) -> dict[str, Entry]:
     return entries
 
 
-def header_of(map: Map, method: str, steps: int, save_every: int | None) -> Entries:
-    """Return the header of a run."""
+def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | None) -> Entries:
+    """Return the header of a run, with the body as text if its arrays round it."""
     from .. import __version__
 
-    values = (FORMAT, __version__, map.name, method, steps, save_every)
+    values = (FORMAT, __version__, map.name, method, steps, save_every, body._text)
     header = zip(HEADER, values, strict=True)
     return {name: np.asarray(value) for name, value in header if value is not None}
 
@@ -105,10 +106,11 @@ def entries_of(run: Mapping[str, Any]) -> Entries:
         **{name: run[name] for name in ("eps", *ends, "attitude")},
         "n": numbers_of_saved(run["steps"], run["save_every"]),
         "final": None if _is_saved(run) else run["final"],
-        **run["body"]._values,
+        **run["body"]._arrays,
         **{RESUME + name: a for name, a in run["_resume"].items() if name not in ends},
     }
-    header = header_of(run["_map"], run["method"], run["steps"], run["save_every"])
+    about = (run[name] for name in ("body", "_map", "method", "steps", "save_every"))
+    header = header_of(*about)
     return header | {name: np.asarray(a) for name, a in arrays.items() if a is not None}
 
 
@@ -157,6 +159,8 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
     """Return the body of a run."""
+    if "body" in entries:
+        return map.body.from_dict(json.loads(str(entries["body"])))
     return map.body(**{name: entries[name] for name in map.body._names() if name in entries})
 
 
@@ -174,7 +178,7 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
             f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
             f"{version}{old}"
         )
-    missing = [name for name in HEADER if name not in values and name != "save_every"]
+    missing = [name for name in HEADER[:-2] if name not in values]
     if missing:
         raise ValueError(f"expected a run, got one without {', '.join(missing)}")
     header: dict[str, Any] = {}

@@ -10,14 +10,14 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-from .options import COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
+from .options import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit.
 
     The status is 0; 2 for usage errors and 1 for other failures, with one
-    line on stderr; 130 after a signal.
+    line on stderr; 130 after a signal; 141, quietly, if the reader of a pipe is gone.
     """
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
     try:
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         # Otherwise Python would try to write the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
-            sys.exit(FAILURE)
+            sys.exit(CLOSED_PIPE)
         _fail(FAILURE, f"standard output: {error.strerror or error}")
     sys.exit(0)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -15,7 +16,8 @@ from typing import Any, NamedTuple, NoReturn
 
 from .. import __version__
 
-FAILURE, USAGE, INTERRUPTED = 1, 2, 130
+# The last two are those of a shell for a process that a signal ends.
+FAILURE, USAGE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 TRAJECTORIES, EXTENT = 65_536, 2.0
 # The body of picture 2 is realizable, that of picture 1 is not.
 DEFAULT_PICTURE = 2
@@ -69,10 +71,23 @@ def _file(*suffixes: str) -> Callable[[str], Path]:
     return _reader(f"the name of a {' or '.join(suffixes)} file", convert)
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+def _step_size(text: str) -> float:
+    if (value := _finite(text)) == 0:
+        raise ValueError
+    return value
+
+
 def _split_sweep(text: str) -> tuple[str, float, float, int]:
     name, _, values = text.partition("=")
     low, high, count = values.split(":")
-    return name, float(low), float(high), _integer(1)(count)
+    return name, _finite(low), _finite(high), _integer(1)(count)
 
 
 def _check_address(text: str) -> str:
@@ -83,8 +98,15 @@ def _check_address(text: str) -> str:
 _SWEEP = "NAME=LOW:HIGH:COUNT"
 _sweep = _reader(_SWEEP, _split_sweep)
 _address = _reader("an address such as tcp://127.0.0.1:8786", _check_address)
-_list = _reader("numbers separated by commas", lambda text: [*map(float, text.split(","))])
-_table, _result = _file(".npy", ".csv"), _file(".npz", ".nc", ".zarr")
+_number = _reader("a finite number", _finite)
+_list = _reader(
+    "numbers separated by commas without spaces", lambda text: [*map(float, text.split(","))]
+)
+_finite_list = _reader(
+    "a finite number, or several separated by commas",
+    lambda text: [*map(_finite, text.split(","))],
+)
+_table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
 
 
 def _list_or_table(text: str) -> Any:
@@ -107,17 +129,21 @@ _repeated = partial(_option, action="append")
 # same names there.
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
-        f"picture of the paper; other options override its parameters ({DEFAULT_PICTURE})",
+        "picture of the paper; parameters given beside it replace its own "
+        f"({DEFAULT_PICTURE} if no body is given)",
         choices=tuple("1234"),
     ),
+    "body": _option("body or field, as its to_dict() was written; likewise", _body, "FILE.json"),
     "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
     "mass_tensor": _option("in n dimensions: I of M = I Omega + Omega I", _table, "FILE"),
     "axis": _option("with a tensor: constrained axis, in its basis (last axis)", _list, "A1,..."),
-    "eps": _option("step size (that of the picture)", float),
+    "eps": _option(
+        "step size (that of the picture)", _reader("a finite number other than 0", _step_size)
+    ),
     "omega0": _repeated("initial state; may be repeated", _list, "OMEGA1,..."),
     "initial": _option("file of initial states, one per row", _table, "FILE"),
     "trajectories": _option(f"number of random initial states ({TRAJECTORIES})", _integer(1), "N"),
-    "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", float),
+    "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", _number),
     "seed": _option("seed of the random initial states (0)", _integer(0)),
     "orientation": _option("rotation vector X,Y,Z in degrees, or a file", _list_or_table, "R0"),
     "steps": _option("number of steps", _integer(0), "N", default=1000),
@@ -134,7 +160,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "compression": _option("compression of the store", choices=("lz4", "zstd")),
     "reductions": _repeated("store first_integral_drift, ...; may be repeated", None, "NAME"),
     "verify": _flag("verify the store and recompute damaged data"),
-    "file": _option(".npz, .nc or .zarr file", _result, "FILE"),
+    "file": _option(".npz or .zarr files", _result, "FILE", nargs="+"),
     "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
     "dpi": _option("dots per inch", _integer(10, 2001), "N", default=160),
     "letters": _flag("label the panels (a), (b) ..."),
@@ -163,8 +189,8 @@ class Command(NamedTuple):
 # Options of runs that are larger than memory.
 STORE = "chunk scheduler sweep compression reductions verify"
 _BODY = {
-    "body (a picture, all parameters, or a tensor; files are .npy or .csv)": (
-        "picture PARAMETERS inertia mass_tensor axis eps"
+    "body (a picture, all parameters, a file or a tensor; tables are .npy or .csv)": (
+        "picture PARAMETERS body inertia mass_tensor axis eps"
     )
 }
 COMMANDS = {
@@ -181,12 +207,12 @@ COMMANDS = {
             "output": "output save_every force json",
             "with -o FILE.zarr (written in parts; repeat the command to resume)": STORE,
         },
-        {"output": {"type": _result, "help": "write the run to a .npz, .nc or .zarr"}},
+        {"output": {"type": _result, "help": "write the run to a .npz or .zarr"}},
     ),
     "info": Command(
         "summary.info",
-        "Print a summary of a saved run. FILE was written by `suslov-fast run -o` or "
-        "Trajectories.save. The drift is the change since state 0, if that was saved.",
+        "Print a summary of saved runs. FILE was written by `suslov-fast run -o`, "
+        "Trajectories.save or ensemble. The drift is the change since state 0, if that was saved.",
         {"": "file json"},
     ),
     "warm-up": Command(
@@ -209,7 +235,7 @@ COMMANDS = {
         {
             "eps": {"help": "step size (0.05 with a picture)"},
             "omega0": {"action": "store", "help": "initial state (near a steady rotation)"},
-            "steps": {"default": 440},
+            "steps": {"default": 440, "type": _integer(1)},
             "output": {"required": True, "type": _file(".gif", ".mp4")},
             "dpi": {"default": 100},
         },
@@ -276,13 +302,23 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         raise UsageError(f"unknown command {words[0]!r}; {_hint(words[0], COMMANDS, expected)}")
     options, rest = parser.parse_known_args(words)
     for word in rest:
-        name = word.partition("=")[0]
-        if not name.startswith("-"):
-            raise UsageError(f"expected no argument {word!r}")
         known = parsers.choices[options.command]._option_string_actions
+        name = word.partition("=")[0]
+        if not name.startswith("-") or re.match(r"-[\d.]", name):
+            _refuse_second_value(words, word, known)
         otherwise = f"`suslov-fast {options.command} --help` lists the options"
         raise UsageError(f"unknown option {name}; {_hint(name, known, otherwise)}")
     return options
+
+
+def _refuse_second_value(words: Sequence[str], word: str, types: dict[str, Any]) -> None:
+    """Raise UsageError if a word follows an option and its value, or is an unknown argument."""
+    option, first = ["", "", *words][words.index(word) :][:2]
+    if option in types and not first.startswith("--"):
+        several = types[option].type in (_list, _finite_list, _list_or_table)
+        hint = f"; write {first.strip(',')},{word.strip(',')}" if several else ""
+        raise UsageError(f"argument {option}: expected one value, got {first} {word}{hint}")
+    raise UsageError(f"expected no argument {word!r}")
 
 
 def _hint(word: str, known: Iterable[str], otherwise: str) -> str:
@@ -307,13 +343,19 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
 
 
 def _add_parameters(group: Any) -> None:
-    """Add an option for each parameter of each body."""
-    kinds = body_classes()
-    for name in dict.fromkeys(name for kind in kinds for name in kind._names()):
-        kind, *_ = having = [each for each in kinds if name in each._names()]
+    """Add an option for each name of a parameter; the body decides whether it is a number."""
+    meanings: dict[str, dict[tuple[str, int], list[str]]] = {}
+    for kind in body_classes():
+        for name in kind._names():
+            if (axes := kind._axes(name)) > 1:  # of a file only
+                continue
+            meaning = kind._meanings[name], axes
+            meanings.setdefault(name, {}).setdefault(meaning, []).append(kind.__name__)
+    for name, kinds in meanings.items():
+        forms = {f"{name}1,..." if axes else name.upper() for _, axes in kinds}
         group.add_argument(
             f"--{name}",
-            help=f"{kind._meanings[name]} ({', '.join(each.__name__ for each in having)})",
-            type=_list if kind._own_axes else float,
-            metavar=f"{name}1,..." if kind._own_axes else None,
+            help="; ".join(f"{text} ({', '.join(each)})" for (text, _), each in kinds.items()),
+            type=_finite_list,
+            metavar=" or ".join(sorted(forms)),
         )

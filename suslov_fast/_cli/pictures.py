@@ -6,13 +6,12 @@ import argparse
 from typing import Any
 
 from .._bodies.paper import PICTURES
-from .._bodies.three import Suslov3D
 from .._engine.memory import require
 from .._runs.replacing import replacing
 from .._runs.trajectories import SingularStepError
 from .._show import plots
 from .._show.style import style
-from .options import CommandError, UsageError
+from .options import CommandError
 from .problem import orientation_of, problem_of, start_of
 from .terminal import about, progress_bar, require_new
 
@@ -36,9 +35,9 @@ def pictures(options: argparse.Namespace) -> str:
         for path in paths.values():
             require_new(path, options.force)
         saving = {"format": options.format, "dpi": options.dpi, "metadata": _DATES[options.format]}
-        with progress_bar("drawing") as report:
+        with progress_bar("drawing") as progress:
             for k, (number, picture) in enumerate(PICTURES.items()):
-                report(k, len(PICTURES))
+                progress(k, len(PICTURES))
                 with replacing(paths[number]) as new:
                     letter = "abcd"[k] if options.letters else None
                     plots.plot_phase(*picture, letter=letter).figure.savefig(new, **saving)
@@ -48,8 +47,6 @@ def pictures(options: argparse.Namespace) -> str:
 def animate(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
     body, eps, _ = problem_of(options, _EPS)
-    if not isinstance(body, Suslov3D):
-        raise UsageError(f"animate: expected a body of Suslov3D, got a {type(body).__name__}")
     start = None if options.omega0 is None else start_of(options.omega0, 2)
     orientation = orientation_of(options, 3)
     require(_BYTES * options.steps, "lower --steps")
@@ -61,13 +58,13 @@ def animate(options: argparse.Namespace) -> str:
     if not writer.isAvailable():
         raise CommandError(f"{path}: expected ffmpeg on the PATH, got none; use .gif")
     require_new(path, options.force)
-    with about(path), replacing(path) as new, progress_bar("drawing") as report:
+    with about(path), replacing(path) as new, progress_bar("drawing") as progress:
         try:
             with about("animate"):
                 moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
         except SingularStepError as error:
             raise CommandError(f"animate: {error}") from error
         part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix
-        moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=report)
+        moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=progress)
         part.rename(new)
     return str(path)

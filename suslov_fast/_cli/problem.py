@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray, inertia_matrix, rotations, vectors, wrong
 from .._maps.registry import map_of
 from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
-from .terminal import about
+from .terminal import about, require_file
 
 
 def problem_of(
@@ -25,44 +26,86 @@ def problem_of(
     The default step size is that of the picture, or `eps_of_pictures`; other bodies have none.
     """
     names = {name for kind in body_classes() for name in kind._names()}
-    own = {name: given for name in names if (given := getattr(options, name)) is not None}
-    sources = [name for name in ("inertia", "mass_tensor", "picture") if getattr(options, name)]
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    kinds_of_source = "body", "inertia", "mass_tensor", "picture"
+    sources = [name for name in kinds_of_source if getattr(options, name)]
     if len(sources) > 1:
         raise UsageError(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
     if options.axis is not None and sources not in (["inertia"], ["mass_tensor"]):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
     body, rotation, eps = None, None, options.eps
-    if sources == ["picture"] or not (sources or own):
+    if sources == ["body"]:
+        body = _of_file(options.body)
+    elif sources == ["picture"] or not (sources or given):
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
         body, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
     elif sources:
         body, rotation = _of_tensor(options)
-    if own:
-        body = _with_parameters(body, own)
+    if given:
+        body = _with_parameters(body, given)
     if eps is None:
         expected = "expected a step size with a body of your own"
         raise UsageError(f"{expected}, got none; write --eps 0.1, for example")
     return body, eps, rotation
 
 
-def _with_parameters(base: Any, own: dict[str, Any]) -> Any:
-    """Return the first body that has the parameters of the user; the others are those of a base."""
+def _of_file(path: Path) -> Any:
+    """Return the body whose dictionary is in a JSON file."""
+    require_file(path)
+    with about(path):
+        try:
+            described = json.loads(path.read_text(encoding="utf-8-sig"))
+        except (json.JSONDecodeError, RecursionError) as error:
+            raise ValueError(
+                f"expected JSON, as body.to_dict() describes a body: {error}"
+            ) from error
+        return body_from_dict(described)
+
+
+def body_from_dict(described: Any) -> Any:
+    """Return the body of a dictionary that names its class under "body"."""
+    kinds = {kind.__name__: kind for kind in body_classes()}
+    name = described.get("body") if isinstance(described, dict) else None
+    if name not in kinds:
+        got = repr(name) if isinstance(described, dict) else type(described).__name__
+        raise wrong("body", f'an object with "body" one of {", ".join(kinds)}', got)
+    parameters = {key: value for key, value in described.items() if key != "body"}
+    return kinds[name].from_dict(parameters)
+
+
+def _with_parameters(base: Any, given: dict[str, list[float]]) -> Any:
+    """Return the first body that has the given parameters; the others are those of a base."""
     # A picture with --k is a gyrostat: the base provides its other required parameters.
-    needed, values = {*own}, own
+    needed, values = {*given}, dict.fromkeys(given)
     if base is not None:
-        needed, values = needed | _required(type(base)), base._values | own
+        needed, values = needed | _required(type(base)), base._values | values
     kinds = [kind for kind in body_classes() if needed <= set(kind._names())]
     if not kinds:
         received = " ".join(flag(name) for name in sorted(needed))
         raise UsageError(f"expected the parameters of one body, got {received}")
     for kind in kinds:
         if _required(kind) <= values.keys():
+            numbers = {name: _as_parameter(kind, name, each) for name, each in given.items()}
+            values = {name: value for name, value in values.items() if name in kind._names()}
             with about("body"):
-                return kind(**{name: values[name] for name in kind._names() if name in values})
+                return kind(**(values | numbers))
+    for name, value in given.items():  # a wrong value first: it stays wrong with the others
+        if name not in kinds[0]._couplings and not min(value) > 0:
+            expected = f"expected a positive {kinds[0]._meanings[name]}"
+            raise UsageError(f"body: {name}: {expected}, got {min(value)}")
     wanted = [name for name in kinds[0]._names() if name in _required(kinds[0])]
     missing = " ".join(flag(name) for name in wanted if name not in values)
     hint = "; --picture N takes them from a picture" if kinds[0] is Suslov3D else ""
     raise UsageError(f"expected all of {' '.join(map(flag, wanted))}, got no {missing}{hint}")
+
+
+def _as_parameter(kind: Any, name: str, value: list[float]) -> float | list[float]:
+    """Return one number, or a list if the parameter of this body is a vector."""
+    if kind._axes(name):
+        return value
+    if len(value) > 1:
+        raise UsageError(f"argument {flag(name)}: expected one number, got {len(value)}")
+    return value[0]
 
 
 def _required(kind: Any) -> set[str]:
@@ -138,22 +181,46 @@ def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
 
     With `components`, the names of columns must be these.
     """
+    require_file(path)
     if path.suffix.lower() == ".npy":
         array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)
         return array
     # Spreadsheets begin files with a byte order mark, and columns with a name.
-    rows = [row for row in path.read_text(encoding="utf-8-sig").splitlines() if row.strip()]
-    header = rows[0] if rows else ""
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    rows = {k + 1: line for k, line in enumerate(lines) if line.strip()}
+    first = min(rows, default=0)
+    header = rows.get(first, "")
     if "," in header:
         header = header.removeprefix("#")  # which NumPy writes
     if all(map(_is_name, header.split(","))):
-        del rows[0]
+        rows.pop(first, None)
         expected = ",".join(components)
         if components and "".join(header.split()).lower() != expected.lower():
             raise wrong("header", f"{expected} or none", header.strip())
+    rows = {number: line for number, line in rows.items() if not line.lstrip().startswith("#")}
     if not rows:
         raise ValueError("expected at least one row of numbers, got none")
-    return np.loadtxt(rows, delimiter=",", ndmin=2)
+    try:
+        table = np.loadtxt([*rows.values()], delimiter=",", ndmin=2)
+    except ValueError:
+        table = np.array([[np.inf]])
+    return table if not np.isinf(table).any() else _row_by_row(rows)
+
+
+def _row_by_row(rows: dict[int, str]) -> FloatArray:
+    """Return the numbers of a table; ValueError with the number of the line that is wrong."""
+    table: list[list[float]] = []
+    for number, line in rows.items():
+        cells = line.partition("#")[0].split(",")
+        try:
+            table.append([float(cell) for cell in cells])
+        except ValueError:
+            raise wrong(f"line {number}", "numbers separated by commas", repr(line)) from None
+        if len(cells) != len(table[0]):
+            raise wrong(f"line {number}", f"{len(table[0])} numbers as above", len(cells))
+        if np.isinf(table[-1]).any():
+            raise wrong(f"line {number}", "finite numbers", repr(line))
+    return np.array(table)
 
 
 def _is_name(cell: str) -> bool:

@@ -6,7 +6,7 @@ import argparse
 import math
 import shutil
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
 from inspect import signature
@@ -18,6 +18,7 @@ import numpy as np
 import suslov_fast as sf
 
 from .._engine.memory import require
+from .._ensemble.workers import client_of
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
@@ -41,8 +42,14 @@ def run(options: argparse.Namespace) -> str:
     _begin_sweeps(options)
     body, eps, rotation = problem_of(options)
     if options.threads is not None:
-        with about("argument --threads"):
-            numba.set_num_threads(options.threads)
+        if options.threads > (most := numba.config.NUMBA_NUM_THREADS):
+            expected = f"expected at most {most}, the threads of this process"
+            more = "set the environment variable NUMBA_NUM_THREADS for more"
+            raise UsageError(f"argument --threads: {expected}, got {options.threads}; {more}")
+        numba.set_num_threads(options.threads)
+    if options.save_every is not None and options.save_every > max(options.steps, 1):
+        expected = f"expected at most the {options.steps} of --steps"
+        raise UsageError(f"argument --save-every: {expected}, got {options.save_every}")
     starts = starts_of(options, body, in_store)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
     facts |= {
@@ -80,7 +87,9 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     if path is not None:
         require_new(path, options.force)
     nbytes = _nbytes(options, body, count)
-    require(nbytes + 64 * count * body.dimension, "raise --save-every or lower --trajectories")
+    less = "lower --trajectories" if options.save_every is None else "raise --save-every"
+    more = f"{less}, or write -o FILE.zarr, which is computed in parts"
+    require(nbytes + 64 * count * body.dimension, more)
     if isinstance(starts, sf.RandomStarts):
         starts = starts.states(count, 0, body.dimension)
     settings = {**_settings(sf.iterate, options, body), "on_singular": "ignore"}
@@ -88,20 +97,21 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     with about(path), nullcontext() if path is None else place_for(path) as put:
         if path is not None:
             announce(path, nbytes)
-        with about("run"), progress_bar("iterating") as report:
+        with about("run"), progress_bar("iterating") as progress:
             for _ in range(2):
                 with compile_timer() as compiling:
                     begin = time.perf_counter()
-                    orbits = sf.iterate(body, starts, eps, **settings, progress=report)
+                    orbits = sf.iterate(body, starts, eps, **settings, progress=progress)
                     seconds = time.perf_counter() - begin - compiling()
                 if seconds > _LONG:
                     break
         if put is not None:
             put(entries_of(vars(orbits)))
-    takes_steps = orbits.method != "auto" or len(orbits._map.methods) == 1
-    done = count * options.steps if takes_steps else orbits.omega[..., 0].size
-    rate = "steps_per_second" if takes_steps else "states_per_second"
-    return {**facts_of(orbits, starts), "seconds": seconds, rate: done / seconds}
+    # The closed form takes no steps: steps that iteration would take are comparable.
+    jumps = orbits.method == "auto" and orbits.attitude is None and orbits._map.closed_form(body)
+    rate = "equivalent_steps_per_second" if jumps else "steps_per_second"
+    facts = facts_of(orbits, starts)
+    return {**facts, "seconds": seconds, rate: count * options.steps / seconds}
 
 
 def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
@@ -114,8 +124,12 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
         count = _count(starts) * math.prod(count for *_, count in sweeps)
         announce(path, _nbytes(options, body, count))
     begin = time.perf_counter()
-    with about(path), progress_bar("iterating") as report:
-        compute = partial(sf.ensemble, body, starts, eps_of_all, **settings, progress=report)
+    with ExitStack() as stack:
+        with about("argument --scheduler"):
+            settings["scheduler"] = stack.enter_context(client_of(options.scheduler))
+        progress = stack.enter_context(progress_bar("iterating"))
+        stack.enter_context(about(path))
+        compute = partial(sf.ensemble, body, starts, eps_of_all, **settings, progress=progress)
         try:
             compute()
         except (ValueError, TypeError) as error:
@@ -132,17 +146,17 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
 
 def _begin_sweeps(options: argparse.Namespace) -> None:
     """Set each swept parameter to its first value; UsageError if it has a value."""
-    names = {name for kind in body_classes() if not kind._own_axes for name in kind._names()}
+    names = {name for kind in body_classes() for name in kind._names() if not kind._axes(name)}
     for name, low, *_ in options.sweep or []:
         if name in {"eps", *names}:
             if getattr(options, name) is not None:
                 raise UsageError(f"argument --sweep: expected {name} given once, got it twice")
-            setattr(options, name, low)
+            setattr(options, name, low if name == "eps" else [low])
 
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:
     """Return the body and the step sizes with an axis for each sweep, before that of the states."""
-    names = [] if body._own_axes else body._names()
+    names = [name for name in body._names() if not body._axes(name)]
     for k, (name, low, high, count) in enumerate(sweeps):
         values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))
         with about("argument --sweep"):

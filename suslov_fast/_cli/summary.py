@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import textwrap
 from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
@@ -19,23 +20,46 @@ from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
-from .terminal import about, progress_bar
+from .options import CommandError
+from .terminal import about, progress_bar, require_file
 
 Facts = dict[str, Any]
 
 # Size of the states compared at a time, that of a chunk of a store.
 _SLAB = 2**21
-# Reported relative changes: of F if it is known for the body, otherwise of the energies.
-_DRIFTS = {"F": "first_integral_drift", "E": "energy_drift", "E_mod": "modified_energy_drift"}
+# Short names of quantities whose relative changes are reported.
+_SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
 def info(options: argparse.Namespace) -> str:
-    """Return the summary of a saved run, for the command `suslov-fast info`."""
-    path = options.file
+    """Return the summaries of saved runs, for the command `suslov-fast info`.
+
+    Of several runs each begins with its file, and a line of JSON is a run.
+    """
+    texts, errors = [], []
+    for path in options.file:
+        try:
+            facts = _facts_of_file(path)
+        except CommandError as error:
+            errors.append(str(error))
+            continue
+        if len(options.file) > 1:
+            facts = {"file": str(path), **facts}
+        texts.append(text_of(facts, options.json))
+    if errors and texts:
+        print(*texts, sep="\n" if options.json else "\n\n")
+    if errors:
+        raise CommandError("; ".join(errors))
+    return ("\n" if options.json else "\n\n").join(texts)
+
+
+def _facts_of_file(path: Path) -> Facts:
+    if path.suffix.lower() == ".zarr":
+        with about(path):
+            return facts_of_store(path)
+    require_file(path)
     with about(path):
-        in_store = (path / "progress" / "zarr.json").exists()
-        facts = facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
-    return text_of(facts, options.json)
+        return facts_of(sf.Trajectories.load(path))
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
@@ -66,7 +90,9 @@ def _view(dataset: Any) -> Any:
         final=dataset.get("final"),
         n=dataset["n"].values if "n" in dataset.dims else np.array([-1]),
         attitude=dataset.get("attitude"),
-        reductions={name: dataset[name].values for name in _DRIFTS.values() if name in dataset},
+        drifts={
+            name: dataset[f"{name}_drift"].values for name in _SHORT if f"{name}_drift" in dataset
+        },
         steps=int(dataset.attrs["steps"]),
         save_every=dataset.attrs.get("save_every"),
         method=dataset.attrs["method"],
@@ -79,17 +105,16 @@ def _tiles(dataset: Any) -> Iterator[Any]:
     status = dataset["status"]
     sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
     tiles = list(product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())))
-    with progress_bar("checking") as report:
+    with progress_bar("checking") as progress:
         for done, index in enumerate(tiles):
-            report(done, len(tiles))
+            progress(done, len(tiles))
             where = zip(sizes.items(), index, strict=True)
             yield _view(dataset.isel({dim: slice(k, k + size) for (dim, size), k in where}))
 
 
 def _header(run: Any) -> Facts:
-    body = {name: _brief(value, run.body._own_axes) for name, value in run.body._values.items()}
     return {
-        "body": {"type": type(run.body).__name__, **body},
+        "body": {"type": type(run.body).__name__, **_parameters(run.body)},
         "eps": _brief(run.eps),
         "trajectories": run.status.size,
         "steps": run.steps,
@@ -98,6 +123,13 @@ def _header(run: Any) -> Facts:
         "attitude": run.attitude is not None,
         "method": run.method,
     }
+
+
+def _parameters(body: Any) -> Facts:
+    """Return numbers and vectors by name; of a body that has others its text."""
+    if any(body._axes(name) > 1 for name in body._names()):
+        return {"text": textwrap.shorten(repr(body), 200)}
+    return {name: _brief(value, body._axes(name)) for name, value in body._values.items()}
 
 
 def _brief(value: Any, own_axes: int = 0) -> Any:
@@ -124,27 +156,18 @@ def _outcome(parts: Iterable[Any], start: FloatArray | None = None) -> Facts:
 
 def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArray]]:
     """Yield changes of conserved quantities, each with its name: stored ones, and computed ones."""
-    stored = getattr(run, "reductions", {})
-    yield from ((name, stored[each]) for name, each in _DRIFTS.items() if each in stored)
+    yield from ((_SHORT[name], changes) for name, changes in getattr(run, "drifts", {}).items())
     if start is None and run.n[0] == 0:
         start = np.asarray(run.omega[0])
     if start is None:
         return
-    quantities = run._map.quantities
-    names = [name for name in _DRIFTS if _DRIFTS[name].removesuffix("_drift") in quantities]
-    try:
-        sf.first_integral(run.body, np.zeros(run.body.dimension), 1.0)
-        solved = True
-    except sf.NotIntegrableError:
-        solved = False
-    names = [name for name in names if (name == "F") == solved]
     rows = max(1, _SLAB // max(1, run.omega[:1].size))
     parts = [run.omega[k : k + rows] for k in range(0, len(run.omega), rows)]
     if run.n[-1] != run.steps and run.final is not None:  # the last state is not saved
         parts.append(np.asarray(run.final)[np.newaxis])
-    for name, part in product(names, parts):
-        reduction = REDUCTIONS[_DRIFTS[name]]
-        yield name, reduction.reduce(run.body, run.eps, np.asarray(part), start)
+    for name, part in product(run._map.conserved(run.body), parts):
+        reduction = REDUCTIONS[f"{name}_drift"]
+        yield _SHORT[name], reduction.reduce(run.body, run.eps, np.asarray(part), start)
 
 
 # ------------------------------------------------------------------ text
@@ -154,8 +177,11 @@ def text_of(facts: Facts, as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts, allow_nan=False)
-    values = [f"{name} = {_spell(each)}" for name, each in facts["body"].items() if name != "type"]
-    lines = [("body", ", ".join(values))]
+    parameters = {name: each for name, each in facts["body"].items() if name != "type"}
+    text = parameters.pop("text", "")
+    values = [f"{name} = {_spell(each)}" for name, each in parameters.items()] or [text]
+    lines = [("file", facts["file"])] if "file" in facts else []
+    lines.append(("body", ", ".join(values)))
     if facts.get("rotation"):
         lines.append(("rotation", "to the adapted basis of states; --json has it"))
     lines += [
@@ -167,9 +193,12 @@ def text_of(facts: Facts, as_json: bool) -> str:
         lines += [("threads", facts["threads"]), ("wall time", f"{facts['seconds']:.4g} s")]
     else:
         lines += [("saved states", f"{facts['saved_states']:,}"), ("method", facts["method"])]
-    for unit, how in (("states", ", by the closed form where it is faster"), ("steps", "")):
-        if f"{unit}_per_second" in facts:
-            lines.append(("speed", f"{facts[f'{unit}_per_second']:.3g} {unit}/s{how}"))
+    for unit, how in (
+        ("equivalent steps", ", by the closed form where it is faster"),
+        ("steps", ""),
+    ):
+        if (rate := facts.get(f"{unit.replace(' ', '_')}_per_second")) is not None:
+            lines.append(("speed", f"{rate:.3g} {unit}/s{how}"))
     for name, change in facts["drift"].items():
         lines.append((f"drift of {name}", f"{change:.2g}, largest relative"))
     for name, count in facts["status"].items():

@@ -24,7 +24,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
         if sys.stderr is not None and sys.stderr.isatty():
             print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
-    def report(done: int, total: int) -> None:
+    def progress(done: int, total: int) -> None:
         nonlocal drawn
         now = time.monotonic()
         if now > drawn + _INTERVAL and 0 < done <= total:
@@ -34,7 +34,7 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
     show(f"{title} ...")
     try:
-        yield report
+        yield progress
     finally:
         show("")
 
@@ -51,6 +51,15 @@ def about(what: Path | str | None) -> Iterator[None]:
         text = str(error)
         kind = UsageError if isinstance(what, str) else CommandError
         raise kind(text if text.startswith(f"{what}:") else f"{what}: {text}") from error
+
+
+def require_file(path: Path) -> None:
+    """Raise CommandError unless a file exists that ends: a pipe or a device may not."""
+    with about(path):
+        path.stat()  # the system reports what is missing
+        if not path.is_file():
+            kind = "a folder" if path.is_dir() else "a pipe or a device"
+            raise CommandError(f"{path}: expected a file, got {kind}")
 
 
 def require_new(path: Path, force: bool) -> None:

@@ -17,8 +17,7 @@ import numpy as np
 
 import suslov_fast as sf
 
-from .._maps.registry import map_of
-from .options import body_classes
+from .._maps.registry import map_named, map_names, map_of
 from .terminal import progress_bar
 
 # Calls with few trajectories are serial, those with many parallel.
@@ -26,39 +25,34 @@ _COUNTS = (3, 2**15)
 _STEPS = 40
 # Functions that call others.
 _WITHOUT = ("plot", "animate", "ensemble", "open")
-# Parameters of the sample bodies; others are 0.5.
-_SAMPLES: dict[str, Any] = {"I1": 1.0, "I2": 1.0, "I3": 2.0, "I13": 1.0, "I23": 0.0}
-_SAMPLES |= {"J": [1.0, 1.5, 2.0], "I": [0.4, -0.7, 0.5]}
 
 
 def warm_up(options: argparse.Namespace) -> str:
     """Call all functions, and report the time."""
     begin = time.perf_counter()
     jobs = list(_jobs())
-    with progress_bar("compiling") as report, warnings.catch_warnings():
+    with progress_bar("compiling") as progress, warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.SingularStepWarning)
         for k, (_, job) in enumerate(jobs):
             job()
-            report(k + 1, len(jobs))
+            progress(k + 1, len(jobs))
     return f"compiled in {time.perf_counter() - begin:.1f} s"
 
 
 def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
     """Yield calls of every public function, each with its name."""
-    bodies = [
-        kind(**{name: _SAMPLES.get(name, 0.5) for name in kind._names()}) for kind in body_classes()
-    ]
-    bodies.append(sf.SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]))  # with a closed form
-    for count, body, name in itertools.product(_COUNTS, bodies, dir(sf)):
+    maps = map(map_named, map_names())
+    samples = [each for record in maps for each in record.samples if map_of(each[0]) is record]
+    for count, sample, name in itertools.product(_COUNTS, samples, dir(sf)):
         function = getattr(sf, name)
         if inspect.isfunction(function) and not name.startswith(_WITHOUT):
-            yield name, partial(_call, function, body, count)
+            yield name, partial(_call, function, *sample, count)
 
 
-def _call(function: Callable[..., Any], body: Any, count: int) -> int:
+def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int:
     """Call a function in all variants that apply to the body, and return the number of calls."""
     parameters = inspect.signature(function).parameters
-    known = _arguments(body, count, function.__name__.endswith("_full"))
+    known = _arguments(body, pole, count, function.__name__.endswith("_full"))
     names = [name for name, each in parameters.items() if each.default is each.empty]
     if not known.keys() >= set(names):
         return 0
@@ -87,10 +81,13 @@ def _call(function: Callable[..., Any], body: Any, count: int) -> int:
     return calls
 
 
-def _arguments(body: Any, count: int, full: bool) -> dict[str, Any]:
+def _arguments(body: Any, pole: Any, count: int, full: bool) -> dict[str, Any]:
     starts = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension + full))
-    # In three dimensions half of the states are poles, where orbits end.
-    starts[1::2, :2] = 1.0, -3.0
-    states = starts if full else sf.iterate(body, starts, 1.0, 8, on_singular="ignore").omega
+    # Half of the states are poles, where orbits end.
+    starts[1::2, : len(pole)] = pole
+    states = starts
+    if not full:
+        orbits = sf.iterate(body, starts, 1.0, 8, on_singular="ignore")
+        states = getattr(orbits, map_of(body).variable)
     common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}
     return {**common, "omega": states, "omega0": starts, "xy": states, "c": np.linspace(0.1, 1, 3)}

@@ -27,6 +27,11 @@ def body_names() -> list[str]:
     return list(dict.fromkeys(_BODIES.values()))
 
 
+def map_names() -> list[str]:
+    """Return the names of all maps."""
+    return list(_BODIES)
+
+
 @cache
 def map_named(name: str) -> Map:
     """Return the map of a name; ValueError if there is none."""

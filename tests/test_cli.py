@@ -96,7 +96,8 @@ def test_quick_start():
     largest = float(rows.pop("drift of F")[0].removesuffix(", largest relative"))
     assert 0 < largest < 1e-12
     assert float(rows.pop("wall time")[0].removesuffix(" s")) < 60
-    assert rows.pop("speed")[0].endswith(" states/s, by the closed form where it is faster")
+    speed = rows.pop("speed")[0]
+    assert speed.endswith(" equivalent steps/s, by the closed form where it is faster")
     assert int(rows.pop("threads")[0]) >= 1
     assert rows == {
         "body": ["I1 = 4, I2 = 3, I13 = -0.4, I23 = -0.2"],
@@ -110,18 +111,28 @@ def test_quick_start():
 
 
 @pytest.mark.parametrize(
-    ("options", "unit", "count"),
-    [("", "states", 4), ("--method canonical", "steps", 30), ("--picture 1 --k 1", "steps", 30)],
+    ("options", "unit"),
+    [
+        ("", "equivalent steps"),
+        ("--attitude", "steps"),
+        ("--method canonical", "steps"),
+        ("--J 1,1,1 --I .4,-.7,.5 --eps .4", "equivalent steps"),
+        ("--J 1.3,2.1,3.7,2 --I .4,-.7,.5,1 --eps .4", "steps"),
+    ],
 )
-def test_rates(options, unit, count):
-    """The rate is in steps if the method iterates, and in states otherwise."""
-    facts = facts_of(f"run --trajectories 50 --steps 30 --save-every 10 {options}")
-    assert facts[f"{unit}_per_second"] * facts["seconds"] == pytest.approx(50 * count)
+def test_rates(options, unit):
+    """The rate is that of steps; those that no method takes are called equivalent."""
+    line = f"run --trajectories 50 --steps 30 --save-every 10 {options}"
+    facts = facts_of(line)
+    rate = facts[f"{unit.replace(' ', '_')}_per_second"]
+    assert rate * facts["seconds"] == pytest.approx(50 * 30)
+    [speed] = summary(succeed(line))["speed"]
+    assert speed.partition(",")[0].split(" ", 1)[1] == f"{unit}/s"
+    assert ("closed form" in speed) == (unit != "steps")
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".nc", ".zarr"])
+@pytest.mark.parametrize("suffix", [".npz", ".zarr"])
 def test_run_and_info(suffix, stores):
-    pytest.importorskip("netCDF4")
     name = f"result{suffix}"
     facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
     saved = sf.open_ensemble(name) if suffix == ".zarr" else load(name)
@@ -164,6 +175,51 @@ def test_info(rng, monkeypatch):
     assert texts[2]["body"] == ["J = [1. 2. 3.], I = [ 0.4 -0.7  0.5]"]
 
 
+def test_info_of_several_files():
+    for name, steps in (("a.npz", 5), ("b.npz", 6)):
+        succeed(f"run --trajectories 3 --steps {steps} -o {name}")
+    found = [json.loads(line) for line in succeed("info a.npz b.npz --json").splitlines()]
+    assert [(each["file"], each["steps"]) for each in found] == [("a.npz", 5), ("b.npz", 6)]
+    texts = succeed("info a.npz b.npz").split("\n\n")
+    assert [summary(text)["file"] for text in texts] == [["a.npz"], ["b.npz"]]
+    done = run("info a.npz missing.npz b.npz")
+    assert (done.code, done.err) == (1, "suslov-fast: missing.npz: No such file or directory\n")
+    assert done.out.count("file ") == 2
+
+
+def test_parameters_of_one_name_are_not_merged(monkeypatch):
+    """Another body whose I is a number: the parameters given decide which body is meant."""
+    from suslov_fast._cli import options, problem
+
+    class Sleigh(sf.Suslov3D):
+        _meanings = {"m": "mass", "I": "moment about the blade"}  # noqa: RUF012
+        _couplings = ()
+
+        @classmethod
+        def _names(cls):
+            return ["m", "I"]
+
+        @classmethod
+        def _optional(cls):
+            return []
+
+        def __init__(self, m, I):
+            self.__dict__.update(m=m, I=I, I1=1.0, I2=1.0, I13=1.0, I23=0.0, I3=None)
+
+    kinds = [*body_classes(), Sleigh]
+    for module in (options, problem):
+        monkeypatch.setattr(module, "body_classes", lambda: kinds)
+    text = " ".join(succeed("run --help").split())
+    assert "--I I or I1,... " in text
+    assert "(SuslovND); moment about the blade (Sleigh)" in text
+    for line, kind, value in (
+        ("--m 2 --I 0.5", Sleigh, 0.5),
+        ("--J 2 --I 0.5", sf.SuslovND, [0.5]),
+    ):
+        body, _, _ = problem.problem_of(options.parse(f"run {line} --eps 1".split()))
+        assert (type(body), np.asarray(body.I).tolist()) == (kind, value)
+
+
 def test_run_is_iterate():
     starts = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
     np.save("starts.npy", starts)
@@ -190,6 +246,21 @@ BODIES = {
     "--picture 1 --k 0.5": sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.5),
     "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]),
 }
+
+
+@pytest.mark.parametrize("body", BODIES.values(), ids=lambda body: type(body).__name__)
+def test_bodies_of_files(body):
+    """A body of any kind from what `to_dict` wrote, with parameters replaced beside it."""
+    described = {"body": type(body).__name__, **body.to_dict()}
+    Path("b.json").write_text(json.dumps(described))
+    facts = facts_of("run --body b.json --eps 0.1 --trajectories 5 --steps 4 -o o.npz")
+    assert load("o.npz").body == body
+    assert facts["body"]["type"] == type(body).__name__
+    if isinstance(body, sf.SuslovND):
+        return
+    succeed("run --body b.json --k 0.25 --eps 0.1 --trajectories 5 --steps 4 --force -o o.npz")
+    expected = {name: value for name, value in body.to_dict().items() if name != "body"}
+    assert load("o.npz").body == sf.SuslovGyrostat(**expected | {"k": 0.25})
 
 
 @pytest.mark.parametrize("options", BODIES)
@@ -262,23 +333,43 @@ MISTAKES = """
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
 2 | run --steps 1e999999999 | --steps: expected an integer of at least 0 and below 2**62, got '1e99
 1 | run --trajectories 1000000000000 | expected arrays that fit in memory
-1 | run --steps 1000000000 --save-every 1 | raise --save-every or lower --trajectories
+1 | run --steps 1000000000 --save-every 1 | raise --save-every, or write -o FILE.zarr, which
+1 | run --trajectories 1e12 --steps 9 | lower --trajectories, or write -o FILE.zarr, which is
 2 | run --extent -1 | extent: expected a positive number, got -1.0
-2 | run --threads 100000 | --threads: The number of threads must be between 1 and
+2 | run --threads 100000 | got 100000; set the environment variable NUMBA_NUM_THREADS for more
 2 | run --method rk4 | method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'
 2 | run --omega0 1 | --omega0: expected 2 numbers, got 1
-2 | run --omega0 1,x | --omega0: expected numbers separated by commas, got '1,x'
+2 | run --omega0 1,x | --omega0: expected numbers separated by commas without spaces, got '1,x'
+2 | run --omega0 1 2 | --omega0: expected one value, got 1 2; write 1,2
+2 | run --omega0 -1 -2 | --omega0: expected one value, got -1 -2; write -1,-2
+2 | run --steps 10 20 | --steps: expected one value, got 10 20
+2 | run --I1 -3 | body: I1: expected a positive moment of inertia, got -3.0
+2 | run --I1 nan | --I1: expected a finite number, or several separated by commas, got 'nan'
+2 | run --I1 4,3 --I2 1 --I13 1 --I23 1 --eps 1 | --I1: expected one number, got 2
+2 | run --eps 0 | --eps: expected a finite number other than 0, got '0'
+2 | run --steps 9 --save-every 10 | --save-every: expected at most the 9 of --steps, got 10
+2 | run --body other.npz | --body: expected the name of a .json file, got 'other.npz'
+2 | run --body ok.json | expected a step size with a body of your own, got none
+2 | run --body ok.json --picture 1 | expected one body, got --body and --picture
+1 | run --body missing.json --eps 1 | missing.json: No such file
+1 | run --body cut.json --eps 1 | cut.json: expected JSON, as body.to_dict() describes a body
+1 | run --body deep.json --eps 1 | deep.json: expected JSON, as body.to_dict() describes a body
+1 | run --body list.json --eps 1 | list.json: body:
+1 | run --body sleigh.json --eps 1 | sleigh.json: body:
+1 | run --body wrong.json --eps 1 | wrong.json: I1: expected a positive moment of inertia, got -4.0
+1 | run --initial pipe.csv | pipe.csv: expected a file, got a pipe or a device
+1 | run --initial ragged.csv | ragged.csv: line 4: expected 2 numbers as above, got 3
 2 | run --omega0 1,2 --seed 0 | expected either --omega0 or --seed, got both
 2 | run --orientation 1,2 | --orientation: rotation vector: expected shape (..., 3), got (2,)
 1 | run --initial missing.npy | missing.npy: No such file
-1 | run --initial folder.npy | folder.npy: Is a directory
+1 | run --initial folder.npy | folder.npy: expected a file, got a folder
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
 1 | run --initial cut.npy | suslov-fast: cut.npy:
-1 | run --initial inf.csv | inf.csv: states: expected finite real numbers, got inf at index
+1 | run --initial inf.csv | inf.csv: line 2: expected finite numbers, got '3,inf'
 1 | run --initial swapped.csv | header: expected Omega1,Omega2 or none, got Omega2,Omega1
 1 | run --initial savetxt.csv | header: expected Omega1,Omega2 or none, got a,b
 1 | run --J 1,2 --I 1,1 --eps 1 --initial swapped.csv | header: expected Omega1n,Omega2n or none
-1 | run --initial semicolon.csv | semicolon.csv: could not convert string
+1 | run --initial semicolon.csv | line 1: expected numbers separated by commas, got '0.3;0.1'
 1 | run --initial empty.csv | empty.csv: expected at least one row of numbers, got none
 2 | run --J 1,2,3 --eps 0.1 | expected all of --J --I, got no --I
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
@@ -289,7 +380,7 @@ MISTAKES = """
 2 | run --axis 1,2,3 | expected --axis only with --inertia or --mass-tensor, got it alone
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
-2 | run -o good.npy | -o/--output: expected the name of a .npz or .nc or .zarr file, got 'good.npy'
+2 | run -o good.npy | -o/--output: expected the name of a .npz or .zarr file, got 'good.npy'
 2 | run --chunk 5 | argument --chunk: expected -o FILE.zarr with it, got none
 2 | run --reduce omega_max -o o.npz | argument --reduce: expected -o FILE.zarr with it, got o.npz
 2 | run --scheduler here -o o.zarr | --scheduler: expected an address such as tcp://127.0.0.1:8786
@@ -301,12 +392,15 @@ MISTAKES = """
 2 | run -o o.zarr --sweep I1=1:2:3 --sweep I1=1:2:3 | --sweep: expected I1 given once, got it twice
 2 | info | the following arguments are required: FILE
 1 | info missing.npz | missing.npz: No such file or directory
+1 | info pipe.npz | pipe.npz: expected a file, got a pipe or a device
+1 | info missing.npz other.npz | other.npz: expected a .npz file that Trajectories.save wrote
+2 | animate -o a.gif --steps 0 | --steps: expected an integer of at least 1 and below 2**62, got '0'
 1 | info other.npz | other.npz: expected a .npz file that Trajectories.save wrote
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'
 2 | animate -o body.png | --output: expected the name of a .gif or .mp4 file, got 'body.png'
-2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | expected a body of Suslov3D, got a SuslovND
+2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | animate: body: expected Suslov3D
 1 | animate -o a.gif --steps 1e12 | got 112,000,000,000,000 bytes; lower --steps
 1 | animate -o a.gif --I1 2 --I2 2 --I13 .5 --I23 0 --eps 1 --omega0 2,-9 | animate: 1 of 1
 2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: expected each of I1, I2
@@ -317,6 +411,8 @@ MISTAKES = """
 @pytest.fixture(scope="module")
 def bad_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
+    for name in ("pipe.csv", "pipe.npz"):
+        os.mkfifo(folder / name)
     for name in ("folder.npy", "folder.zarr"):
         (folder / name).mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
@@ -333,6 +429,13 @@ def bad_files(tmp_path_factory):
         "swapped.csv": "Omega2,Omega1\n1,2\n",
         "savetxt.csv": "# a,b\n1,2\n",
         "semicolon.csv": "0.3;0.1\n0.4;0.2\n",
+        "ragged.csv": "Omega1,Omega2\n1,2\n\n1,2,3\n",
+        "ok.json": json.dumps({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0.5, "I23": 0.3}),
+        "wrong.json": json.dumps({"body": "Suslov3D", "I1": -4, "I2": 1, "I13": 0, "I23": 1}),
+        "sleigh.json": json.dumps({"body": "Sleigh", "I1": 4}),
+        "list.json": "[1, 2]",
+        "cut.json": '{"body": ',
+        "deep.json": "[" * 200_000,
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
@@ -410,6 +513,11 @@ def test_progress_on_a_terminal():
 
 @posix
 def test_streams():
+    reading, writing = os.pipe()
+    os.close(reading)  # nobody reads
+    with start("--version", stdout=writing) as process:
+        assert (process.communicate(timeout=60)[1], process.returncode) == ("", 141)
+    os.close(writing)
     full = "suslov-fast: standard output: No space left on device\n"
     results = {">&-": (0, ""), "2>&-": (0, ""), "| true": (0, ""), "> /dev/full": (1, full)}
     line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5"

@@ -21,7 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
     try:
-        options = parse(sys.argv[1:] if arguments is None else arguments)
+        try:
+            options = parse(sys.argv[1:] if arguments is None else arguments)
+        finally:  # a help text that cannot be written is an error of the output, too
+            print(end="", flush=True)
         # Imported here: the modules import Numba, which would delay `--help`.
         module, function = COMMANDS[options.command].function.split(".")
         if text := getattr(import_module(f".{module}", __package__), function)(options):

@@ -43,10 +43,10 @@ def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
     """Yield calls of every public function, each with its name."""
     maps = map(map_named, map_names())
     samples = [each for record in maps for each in record.samples if map_of(each[0]) is record]
-    for count, sample, name in itertools.product(_COUNTS, samples, dir(sf)):
+    for count, (body, pole), name in itertools.product(_COUNTS, samples, dir(sf)):
         function = getattr(sf, name)
         if inspect.isfunction(function) and not name.startswith(_WITHOUT):
-            yield name, partial(_call, function, *sample, count)
+            yield name, partial(_call, function, body, pole, count)
 
 
 def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int:

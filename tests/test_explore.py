@@ -32,16 +32,20 @@ CASES = {
     "below": (PICTURE_1, "below", "OK"),
     "backwards": (PICTURE_1._replace(eps=-0.2), "below", "OK"),
     "matter": (Parameters(3.0, 3.0, -0.2, -0.2, 1.0, -1.5, 1.4, 20), "below", "OK"),
+    "ahead": (PRESETS["Long steps: t = 0.5"], "ahead", "OK"),
     "at": (PRESETS["t = 1"], "at", "SUPERCRITICAL"),
     "above": (PRESETS["t > 1: jumps"], "above", "SUPERCRITICAL"),
-    "pole": (POLE, "above", "SINGULAR"),
+    "pole": (POLE, "pole", "SINGULAR"),
     "at rest": (PICTURE_1._replace(Omega1=0.0, Omega2=0.0), "steady", "OK"),
     "no products": (PICTURE_1._replace(I13=0.0, I23=0.0), "steady", "OK"),
-    "no step": (PICTURE_1._replace(eps=0.0), "below", "OK"),
+    "no step": (PICTURE_1._replace(eps=0.0), "still", "OK"),
+    "rotor": (PICTURE_1._replace(k=2.0), "rotor", "OK"),
+    "weak rotor": (PICTURE_1._replace(k=-0.1), "below", "OK"),
     "tiny": (PICTURE_1._replace(I1=1e-300, I13=1e-200), None, None),
     "beyond": (PICTURE_1._replace(Omega1=1e308, Omega2=1e308, eps=1e308), None, None),
 }
 MOVING = ["below", "backwards", "matter", "above"]
+ROTORS = ["rotor", "weak rotor"]
 
 
 def rows(found, size=2):
@@ -59,8 +63,10 @@ def test_numbers_equal_those_of_the_package(case):
     np.testing.assert_array_equal(rows(found["attitude"], 9).reshape(-1, 3, 3), run.attitude)
     assert len(found["flow"]) == len(found["time"]) == len(run.omega)
     time = np.array([each for each in found["time"] if each is not None])
-    np.testing.assert_array_equal(rows(found["flow"])[: len(time)], sf.flow(body, omega0, time))
-    quantities = {"criticality": sf.criticality, "F": sf.first_integral, "omega_plus": sf.limits}
+    quantities = {"F": sf.first_integral}
+    if not parameters.k:
+        np.testing.assert_array_equal(rows(found["flow"])[: len(time)], sf.flow(body, omega0, time))
+        quantities |= {"criticality": sf.criticality, "omega_plus": sf.limits}
     for quantity, function in quantities.items():
         value = function(body, omega0, eps)
         value = value[1] if quantity == "omega_plus" else value
@@ -103,6 +109,48 @@ def test_curves_and_portrait(case):
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
+@pytest.mark.parametrize("case", ROTORS)
+def test_curves_and_portrait_of_a_gyrostat(case):
+    parameters = CASES[case][0]._replace(portrait=1)
+    found, body, eps = scene(parameters), parameters.body, parameters.eps
+    for branch in found["levels"]["F"]:
+        F = sf.first_integral(body, rows(branch), eps)
+        np.testing.assert_allclose(F, found["numbers"]["F"], rtol=1e-12)
+    for half, sign in (("repelling", 1), ("attracting", -1)):
+        state = np.add(found["line"]["middle"], 3.0 * np.array(found["line"][half]))
+        np.testing.assert_allclose(sf.vector_field(body, state), 0, atol=1e-15)
+        multipliers = np.linalg.eigvals(sf.jacobian(body, state, eps))
+        assert np.sign(np.prod(abs(multipliers)) - 1) == sign
+    for orbit in map(rows, found["portrait"]["orbits"]):
+        after = sf.step(body, orbit[:-1], eps)
+        np.testing.assert_allclose(orbit[1:], after, atol=1e-4 * abs(orbit).max())
+
+
+def test_the_pace_of_long_steps():
+    """Near the end a step takes the orbit as far as the text says, in steps of the flow."""
+    parameters = PRESETS["Long steps: t = 0.5"]
+    found, body = scene(parameters), parameters.body
+    told = float(re.search(r"as far as ([\d.]+) steps", found["regime"]["text"])[1])
+    end = np.array(found["numbers"]["omega_plus"])
+    of_step, of_flow = (
+        np.log(abs(np.linalg.eigvals(derivative)).min())
+        for derivative in (
+            sf.jacobian(body, end, parameters.eps),
+            np.column_stack(
+                [  # of the flow over one step, by central differences
+                    (
+                        sf.flow(body, end + d, parameters.eps)
+                        - sf.flow(body, end - d, parameters.eps)
+                    )
+                    / 2e-5
+                    for d in 1e-5 * np.eye(2)
+                ]
+            ),
+        )
+    )
+    assert of_step / of_flow == pytest.approx(told, rel=5e-3)
+
+
 def test_presets_match_their_names():
     for name, parameters in PRESETS.items():
         found, names = scene(parameters), {}
@@ -111,8 +159,10 @@ def test_presets_match_their_names():
             exec(found["python"], names)
         np.testing.assert_array_equal(names["run"].omega, rows(found["omega"]))
         assert found["ellipsoid"]["matter"] == ("no rigid body" not in name)
-        expected = {"t = 1": "at", "t > 1: jumps": "above", "A pole: no next state": "above"}
-        assert found["regime"]["name"] == expected.get(name, "below")
+        expected = {"t = 1": "at", "t > 1: jumps": "above", "A pole: no next state": "pole"}
+        t = found["numbers"]["criticality"]
+        near = "below" if abs(t) < 0.1 else "ahead"
+        assert found["regime"]["name"] == expected.get(name, near)
         assert (found["status"]["name"] == "SINGULAR") == ("pole" in name)
         assert np.abs(parameters.omega0).max() < parameters.extent
 
@@ -164,11 +214,11 @@ def test_bad_values_are_answered_with_a_message(server):
         ({"eps": "1e999"}, "eps: expected a number, got '1e999'", "eps"),
         ({"Omega2": "<b>"}, "Omega2: expected a number, got '<b>'", "Omega2"),
         ({"steps": "2.5"}, "steps: expected an integer from 1 to 5000, got 2.5", "steps"),
-        ({"I1": "1e300", "I2": "1e-300"}, "I1, I2: expected moments within a factor of", None),
+        ({"I1": "1e300", "I2": "1e-300"}, "I1, I2: expected moments within a factor of", "I1 I2"),
     ):
         reply, body = ask(server, f"/scene?{query(PICTURE_1, **change)}")
         answer = json.loads(body)
-        assert (reply.status, answer["field"]) == (200, field)
+        assert (reply.status, answer["fields"]) == (200, field.split())
         assert answer["error"].startswith(message)
     with pytest.raises(ValueError, match="expected at most"):
         query_of_link(f"?{query(PICTURE_1)}&show={'x' * 5000}")
@@ -220,6 +270,42 @@ def test_odd_requests(server, capfd):
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
     assert ask(server, "/settings")[0].status == 200
     assert capfd.readouterr().err == ""
+
+
+def test_a_slow_client_is_cut_off(server, monkeypatch):
+    """Each byte comes in time, and the request never ends."""
+    monkeypatch.setattr("suslov_fast._show.explore.server._TOTAL", 0.5)
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=30) as connection:
+        with contextlib.suppress(ConnectionError):
+            for _ in range(600):
+                connection.sendall(b"G")
+                connection.settimeout(0.05)
+                with contextlib.suppress(TimeoutError):
+                    assert connection.recv(1) == b""
+                    return
+        pytest.fail("not cut off")
+
+
+def test_explore_in_a_notebook():
+    body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
+    shown = sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)
+    try:
+        view = read(dict(parse_qsl(urlsplit(shown.url).query)))
+        found = (view.body, view.omega0, view.eps, view.steps)
+        assert found == (body, [-0.9, 1.3], 0.2, 50)
+        assert f'src="{shown.url.replace("&", "&amp;")}"' in shown._repr_html_()
+        with urllib.request.urlopen(shown.url, timeout=60) as page:
+            assert "frame-ancestors http://localhost:*" in page.headers["Content-Security-Policy"]
+    finally:
+        shown.close()
+    for arguments, message in (
+        ((sf.SuslovND([1, 2], [1, 1]),), "body: expected"),
+        ((sf.Suslov3D([4, 3], 2, -0.5, -0.3),), "a single body"),
+        ((body, [1, 2, 3]), "omega0: expected shape"),
+        ((body, [1, 2], 0.1, 6000), "steps: expected an integer from 1 to 5000"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            sf.explore(*arguments)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
@@ -313,8 +399,9 @@ def test_each_parameter_changes_the_picture(page):
 def test_regimes_in_the_browser(page, server):
     for case, expected in {
         "above": ("t = 1.9554 > 1", "SUPERCRITICAL", ""),
+        "no step": ("No motion: ε = 0", "OK", ""),
         "pole": ("t = 1.118 > 1", "SINGULAR", f"No state 1: {sf.Status.SINGULAR.message}."),
-        "at": ("t = 1 ", "SUPERCRITICAL", ""),
+        "at": ("t = 1", "SUPERCRITICAL", ""),
         "no products": ("Steady rotation", "OK", ""),
         "beyond": None,
     }.items():
@@ -383,7 +470,9 @@ def test_exports(page, server, tmp_path):
     np.testing.assert_array_equal(table[:, 1], table[:, 0] * POLE.eps)
     drawing = ET.parse(tmp_path / "suslov-orbit.svg").getroot()
     assert len(drawing.findall(".//{*}path")) > 200
-    assert {"Ω₁", "Ω₂"} < {each.text for each in drawing.findall(".//{*}text")}
+    words = {each.text for each in drawing.findall(".//{*}text")}
+    assert {"Ω₁", "Ω₂", "level of F", "repelling steady states"} < words
+    assert any("ε = 1" in text for text in words), "the parameters are in the picture"
     assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -13,7 +13,7 @@ from .._bodies.nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, inertia_matrix, rotations, vectors, wrong
-from .._maps.registry import map_of
+from .._maps.registry import body_from_dict, map_of
 from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about, require_file
 
@@ -60,17 +60,6 @@ def _of_file(path: Path) -> Any:
                 f"expected JSON, as body.to_dict() describes a body: {error}"
             ) from error
         return body_from_dict(described)
-
-
-def body_from_dict(described: Any) -> Any:
-    """Return the body of a dictionary that names its class under "body"."""
-    kinds = {kind.__name__: kind for kind in body_classes()}
-    name = described.get("body") if isinstance(described, dict) else None
-    if name not in kinds:
-        got = repr(name) if isinstance(described, dict) else type(described).__name__
-        raise wrong("body", f'an object with "body" one of {", ".join(kinds)}', got)
-    parameters = {key: value for key, value in described.items() if key != "body"}
-    return kinds[name].from_dict(parameters)
 
 
 def _with_parameters(base: Any, given: dict[str, list[float]]) -> Any:

@@ -86,7 +86,7 @@ def _view(dataset: Any) -> Any:
         eps=values.pop("eps"),
         body=map.body(**values),
         status=dataset["status"],
-        omega=dataset.get("omega", ()),
+        states=dataset.get(map.variable, ()),
         final=dataset.get("final"),
         n=dataset["n"].values if "n" in dataset.dims else np.array([-1]),
         attitude=dataset.get("attitude"),
@@ -114,12 +114,12 @@ def _tiles(dataset: Any) -> Iterator[Any]:
 
 def _header(run: Any) -> Facts:
     return {
-        "body": {"type": type(run.body).__name__, **_parameters(run.body)},
+        "body": {"body": type(run.body).__name__, **_parameters(run.body)},
         "eps": _brief(run.eps),
         "trajectories": run.status.size,
         "steps": run.steps,
         "save_every": None if run.save_every is None else int(run.save_every),
-        "saved_states": len(run.omega),
+        "saved_states": len(run.states),
         "attitude": run.attitude is not None,
         "method": run.method,
     }
@@ -158,11 +158,11 @@ def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArr
     """Yield changes of conserved quantities, each with its name: stored ones, and computed ones."""
     yield from ((_SHORT[name], changes) for name, changes in getattr(run, "drifts", {}).items())
     if start is None and run.n[0] == 0:
-        start = np.asarray(run.omega[0])
+        start = np.asarray(run.states[0])
     if start is None:
         return
-    rows = max(1, _SLAB // max(1, run.omega[:1].size))
-    parts = [run.omega[k : k + rows] for k in range(0, len(run.omega), rows)]
+    rows = max(1, _SLAB // max(1, run.states[:1].size))
+    parts = [run.states[k : k + rows] for k in range(0, len(run.states), rows)]
     if run.n[-1] != run.steps and run.final is not None:  # the last state is not saved
         parts.append(np.asarray(run.final)[np.newaxis])
     for name, part in product(run._map.conserved(run.body), parts):
@@ -177,7 +177,7 @@ def text_of(facts: Facts, as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts, allow_nan=False)
-    parameters = {name: each for name, each in facts["body"].items() if name != "type"}
+    parameters = {name: each for name, each in facts["body"].items() if name != "body"}
     text = parameters.pop("text", "")
     values = [f"{name} = {_spell(each)}" for name, each in parameters.items()] or [text]
     lines = [("file", facts["file"])] if "file" in facts else []

@@ -24,7 +24,7 @@ from .terminal import progress_bar
 _COUNTS = (3, 2**15)
 _STEPS = 40
 # Functions that call others.
-_WITHOUT = ("plot", "animate", "ensemble", "open")
+_WITHOUT = ("plot", "animate", "ensemble", "open", "explore")
 
 
 def warm_up(options: argparse.Namespace) -> str:

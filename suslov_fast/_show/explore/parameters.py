@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
+from ..._bodies.gyrostat import SuslovGyrostat
 from ..._bodies.paper import PICTURES
 from ..._bodies.three import Suslov3D
+from ..._checks import vectors, wrong
 
 STEPS = 5000
 _LINK = 2000
@@ -27,24 +29,22 @@ class Parameters(NamedTuple):
     steps: int
     extent: float = 4.0
     portrait: int = 0
+    k: float = 0.0
 
     @property
-    def body(self) -> Suslov3D:
-        """The body; ValueError if the parameters are invalid."""
+    def without_rotor(self) -> Suslov3D:
+        """The body at k = 0; ValueError if the parameters are invalid."""
         return Suslov3D(*self[:4])
+
+    @property
+    def body(self) -> Suslov3D | SuslovGyrostat:
+        """The body; ValueError if the parameters are invalid."""
+        return SuslovGyrostat(*self[:4], self.k) if self.k else self.without_rotor
 
     @property
     def omega0(self) -> list[float]:
         """The initial state."""
         return [self.Omega1, self.Omega2]
-
-
-class WrongValue(ValueError):
-    """A value that the user can correct, and the field that holds it."""
-
-    def __init__(self, field: str, message: str) -> None:
-        super().__init__(f"{field}: {message}")
-        self.field = field
 
 
 def read(texts: Mapping[str, str]) -> Parameters:
@@ -56,13 +56,13 @@ def read(texts: Mapping[str, str]) -> Parameters:
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
-            raise WrongValue(name, f"expected a number, got {text!r}")
+            raise ValueError(f"{name}: expected a number, got {text!r}")
     for name in ("I1", "I2", "extent"):
         if not values.get(name, 1.0) > 0:
-            raise WrongValue(name, f"expected a positive number, got {texts[name]}")
+            raise ValueError(f"{name}: expected a positive number, got {texts[name]}")
     steps = values["steps"]
     if not (steps == int(steps) and 1 <= steps <= STEPS):
-        raise WrongValue("steps", f"expected an integer from 1 to {STEPS}, got {texts['steps']}")
+        raise ValueError(f"steps: expected an integer from 1 to {STEPS}, got {texts['steps']}")
     whole = {"steps": int(steps), "portrait": int(bool(values.get("portrait", 0)))}
     return Parameters(**values | whole)
 
@@ -88,6 +88,20 @@ def query_of_link(link: str) -> str:
     parameters = read(split(urlencode(pairs)))
     values = {name: f"{value}".removesuffix(".0") for name, value in parameters._asdict().items()}
     return urlencode(values | view)
+
+
+def query_of(body: Suslov3D | SuslovGyrostat, eps: float, omega0: Any, steps: int) -> str:
+    """Return the query of a page that shows an orbit of a single body."""
+    state = vectors("omega0", omega0, 2)
+    if body.shape or state.ndim != 1:
+        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+    I1, I2, I13, I23 = map(float, body.parameters[:4])
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    k = float(getattr(body, "k", 0.0))
+    Omega1, Omega2 = state.tolist()
+    numbers = Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent, k=k)
+    texts = {name: f"{value!r}" for name, value in numbers._asdict().items()}
+    return urlencode(read(texts)._asdict())
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._bodies.gyrostat import SuslovGyrostat
 from ..._bodies.three import Suslov3D
 from ..._checks import FloatArray
 from ..._engine.status import Status
@@ -17,28 +18,48 @@ from ..._space.scattering import scattering_angle
 from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.continuous import vector_field
-from ..._states.coordinates import from_xy, to_xy
 from ..ellipsoid import ellipsoid
-from ..plane import energy_level, level_curves, repelling_direction
+from ..plane import energy_level, half_angle, level_curves, on_level
 from .parameters import Parameters
 
+Body = Suslov3D | SuslovGyrostat
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
+# Levels of a larger criticality are not drawn: their states overflow.
+_LARGEST = 1e100
 # Orbits of a portrait: levels, steps, angle from the line of steady states, significant digits.
-_LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.05, 6
+_LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.07, 6
 
 REGIMES = {
+    "unknown": "The criticality of these numbers is beyond the range of float64.",
+    "still": "With a step size of 0 nothing moves: every state is its own next state.",
     "steady": "This state is a steady rotation: a fixed point of the map.",
     "below": (
         "The orbit follows the continuous motion on a level curve of F, from the repelling half of "
         "the line of steady states to the attracting one."
     ),
+    # Of the quotient of the rates with which map and flow tend to the last steady state.
+    "ahead": (
+        "The orbit leads from the repelling half of the line of steady states to the attracting "
+        "one, as the continuous motion does, but faster: near the end a step takes it as far as "
+        "{:.3g} steps of the continuous motion, and it is on a level curve of F, not of the energy."
+    ),
     "at": "The orbit reaches a steady state in one or two steps.",
     "above": (
         "The step is too long to follow the continuous motion: the orbit jumps across the line of "
-        "steady states and, unless it meets a pole, still tends to it."
+        "steady states, and tends to it."
+    ),
+    "pole": (
+        "The step is too long to follow the continuous motion: the orbit jumps across the line of "
+        "steady states, and meets a pole of the map."
+    ),
+    "rotor": (
+        "The momentum of the rotor exceeds that of the products of inertia: the orbit never comes "
+        "to rest, and turns on a level curve of F."
     ),
 }
+# Below this criticality the rates of map and flow differ by less than a third of a percent.
+_FOLLOWS = 0.1
 
 
 def scene(parameters: Parameters) -> dict[str, Any]:
@@ -55,32 +76,40 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         body, start, eps, parameters.steps, attitude=True, on_singular="ignore", threads=1
     )
     assert run.attitude is not None
-    t = float(criticality(body, start, eps))
+    t = _criticality(body, start, eps)
     status = Status(int(run.status))
     drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
-    regime = "below" if abs(t) < 1 else "above" if abs(t) > 1 else "at"
-    if not vector_field(body, start).any():
-        regime = "steady"
+    R = 2.0 * float(np.sqrt(body.I1 * body.I2 * first_integral(body, start, eps)))
+    regime = _regime(parameters, t, status)
+    ahead = math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else 1.0
     repelling = _repelling(body, eps)
-    minus, plus = limits(body, start, eps)
+    minus = plus = np.full(2, np.nan)
     within = np.isfinite(run.time)
     of_flow = np.full_like(run.omega, np.nan)
-    of_flow[within] = flow(body, start, run.time[within])
+    if isinstance(body, Suslov3D):
+        minus, plus = limits(body, start, eps)
+        of_flow[within] = flow(body, start, run.time[within])
+    without_rotor = parameters.without_rotor
     return {
         "parameters": parameters._asdict(),
         "time": [_finite(each) for each in run.time],
         "omega": _finite(run.omega),
         "flow": _finite(of_flow),
         "attitude": _finite(run.attitude.reshape(-1, 9)),
-        "spatial": _finite(to_vector(body, run.omega, attitude=run.attitude)),
-        "line": repelling and {"repelling": repelling, "attracting": [-each for each in repelling]},
+        "spatial": _finite(to_vector(without_rotor, run.omega, attitude=run.attitude)),
+        "line": repelling
+        and {
+            "middle": _middle(body),
+            "repelling": repelling,
+            "attracting": [-each for each in repelling],
+        },
         "levels": {
-            "F": [_finite(branch) for branch in _levels(body, eps, t)],
-            "energy": _finite(energy_level(body, start)),
+            "F": [_finite(branch) for branch in _levels(body, eps, t, R)] if R > 0 else [],
+            "energy": _finite(energy_level(without_rotor, start)),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
-        "regime": {"name": regime, "text": REGIMES[regime]},
+        "regime": {"name": regime, "text": REGIMES[regime].format(ahead)},
         "status": {
             "name": status.name,
             "message": status.message,
@@ -93,11 +122,11 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "energy": _finite(energy(body, start)),
             "omega_minus": _finite(minus),
             "omega_plus": _finite(plus),
-            "scattering_angle": _finite(scattering_angle(body)),
-            "I3": _finite(body.admissible_I3()),
+            "scattering_angle": None if parameters.k else _finite(scattering_angle(without_rotor)),
+            "I3": _finite(without_rotor.admissible_I3()),
         },
         "python": (
-            "from suslov_fast import Suslov3D, iterate\n\n"
+            f"from suslov_fast import {type(body).__name__}, iterate\n\n"
             f"body = {body!r}\n"
             f"run = iterate(body, {parameters.omega0}, eps={eps}, steps={parameters.steps}, "
             "attitude=True)\n"
@@ -105,41 +134,83 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     }
 
 
-def _repelling(body: Suslov3D, eps: float) -> list[float] | None:
+def _criticality(body: Body, start: FloatArray, eps: float) -> float:
+    if isinstance(body, Suslov3D):
+        return float(criticality(body, start, eps))
+    return float(eps * np.sqrt(first_integral(body, start, eps)) * abs(half_angle(body)[0]))
+
+
+def _regime(parameters: Parameters, t: float, status: Status) -> str:
+    """Return the name of the regime of an orbit, which agrees with its status."""
+    body, eps, start = parameters.body, parameters.eps, parameters.omega0
+    if eps == 0:
+        return "still"
+    if not math.isfinite(t) or status == Status.NONFINITE:
+        return "unknown"
+    if not vector_field(body, start).any():
+        return "steady"
+    if status == Status.SINGULAR:
+        return "pole"
+    # In units of 2 sqrt(I1 I2): t is e A, that of the rotor is e k.
+    if abs(eps * parameters.k) > 2.0 * math.sqrt(parameters.I1 * parameters.I2) * abs(t):
+        return "rotor"
+    if abs(t) == 1:
+        return "at" if parameters.k == 0 else "above"
+    return "above" if abs(t) > 1 else "ahead" if abs(t) > _FOLLOWS else "below"
+
+
+def _repelling(body: Body, eps: float) -> list[float] | None:
     """Direction of the repelling half of the line of steady states, if they are a line."""
     if body.I13 == 0 and body.I23 == 0:
         return None
-    return list((math.copysign(1.0, eps) * repelling_direction(body)).tolist())
+    along = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+    return list((math.copysign(1.0, eps) * along).tolist())
 
 
-def _levels(body: Suslov3D, eps: float, t: float) -> list[FloatArray]:
-    """Level curves of F through the initial state; none if the level is a point."""
-    if t == 0 or not math.isfinite(t):
-        return []
-    return level_curves(body, eps, abs(t), _REACH)
+def _middle(body: Body) -> list[float]:
+    """Where the halves of the line of steady states meet, the state of least energy on it."""
+    g, k = half_angle(body)
+    towards = np.array([body.I13 / body.I1, body.I23 / body.I2])
+    return list((-k / abs(g) ** 2 * towards + 0.0).tolist())
+
+
+def _levels(body: Body, eps: float, t: float, R: float = math.nan) -> list[FloatArray]:
+    """Level curves of F of a criticality, or of a gyrostat of R; none if the level is a point."""
+    if isinstance(body, Suslov3D):
+        return level_curves(body, eps, abs(t), _REACH) if 0 < abs(t) < _LARGEST else []
+    psi = np.linspace(-0.5 * np.pi, 1.5 * np.pi, 400)
+    curve = on_level(body, eps, R, psi)
+    # An unbounded level has two branches, between the phases with t sin(psi) = 1.
+    beyond = t * np.sin(psi) > 1.0
+    return [
+        np.where(mask[:, np.newaxis], curve, np.nan) for mask in (beyond, ~beyond) if mask.any()
+    ]
 
 
 def _portrait(parameters: Parameters) -> dict[str, Any] | None:
-    """Orbits from both sides of the repelling half of the line, on levels that fill the view."""
+    """Orbits on levels that fill the view, from both sides of a repelling steady state."""
     body, eps, extent = parameters.body, parameters.eps, parameters.extent
-    direction = _repelling(body, eps)
-    if eps == 0 or direction is None:
+    if eps == 0 or not (body.I13 or body.I23 or parameters.k):
         return None
-    corner = np.sqrt(energy(body, [extent, extent]) / energy(body, direction))
-    y = to_xy(body, corner * np.outer(np.arange(1, _LEVELS + 1) / _LEVELS, direction))[:, 1]
-    x = np.tan(_NEAR) * y / np.sqrt(body.I1 * body.I2)
-    starts = from_xy(body, np.stack([[x, -x], [y, y]], axis=-1))
-    t = criticality(body, starts[0], eps)
+    g, k = half_angle(body)
     steps = min(parameters.steps, _STEPS)
-    orbits = iterate(body, starts.reshape(-1, 2), eps, steps, on_singular="ignore", threads=1)
-    levels = [each for level in t for each in _levels(body, eps, float(level))]
+    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
+    starts, levels = [], []
+    for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
+        A = float(R * abs(g))
+        t = 0.5 * eps * A / math.sqrt(body.I1 * body.I2)
+        sine = math.copysign(min(abs(k) / A, 1.0), k) if A else 1.0
+        end = math.acos(-sine) if eps > 0 else -math.acos(-sine)
+        starts.append(on_level(body, eps, float(R), np.array([_NEAR - end, -_NEAR - end])))
+        levels += _levels(body, eps, t, float(R))
+    orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {
         "levels": [_short(branch) for branch in levels],
         "orbits": [_short(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
     }
 
 
-def _ellipsoid(body: Suslov3D) -> dict[str, Any] | None:
+def _ellipsoid(body: Body) -> dict[str, Any] | None:
     """Ellipsoid of inertia, if there is one in the range of float64."""
     try:
         radii, axes, I3, admissible = ellipsoid(body)

@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import sys
+import threading
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from socketserver import TCPServer
 from typing import Any
 
 from ... import __version__
-from .parameters import PRESETS, STEPS, read, split
+from .parameters import PRESETS, STEPS, Parameters, read, split
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
 # Timeout in seconds; browsers open connections that they may never use.
 _PATIENCE = 10.0
+# Time in seconds in which a client sends a request, and that in which it takes the answer.
+_TOTAL = 20.0
 _ASSETS = {"index.html": "html", "style.css": "css", "explore.js": "javascript"}
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-        "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        "img-src data:; base-uri 'none'; form-action 'none'"
     ),
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
@@ -44,8 +49,11 @@ class Server(ThreadingHTTPServer):
     allow_reuse_port = False
     allow_reuse_address = os.name == "posix"
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, parents: str = "'none'") -> None:
         super().__init__((_ADDRESS, port), _Handler)
+        # The pages that may show this one in a frame.
+        policy = f"{_HEADERS['Content-Security-Policy']}; frame-ancestors {parents}"
+        self.headers = {**_HEADERS, "Content-Security-Policy": policy}
         self.hosts = {f"{name}:{self.server_port}" for name in (_ADDRESS, "localhost")}
         folder = resources.files(__package__) / "page"
         self.assets = {
@@ -80,8 +88,29 @@ class _Handler(BaseHTTPRequestHandler):
     wbufsize = -1
     disable_nagle_algorithm = True
 
+    def handle_one_request(self) -> None:
+        """Answer a request, unless the client is too slow."""
+        self._clock = self._limit()
+        try:
+            super().handle_one_request()
+        finally:
+            self._clock.cancel()
+
+    def _limit(self) -> threading.Timer:
+        """Close the connection after a time: each byte may come in time, and all of them never."""
+
+        def end() -> None:
+            with suppress(OSError):  # it is closed already
+                self.connection.shutdown(socket.SHUT_RDWR)
+
+        clock = threading.Timer(_TOTAL, end)
+        clock.daemon = True
+        clock.start()
+        return clock
+
     def do_GET(self) -> None:
         """Send a file of the page or numbers for it."""
+        self._clock.cancel()  # the first numbers may wait for the compiler
         if not self._from_own_page():
             self._send(403, b"suslov-fast: requests of other pages are refused\n")
             return
@@ -108,8 +137,9 @@ class _Handler(BaseHTTPRequestHandler):
         return origin is None or origin in {f"http://{host}" for host in self.server.hosts}
 
     def _send(self, status: int, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
+        self._clock = self._limit()
         self.send_response(status)
-        for name, value in _HEADERS.items():
+        for name, value in self.server.headers.items():
             self.send_header(name, value)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(body)))
@@ -128,4 +158,7 @@ def answer(query: str) -> tuple[int, dict[str, Any]]:
         texts, status = split(query), 200
         return status, scene(read(texts))
     except ValueError as error:
-        return status, {"error": str(error), "field": getattr(error, "field", None)}
+        # A message begins with the names of the fields that it is about.
+        named = str(error).partition(":")[0].split(", ")
+        fields = [name for name in named if name in Parameters._fields]
+        return status, {"error": str(error), "fields": fields}

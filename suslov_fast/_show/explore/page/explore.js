@@ -7,6 +7,7 @@ const FIELDS = {
   I2: { html: "I<sub>2</sub>", min: 0.05, max: 10, step: 0.05, says: "I2, moment of inertia" },
   I13: { html: "I<sub>13</sub>", min: -3, max: 3, step: 0.05, says: "I13, product of inertia" },
   I23: { html: "I<sub>23</sub>", min: -3, max: 3, step: 0.05, says: "I23, product of inertia" },
+  k: { html: "k", min: -3, max: 3, step: 0.05, says: "k, momentum of a rotor along the axis a" },
   eps: { html: "ε", min: -2, max: 2, step: 0.01, says: "epsilon, step size" },
   steps: { html: "N", min: 1, max: 2000, step: 1, says: "N, number of steps" },
   Omega1: { html: "Ω<sub>1</sub>", min: -4, max: 4, step: 0.01, says: "Omega1 at the start" },
@@ -40,11 +41,11 @@ async function ask() {
       { ...values, extent, portrait: Number(shown.has("portrait")) }));
     const found = await reply.json();
     clearInterval(waiting);
-    if (found.error) complain(found.error, found.field);
+    if (found.error) complain(found.error, found.fields);
     else receive(found);
   } catch {
     clearInterval(waiting);
-    complain(LOST, null);
+    complain(LOST);
   }
   asking = false;
   if (again) { again = false; ask(); }
@@ -54,7 +55,7 @@ function receive(found) {
   const length = scene ? scene.omega.length : 0;
   scene = found;
   say("");
-  mark(null);
+  mark([]);
   document.body.classList.remove("stale");
   byId("moment").max = last();
   if (moment > last() || found.omega.length !== length) setMoment(Math.min(moment, last()));
@@ -64,10 +65,13 @@ function receive(found) {
   document.documentElement.dataset.ready = String(Number(document.documentElement.dataset.ready || 0) + 1);
 }
 
-function complain(message, field) {
+function complain(message, fields = []) {
   say(message);
-  mark(field);
+  mark(fields);
   document.body.classList.add("stale");
+  // What stands there is about other values.
+  for (const id of ["status", "regime-text", "failure"]) byId(id).textContent = "";
+  byId("regime-name").textContent = "No orbit";
 }
 
 function say(message, waiting = false) {
@@ -77,10 +81,10 @@ function say(message, waiting = false) {
   place.classList.toggle("waiting", waiting);
 }
 
-function mark(field) {
+function mark(fields) {
   for (const [name, { number }] of Object.entries(inputs)) {
-    number.parentElement.classList.toggle("wrong", name === field);
-    number.toggleAttribute("aria-invalid", name === field);
+    number.parentElement.classList.toggle("wrong", fields.includes(name));
+    number.toggleAttribute("aria-invalid", fields.includes(name));
   }
 }
 
@@ -159,9 +163,11 @@ function remember() {
 const query = () => new URLSearchParams({ ...values, extent: short(extent, 6), show: [...shown].join(" ") }).toString();
 
 function choose(preset) {
-  for (const name of Object.keys(FIELDS)) {
-    values[name] = String(preset.parameters[name]);
-    inputs[name].slider.value = inputs[name].number.value = values[name];
+  for (const name of Object.keys(values)) delete values[name];
+  for (const [name, value] of Object.entries(preset.parameters)) {
+    if (value === undefined || name === "extent" || name === "portrait") continue;
+    values[name] = String(value);
+    if (name in inputs) inputs[name].slider.value = inputs[name].number.value = values[name];
   }
   name();
   setExtent(preset.parameters.extent);
@@ -175,10 +181,13 @@ const tidy = (text) => text && Number.isFinite(Number(text)) ? String(Number(tex
 function fromAddress() {
   const given = new URLSearchParams(location.search);
   const first = settings.presets[0];
-  const parameters = Object.fromEntries(
-    Object.keys(FIELDS).map((name) => [name, tidy(given.get(name)) ?? first.parameters[name]]));
   if (given.has("show")) shown = new Set(given.get("show").split(" ").filter(Boolean));
-  choose({ parameters: { ...parameters, extent: Number(given.get("extent")) || first.parameters.extent } });
+  const extent = Number(given.get("extent")) || first.parameters.extent;
+  for (const name of ["show", "extent", "portrait"]) given.delete(name);
+  // An address that has some parameters and not others is refused by the server, in its words.
+  const parameters = given.size ? { k: "0", ...Object.fromEntries(given) } : first.parameters;
+  for (const name of Object.keys(parameters)) parameters[name] = tidy(parameters[name]);
+  choose({ parameters: { ...parameters, extent } });
   for (const box of document.querySelectorAll("#show input")) box.checked = shown.has(box.value);
 }
 
@@ -195,8 +204,9 @@ const pair = (values) => values ? `(${values.map((each) => short(each, 5)).join(
 function describe() {
   const { numbers, regime, status, ellipsoid } = scene;
   const t = numbers.criticality;
-  byId("regime-name").textContent = regime.name === "steady" ? "Steady rotation"
-    : t === null ? "beyond float64" : `t = ${short(t, 5)} ${{ below: "< 1", at: "", above: "> 1" }[regime.name]}`;
+  const t1 = Math.abs(t), size = t < 0 ? "|t|" : "t";
+  byId("regime-name").textContent = { steady: "Steady rotation", still: "No motion: ε = 0", unknown: "Beyond float64" }[regime.name]
+    ?? `${size} = ${short(t1, 5)}${t1 === 1 ? "" : t1 < 1 ? " < 1" : " > 1"}`;
   byId("regime-text").textContent = regime.text;
   byId("gauge").value = t === null ? 2 : Math.abs(t);
   byId("gauge").textContent = short(t);
@@ -283,6 +293,7 @@ function write(pen, text, x, y, align = "center", font = SMALL, colour = colours
 
 function drawPlane() {
   const { pen, width, height } = surface(byId("plane"));
+  byId("legend-line").hidden = !scene?.line;
   paintPlane(pen, width, height);
 }
 
@@ -310,7 +321,7 @@ function paintScene(pen, at, far, moving) {
   if (shown.has("F")) for (const branch of scene.levels.F) stroke(pen, branch.map(place), colours.F, 6);
   if (shown.has("energy")) stroke(pen, scene.levels.energy.map(place), colours.energy, 1.5, [7, 5]);
   if (scene.line) for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]])
-    stroke(pen, [at([0, 0]), at(scene.line[half].map((each) => each * far))], colours.line, 2.6, dash);
+    stroke(pen, [at(scene.line.middle), at(scene.line[half].map((each, k) => each * far + scene.line.middle[k]))], colours.line, 2.6, dash);
   const states = scene.omega.map(place), end = last();
   if (shown.has("joined")) stroke(pen, states, colours.faint, 1, [1, 4]);
   if (shown.has("flow")) for (const row of scene.flow) if (row) disc(pen, at(row), 4, null, colours.flow);
@@ -403,8 +414,9 @@ function drawSpace() {
   const half = (front) => (points) => points.map((each, k) => (each[2] > 0) === front || (k && (points[k - 1][2] > 0) === front) ? at(each) : null);
   const axes = AXES.map((axis, k) => ({ tip: seen(scaled(times(R, axis), TIP)), name: ["e₁", "e₂", "a"][k], colour: k === 2 ? colours.line : colours.text }));
   const velocity = scene.spatial[Math.min(moment, last())];
+  const most = Math.max(...scene.spatial.map((each) => each ? Math.hypot(...each) : 0));
+  byId("legend-omega").hidden = !(velocity && most > 0);
   if (velocity) {
-    const most = Math.max(...scene.spatial.map((each) => each ? Math.hypot(...each) : 0));
     if (most > 0) axes.push({ tip: seen(scaled(velocity, TIP / most)), name: "Ω", colour: colours.omega });
   }
   for (const front of [false, true]) {
@@ -659,23 +671,71 @@ class SvgPen {
 const round = (value) => Number(value.toFixed(2));
 const escaped = (text) => text.replace(/[&<>]/g, (each) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;" })[each]);
 
+// What the picture shows: a sample of each line or dot, and its meaning.
+function legend() {
+  const line = (colour, width, dash = []) => (pen, x, y) => stroke(pen, [[x, y], [x + 22, y]], colour, width, dash);
+  const dot = (radius, fill, edge) => (pen, x, y) => disc(pen, [x + 11, y], radius, fill, edge);
+  const { levels, portrait, flow, line: steady, status } = scene;
+  return [
+    [dot(2.8, colours.state), "states of the map"],
+    [dot(5, null, colours.accent), "first state"],
+    shown.has("F") && levels.F.length && [line(colours.F, 6), "level of F"],
+    shown.has("energy") && levels.energy.some(Boolean) && [line(colours.energy, 1.5, [7, 5]), "level of the energy"],
+    shown.has("flow") && flow.some(Boolean) && [dot(4, null, colours.flow), "continuous motion"],
+    shown.has("joined") && [line(colours.faint, 1, [1, 4]), "join of the states"],
+    shown.has("portrait") && portrait && [dot(1.5, colours.faint), "other orbits, and their levels"],
+    steady && [line(colours.line, 2.6, [8, 6]), "repelling steady states"],
+    steady && [line(colours.line, 2.6), "attracting steady states"],
+    status.failed_at !== null && [(pen, x, y) => drawCross(pen, [x + 11, y]), "last state before a pole"],
+  ].filter(Boolean);
+}
+
+// The parameters, in lines that a picture of this width has room for.
+function caption(width) {
+  const { parameters: p, numbers } = scene, lines = [""];
+  const words = Object.entries({ "I₁": p.I1, "I₂": p.I2, "I₁₃": p.I13, "I₂₃": p.I23, k: p.k, "ε": p.eps, N: p.steps,
+    "Ω₁(0)": p.Omega1, "Ω₂(0)": p.Omega2, t: numbers.criticality }).map(([name, value]) => `${name} = ${short(value)}`);
+  for (const word of words) {
+    if (lines.at(-1).length + word.length > (width - 2 * MARGIN.left) / 6) lines.push("");
+    lines[lines.length - 1] += (lines.at(-1) && ", ") + word;
+  }
+  return lines;
+}
+
+// The plane as a picture that stands alone: with its legend and its parameters below.
+function alone(width, height) {
+  const rows = legend(), columns = width > 480 ? 2 : 1, lines = caption(width), ROW = 19;
+  const below = height + 10 + ROW * Math.ceil(rows.length / columns);
+  return { height: below + 14 + ROW * lines.length, paint: (pen) => {
+    paintPlane(pen, width, height, false);
+    rows.forEach(([sample, text], k) => {
+      const x = MARGIN.left + (k % columns) * width / 2, y = height + 14 + ROW * Math.floor(k / columns);
+      sample(pen, x, y);
+      write(pen, text, x + 30, y + 4, "left", SMALL, colours.text);
+    });
+    lines.forEach((text, k) => write(pen, text, MARGIN.left, below + 14 + ROW * k, "left", SMALL, colours.text));
+  } };
+}
+
 function svg() {
-  const { clientWidth: width, clientHeight: height } = byId("plane"), pen = new SvgPen();
-  paintPlane(pen, width, height, false);
+  const { clientWidth: width, clientHeight } = byId("plane"), pen = new SvgPen();
+  const { height, paint } = alone(width, clientHeight);
+  paint(pen);
   return `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${width} ${height}" width="${width}" height="${height}" ` +
     `stroke-linejoin="round" stroke-linecap="round"><desc>${escaped(scene.python)}</desc>` +
     `<path d="M0 0h${width}v${height}h${-width}z" fill="${colours.panel}"/>${pen.parts.join("\n")}</svg>\n`;
 }
 
 function savePng() {
-  const { clientWidth: width, clientHeight: height } = byId("plane"), ratio = 3;
+  const { clientWidth: width, clientHeight } = byId("plane"), ratio = 3;
+  const { height, paint } = alone(width, clientHeight);
   const canvas = Object.assign(document.createElement("canvas"), { width: ratio * width, height: ratio * height });
   const pen = canvas.getContext("2d");
   pen.scale(ratio, ratio);
   pen.fillStyle = colours.panel;
   pen.fillRect(0, 0, width, height);
   pen.lineJoin = pen.lineCap = "round";
-  paintPlane(pen, width, height, false);
+  paint(pen);
   canvas.toBlob((blob) => save("png", blob));
 }
 
@@ -717,4 +777,4 @@ async function begin() {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
-begin().catch(() => complain(LOST, null));
+begin().catch(() => complain(LOST));

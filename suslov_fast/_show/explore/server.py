@@ -96,6 +96,13 @@ class _Handler(BaseHTTPRequestHandler):
         finally:
             self._clock.cancel()
 
+    def finish(self) -> None:
+        """Close the connection, also one that was cut off with an answer in the buffer."""
+        try:
+            super().finish()
+        except OSError:
+            self.rfile.close()
+
     def _limit(self) -> threading.Timer:
         """Close the connection after a time: each byte may come in time, and all of them never."""
 

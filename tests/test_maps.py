@@ -1,14 +1,200 @@
-"""What every map of the registry must do."""
+"""What every map of the registry must do, and a map that a test registers."""
+
+import json
+import sys
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._bodies.base import Body
+from suslov_fast._cli import main
+from suslov_fast._engine.layout import flat_parameter
+from suslov_fast._engine.run import Results, not_computed
+from suslov_fast._maps import registry
+from suslov_fast._maps.record import Kept, Map
 from suslov_fast._maps.registry import map_named, map_of
 
 
 class Named(sf.Suslov3D):
     """A class of a user, derived from a body."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Growth(Body):
+    """A body of the smallest map: x1 and x2 are multiplied by 1 + a eps."""
+
+    a: Any
+
+    _couplings: ClassVar = ("a",)
+    _meanings: ClassVar = {"a": "rate"}
+
+    def __post_init__(self):
+        self._set(a=self.a)
+
+    @property
+    def _labels(self):
+        return "x1", "x2"
+
+
+def grow(run):
+    a, eps = run.parameters
+    state = run.resume["state"] if run.start else run.omega0
+    status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
+    for n in range(run.start, run.steps + 1):
+        if n > run.start:
+            state = state * (1.0 + a * eps)[:, np.newaxis]
+        if len(run.saved) and n % run.every == 0 and (n > run.start or n == 0):
+            run.saved[n // run.every - run.rows_before] = state
+    failed = np.isnan(state).any(axis=-1)
+    status[:], failed_at[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK), 0
+    return Results(state, status, failed_at, {"state": state, "status": status})
+
+
+GROWTH = Map(
+    name="growth",
+    body=Growth,
+    title="Growth",
+    methods=("auto",),
+    parameters=lambda body, eps, batch: tuple(flat_parameter(p, batch) for p in (body.a, eps)),
+    run=grow,
+    kept=(Kept("state", ("flat", "component")),),
+    quantities=frozenset(),
+    samples=((Growth(-0.5), (1.0, 2.0)),),
+    carries_attitude=False,
+    variable="x",
+    meaning="size",
+)
+
+
+@pytest.fixture(params=[*registry._BODIES, "growth"])
+def record(request, monkeypatch):
+    """The record of each map of the registry, and of one that is registered here."""
+    if request.param == "growth":
+        monkeypatch.setitem(registry._BODIES, "growth", "Growth")
+        name = "suslov_fast._maps.growth"
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(MAP=GROWTH))
+    caches = registry.map_named, registry._map_of_class
+    for each in caches:
+        each.cache_clear()
+    yield map_named(request.param)
+    for each in caches:
+        each.cache_clear()
+
+
+@pytest.fixture
+def problem(record):
+    """The functions that step and iterate, a sample body, and states."""
+    body, state = record.samples[0]
+    full = map_of(body) is not record
+    starts = 0.1 * np.array(state) * [[1.0], [-0.5], [0.3]]
+    return *((sf.step_full, sf.iterate_full) if full else (sf.step, sf.iterate)), body, starts
+
+
+def test_steps_runs_and_continuation(record, problem):
+    step, iterate, body, starts = problem
+    run = iterate(body, starts, 0.1, 6)
+    assert run._map is record
+    assert getattr(run, record.variable) is run.states is np.asarray(run)
+    np.testing.assert_allclose(run.states[1], step(body, starts, 0.1), rtol=1e-12)
+    assert (run.states[0] == starts).all()
+    for save_every, rows in ((1, [0, 1, 2, 3, 4, 5, 6]), (4, [0, 4]), (None, [6])):
+        for method in record.methods:
+            options = {"save_every": save_every} | ({"method": method} if method != "auto" else {})
+            whole = iterate(body, starts, 0.1, 6, **options)
+            np.testing.assert_allclose(whole.states, run.states[rows], rtol=1e-9)
+            assert iterate(body, starts, 0.1, 5, **options).extend(1) == whole
+    for name in record.conserved(body):
+        assert len(getattr(run, name)()) == len(run)
+    lost = iterate(body, [starts[0] * np.nan, starts[1]], 0.1, 3, on_singular="ignore")
+    assert lost.status.tolist() == [sf.Status.NONFINITE, run.status[1]]
+    assert lost.failed_at.tolist() == [0, -1]
+
+
+def test_samples_and_texts(record):
+    for body, state in record.samples:
+        assert isinstance(body, record.body)
+        assert len(state) == len(record.components(body)) == len(record.symbols(body))
+        assert set(record.conserved(body)) <= record.quantities
+        assert sf.body_from_dict(json.loads(json.dumps(body.to_dict()))) == body
+        assert record.closed_form(body) in (True, False)
+    assert record.title[0].isupper()
+
+
+def test_files_datasets_and_labels(record, problem, tmp_path):
+    step, iterate, body, starts = problem
+    run = iterate(body, starts, 0.1, 6, save_every=3)
+    run.save(tmp_path / "run.npz")
+    loaded = sf.Trajectories.load(tmp_path / "run.npz")
+    assert loaded == run
+    assert loaded.extend(2) == run.extend(2)
+    pytest.importorskip("xarray")
+    data = run.to_xarray()
+    assert data.attrs["title"] == record.title
+    states = data[record.variable]
+    assert states.attrs["long_name"] == record.meaning
+    assert sf.Trajectories.from_xarray(data) == run
+    again = step(body, states.isel(n=0, drop=True), 0.1)
+    assert (again == step(body, starts, 0.1)).all()
+    for labels in (states.component.values[::-1], [f"a{k}" for k in range(states.shape[-1])]):
+        with pytest.raises(ValueError, match="expected the components"):
+            step(body, states.isel(n=0, drop=True).assign_coords(component=labels), 0.1)
+
+
+def test_orientations(record, problem):
+    _, iterate, body, starts = problem
+    if iterate is sf.iterate_full:
+        with pytest.raises(TypeError, match="attitude"):
+            iterate(body, starts, 0.1, 6, attitude=True)
+    elif not record.carries_attitude:
+        for attitude in (True, np.eye(3)):
+            with pytest.raises(TypeError, match="attitude: expected False"):
+                iterate(body, starts, 0.1, 6, attitude=attitude)
+    else:
+        run = iterate(body, starts, 0.1, 6, attitude=True)
+        n = body.dimension + 1
+        assert run.attitude.shape == (7, 3, n, n)
+        turned = sf.attitude(body, run.states, 0.1)
+        np.testing.assert_allclose(turned, run.attitude, rtol=0, atol=1e-13)
+
+
+def test_ensembles(record, problem, tmp_path):
+    for library in ("xarray", "zarr", "dask", "filelock"):
+        pytest.importorskip(library)
+    _, iterate, body, starts = problem
+    if iterate is sf.iterate_full:
+        return
+    data = sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "a.zarr", save_every=2, chunk=2)
+    run = iterate(body, starts, 0.1, 6, save_every=2)
+    np.testing.assert_array_equal(data[record.variable].values, run.states)
+    if not record.carries_attitude:
+        with pytest.raises((TypeError, ValueError), match="attitude: expected False"):
+            sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=True)
+        assert not (tmp_path / "b.zarr").exists()
+
+
+def test_the_command(record, problem, tmp_path, capsys):
+    """For bodies whose parameters are numbers or lists of numbers."""
+    *_, body, _ = problem
+    values = {name: np.asarray(value) for name, value in body._values.items()}
+    if not hasattr(sf, type(body).__name__) or max(each.ndim for each in values.values()) > 1:
+        return
+    own = [f"--{name}={','.join(map(repr, v.ravel().tolist()))}" for name, v in values.items()]
+    line = ["run", *own, *"--eps 0.1 --steps 5 --trajectories 4 --extent 0.1 -o".split()]
+    with pytest.raises(SystemExit, match="0"):
+        main([*line, str(tmp_path / "run.npz")])
+    assert "trajectories" in capsys.readouterr().out
+    assert sf.Trajectories.load(tmp_path / "run.npz").body == body
+
+
+def test_plots(record, problem):
+    pytest.importorskip("matplotlib")
+    _, iterate, body, starts = problem
+    axes = iterate(body, starts, 0.1, 6).plot()
+    assert [axes.get_xlabel(), axes.get_ylabel()] == record.symbols(body)[:2]
 
 
 def test_objects_of_a_subclass_are_bodies():

@@ -142,14 +142,14 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
+    if attitude is not False and not map.carries_attitude:
+        expected = f"False, as states of {type(body).__name__} have no orientation"
+        raise wrong("attitude", expected, attitude, TypeError)
     orientations = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
     arrays, batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body
     )
     one_of("method", method, map.methods)
-    if attitude is not False and not map.carries_attitude:
-        expected = f"False, as states of {type(body).__name__} have no orientation"
-        raise wrong("attitude", expected, attitude, TypeError)
     if attitude is True or attitude is np.True_:
         arrays.append(np.eye(body.dimension + 1))
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])

@@ -157,7 +157,7 @@ def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
 
 def _matrices(tasks: int, m: int) -> FloatArray:
     """Return memory for elimination."""
-    return _aligned((tasks, m + 3, m + 1, WIDTH), "method='rank2', fewer threads, or shorter steps")
+    return _aligned((tasks, m + 4, m + 1, WIDTH), "method='rank2', fewer threads, or shorter steps")
 
 
 def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:

@@ -9,63 +9,90 @@ Lanes store omega in a unit, a power of two, in which it is of the order of 1; t
 omega leaves that range. Lanes that have ended have the state 0 in the unit NaN.
 """
 
+from types import ModuleType
+from typing import NamedTuple
+
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
-from .._formulas.nd_map import FAR, FAR_ENOUGH, bounds, matrix_row, solve2, solve_bordered
+from .._formulas.nd_map import (
+    FAR,
+    FAR_ENOUGH,
+    bounds,
+    matrix_diagonal,
+    matrix_row,
+    solve2,
+    solve_bordered,
+)
 from .._formulas.rotation import mean
 from .._jit import (
-    LINE,
     Kernel,
     carray,
-    copy_line,
     formula,
     inner,
+    namespace,
     select,
     share,
     stack,
-    subtract_product,
 )
+from . import elimination
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import WIDTH, eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
+method: ModuleType  # of steps: `step`
+
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just
 # written.
 LANES = 64
-
-# A block consists of J and I, (M,) if common to all lanes, else (M, lanes); of omega and work,
-# (M, lanes), where work holds 1/d; and of numbers of each lane, in rows:
-(
-    EPS_INPUT,
-    EPS,  # in the unit of omega; 0 for fixed states
-    EXPONENT,  # of the unit of omega
-    UNIT,
-    LOW,  # bounds of |omega|**2, see `bounds`
-    HIGH,
-    LONGEST,
-    NEAR,  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
-    RESTS,  # 1 if eps or I is 0, else 0
-    STATUS,  # status of trajectories that have ended, else OK
-    P,
-    SQUARE,
-    HALF,  # eps p / 2
-    ALPHA,  # sums, see `solve2`
-    BETA,
-    GAMMA,
-    OF_OMEGA,  # factors in delta, see `solve2`
-    OF_I,
-    ACCURATE,  # 1 if the step by `solve2` is accurate, 0.5 if this depends on d, else 0
-    CHOSEN,  # the indices of lanes that need elimination
-) = range(20)
-FIELDS = 20
-# Rows of `of` in `solve_lanes`: eps, eps p / 2, and, of a row of A, the factors c and g, the
-# diagonal entry of d, and the entry being computed.
-STEP, HALF_STEP, C, G, DIAGONAL, ENTRY = range(6)
-ROOM, ROOM_OF_ROW = FIELDS * LANES, 6 * WIDTH
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
 # overlap of written rows with others: the pairs must lie in two halves, not side by side.)
+
+
+class Block(NamedTuple):
+    """A block of trajectories: M components of each lane, and numbers of each lane."""
+
+    J: object  # (M, lanes), or (M,) if common to all lanes
+    I: object
+    omega: object  # (M, lanes)
+    inverse: object  # 1 / d
+    eps_input: object
+    eps: object  # in the unit of omega; 0 for fixed states
+    exponent: object  # of the unit of omega
+    unit: object
+    low: object  # bounds of |omega|**2, see `bounds`
+    high: object
+    longest: object
+    near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
+    rests: object  # 1 if eps or I is 0, else 0
+    status: object  # of trajectories that have ended, else OK
+    p: object
+    square: object
+    half: object  # eps p / 2
+    alpha: object  # sums, see `solve2`
+    beta: object
+    gamma: object
+    of_omega: object  # factors in delta, see `solve2`
+    of_I: object
+    accurate: object  # 1 if the step by `solve2` is accurate, 0.5 if this depends on d, else 0
+    chosen: object  # the indices of lanes that need elimination
+
+
+@formula
+def row():
+    """Return a number of each lane, on the stack."""
+    return carray(stack(LANES), (LANES,))
+
+
+@formula
+def block(bodies, states):
+    """Return a block whose components are in the memory of a task."""
+    return Block(
+        bodies[0], bodies[1], states[0], states[1],
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+    )  # fmt: skip
 
 
 @formula
@@ -84,194 +111,216 @@ def put(values, i, l, number):
 
 
 @formula
-def add_pair(lane, l, I_i, I_j, w_i, w_j):
+def add_pair(b, l, I_i, I_j, w_i, w_j):
     """Add the terms of two components to p and |omega|**2."""
-    lane[P, l] = lane[P, l] + I_i * w_i + I_j * w_j
-    lane[SQUARE, l] = lane[SQUARE, l] + w_i * w_i + w_j * w_j
+    b.p[l] = b.p[l] + I_i * w_i + I_j * w_j
+    b.square[l] = b.square[l] + w_i * w_i + w_j * w_j
 
 
 @formula
-def units_serve(lane, lanes):
-    """Return True if the units of all lanes remain valid."""
-    left = 0.0
+def sums(b):
+    """Find 1 / d and the sums of `solve2`."""
+    half, lanes = b.omega.shape[0] // 2, b.omega.shape[1]
     for l in range(lanes):
-        square = lane[SQUARE, l]
-        left += select((square > lane[LOW, l]) & (square < lane[HIGH, l]), 0.0, 1.0)
+        b.half[l] = 0.5 * b.eps[l] * b.p[l]
+        b.alpha[l], b.beta[l], b.gamma[l] = 0.0, 0.0, 0.0
+    for i in range(half):
+        j = half + i
+        for l in range(lanes):
+            I_i, I_j, w_i, w_j = at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l]
+            r_i, r_j = 1.0 / (at(b.J, i, l) - b.half[l]), 1.0 / (at(b.J, j, l) - b.half[l])
+            b.inverse[i, l], b.inverse[j, l] = r_i, r_j
+            b.alpha[l] = b.alpha[l] + I_i * r_i * w_i + I_j * r_j * w_j
+            b.beta[l] = b.beta[l] + I_i * r_i * I_i + I_j * r_j * I_j
+            b.gamma[l] = b.gamma[l] + w_i * r_i * w_i + w_j * r_j * w_j
+
+
+@formula
+def solve(b):
+    """Solve for the factors in the increment; return True if it is accurate in all lanes."""
+    left = 0.0
+    for l in range(b.omega.shape[1]):
+        square = b.square[l]
+        of_omega, of_I, det, size = solve2(
+            b.eps[l], b.p[l], square, b.alpha[l], b.beta[l], b.gamma[l]
+        )
+        accurate = (det > FAR * FAR * size) & (square < b.longest[l])
+        far = select(b.half[l] < b.near[l], 1.0, 0.5)
+        accuracy = select(accurate, far, 0.0)
+        left += select(accuracy == 1.0, 0.0, 1.0)
+        b.of_omega[l], b.of_I[l], b.accurate[l] = of_omega, of_I, accuracy
     return left == 0.0
 
 
-@inner
-def solve_lanes(J, I, omega, lane, chosen, room):
-    """Replace omega by the solution of A(omega) omega_next = omega in lanes lane[CHOSEN, :chosen].
-
-    room (m + 3, m + 1, WIDTH) holds A, with omega as column m, and from row m on J, I, omega.
-    """
-    m = room.shape[1] - 1
-    matrix, all_J, all_I, w = room[:m], room[m], room[m + 1], room[m + 2]
-    of = carray(stack(ROOM_OF_ROW), (6, WIDTH))
-    for first in range(0, chosen, WIDTH):
-        last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
-        for k in range(WIDTH):
-            l = int(lane[CHOSEN, min(first + k, last)])
-            of[STEP, k], of[HALF_STEP, k] = lane[EPS, l], lane[HALF, l]
-        for i in range(m):
-            for k in range(WIDTH):
-                l = int(lane[CHOSEN, min(first + k, last)])
-                all_J[i, k], all_I[i, k], w[i, k] = at(J, i, l), at(I, i, l), omega[i, l]
-        for i in range(m):
-            for k in range(WIDTH):
-                c, g = matrix_row(all_J[i, k], all_I[i, k], w[i, k], of[STEP, k])
-                of[C, k], of[G, k] = c, g
-                of[DIAGONAL, k] = 1.0 - of[HALF_STEP, k] / all_J[i, k]
-                matrix[i, m, k] = w[i, k]
-            for j in range(m):
-                for k in range(WIDTH):
-                    of[ENTRY, k] = 0.0
-                for k in range(0, WIDTH, LINE):
-                    subtract_product(of, (ENTRY, k), of, (C, k), w, (j, k))
-                    subtract_product(of, (ENTRY, k), of, (G, k), all_I, (j, k))
-                    copy_line(matrix, (i, j, k), of, (ENTRY, k))
-            for k in range(WIDTH):
-                matrix[i, i, k] = of[DIAGONAL, k] + matrix[i, i, k]
-        eliminate(matrix)
-        for i in range(m):
-            for k in range(last + 1 - first):
-                omega[i, int(lane[CHOSEN, first + k])] = matrix[i, m, k]
-
-
-@inner
-def leave_out(J, I, omega, lane, chosen, room):
-    """End trajectories that need elimination; another kernel restarts them."""
-    for k in range(chosen):
-        l = int(lane[CHOSEN, k])
-        lane[STATUS, l], omega[0, l] = NEEDS_ELIMINATION, np.nan
-
-
 @formula
-def step_gauss(J, I, omega, work, lane, count, room):
-    """Take a step by elimination in lanes up to `count`."""
-    for l in range(count):
-        lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
-        lane[CHOSEN, l] = l
-    solve_lanes(J, I, omega, lane, count, room)
-    for l in range(count):
-        lane[P, l], lane[SQUARE, l] = 0.0, 0.0
-    half = omega.shape[0] // 2
+def add(b):
+    """Add the increment, and update p and |omega|**2."""
+    half, lanes = b.omega.shape[0] // 2, b.omega.shape[1]
+    for l in range(lanes):
+        b.p[l], b.square[l] = 0.0, 0.0
     for i in range(half):
         j = half + i
-        for l in range(count):
-            add_pair(lane, l, at(I, i, l), at(I, j, l), omega[i, l], omega[j, l])
+        for l in range(lanes):
+            of_omega, of_I, w_i, w_j = b.of_omega[l], b.of_I[l], b.omega[i, l], b.omega[j, l]
+            I_i, I_j = at(b.I, i, l), at(b.I, j, l)
+            w_i += (of_omega * w_i - of_I * I_i) * b.inverse[i, l]
+            w_j += (of_omega * w_j - of_I * I_j) * b.inverse[j, l]
+            b.omega[i, l], b.omega[j, l] = w_i, w_j
+            add_pair(b, l, I_i, I_j, w_i, w_j)
 
 
 @inner
-def step_bordered(J, I, omega, work, lane, l):
+def bordered(b, l):
     """Take the step in a lane by the bordered system; return True if it is accurate.
 
     If no d is small, the step by `solve2` remains.
     """
-    eps, half, p, square = lane[EPS, l], lane[HALF, l], lane[P, l], lane[SQUARE, l]
+    M = b.omega.shape[0]
+    eps, half, p, square = b.eps[l], b.half[l], b.p[l], b.square[l]
     k, smallest, second = 0, np.inf, np.inf
-    for i in range(omega.shape[0]):
-        ratio = abs(1.0 - half / at(J, i, l))
+    for i in range(M):
+        ratio = abs(1.0 - half / at(b.J, i, l))
         if ratio < smallest:
             k, smallest, second = i, ratio, smallest
         else:
             second = min(second, ratio)
-    if lane[ACCURATE, l] > 0.0 and smallest > FAR:
-        lane[ACCURATE, l] = 1.0
+    if b.accurate[l] > 0.0 and smallest > FAR:
+        b.accurate[l] = 1.0
         return True
-    lane[ACCURATE, l] = 0.0
+    b.accurate[l] = 0.0
     alpha, beta, gamma = 0.0, 0.0, 0.0
-    for i in range(omega.shape[0]):
+    for i in range(M):
         if i != k:
-            I_i, w, r = at(I, i, l), omega[i, l], work[i, l]
+            I_i, w, r = at(b.I, i, l), b.omega[i, l], b.inverse[i, l]
             alpha += I_i * r * w
             beta += I_i * r * I_i
             gamma += w * r * w
     of_omega, of_I, delta_k, regular = solve_bordered(
-        at(J, k, l), at(I, k, l), omega[k, l], eps, p, square, alpha, beta, gamma
+        at(b.J, k, l), at(b.I, k, l), b.omega[k, l], eps, p, square, alpha, beta, gamma
     )
-    if not (regular and second > FAR_ENOUGH and square < lane[LONGEST, l]):
+    if not (regular and second > FAR_ENOUGH and square < b.longest[l]):
         return False
-    for i in range(omega.shape[0]):
+    for i in range(M):
         if i != k:
-            omega[i, l] += (of_omega * omega[i, l] - of_I * at(I, i, l)) * work[i, l]
-    omega[k, l] += delta_k
+            b.omega[i, l] += (of_omega * b.omega[i, l] - of_I * at(b.I, i, l)) * b.inverse[i, l]
+    b.omega[k, l] += delta_k
     return True
 
 
-@formula
-def find_increment(J, I, omega, work, lane):
-    """Find the increment of a step in O(n); return 0 if it is accurate in all lanes."""
-    half, lanes = omega.shape[0] // 2, omega.shape[1]
-    for l in range(lanes):
-        lane[HALF, l] = 0.5 * lane[EPS, l] * lane[P, l]
-        lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l] = 0.0, 0.0, 0.0
-    for i in range(half):
-        j = half + i
-        for l in range(lanes):
-            I_i, I_j, w_i, w_j = at(I, i, l), at(I, j, l), omega[i, l], omega[j, l]
-            r_i, r_j = 1.0 / (at(J, i, l) - lane[HALF, l]), 1.0 / (at(J, j, l) - lane[HALF, l])
-            work[i, l], work[j, l] = r_i, r_j
-            lane[ALPHA, l] = lane[ALPHA, l] + I_i * r_i * w_i + I_j * r_j * w_j
-            lane[BETA, l] = lane[BETA, l] + I_i * r_i * I_i + I_j * r_j * I_j
-            lane[GAMMA, l] = lane[GAMMA, l] + w_i * r_i * w_i + w_j * r_j * w_j
-    left = 0.0
-    for l in range(lanes):
-        square = lane[SQUARE, l]
-        of_omega, of_I, det, size = solve2(
-            lane[EPS, l], lane[P, l], square, lane[ALPHA, l], lane[BETA, l], lane[GAMMA, l]
-        )
-        accurate = (det > FAR * FAR * size) & (square < lane[LONGEST, l])
-        far = select(lane[HALF, l] < lane[NEAR, l], 1.0, 0.5)
-        accuracy = select(accurate, far, 0.0)
-        left += select(accuracy == 1.0, 0.0, 1.0)
-        lane[OF_OMEGA, l], lane[OF_I, l], lane[ACCURATE, l] = of_omega, of_I, accuracy
-    return left
+@inner
+def fill_matrix(J, I, w, others, eps, matrix):
+    """Fill A(omega), whose right side is omega, of several systems.
+
+    J, I, w, others   (m, WIDTH); the last becomes p without the term of a component.
+    eps               (WIDTH,)
+    matrix            (m, m + 1, WIDTH)
+    """
+    m, _, width = matrix.shape
+    c, g, rest = elimination.row(), elimination.row(), elimination.row()
+    for l in range(width):
+        rest[l] = 0.0
+    for i in range(m - 1, -1, -1):
+        for l in range(width):
+            others[i, l] = rest[l]
+            rest[l] = rest[l] + I[i, l] * w[i, l]
+    for l in range(width):
+        rest[l] = 0.0
+    for i in range(m):
+        for l in range(width):
+            others[i, l] += rest[l]
+            rest[l] = rest[l] + I[i, l] * w[i, l]
+            c[l], g[l] = matrix_row(J[i, l], I[i, l], w[i, l], eps[l])
+        for j in range(m):
+            for l in range(width):
+                matrix[i, j, l] = -c[l] * w[j, l] - g[l] * I[j, l]
+        for l in range(width):
+            matrix[i, i, l] = matrix_diagonal(J[i, l], others[i, l], eps[l])
+            matrix[i, m, l] = w[i, l]
 
 
-@formula
-def add_increment(I, omega, work, lane):
-    """Add the increment of a step in O(n)."""
-    half, lanes = omega.shape[0] // 2, omega.shape[1]
-    for l in range(lanes):
-        lane[P, l], lane[SQUARE, l] = 0.0, 0.0
-    for i in range(half):
-        j = half + i
-        for l in range(lanes):
-            of_omega, of_I, w_i, w_j = lane[OF_OMEGA, l], lane[OF_I, l], omega[i, l], omega[j, l]
-            I_i, I_j = at(I, i, l), at(I, j, l)
-            w_i += (of_omega * w_i - of_I * I_i) * work[i, l]
-            w_j += (of_omega * w_j - of_I * I_j) * work[j, l]
-            omega[i, l], omega[j, l] = w_i, w_j
-            add_pair(lane, l, I_i, I_j, w_i, w_j)
+@inner
+def solve_lanes(b, chosen, room):
+    """Replace omega by the solution of A(omega) omega_next = omega in lanes b.chosen[:chosen].
+
+    room (m + 4, m + 1, WIDTH) holds A, and from row m on the arguments of `fill_matrix`.
+    """
+    m, width = room.shape[1] - 1, room.shape[2]
+    matrix, J, I, w, eps = room[:m], room[m], room[m + 1], room[m + 2], elimination.row()
+    for first in range(0, chosen, WIDTH):
+        last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
+        for k in range(width):
+            eps[k] = b.eps[int(b.chosen[min(first + k, last)])]
+        for i in range(m):
+            for k in range(width):
+                l = int(b.chosen[min(first + k, last)])
+                J[i, k], I[i, k], w[i, k] = at(b.J, i, l), at(b.I, i, l), b.omega[i, l]
+        fill_matrix(J, I, w, room[m + 3], eps, matrix)
+        eliminate(matrix)
+        for i in range(m):
+            for k in range(last + 1 - first):
+                b.omega[i, int(b.chosen[first + k])] = matrix[i, m, k]
 
 
-def rank2_step(solve):
-    """Build the step in O(n); `solve` handles the lanes that need elimination."""
+@inner
+def leave_out(b, chosen, room):
+    """End trajectories that need elimination; another kernel restarts them."""
+    for k in range(chosen):
+        l = int(b.chosen[k])
+        b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
+
+
+def rank2_step(otherwise):
+    """Build the step in O(n); `otherwise` takes it in the lanes that need elimination."""
 
     @inner
-    def step_with_care(J, I, omega, work, lane, room):
+    def step_with_care(b, room):
         """Take the step in lanes where `solve2` is inaccurate; set its increment to 0."""
-        left = 0
-        for l in range(omega.shape[1]):
-            if lane[ACCURATE, l] < 1.0 and not step_bordered(J, I, omega, work, lane, l):
-                lane[CHOSEN, left] = l
+        left, (M, lanes) = 0, b.omega.shape
+        for l in range(lanes):
+            if b.accurate[l] < 1.0 and not bordered(b, l):
+                b.chosen[left] = l
                 left += 1
-        solve(J, I, omega, lane, left, room)
-        for l in range(omega.shape[1]):
-            if lane[ACCURATE, l] < 1.0:
-                lane[OF_OMEGA, l], lane[OF_I, l] = 0.0, 0.0
-                for i in range(omega.shape[0]):
-                    work[i, l] = 0.0
+        otherwise(b, left, room)
+        for l in range(lanes):
+            if b.accurate[l] < 1.0:
+                b.of_omega[l], b.of_I[l] = 0.0, 0.0
+                for i in range(M):
+                    b.inverse[i, l] = 0.0
 
     @formula
-    def step(J, I, omega, work, lane, count, room):
-        if find_increment(J, I, omega, work, lane) > 0.0:
-            step_with_care(J, I, omega, work, lane, room)
-        add_increment(I, omega, work, lane)
+    def step(b, count, room):
+        sums(b)
+        if not solve(b):
+            step_with_care(b, room)
+        add(b)
 
     return step
+
+
+@formula
+def step_gauss(b, count, room):
+    """Take a step by elimination in lanes up to `count`."""
+    half = b.omega.shape[0] // 2
+    for l in range(count):
+        b.half[l] = 0.5 * b.eps[l] * b.p[l]
+        b.chosen[l] = l
+    solve_lanes(b, count, room)
+    for l in range(count):
+        b.p[l], b.square[l] = 0.0, 0.0
+    for i in range(half):
+        j = half + i
+        for l in range(count):
+            add_pair(b, l, at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l])
+
+
+@formula
+def units_serve(b, lanes):
+    """Return True if the units of all lanes remain valid."""
+    left = 0.0
+    for l in range(lanes):
+        square = b.square[l]
+        left += select((square > b.low[l]) & (square < b.high[l]), 0.0, 1.0)
+    return left == 0.0
 
 
 @formula
@@ -282,134 +331,134 @@ def unit_of(largest, before):
 
 
 @inner
-def take_unit(J, I, omega, lane, l, size):
+def take_unit(b, l, size):
     """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
-    change, ended = lane[EXPONENT, l] - size, lane[STATUS, l] != OK
+    change, ended = b.exponent[l] - size, b.status[l] != OK
     smallest, I_square = np.inf, 0.0
-    for i in range(omega.shape[0]):
-        omega[i, l] = 0.0 if ended else scaled(omega[i, l], change)
-        smallest = min(at(J, i, l), smallest)
-        I_square += at(I, i, l) * at(I, i, l)
-    lane[P, l], lane[SQUARE, l], half = 0.0, 0.0, omega.shape[0] // 2
+    for i in range(b.omega.shape[0]):
+        b.omega[i, l] = 0.0 if ended else scaled(b.omega[i, l], change)
+        smallest = min(at(b.J, i, l), smallest)
+        I_square += at(b.I, i, l) * at(b.I, i, l)
+    b.p[l], b.square[l], half = 0.0, 0.0, b.omega.shape[0] // 2
     for i in range(half):
         j = half + i
-        add_pair(lane, l, at(I, i, l), at(I, j, l), omega[i, l], omega[j, l])
-    rests = ended or lane[RESTS, l] > 0.0
-    lane[EXPONENT, l] = size
-    lane[EPS, l] = 0.0 if rests else scaled(lane[EPS_INPUT, l], size)
-    lane[UNIT, l] = np.nan if ended else two_to_the(size)
-    lane[NEAR, l] = (1.0 - FAR) * smallest
-    lane[LONGEST, l], lane[LOW, l], lane[HIGH, l] = bounds(
-        smallest, I_square, lane[EPS, l], lane[SQUARE, l], two_to_the(size)
+        add_pair(b, l, at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l])
+    rests = ended or b.rests[l] > 0.0
+    b.exponent[l] = size
+    b.eps[l] = 0.0 if rests else scaled(b.eps_input[l], size)
+    b.unit[l] = np.nan if ended else two_to_the(size)
+    b.near[l] = (1.0 - FAR) * smallest
+    b.longest[l], b.low[l], b.high[l] = bounds(
+        smallest, I_square, b.eps[l], b.square[l], two_to_the(size)
     )
 
 
 @inner
-def renew_units(J, I, omega, lane, begin, end, n, failed_at):
+def renew_units(b, begin, end, n, failed_at):
     """After the step to state n, end lanes that are not finite, and renew units if needed."""
-    for l in range(omega.shape[1]):
-        if not (lane[LOW, l] < lane[SQUARE, l] < lane[HIGH, l]):
+    for l in range(b.omega.shape[1]):
+        if not (b.low[l] < b.square[l] < b.high[l]):
             largest, undefined, infinite = 0.0, False, False
-            for i in range(omega.shape[0]):
-                size = abs(omega[i, l])
+            for i in range(b.omega.shape[0]):
+                size = abs(b.omega[i, l])
                 undefined |= size != size
-                infinite |= size * lane[UNIT, l] == np.inf
+                infinite |= size * b.unit[l] == np.inf
                 largest = larger(size, largest)
-            if (undefined or infinite) and lane[STATUS, l] == OK:
-                regular = undefined and lane[HALF, l] - lane[HALF, l] == 0.0
-                lane[STATUS, l] = SINGULAR if regular else NONFINITE
-            if lane[STATUS, l] != OK and begin + l < end and failed_at[begin + l] < 0:
+            if (undefined or infinite) and b.status[l] == OK:
+                regular = undefined and b.half[l] - b.half[l] == 0.0
+                b.status[l] = SINGULAR if regular else NONFINITE
+            if b.status[l] != OK and begin + l < end and failed_at[begin + l] < 0:
                 failed_at[begin + l] = n
-            take_unit(J, I, omega, lane, l, unit_of(largest, lane[EXPONENT, l]))
+            take_unit(b, l, unit_of(largest, b.exponent[l]))
 
 
 @inner
-def enter(parameters, start, kept, begin, end, block):
+def enter(parameters, start, kept, begin, end, b):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
-    (all_J, all_I, eps, initial), (J, I, omega, lane) = parameters, block
+    all_J, all_I, eps, initial = parameters
     _, status, failed_at, state, exponents = kept
-    m, lanes = initial.shape[1], omega.shape[1]
+    m, lanes = initial.shape[1], b.omega.shape[1]
     for l in range(lanes):
-        b = min(begin + l, end - 1)
-        of_J, of_I = b if len(all_J) > 1 else 0, b if len(all_I) > 1 else 0
+        k = min(begin + l, end - 1)
+        of_J, of_I = k if len(all_J) > 1 else 0, k if len(all_I) > 1 else 0
         largest, coupled, undefined = 0.0, 0.0, False
-        for i in range(omega.shape[0]):
+        for i in range(b.omega.shape[0]):
             J_i, I_i, w = np.inf, 0.0, 0.0
             if i < m:
                 J_i, I_i = all_J[of_J, i], all_I[of_I, i]
-                w = initial[b, i] if start == 0 else state[b, i]
-            put(J, i, l, J_i)
-            put(I, i, l, I_i)
-            omega[i, l] = w
+                w = initial[k, i] if start == 0 else state[k, i]
+            put(b.J, i, l, J_i)
+            put(b.I, i, l, I_i)
+            b.omega[i, l] = w
             largest, coupled = larger(abs(w), largest), larger(abs(I_i), coupled)
             undefined |= w != w
-        lane[EPS_INPUT, l] = eps[b if eps.size > 1 else 0]
-        lane[RESTS, l] = 1.0 if lane[EPS_INPUT, l] == 0.0 or coupled == 0.0 else 0.0
+        b.eps_input[l] = eps[k if eps.size > 1 else 0]
+        b.rests[l] = 1.0 if b.eps_input[l] == 0.0 or coupled == 0.0 else 0.0
         if start == 0:
             # A trajectory whose state 0 is NaN ends at step 0.
-            status[b], failed_at[b] = (NONFINITE, 0) if undefined else (OK, -1)
-        lane[STATUS, l] = status[b] if failed_at[b] >= 0 else OK
-        lane[EXPONENT, l] = 0.0 if start == 0 else exponents[b]
-        size = unit_of(largest, 0.0) if start == 0 else exponents[b]
-        take_unit(J, I, omega, lane, l, size)
+            status[k], failed_at[k] = (NONFINITE, 0) if undefined else (OK, -1)
+        b.status[l] = status[k] if failed_at[k] >= 0 else OK
+        b.exponent[l] = 0.0 if start == 0 else exponents[k]
+        size = unit_of(largest, 0.0) if start == 0 else exponents[k]
+        take_unit(b, l, size)
 
 
 @inner
-def write(initial, omega, lane, begin, end, n, target):
+def write(initial, b, begin, end, n, target):
     """Write the states n of a block; fixed states and the first are copies of the input."""
     for l in range(end - begin):
-        b = begin + l
-        as_given = (n == 0 or lane[RESTS, l] > 0.0) and lane[STATUS, l] == OK
+        k = begin + l
+        as_given = (n == 0 or b.rests[l] > 0.0) and b.status[l] == OK
         if as_given:
             for i in range(initial.shape[1]):
-                target[b, i] = initial[b, i]
+                target[k, i] = initial[k, i]
         else:
             for i in range(initial.shape[1]):
-                target[b, i] = omega[i, l] * lane[UNIT, l]
+                target[k, i] = b.omega[i, l] * b.unit[l]
 
 
 @inner
-def leave(initial, omega, lane, begin, end, stop, kept):
+def leave(initial, b, begin, end, stop, kept):
     """Write the last states, in the unit of the input and in those of the lanes."""
     final, status, _, state, exponents = kept
-    write(initial, omega, lane, begin, end, stop, final)
+    write(initial, b, begin, end, stop, final)
     for l in range(end - begin):
-        b = begin + l
-        status[b], exponents[b] = lane[STATUS, l], lane[EXPONENT, l]
+        k = begin + l
+        status[k], exponents[k] = b.status[l], b.exponent[l]
         for i in range(initial.shape[1]):
-            state[b, i] = omega[i, l]
+            state[k, i] = b.omega[i, l]
 
 
 @inner
-def orient(omega, lane, turning, task, begin, end, n, start):
+def orient(b, turning, task, begin, end, n, start):
     """Rotate the orientations to state n; `before` holds the previous states."""
     time_step, columns, _, before, room = turning
     size = columns.shape[1]
     middle, image = room[task, 2 * size], room[task, 2 * size + 1]
     for l in range(end - begin):
-        b = begin + l
+        k = begin + l
         for i in range(size - 1):
-            w = omega[i, l] * lane[UNIT, l]
+            w = b.omega[i, l] * b.unit[l]
             middle[i], before[task, i, l] = mean(before[task, i, l], w), w
         if n > start:
-            eps = time_step[b if time_step.size > 1 else 0]
-            turn(columns[b], middle[: size - 1], eps, image)
+            eps = time_step[k if time_step.size > 1 else 0]
+            turn(columns[k], middle[: size - 1], eps, image)
             if n % CLEAN_EVERY == 0:
-                clean_up(columns[b], room[task, :size], room[task, size : 2 * size])
-        elif lane[STATUS, l] != OK:
+                clean_up(columns[k], room[task, :size], room[task, size : 2 * size])
+        elif b.status[l] != OK:
             for r in range(size):
                 for c in range(size):
-                    columns[b, r, c] = np.nan
+                    columns[k, r, c] = np.nan
 
 
 @inner
 def save_turns(turning, begin, end, row):
     """Write the orientations of a block to a row."""
     _, columns, turns, _, _ = turning
-    for b in range(begin, end):
+    for k in range(begin, end):
         for r in range(columns.shape[1]):
             for c in range(columns.shape[1]):
-                turns[row, b, r, c] = columns[b, c, r]
+                turns[row, k, r, c] = columns[k, c, r]
 
 
 def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
@@ -424,30 +473,29 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). All but `final` are read if start is not 0.
     room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 3, m + 1, WIDTH)
+        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 1, WIDTH)
     """
     first, last, start, stop, every, first_row = span
     bodies, states, matrices = room
-    lane = carray(stack(ROOM), (FIELDS, LANES))
     initial, failed_at = parameters[3], kept[2]
     tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
-        J, I, omega, work = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
+        b = block(bodies[task], states[task])
         for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
             begin = first + k * lanes
             end = min(begin + lanes, last)
-            enter(parameters, start, kept, begin, end, (J, I, omega, lane))
+            enter(parameters, start, kept, begin, end, b)
             n, row, next_saved = start, 0, stop + 1
             if saved.shape[0] > 0:
                 row = start // every + 1 - first_row if start > 0 else 0
                 next_saved = (start // every + 1) * every if start > 0 else 0
             while True:
                 if turning is not None:
-                    orient(omega, lane, turning, task, begin, end, n, start)
+                    orient(b, turning, task, begin, end, n, start)
                 if n == next_saved:
-                    write(initial, omega, lane, begin, end, n, saved[row])
+                    write(initial, b, begin, end, n, saved[row])
                     if turning is not None:
                         save_turns(turning, begin, end, row)
                     row, next_saved = row + 1, next_saved + every
@@ -455,17 +503,21 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
                     break
                 until = min(next_saved, stop) if turning is None else n + 1
                 while n < until:
-                    step(J, I, omega, work, lane, end - begin, matrices[task])
+                    method.step(b, end - begin, matrices[task])
                     n += 1
-                    if not units_serve(lane, lanes):
-                        renew_units(J, I, omega, lane, begin, end, n, failed_at)
-            leave(initial, omega, lane, begin, end, stop, kept)
+                    if not units_serve(b, lanes):
+                        renew_units(b, begin, end, n, failed_at)
+            leave(initial, b, begin, end, stop, kept)
 
 
 # Steps in O(n), where trajectories that need elimination end with NEEDS_ELIMINATION or are
 # eliminated; and steps by elimination only.
-iterate = Kernel(run_tasks, "iterate_nd", step=rank2_step(leave_out))
+iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=rank2_step(leave_out)))
 iterate_with_elimination = Kernel(
-    run_tasks, "iterate_with_elimination", step=rank2_step(solve_lanes)
+    run_tasks,
+    "iterate_with_elimination",
+    method=namespace("rank2_with_elimination", step=rank2_step(solve_lanes)),
 )
-iterate_by_elimination = Kernel(run_tasks, "iterate_by_elimination", step=step_gauss)
+iterate_by_elimination = Kernel(
+    run_tasks, "iterate_by_elimination", method=namespace("gauss", step=step_gauss)
+)

@@ -185,7 +185,7 @@ function fromAddress() {
   const extent = Number(given.get("extent")) || first.parameters.extent;
   for (const name of ["show", "extent", "portrait"]) given.delete(name);
   // An address that has some parameters and not others is refused by the server, in its words.
-  const parameters = given.size ? { k: "0", ...Object.fromEntries(given) } : first.parameters;
+  const parameters = given.size ? { k: "0", ...Object.fromEntries(given) } : { ...first.parameters };
   for (const name of Object.keys(parameters)) parameters[name] = tidy(parameters[name]);
   choose({ parameters: { ...parameters, extent } });
   for (const box of document.querySelectorAll("#show input")) box.checked = shown.has(box.value);

@@ -19,11 +19,10 @@ def vector_field(I1, I2, I13, I23, k, eps, omega1, omega2):
 def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
     """The terms l' and (I1 - I2) Omega1 Omega2 of equation (2), whose difference the multiplier is.
 
-    l' = l y / (I1 I2) with the y of equation (7).
+    l' = I13 Omega1' + I23 Omega2', with l as a factor.
     """
     l = rotor(I13, I23, k, omega1, omega2)
-    y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
-    return l * (y / (I1 * I2)), (I1 - I2) * (omega1 * omega2)
+    return l * (I23 * omega1 / I2 - I13 * omega2 / I1), (I1 - I2) * (omega1 * omega2)
 
 
 @formula

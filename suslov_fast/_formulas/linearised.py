@@ -8,7 +8,7 @@ import numpy as np
 
 from .._jit import formula, select
 from .canonical_map import ZERO_TO_ROUNDING, shifted
-from .coordinates import dimensionless, rotor
+from .coordinates import dimensionless
 from .elementary import smaller
 
 # |X| + |Y| + |K| below this: the derivative is the identity plus a small matrix, computed
@@ -74,7 +74,7 @@ def matrix(I1, I2, I13, I23, k, eps, omega1, omega2):
     h1, h2 = 0.5 * eps / I1, 0.5 * eps / I2
     return (
         1.0 + h1 * (I13 * omega2),
-        h1 * rotor(I13, 2.0 * I23, k, omega1, omega2),
-        -h2 * rotor(2.0 * I13, I23, k, omega1, omega2),
+        h1 * (I13 * omega1 + 2.0 * I23 * omega2 + k),
+        -h2 * (2.0 * I13 * omega1 + I23 * omega2 + k),
         1.0 - h2 * (I23 * omega1),
     )

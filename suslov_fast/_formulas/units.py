@@ -96,7 +96,9 @@ def of_state(body, omega1, omega2):
     unit = two_to_the(-W)
     unit = select(omega1 + omega2 == omega1 + omega2, unit, np.nan)
     P = larger(body.P, body.Q - W)
-    of_products, of_k = fraction(body.P - P), fraction(body.Q - W - P)
+    # What is below 2**-1022 of the largest term is negligible.
+    of_products = two_to_the(larger(body.P - P, -1022.0))
+    of_k = two_to_the(larger(body.Q - W - P, -1022.0))
     longer = body.E + P + W - body.M
     problem = Problem(
         body.I1,

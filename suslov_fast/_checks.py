@@ -323,7 +323,7 @@ def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else (expected,)
         names = " or ".join(each.__name__ for each in classes)
-        raise wrong(name, names, type(value).__name__, TypeError)
+        raise wrong(name, names, getattr(value, "_kind", type(value).__name__), TypeError)
 
 
 def _short(value: Any) -> str:

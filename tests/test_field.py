@@ -19,7 +19,15 @@ from suslov_fast import (
     SuslovGyrostat,
     SuslovND,
     Trajectories,
+    energy,
+    exact,
+    first_integral,
+    invariant_density,
     iterate,
+    jacobian,
+    lyapunov_exponents,
+    matrix,
+    modified_energy,
     step,
     vector_field,
 )
@@ -362,3 +370,102 @@ def test_what_a_run_of_a_field_refuses():
     huge = QuadraticField([[[F(10) ** 400]]])
     with pytest.raises(ValueError, match="body: expected coefficients in the range of float64"):
         step(huge, [1.0], 0.1)
+
+
+@pytest.mark.parametrize(("field", "x", "eps"), [
+    (LORENZ, [1.0, 2.0, 20.0], 0.1), (HENON, [0.3, -0.5, 0.2, 0.7], -0.4),
+    (QuadraticField([[[1]]], [[0.5]], [-0.25]), [1.5], 0.2),
+])  # fmt: skip
+def test_derivative_and_equations(field, x, eps):
+    D, h = len(x), mpmath.mpf(10) ** -25
+    with mpmath.workdps(60):
+        f = exactly(field)
+        for j in range(D):
+            ahead, behind = (
+                runge_kutta_step(
+                    f, [a + s * h * (i == j) for i, a in enumerate(x)], mpmath.mpf(eps)
+                )
+                for s in (1, -1)
+            )
+            column = [float((a - b) / (2 * h)) for a, b in zip(ahead, behind, strict=True)]
+            np.testing.assert_allclose(
+                jacobian(field, x, eps)[:, j], column, 0, 1e-13 * max(map(abs, column))
+            )
+            slope = [
+                a - b
+                for a, b in zip(
+                    f([a + (i == j) for i, a in enumerate(x)]),
+                    f([a - (i == j) for i, a in enumerate(x)]),
+                    strict=True,
+                )
+            ]
+            expected = [(i == j) - eps * float(a) / 4 for i, a in enumerate(slope)]
+            np.testing.assert_allclose(matrix(field, x, eps)[:, j], expected, 0, 1e-14)
+        np.testing.assert_allclose(vector_field(field, x), [float(a) for a in f(x)], 1e-14, 1e-15)
+
+
+def test_hamiltonian_fields_conserve_modified_energy_and_measure():
+    orbit = iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500)
+    np.testing.assert_allclose(orbit.modified_energy(), 0.07516523812165594102, rtol=1e-14)
+    np.testing.assert_allclose(
+        orbit.energy()[[0, -1]], [0.0768229166666667, 0.0769873869], rtol=1e-7
+    )
+    for field, eps in ((HENON, 0.25), (RIGID, -0.02)):
+        x = np.random.default_rng(0).uniform(-0.5, 0.5, (6, field.dimension))
+        after = step(field, x, eps)
+        np.testing.assert_allclose(
+            modified_energy(field, after, eps), modified_energy(field, x, eps), rtol=1e-13
+        )
+        np.testing.assert_allclose(
+            energy(field, x), [float(field.H(list(map(F, y)))) for y in x], 1e-14
+        )
+        determinant = np.linalg.det(jacobian(field, x, eps))
+        np.testing.assert_allclose(
+            invariant_density(field, after, eps) * determinant,
+            invariant_density(field, x, eps),
+            1e-12,
+        )
+    assert np.isnan(modified_energy(HENON, [np.nan] * 4, 0.1))
+
+
+def test_exponents_of_fields():
+    x, steps = [1.0, 2.0, 20.0], 400
+    logs = np.log(
+        abs(np.linalg.det(jacobian(LORENZ, iterate(LORENZ, x, 1 / 64, steps - 1).x, 1 / 64)))
+    )
+    found = lyapunov_exponents(LORENZ, x, 1 / 64, steps)
+    assert abs(found.sum() - logs.mean()) <= 1e-12 * abs(logs).mean()
+    assert found[0] > found[1] > found[2]
+    both = QuadraticField(np.stack([LORENZ.quadratic.astype(float)] * 2), LORENZ.linear)
+    np.testing.assert_allclose(lyapunov_exponents(both, x, 1 / 64, steps), [found] * 2, rtol=1e-9)
+
+
+def test_quantities_of_batches():
+    x = np.random.default_rng(0).normal(size=(7, 2, 3))
+    for function, *more in ((vector_field,), (matrix, 0.1), (jacobian, 0.1)):
+        whole = function(BATCH, x, *more)
+        for k in range(2):
+            one = QuadraticField(BATCH.quadratic[k], BATCH.linear)
+            np.testing.assert_allclose(function(one, x[:, k], *more), whole[:, k], 1e-12, 1e-12)
+        assert np.isnan(function(LORENZ, [np.nan, 1, 2], *more)).all()
+    far = np.array([1e200, -1e199, 1e198])  # in another unit
+    np.testing.assert_array_equal(
+        vector_field(QuadraticField(LORENZ.quadratic * F(1, 2**660)), far * 1.0),
+        2.0**660 * vector_field(QuadraticField(LORENZ.quadratic), far / 2.0**660),
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: energy(LORENZ, [1, 2, 3]), "from_hamiltonian, got a field without a Hamiltonian"),
+        (lambda: modified_energy(LORENZ, [1, 2, 3], 0.1), "without a Hamiltonian"),
+        (lambda: invariant_density(LORENZ, [1, 2, 3], 0.1), "without a Hamiltonian"),
+        (lambda: iterate(LORENZ, [1, 2, 3], 0.1, 1).energy(), "without a Hamiltonian"),
+        (lambda: first_integral(HENON, np.ones(4), 0.1), "got QuadraticField; fields have step"),
+        (lambda: exact(HENON, np.ones(4), 0.1, 3), "got QuadraticField; fields have step, iterate"),
+    ],
+)
+def test_quantities_that_a_field_lacks(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()

@@ -76,6 +76,12 @@ class QuadraticField(Body):
 
     _couplings: ClassVar[tuple[str, ...]] = tuple(_AXES)
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
+    # What messages say of fields in place of bodies.
+    _kind: ClassVar[str] = (
+        "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix and "
+        "lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
+        "invariant_density"
+    )
     H: ClassVar[Polynomial | None] = None
     K: ClassVar[Any] = None
 
@@ -289,6 +295,26 @@ class QuadraticField(Body):
             ),
             tuple(np.array([*each.values()], np.float64) for each in found),
         )
+
+    @cached_property
+    def gradient(self) -> QuadraticField:
+        """The gradient of H, as a field."""
+        return self._of_components([self._energy.derivative(i) for i in range(self.dimension)])
+
+    @cached_property
+    def quotients(self) -> QuadraticField:
+        """A field g with x.g(x) = H(x) - H(0): each term of H, without its first variable."""
+        parts: list[dict[Any, Fraction]] = [{} for _ in range(self.dimension)]
+        for (i, *others), c in ((p, c) for p, c in self._energy.terms.items() if p):
+            parts[i][tuple(others)] = c
+        return self._of_components([Polynomial(each) for each in parts])
+
+    @property
+    def _energy(self) -> Polynomial:
+        if self.H is None:
+            expected = "a field made by QuadraticField.from_hamiltonian"
+            raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
+        return self.H
 
     @property
     def components(self) -> tuple[Any, ...]:

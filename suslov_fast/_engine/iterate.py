@@ -100,15 +100,39 @@ def iterate_field(run: Run) -> Results:
     kept = tuple(resume[name] for name in ("status", "failed_at", "state"))
     indices, values, parameters = run.parameters
     work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
-    tasks = min(run.threads or numba.get_num_threads(), max(-(-size // WIDTH), 1))
-    room = (
+    room = _room_of_field(size, D, indices, run.threads)
+    before = indices, values, (*parameters, run.omega0)
+    final = _make_steps(run, kahan.iterate_field, work, WIDTH, before, None, kept, room)
+    return Results(final, resume["status"], resume["failed_at"], resume)
+
+
+def equations_of_field(
+    flat: Any, states: FloatArray, threads_wanted: int | None, solves: bool
+) -> FloatArray:
+    """Return A and minus half the step size times f, or A**-1 f, (B, D, D + 1).
+
+    `flat` is what `Map.parameters` returns.
+    """
+    indices, values, parameters = flat
+    size, D = states.shape
+    kept = states, np.empty(size, np.int8), np.empty(size, np.int64), states
+    out = np.empty((size, D, D + 1))
+    room = _room_of_field(size, D, indices, threads_wanted)
+    work = size * (D * D + sum(each.shape[1] for each in indices) + solves * D**3 // 3)
+    arguments = indices, values, (*parameters, states), kept, solves, out, room
+    threads.run(kahan.equations, work, threads_wanted, *arguments)
+    return out
+
+
+def _room_of_field(
+    size: int, D: int, indices: Any, threads_wanted: int | None
+) -> tuple[FloatArray, ...]:
+    tasks = min(threads_wanted or numba.get_num_threads(), max(-(-size // WIDTH), 1))
+    return (
         _aligned((tasks, 2, D, D + 1, WIDTH)),
         _aligned((tasks, 2, D, WIDTH)),
         _aligned((tasks, indices[1].shape[1], WIDTH)),
     )
-    before = indices, values, (*parameters, run.omega0)
-    final = _make_steps(run, kahan.iterate_field, work, WIDTH, before, None, kept, room)
-    return Results(final, resume["status"], resume["failed_at"], resume)
 
 
 def _resume(run: Run) -> dict[str, Any]:

@@ -112,19 +112,25 @@ def by_slabs(
     batch: tuple[int, ...],
     result: tuple[int, ...] = (),
     warn: bool = False,
+    most: int = SLAB,
 ) -> FloatArray:
-    """Return a quantity computed by NumPy, `function(body, omega, eps)`, for SLAB states at a time.
+    """Return a quantity computed by NumPy, `function(body, omega, eps)`, in parts.
 
-    This limits the size of temporary arrays.
+    Parts of at most `most` states limit the size of temporary arrays.
     """
     real_array("omega", omega, allow_nan=True)
     out = np.empty((*batch, *result))
     full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
-    vectors = [np.broadcast_to(each, (*batch, each.shape[-1])) for each in body.parameters]
+    parameters = {
+        name: np.broadcast_to(each, (*batch, *each.shape[each.ndim - body._axes(name) :]))
+        for name, each in body._arrays.items()
+    }
     lost = np.zeros(batch, bool)
-    for part in _slabs(batch, SLAB):
+    for part in _slabs(batch, most):
         some = full[part]
-        bodies = type(body)(*(each[part] for each in vectors)) if body.shape else body
+        bodies = body
+        if body.shape:
+            bodies = body._of({name: each[part] for name, each in parameters.items()})
         out[part] = values = function(bodies, some, steps[part])
         if warn:
             absent = np.isnan(values.reshape((*some.shape[:-1], math.prod(result)))[..., 0])

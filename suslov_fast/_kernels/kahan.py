@@ -43,6 +43,14 @@ class Block(NamedTuple):
 
 
 @formula
+def block_of(slopes, systems):
+    """Return a block with memory for the equations, (2, D, D + 1, WIDTH)."""
+    return Block(
+        row(), row(), row(), row(), row(), row(), row(), slopes, systems[0], systems[1]
+    )  # fmt: skip
+
+
+@formula
 def value(values, t, i):
     """Return the coefficient of term t for trajectory i."""
     return values[t] if values.ndim == 1 else values[t, i]
@@ -214,16 +222,13 @@ def iterate_field(part, parts, indices, values, parameters, span, saved, turning
     terms = indices, values
     first_one, last_one, start, stop_at, every, first_row = span
     final, status, failed_at, state = kept
-    equations, states, slopes = room
-    tasks, D, initial = len(equations), equations.shape[2], parameters[2]
-    blocks = (last_one - first_one + WIDTH - 1) // WIDTH
+    systems, states, slopes = room
+    tasks, initial = len(systems), parameters[2]
+    D, blocks = initial.shape[1], (last_one - first_one + WIDTH - 1) // WIDTH
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         x, after = states[task, 0], states[task, 1]
-        b = Block(
-            row(), row(), row(), row(), row(), row(), row(),
-            slopes[task], equations[task, 0], equations[task, 1],
-        )  # fmt: skip
+        b = block_of(slopes[task], systems[task])
         for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
             first = first_one + block * WIDTH
             end = min(first + WIDTH, last_one)
@@ -247,3 +252,32 @@ def iterate_field(part, parts, indices, values, parameters, span, saved, turning
             for l in range(end - first):
                 for c in range(D):
                     state[first + l, c] = x[c, l]
+
+
+@kernel
+def equations(part, parts, indices, values, parameters, kept, solves, out, room):
+    """Find the equations of a step of all states: rows of A, and minus half the step size times f.
+
+    The arguments are those of `iterate_field`. If `solves`, f is multiplied by the inverse of A.
+    out : (B, D, D + 1)
+    """
+    terms, states = (indices, values), parameters[2]
+    systems, vectors, slopes = room
+    tasks, size, D = len(systems), len(states), states.shape[1]
+    blocks = (size + WIDTH - 1) // WIDTH
+    first_task, last_task = share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        x = vectors[task, 0]
+        b = block_of(slopes[task], systems[task])
+        for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+            first = block * WIDTH
+            end = min(first + WIDTH, size)
+            enter(terms, parameters, 0, kept, first, end, b, x)
+            build(terms, b, first, x)
+            if solves:
+                eliminate(b.matrix)
+            for l in range(end - first):
+                for i in range(D):
+                    for j in range(D):
+                        out[first + l, i, j] = b.matrix[i, j, l] + 0.0 * b.unit[l]
+                    out[first + l, i, D] = b.matrix[i, D, l] * b.unit[l]

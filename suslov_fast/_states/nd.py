@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -88,9 +89,11 @@ def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArr
     return t.reshape(omega.shape[:-1])
 
 
-def _jacobian(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+def jacobian_by(
+    matrix: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
+) -> FloatArray:
     """Return A(omega; eps)**-1 A(omega_next; -eps)."""
-    following, matrix = _next(body, omega, eps), QUANTITIES["matrix"]
+    following = _next(body, omega, eps)
     exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
     batch = omega.shape[:-1]
     left = matrix(body, omega, eps, batch, None, "omega")
@@ -109,7 +112,7 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
     )
 
 
-def _next(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
+def _next(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
     states = flat_vectors(omega, batch)
     return execute(Run(map_of(body), body, batch, states, eps, 1, None, "auto", single=True)).final
@@ -123,6 +126,6 @@ QUANTITIES: dict[str, Callable[..., FloatArray]] = {
     "vector_field": _by_kernel(kernels.VECTOR_FIELD, 1),
     "reaction": _by_kernel(kernels.REACTION, 2),
     "discrete_reaction": _by_numpy(_discrete_reaction, 2),
-    "jacobian": _by_numpy(_jacobian, 2),
+    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.MATRIX, 2)), 2),
     "matrix": _by_kernel(kernels.MATRIX, 2),
 }

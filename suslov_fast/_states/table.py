@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
+from .._bodies.quadratic import QuadraticField
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray, aligned, common_shape, instance, real_number, states
 from .._engine.states import of_state
 from .._engine.threads import thread_count
 from .._kernels import states as kernels
-from . import nd
+from . import nd, quadratic
 
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
 Finder = Callable[..., FloatArray]
@@ -43,6 +44,7 @@ TABLE: dict[type[Any], dict[str, Finder]] = {
     },
     SuslovND: nd.QUANTITIES,
     SuslovGyrostat: _WITH_ROTOR,
+    QuadraticField: quadratic.QUANTITIES,
 }
 
 

@@ -1,4 +1,4 @@
-"""Step and quantities of the gyrostat against its implicit equations in 60 digits."""
+"""The gyrostat against its implicit equations in 60 digits: steps, quantities, closed form."""
 
 from functools import partial
 
@@ -28,7 +28,9 @@ def exact_orbit(parameters, omega, steps):
 
 
 def run(parameters, omega, steps, **options):
-    return sf.iterate(sf.SuslovGyrostat(*parameters[:5]), omega, parameters[5], steps, **options)
+    """Iterate by steps."""
+    body, options = sf.SuslovGyrostat(*parameters[:5]), {"method": "canonical"} | options
+    return sf.iterate(body, omega, parameters[5], steps, **options)
 
 
 def random_problem(rng):
@@ -251,3 +253,141 @@ def test_steps_out_of_range_fail_with_a_status(scale):
 def test_functions_without_meaning_for_a_rotor_name_another(name, arguments, instead):
     with pytest.raises(TypeError, match=f"no meaning with a rotor; use {instead}"):
         getattr(sf, name)(sf.SuslovGyrostat(2, 3, 0.1, 0.2, 0.5), *arguments)
+
+
+def state(parameters, omega, n):
+    return sf.exact(sf.SuslovGyrostat(*parameters[:5]), omega, parameters[5], n)
+
+
+def level(parameters, omega):
+    """k**2 / A**2, for A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2)."""
+    I1, I2, I13, I23, k, eps = naive.exactly(*parameters)
+    l = rotor(parameters, omega)
+    F = (I1 * omega[0] ** 2 + I2 * omega[1] ** 2) / (4 * I1 * I2 + (eps * l) ** 2)
+    return k**2 / (4 * I1 * I2 * F * (I13**2 / I1 + I23**2 / I2))
+
+
+@pytest.mark.parametrize("eps", [0.3, -0.05])
+@pytest.mark.parametrize("k", [0.0, 1e-9, -0.05, 0.4, -3.0])
+def test_closed_form(rng, k, eps):
+    """States forward and backward, from anywhere and from next to the steady states."""
+    for case in range(6):
+        parameters = (*rng.uniform(1, 4, 2), *rng.uniform(-0.9, 0.9, 2), k, eps)
+        I13, I23 = parameters[2:4]
+        omega = rng.uniform(-2, 2, 2)
+        if case % 2:
+            across, shift = np.array([I13, I23]), 10.0 ** rng.uniform(-12, -3)
+            omega = np.array([I23, -I13]) * rng.choice([-1, 1]) - k * across / (across @ across)
+            omega += shift * rng.uniform(-1, 1, 2)
+        for sign in (1, -1):
+            exact = exact_orbit((*parameters[:5], sign * eps), omega, 60)
+            states = state(parameters, omega, sign * np.arange(61))
+            assert naive.worst_error(states, exact) < (2e-15 if abs(k) < 0.1 else 3e-14)
+            chosen = np.array([60, 3, 17])
+            assert naive.worst_error(state(parameters, omega, sign * chosen),
+                                     [exact[n] for n in chosen]) < 3e-14  # fmt: skip
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-15, -1e-12, 1e-8, -1e-4, 1e-2, -0.2])
+@pytest.mark.parametrize("eps", [0.35, 20.0])
+def test_next_to_the_parabolic_orbit(gap, eps):
+    """|k| = A (1 + gap): orbits that take ever longer past the one steady state."""
+    omega, parameters = [1.1, -0.4], [2.3, 1.4, 0.5, -0.7, 0.0, eps]
+    for _ in range(60):  # A depends on k
+        parameters[4] /= float(mpmath.sqrt(level(parameters, omega))) if parameters[4] else 1.0
+        parameters[4] = parameters[4] or 1.0
+    parameters[4] *= 1 + gap
+    assert abs(level(parameters, omega) - 1) < 3 * abs(gap) + 1e-14
+    exact, moved = exact_orbit(parameters, omega, 200), list(parameters)
+    moved[4] = mpmath.mpf(moved[4]) * (1 + mpmath.mpf(10) ** -25)
+    sensitivity = 1e25 * naive.worst_error(exact_orbit(moved, omega, 200), exact)
+    found = state(parameters, omega, np.arange(201))
+    assert naive.worst_error(found, exact) < 3e-16 * (10 + 3 * sensitivity)
+
+
+@pytest.mark.parametrize("k", [0.0, 0.3, -2.0])
+@pytest.mark.parametrize("eps", [3.0, -10.0, 1e3, 1e9])
+def test_closed_form_of_long_steps(rng, k, eps):
+    """Beyond criticality, where Omega jumps, on both sides of |k| = A."""
+    for _ in range(6):
+        parameters = (*rng.uniform(1, 4, 2), *rng.uniform(-0.9, 0.9, 2), k, eps)
+        omega = rng.uniform(-2, 2, 2)
+        exact = exact_orbit(parameters, omega, 40)
+        errors = map(naive.relative_error, state(parameters, omega, np.arange(41)), exact)
+        assert np.quantile(list(errors), 0.9) < 3e-13
+        auto = run(parameters, omega, 40, method="auto")
+        assert naive.relative_error(auto.final, exact[-1]) < 1e-11
+
+
+def test_reference_states():
+    """States after 50 steps and the flow at time 2, found in 60 digits."""
+    body = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.05)
+    near = [0.970532671876637293, 0.764650846174369770]
+    np.testing.assert_allclose(sf.exact(body, [1.1, -0.4], 0.35, 50), near, rtol=1e-15)
+    moved = [1.08615582312813502, 0.457954079213142450]
+    np.testing.assert_allclose(sf.flow(body, [1.1, -0.4], 2.0), moved, rtol=1e-15)
+    body = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+    moved = [0.75182378554904055, 1.10419663414830812]
+    np.testing.assert_allclose(sf.flow(body, [1.1, -0.4], 2.0), moved, rtol=1e-15)
+
+
+@pytest.mark.parametrize("k", [0.4, 3.0])
+def test_flow_is_the_limit_of_short_steps_and_a_group(k):
+    body, omega = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, k), [1.1, -0.4]
+    there = sf.flow(body, omega, 7.0)
+    np.testing.assert_allclose(sf.flow(body, there, -7.0), omega, rtol=1e-13)
+    np.testing.assert_allclose(sf.exact(body, omega, 1e-8, 7e8), there, rtol=1e-7)
+    slope = (sf.flow(body, omega, 1e-5) - sf.flow(body, omega, -1e-5)) / 2e-5
+    np.testing.assert_allclose(slope, sf.vector_field(body, omega), rtol=1e-9)
+
+
+def test_limits_are_steady_states_of_the_orbit():
+    omega, eps = np.array([1.1, -0.4]), 0.35
+    body = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.4, -0.4, 3.0, 0.4])
+    omega = np.array([omega, omega, omega, [0.0, 0.0]])
+    for limit, far in zip(sf.limits(body, omega, eps), (-(10**6), 10**6), strict=True):
+        assert np.isnan(limit[2]).all()  # periodic
+        assert (limit[3] == 0).all()
+        assert abs(limit[:2] @ [0.5, -0.7] + [0.4, -0.4]).max() < 1e-15
+        np.testing.assert_allclose(sf.exact(body, omega, eps, far)[:2], limit[:2], rtol=1e-14)
+        F = sf.first_integral(body, omega, eps)[:2]
+        np.testing.assert_allclose(
+            sf.first_integral(sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.4, -0.4]), limit[:2], eps),
+            F, rtol=1e-14,
+        )  # fmt: skip
+
+
+def test_far_along_a_periodic_orbit():
+    """The phase is that of n steps to n ulps."""
+    body, omega, eps = sf.SuslovGyrostat(2.3, 1.4, 0.0, 0.0, 0.9), [1.1, -0.4], 0.35
+    turn = 2 * mpmath.atan(
+        mpmath.mpf(eps) * mpmath.mpf(0.9) / (2 * mpmath.sqrt(mpmath.mpf(2.3) * 1.4))
+    )
+    for n in (10**3, -(10**6), 10**9):
+        z = mpmath.mpc(mpmath.sqrt(2.3) * 1.1, -mpmath.sqrt(1.4) * 0.4) * mpmath.expj(n * turn)
+        expected = [float(z.real / mpmath.sqrt(2.3)), float(z.imag / mpmath.sqrt(1.4))]
+        found = sf.exact(body, omega, eps, n)
+        np.testing.assert_allclose(found, expected, atol=3e-16 * abs(n) + 3e-15)
+    assert np.isfinite(sf.exact(body, omega, eps, [1e15, -1e15])).all()
+    with pytest.warns(RuntimeWarning, match="1 of 1 states"):
+        assert np.isnan(sf.exact(body, omega, eps, 1e17)).all()
+
+
+def test_statuses_at_poles():
+    """At a pole a run ends, and `exact` lacks one state; so do both methods."""
+    body, omega = sf.SuslovGyrostat(1, 1, 1, 0, 0), [1.0, -3.0]
+    for method in ("auto", "canonical"):
+        at = sf.iterate(body, omega, 1, 50, method=method, on_singular="ignore")
+        assert (at.status, at.failed_at) == (sf.Status.SINGULAR, 1)
+        assert np.isnan(at.omega[1:]).all()
+        long = sf.iterate(sf.SuslovGyrostat(1, 1, 1, 0, 0.2), [0.3, -9.0], 1, 50, method=method)
+        assert long.status == sf.Status.SUPERCRITICAL
+        short = sf.iterate(sf.SuslovGyrostat(1, 1, 1, 0, 0.2), [0.3, -1.0], 1, 50, method=method)
+        assert short.status == sf.Status.OK
+    with pytest.warns(sf.SingularStepWarning, match="1 of 3 states: no state there"):
+        states = sf.exact(body, omega, 1, [0, 1, 2])
+    assert np.isnan(states).all(axis=1).tolist() == [False, True, False]
+    body = sf.SuslovGyrostat(1, 1, 1, 0, 0.2)
+    with pytest.warns(RuntimeWarning, match="no state between two steps"):
+        assert np.isnan(sf.exact(body, [0.3, -9.0], 1, 2.5)).all()
+    assert np.isfinite(sf.exact(body, [0.3, -1.0], 1, 2.5)).all()

@@ -134,18 +134,20 @@ ROWS = {
     "iterate": runs("3D gyrostat nD solved", save_every=3),
     "iterate: last states": runs("3D gyrostat nD solved", save_every=None),
     "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
-    "iterate: canonical": runs("3D", method="canonical"),
+    "iterate: canonical": runs("3D gyrostat", method="canonical"),
     "iterate: ds2": runs("3D", method="ds2", attitude=True),
     "iterate: rank2": runs("nD solved", method="rank2"),
     "iterate: gauss": runs("nD", method="gauss"),
     "iterate_full": runs("full", sf.iterate_full, save_every=3),
     "iterate_full: last states": runs("full", sf.iterate_full, save_every=None),
-    "exact": of_steps(solutions, "3D solved", *[(0, 0, 1)] * 3, timed=(1, 2), name="omega0"),
+    "exact": of_steps(
+        solutions, "3D gyrostat solved", *[(0, 0, 1)] * 3, timed=(1, 2), name="omega0"
+    ),
     "flow": of_states(
         lambda b, w, **o: (sf.flow(b, w, 0.7, **o), sf.flow(b, w, FORWARD / 8, **o)),
-        "3D solved", timed=(1,), name="omega0",
+        "3D gyrostat solved", timed=(1,), name="omega0",
     ),
-    "limits": of_steps(sf.limits, "3D solved", (0, 0, 1), (0, 0, 1), name="omega0"),
+    "limits": of_steps(sf.limits, "3D gyrostat solved", (0, 0, 1), (0, 0, 1), name="omega0"),
     "attitude": of_steps(orientations, "3D gyrostat nD", TURNS, timed=(0,), name="omega0"),
     "lyapunov_exponents": of_steps(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
@@ -513,6 +515,7 @@ CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
     ("kind", "method", "attitude", "m"),
     [
         *(("3D", method, turns, 2) for method in ("auto", "canonical", "ds2") for turns in (0, 1)),
+        ("gyrostat", "canonical", 0, 2),
         *((kind, "auto", turns, 3) for kind in ("gyrostat", "nD", "solved") for turns in (0, 1)),
         ("nD", "gauss", 0, 4), ("full", None, 0, 3),
         *((make, method, 0, m) for make, method, m in HARD),
@@ -543,7 +546,7 @@ def test_extended_runs(rng, kind, method, attitude, m, save_every):
 @pytest.mark.parametrize(
     ("kind", "method", "m"),
     [
-        ("3D", "auto", 2), ("3D", "canonical", 2),
+        ("3D", "auto", 2), ("3D", "canonical", 2), ("gyrostat", "auto", 2),
         *(("nD", "rank2", m) for m in (1, 3, 8, 24)), *(("solved", "auto", m) for m in (1, 3, 8)),
     ],
 )  # fmt: skip
@@ -552,10 +555,12 @@ def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
     large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
     monkeypatch.setattr(tiles, "_LARGE", 0)  # for interpreted kernels
     monkeypatch.setattr(closed_form, "SLICE", 2**19)
-    rows = large // (2 * batch) + 79 if kind == "3D" and batch in (1, 3 * LANES + 5) else 70
+    long = kind in ("3D", "gyrostat") and batch in (1, 3 * LANES + 5)
+    rows = large // (2 * batch) + 79 if long else 70
     J = rng.uniform(1, 4, m) if kind == "nD" else np.full(m, 2.5)
     body = sf.SuslovND(J, rng.normal(size=m) / np.sqrt(m))
     body = sf.Suslov3D(4, 1, -0.5, -0.3) if kind == "3D" else body
+    body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.2) if kind == "gyrostat" else body
     omega, size = rng.normal(size=(batch, m)) / m, m * batch * rows
     chosen = [0, batch // 2, -1]
     expected = sf.iterate(body, omega[chosen], 0.2, rows - 1, method=method).omega

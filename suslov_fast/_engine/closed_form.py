@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._jit import Kernel
@@ -81,7 +82,7 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
 
 
 def states_at(
-    body: Suslov3D,
+    body: Suslov3D | SuslovGyrostat,
     state: FloatArray,
     eps: float | FloatArray,
     batch: tuple[int, ...],
@@ -92,8 +93,8 @@ def states_at(
     """Return states at times () or (N,), and the numbers of missing states: at steps of the map,
     between two, and out of the range of float64.
     """
-    parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
-    orbits = Orbits(parameters, omega, flow, _NO_ENDS, threads)
+    parameters, omega = for_loops(body, eps, batch, units=False), flat_vectors(state, batch)
+    orbits = Orbits(with_rotor(parameters), omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
     states, missing = np.empty((moments.size, len(omega), 2)), none_missing()
@@ -104,6 +105,11 @@ def states_at(
         for sign, some, places in _by_sign(moments):
             fill_states(orbits, sign, some, places, states, missing)
     return states.reshape(shape), missing.sum(axis=0)
+
+
+def with_rotor(parameters: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
+    """Return parameters with k, 0 for a body without a rotor."""
+    return (*parameters[:4], *(parameters[4:-1] or (np.zeros(1),)), parameters[-1])
 
 
 def none_missing() -> FloatArray:
@@ -130,20 +136,19 @@ def fill_states(
     missing: FloatArray,
 ) -> None:
     """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
-    kernel = kernels.states_of_flow if orbits.flow else kernels.states_of_map
     for lanes, (begin, end) in slices(len(orbits.omega), times.size):
         which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
-        _call(kernel, orbits, sign, which, lanes, work, out, missing)
+        _call(kernels.fill_states, orbits, sign, which, lanes, work, out, missing)
 
 
 def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray, missing: FloatArray) -> None:
     """Fill rows of `out`, (N, B, 2)."""
-    kernel = kernels.rows_of_flow if orbits.flow else kernels.rows_of_map
     low = rows.begin // kernels.GROUP * kernels.GROUP
     for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
         numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
         which = (rows.first, rows.every), numbers
-        _call(kernel, orbits, rows.sign, which, lanes, (end - begin) * _ROW, out, missing)
+        work = (end - begin) * _ROW
+        _call(kernels.fill_rows, orbits, rows.sign, which, lanes, work, out, missing)
 
 
 def _call(
@@ -157,9 +162,12 @@ def _call(
     missing: FloatArray,
 ) -> None:
     """Call a kernel for some lanes."""
-    parameters, omega, _, ends, threads = orbits
+    parameters, omega, flow, ends, threads = orbits
     work = (lanes[1] - lanes[0]) * (_ENTERING + work)
-    _threads.run(kernel, work, threads, sign, parameters, omega, *which, lanes, out, ends, missing)
+    motion = sign, flow
+    _threads.run(
+        kernel, work, threads, motion, parameters, omega, *which, lanes, out, ends, missing
+    )
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:

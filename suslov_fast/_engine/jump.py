@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._bodies.reduction import is_solved
 from .._checks import FloatArray
 from .._kernels import codes, maps_3d
 from .._kernels.closed_form import NOT_FOUND
-from .closed_form import Ends, Orbits, Rows, fill_rows, fill_states, none_missing, slices
+from .closed_form import (
+    Ends,
+    Orbits,
+    Rows,
+    fill_rows,
+    fill_states,
+    none_missing,
+    slices,
+    with_rotor,
+)
 from .iterate import iterate, iterate_nd
 from .layout import for_kernel
 from .progress import reporter
@@ -21,13 +32,17 @@ from .run import Results, Run, not_computed, run_some, worst
 JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
 _TOGETHER = 2**19
+_NONE = np.empty(0, np.intp)
 
 
-def run_3d(run: Run) -> Results:
+Driver = Callable[[Run], Results]
+
+
+def run_3d(run: Run, by_steps: Driver) -> Results:
     """Return the last states and the statuses; fill the saved states."""
     if not _may_jump(run) or _is_short(run):
-        return _iterate(run)
-    results = _jump(run)
+        return by_steps(run)
+    results = _solve(run, by_steps)
     _report_all(run)
     return results
 
@@ -96,15 +111,25 @@ def _report_all(run: Run) -> None:
             report(steps)
 
 
-def _iterate(run: Run) -> Results:
+def canonical_or_printed(run: Run) -> Results:
+    """Iterate a body without a rotor."""
     return iterate(run, maps_3d.printed if run.method == "ds2" else maps_3d.canonical)
 
 
-def _jump(run: Run) -> Results:
-    """Evaluate all states; iterate orbits that leave the range of the closed form."""
+def _solve(run: Run, by_steps: Driver) -> Results:
+    """Evaluate all states, and iterate the orbits that the closed form leaves."""
+    results, left = _jump(run)
+    if left.size:
+        run_some(run, left, by_steps, results, anew=True)
+    return results
+
+
+def _jump(run: Run) -> tuple[Results, NDArray[np.intp]]:
+    """Evaluate all states; return the results, and which orbits must be iterated."""
     status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
     ends: Ends = status, failed_at, float(run.steps)
-    orbits, missing = Orbits(run.parameters, run.omega0, False, ends, run.threads), none_missing()
+    orbits = Orbits(with_rotor(run.parameters), run.omega0, False, ends, run.threads)
+    missing = none_missing()
     if len(run.saved):
         first = run.rows_before
         rows = Rows(1.0, 0.0, float(run.every), first, first + len(run.saved), -first, 1)
@@ -115,10 +140,8 @@ def _jump(run: Run) -> Results:
         last = np.empty((1, run.size, 2))
         fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last, missing)
         final = last[0]
-    results = Results(final, status, failed_at, {})
-    if worst(status) == NOT_FOUND:
-        run_some(run, np.flatnonzero(status == NOT_FOUND), _iterate, results, anew=True)
-    return results
+    left = np.flatnonzero(status == NOT_FOUND) if worst(status) == NOT_FOUND else _NONE
+    return Results(final, status, failed_at, {}), left
 
 
 def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
@@ -127,7 +150,7 @@ def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
     size, m = run.omega0.shape
     if m == 2:
         three = *map(for_kernel, of_n_3(J, I)), eps
-        results = _jump(replace(run, parameters=three))
+        results = _solve(replace(run, parameters=three), canonical_or_printed)
     else:
         reduced = reduced or reduce(run.parameters, run.omega0, run.threads)
         ends = np.empty(size, np.int8), np.empty(size, np.int64)
@@ -160,7 +183,8 @@ def _jump_some(
         steps=run.steps if last else (stop + before) * run.every,
         saved=states,
     )
-    final, results.status[begin:end], results.failed_at[begin:end] = _jump(part)[:3]
+    found = _solve(part, canonical_or_printed)
+    final, results.status[begin:end], results.failed_at[begin:end] = found[:3]
     if len(states):
         reduced.expand(states, run.saved[row:stop], begin, run.threads)
     reduced.expand(final[np.newaxis], results.final[np.newaxis], begin, run.threads)

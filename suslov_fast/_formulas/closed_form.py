@@ -1,41 +1,53 @@
-"""State n of the 3D map, and the state of the flow at a time, without iteration.
+"""State n of the gyrostat and, with k = 0, of the Suslov body, without iteration; and of the flow.
 
-These are the solutions of Section 4 of the paper, in forms without cancellation near the line X = 0
-and near t = 1, in the dimensionless coordinates (X, Y) of `coordinates`, and for n >= 0: a change
-of the sign of Y gives the inverse map.
+With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k, the discrete equations are
+z_next / (1 + i e l_next) = z / (1 - i e l). So R = |z| / sqrt(1 + (e l)**2) is conserved and, with
+psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a step is linear:
 
-An orbit of the map has T = t, its `level`, and r = (1 - T)/(1 + T). On it
-w_n = X / (T - Y) (1 + T) / 2 = (T + Y) / X / r / (1 + T) is a geometric sequence of ratio r, and
+(p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
 
-X_n = 4 T / (1 + T) A,   Y_n = T B,   A = w / (1 + k w**2),   B = (k w**2 - 1) / (k w**2 + 1),
+G**2 = T**2 - K**2. The state is U + i V = z |g| / g, where, with d = p**2 + q**2 - 2 T p q,
 
-where k = 2 r. 1 + k w**2 can cancel only if r < 0 and |k| w**2 is near 1: near a pole, and
-where |Y| is much larger than T. There, with R = r**(2 n) and h = Y_0 / T,
+X = e l and Y = -e Im(conj(g) z) are the coordinates of a state. Those of state n are quotients of
+quadratic forms in (p_n, q_n), and so in (c, s) where (1 + G)**n = c + s G:
 
-A = X_0 (1 + T) / (2 T) r**n / D,   B = (h (1 + R) - (1 - R)) / D,   D = (1 + R) - h (1 - R)
+X_n = X (c**2 - L**2 s**2) / D,   Y_n = (Y (c**2 + L**2 s**2) - 2 (L**2 + K X) c s) / D,
+D = c**2 - 2 Y c s + (L**2 + 2 K X) s**2,   L**2 = T**2 - K**2.
 
-cancels at poles only. Orbits of the flow satisfy the same with K = sqrt(X**2 / 2 + Y**2) for T,
-exp(-2 K) for the ratio, and 1 for r and 1 + T elsewhere.
+The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. For
+the flow, and for states so slow that the map follows it to rounding, terms of higher order in e are
+missing: `order` is 0 instead of 1.
 
-log r is stored as a sum of two numbers: n log r is large if an orbit starts near X = 0.
+There are three kinds of orbits that move:
+
+PASSES    From one steady state to the other, without a pole: L >= T/2 and T < 1. The ratio of the
+          coordinates of (p, q) in the eigenbasis is w_n = w r**n, r = (1 - L)/(1 + L).
+NEARS     The same for other L, and for T >= 1: c + L s = 1 and c - L s = r**n to a common factor,
+          and the forms are those in (r**n, s).
+TURNS     K > T: c = cos(n b) and s = sin(n b)/m, m**2 = K**2 - T**2 and b = arctan(m).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from .._jit import formula, select, two_product
+from . import units
 from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import (
     canonical_body,
     canonical_state,
-    from_canonical,
+    rotor,
     sum_of_ordered,
+    sum_of_products,
     two_sum,
 )
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
+    TO_INTEGER,
     exponent,
     exponential,
     halvings,
@@ -48,68 +60,211 @@ from .elementary import (
     two_to_the,
     within,
 )
-from .integrals import level
+from .trigonometric import arctangent, of_quarter_turns
 
-# log r for r = 0: its exponential underflows to 0, and r**0 is 1.
+# The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
-# Ratio |Y| / T beyond which a state is far from both limits; only for t > 1.
-FAR_OUT = 1.5
 # Longer times and larger numbers of steps are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990
-# A state with |X| + |Y| below this is taken for a fixed point: `level` would leave the range of
-# float64.
-SMALLEST = 1e-280
-# Squares of larger X or Y leave the range of float64.
-LARGEST = 2.0**500
+# Logarithms of the largest X, Y or K: below the first the flow is as good as the map; below the
+# second nothing moves; above the third squares leave the range of float64.
+SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
+# Numbers of steps above this are not known to be even or odd.
+EXACT = 2.0**53
+# A flow whose unit of time is farther from 1 than this power of two is out of range.
+LONGEST_UNIT = 960.0
 # Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
 # states, which would leave the range of float64 in between.
 PART_OF_COEFFICIENTS = 300.0
-# A flow whose unit of time is farther from 1 than this power of two is out of range.
-LONGEST_UNIT = 960.0
+# Couplings below this, in units in which k is 1, are none.
+UNCOUPLED = 1e-150
+# L**2 is at least this part of T**2 for a `Passage`: nearer to L = 0 its coordinates cancel.
+PART_OF_PASSAGE = 0.25
+# |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
+LEAST_ROOT = 2.0**-100
+# In place of r = 0: its square underflows, and one step from next to Y = 1 still has its state.
+LEAST_RATIO = -(2.0**-700)
+
+# Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is where the map is
+# undefined, 0 / 0; no pole can be met; |T| >= 1.
+OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 1.0
+# Kinds of orbits.
+RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 
 
-class Orbit(NamedTuple):
-    """Time-independent data of an orbit.
+class Start(NamedTuple):
+    """Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power.
 
-    omega = (a1 A + b1 B, a2 A + b2 B) 2**power, where A and B follow from
-    w_n = v 2**k r**(n - lag), or where h is not 0 from X_0 (1 + T) / (2 T) = g and Y_0 / T = h.
-
-    fate   one of the constants below, or 1 more than a real number near which the index of a
-           nonexistent state may lie.
+    u     X - K
+    lost  the rounding error of Y
+    time  the logarithm of the unit of time in steps
     """
 
-    a1: float
-    b1: float
-    a2: float
-    b2: float
+    X: float
+    Y: float
+    lost: float
+    u: float
+    K: float
+    U: float
+    V: float
+    coupling: float
+    f11: float
+    f12: float
+    f21: float
+    f22: float
     power: float
+    order: float
+    time: float
+    fate: float
+    rests: float
+
+
+class Power(NamedTuple):
+    """r, and log |r| as a sum of two numbers."""
+
+    r: float
+    log_r: float
+    log_lost: float
+
+
+class Passage(NamedTuple):
+    """omega = rest + (a w - b) / (1 + w (r w - c)), where w_n = v 2**k r**(n - lag)."""
+
     v: float
     k: float
     lag: float
     r: float
-    log_r: float
-    log_lost: float
-    g: float
-    h: float
-    fate: float
+    c: float
+    a1: float
+    a2: float
+    b1: float
+    b2: float
+    rest1: float
+    rest2: float
 
 
-# Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is the pole (0, 1);
-# t < 1; and t >= 1 without a pole in later states.
-OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 0.5
-# Additional value of the coordinates of a state: a fixed point.
-RESTS = 1.0
+class Forms(NamedTuple):
+    """omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2).
+
+    Where r < 0, coefficients `_odd` are those of odd n, for |r|**n in place of r**n.
+
+    root    L or m
+    square  m**2, or 0 for L
+    turns   b in quarter turns, or 0
+    """
+
+    root: float
+    square: float
+    turns: float
+    d11: float
+    d12: float
+    d22: float
+    x1: float
+    y1: float
+    z1: float
+    x2: float
+    y2: float
+    z2: float
+    d11_odd: float
+    d12_odd: float
+    x1_odd: float
+    y1_odd: float
+    x2_odd: float
+    y2_odd: float
 
 
 @formula
-def level_in_two(size, correction, Y, lost, least):
-    """Return T or K as a sum, from its rounded value and a correction, nearly size - |Y|.
+def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
+    """The `Start` of an orbit of the map, or of the flow for which eps is the unit of time.
 
-    A correction below half of `least` extends the digits of |Y|.
+    back   -1 for the inverse map and the flow backward in time, else 1
     """
-    more = correction + select(Y > 0.0, lost, -lost)
-    small = 2.0 * abs(correction) <= least
-    return sum_of_ordered(select(small, abs(Y), size), select(small, more, 0.0))
+    E = exponent(eps)
+    own = eps * two_to_the(-E)
+    p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
+    body = canonical_body(p.I1, p.I2, p.I13, p.I23)
+    _, Y, lost = canonical_state(p.I13, p.I23, *body, own, p.omega1, p.omega2)
+    e = own * (math.sqrt(0.5) * body[7])
+    l = rotor(p.I13, p.I23, p.k, p.omega1, p.omega2)
+    x = sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
+    X, u, K = e * l, e * x, e * p.k
+
+    # The logarithm of the unit of X, Y and K.
+    of_step = E + unit.P + unit.W - unit.M
+    size = exponent(larger(larger(abs(X), abs(Y)), abs(K)))
+    slow = flows | (of_step + size < SLOW)
+    factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
+    time = select(slow, of_step + size, 0.0)
+
+    root1, root2 = np.sqrt(p.I1), np.sqrt(p.I2)
+    g1, g2 = p.I13 / root1, p.I23 / root2
+    g = np.sqrt(g1 * g1 + g2 * g2)
+    coupled = g > UNCOUPLED
+    inverse = 1.0 / select(coupled, g, 1.0)
+    g1, g2 = select(coupled, g1 * inverse, 1.0), select(coupled, g2 * inverse, 0.0)
+    # The signs of U + i V, and of X and K.
+    whole, half = select(e < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
+    coupling = whole * (e * g)
+    U = half * select(coupled, u / coupling, whole * (root1 * p.omega1))
+    V = back * select(coupled, -Y / coupling, whole * (root2 * p.omega2))
+    first, second = whole * half, whole * back
+
+    X, u, K = X * (half * factor), u * (half * factor), abs(K) * factor
+    Y, lost = Y * (back * factor), lost * (back * factor)
+    rests = (X == 0.0) | (eps == 0.0) | (p.omega1 == 0.0) & (p.omega2 == 0.0)
+    rests = rests | (~flows) & slow & (time < MOTIONLESS)
+    undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - lost == 0.0)
+    far = (~rests) & select(slow, abs(time) > LONGEST_UNIT, of_step + size > FAST)
+    supercritical = coupled & (~slow) & (Y * Y >= 1.0 + K * (2.0 * X - K))
+    fate = select(supercritical, SUPERCRITICAL, REGULAR)
+    fate = select(undefined, UNDEFINED, fate)
+    total = l + Y + e  # not a number if a parameter is out of range
+    fate = select(far | (total != total), OUT_OF_RANGE, fate)
+    fate = select(omega1 + omega2 != omega1 + omega2, UNKNOWN, fate)
+    return Start(
+        X,
+        Y,
+        lost,
+        u,
+        K,
+        U,
+        V,
+        select(coupled, coupling, 0.0) * factor,
+        first * g1 / root1,
+        -second * g2 / root1,
+        first * g2 / root2,
+        second * g1 / root2,
+        unit.W,
+        select(slow, 0.0, 1.0),
+        time,
+        fate,
+        select(rests, 1.0, 0.0),
+    )
+
+
+@formula
+def levels(o):
+    """R, T, L**2, L as a sum of two numbers (m if L**2 < 0), L - |Y|, and r."""
+    X, Y, K, order = o.X, o.Y, o.K, o.order
+    below = 1.0 / np.sqrt(1.0 + order * X * X)
+    R = np.sqrt(o.U * o.U + o.V * o.V) * below
+    T = o.coupling * R
+    X1, Y1, K1 = X * below, Y * below, K * below
+    square = Y1 * Y1 + X1 * (o.u * below - K1) - order * (K * X1) * (K * X1)
+    least = LEAST_ROOT * T
+    square = select(abs(square) > least * least, square, least * least)
+    root = np.sqrt(abs(square))
+    plus, minus = (1.0 + order * Y) + order * o.lost, (1.0 - order * Y) - order * o.lost
+    gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + order * K * X)) / (root + abs(Y))
+    # A gap that is small beside |Y| and 1 - |Y| extends the digits of |Y|.
+    more = gap + select(Y > 0.0, o.lost, -o.lost)
+    near = smaller(abs(Y), select(order > 0.0, abs(1.0 - abs(Y)), abs(Y)))
+    extends = (2.0 * abs(gap) <= near) & (square > 0.0)
+    root, lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
+    share = below / (1.0 + order * root)
+    r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
+    r = select(r == 0.0, LEAST_RATIO, r)
+    return R, T, square, root, lost, gap, r
 
 
 @formula
@@ -137,223 +292,224 @@ def logarithm_of_ratio(T, T_lost, r):
     total, lost = sum_of_ordered(k * LN2_HIGH, 2.0 * q)
     lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
     high = total + lost
-    some = r != 0.0
-    return select(some, high, NO_POWER), select(some, lost - (high - total), 0.0)
+    return high, lost - (high - total)
 
 
 @formula
-def first_of_sequence(X, Y, T, one, lag):
-    """Return v and k, where w_lag = v 2**k, and the lag itself, 0 or that of the argument.
-
-    one   1 + T for the map, 1 for the flow.
-    lag   1 for the map, whose r may be 0, and 0 for the flow.
-    """
-    k = exponent(X)
-    X = X * two_to_the(-k)
-    negative = Y < 0.0
-    rest = (T + abs(Y)) / one
-    v = select(negative, 0.5 * X, rest) / select(negative, rest, X)
-    own = exponent(v)
-    return v * two_to_the(-own), select(negative, k, -k) + own, select(negative, 0.0, lag)
-
-
-@formula
-def coordinates_of_map(back, I1, I2, I13, I23, eps, omega1, omega2):
-    """Return X, Y and the rounding error of Y, with back = -1 for the inverse map; the power of two
-    that scales the states; that of time; and a fate or `RESTS`.
-    """
-    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
-    body = canonical_body(I1, I2, I13, I23)
-    own, inverse = eps * two_to_the(-power), two_to_the(-o)
-    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
-    factor = two_to_the(within(power + o, 1022.0))
-    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
-    rests = (X == 0.0) | (abs(X) + abs(Y) < SMALLEST)
-    kind = select(rests, select((1.0 - Y) - lost == 0.0, UNDEFINED, RESTS), REGULAR)
-    kind = select((abs(X) + abs(Y) < LARGEST) & (power + o < 1022.0), kind, OUT_OF_RANGE)
-    kind = select((I13 == 0.0) & (I23 == 0.0) | (eps == 0.0), RESTS, kind)
-    unknown = omega1 + omega2 != omega1 + omega2
-    return X, Y, lost, -power, 0.0, select(unknown, UNKNOWN, kind)
-
-
-@formula
-def coordinates_of_flow(back, I1, I2, I13, I23, eps, omega1, omega2):
-    """Return the coordinates for the flow, in the unit of the orbit; eps is the unit of time."""
-    power, o = exponent(eps), exponent(larger(abs(omega1), abs(omega2)))
-    body = canonical_body(I1, I2, I13, I23)
-    own, inverse = eps * two_to_the(-power), two_to_the(-o)
-    X, Y, lost = canonical_state(I13, I23, *body, own, omega1 * inverse, omega2 * inverse)
-    e = exponent(larger(abs(X), abs(Y)))
-    factor, time = two_to_the(-e), power + o + e
-    X, Y, lost = X * factor, Y * (back * factor), lost * (back * factor)
-    kind = select(abs(time) < LONGEST_UNIT, REGULAR, OUT_OF_RANGE)
-    kind = select(X == 0.0, RESTS, kind)
-    unknown = omega1 + omega2 != omega1 + omega2
-    return X, Y, lost, o + e, time, select(unknown, UNKNOWN, kind)
-
-
-@formula
-def sequence_of_map(X, Y, lost, time, kind):
-    """Return T and the fields of an `Orbit` from v on."""
-    moves, supercritical = kind == REGULAR, abs(Y) >= 1.0
-    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
-    # Both factors of r are of the order of 1 or smaller however large X and Y are.
-    T = level(X, Y)
-    below = 1.0 / (abs(X) + 1.0)
-    share, X1, XT = below / (1.0 + T), X * below, X * (1.0 + T)
-    r = (((1.0 - Y) - lost) * share) * (((1.0 + Y) + lost) * share)
-    r = r / (below * below + 0.5 * X1 * X1)
-    sum_with_Y = T + abs(Y)
-    correction = 0.5 * r * XT * (XT / sum_with_Y)  # T - |Y|
-    T, T_lost = level_in_two(T, correction, Y, lost, smaller(abs(Y), abs(1.0 - abs(Y))))
-    log_r, log_lost = logarithm_of_ratio(T, T_lost, r)
-    v, k, lag = first_of_sequence(X, Y, T, 1.0 + T, 1.0)
-    far = (r <= 0.0) & (abs(Y) > FAR_OUT * T)
-    # Y decreases along an orbit, and the poles, where 1 - Y + X**2 = 0, lie at Y >= 1. Where state
-    # n does not exist, r**(2 n) = (Y - T) / (Y + T).
-    ahead = (Y >= 1.0) & (r < 0.0)
-    q = select(ahead, -correction / sum_with_Y, 1.0)
-    pole = 0.5 * logarithm(q, 2.0 * (T / sum_with_Y)) / log_r
-    fate = select(supercritical, SUPERCRITICAL, REGULAR)
-    fate = select(moves | (kind == RESTS), fate, kind)
-    return (
-        T,
-        select(moves, v, 0.0),
-        select(moves, k, 0.0),
-        select(moves, lag, 0.0),
+def power_of(o, kind, root, root_lost, r):
+    """The `Power` of an orbit with T > K."""
+    high, low = logarithm_of_ratio(root, root_lost, r)
+    unit = -2.0 * two_to_the(o.time)
+    slow, moves = o.order == 0.0, (kind == PASSES) | (kind == NEARS)
+    return Power(
         select(moves, r, 1.0),
-        select(moves, log_r, 0.0),
-        select(moves, log_lost, 0.0),
-        select(moves & far, 0.5 * X * (1.0 / T + 1.0), 0.0),
-        select(moves & far, Y / T, 0.0),
-        select(moves & ahead, 1.0 + pole, fate),
+        select(moves, select(slow, root * unit, high), 0.0),
+        select(moves, select(slow, root_lost * unit, low), 0.0),
     )
 
 
 @formula
-def sequence_of_flow(X, Y, lost, time, kind):
-    """Return K and the fields of an `Orbit` from v on."""
-    moves = kind == REGULAR
-    X, Y, lost = select(moves, X, 1.0), select(moves, Y, 0.0), select(moves, lost, 0.0)
-    K = np.sqrt(0.5 * X * X + Y * Y)
-    K, K_lost = level_in_two(K, 0.5 * X * (X / (K + abs(Y))), Y, lost, abs(Y))
-    v, k, _ = first_of_sequence(X, Y, K, 1.0, 0.0)
-    unit = -2.0 * two_to_the(within(time, LONGEST_UNIT))
-    return (
-        K,
-        select(moves, v, 0.0),
-        select(moves, k, 0.0),
-        0.0,
+def kind_of(o, T, square):
+    """The kind of an orbit."""
+    passes = (square >= PART_OF_PASSAGE * T * T) & (o.fate == REGULAR)
+    kind = select(passes, PASSES, select(square > 0.0, NEARS, TURNS))
+    return select((o.rests != 0.0) | (o.fate < 0.0), RESTS, kind)
+
+
+@formula
+def passage(o, kind, R, T, root, r, omega1, omega2):
+    """The `Passage` of an orbit; one that rests, or has no states, is the constant `rest`."""
+    moves = kind == PASSES
+    one = 1.0 + o.order * root
+    X = select(moves, o.X, 1.0)
+    k = exponent(X)
+    X = X * two_to_the(-k) * T * one
+    falls = o.Y < 0.0
+    rest = root * (root + abs(o.Y)) + o.K * o.X
+    v = select(falls, X, rest) / select(falls, rest, X)
+    v_k = exponent(v)
+    f11, f12, f21, f22 = frame(o, R / T)
+    half_c = o.K / (T * one)
+    of_X, of_Y = 2.0 * root * root / (T * one), 2.0 * root
+    ends = o.fate < 0.0
+    return Passage(
+        select(moves, v * two_to_the(-v_k), 0.0),
+        select(moves, select(falls, k, -k) + v_k, 0.0),
+        select(moves & (~falls), o.order, 0.0),
+        select(moves, r, 1.0),
+        select(moves, 2.0 * half_c, 0.0),
+        select(moves, f11 * of_X + f12 * (half_c * of_Y), 0.0),
+        select(moves, f21 * of_X + f22 * (half_c * of_Y), 0.0),
+        select(moves, f12 * of_Y, 0.0),
+        select(moves, f22 * of_Y, 0.0),
+        select(ends, np.nan, select(moves, f12 * root - f11 * o.K, omega1)),
+        select(ends, np.nan, select(moves, f22 * root - f21 * o.K, omega2)),
+    )
+
+
+@formula
+def frame(o, size):
+    """The matrix from (U, -V) times `size` to omega in a unit of which `rest_of` is left."""
+    unit = size * two_to_the(within(o.power, PART_OF_COEFFICIENTS))
+    return o.f11 * unit, -o.f12 * unit, o.f21 * unit, -o.f22 * unit
+
+
+@formula
+def rest_of(power):
+    """The part of a power of two that multiplies states."""
+    return power - within(power, PART_OF_COEFFICIENTS)
+
+
+@formula
+def forms(o, kind, R, T, square, root, gap, r):
+    """The `Forms` of an orbit that does not pass."""
+    X, Y, K, U, V = o.X, o.Y, o.K, o.U, o.V
+    turns = kind == TURNS
+    # Of NEARS: L - Y, and L (L - Y) + K X, from its product with L (L + |Y|) + K X for Y >= 0.
+    falls = Y < 0.0
+    XT = X * T * (1.0 + o.order * root)
+    rest = root * (root + abs(Y)) + K * X
+    gap = select(falls, root + abs(Y), gap)
+    m = select(falls, rest, r * (XT / rest) * XT)
+    # Odd n: an orbit from (-X, Y) / (1 + 2 K X / L**2).
+    g = 1.0 + 2.0 * (K * X / square)
+    gap_odd = gap + 2.0 * (K * X / root)
+    u1, v1, u2, v2 = frame(o, 1.0)
+    f11, f12, f21, f22 = frame(o, R / select(turns, 1.0, T))
+    t_u, t_v = -(K * K * U + T * R * (X + K)), V * square
+    y_u, y_odd = root * X - K * gap, -root * X - K * gap_odd
+    angle = select(o.order > 0.0, arctangent(root, 1.0), root * two_to_the(o.time))
+    TR = T * R + K * U
+    return Forms(
+        root,
+        select(turns, -square, 0.0),
+        select(turns, angle * (2.0 / math.pi), 0.0),
         1.0,
-        select(moves, K * unit, 0.0),
-        select(moves, K_lost * unit, 0.0),
-        0.0,
-        0.0,
-        select(kind == RESTS, REGULAR, kind),
+        select(turns, -Y, gap),
+        select(turns, square + 2.0 * K * X, 2.0 * m),
+        u1 * U - v1 * V,
+        select(turns, u1 * (-K * V) - v1 * TR, f11 * y_u - f12 * m),
+        select(turns, u1 * t_u - v1 * t_v, -2.0 * m * (f11 * K + f12 * root)),
+        u2 * U - v2 * V,
+        select(turns, u2 * (-K * V) - v2 * TR, f21 * y_u - f22 * m),
+        select(turns, u2 * t_u - v2 * t_v, -2.0 * m * (f21 * K + f22 * root)),
+        g,
+        gap_odd,
+        f11 * (-X - K * g) + f12 * Y,
+        f11 * y_odd - f12 * m,
+        f21 * (-X - K * g) + f22 * Y,
+        f21 * y_odd - f22 * m,
     )
 
 
 @formula
-def coefficients(of_x, of_y, power, kind, back, I1, I2, I13, I23, eps, omega1, omega2):
-    """Return a1, b1, a2, b2 and power of an `Orbit` for which x is of_x A and y is of_y B."""
-    m11, m12, m21, m22 = from_canonical(I1, I2, I13, I23, eps * two_to_the(-exponent(eps)))
-    s = exponent(of_y)
-    power = power + s
-    own = within(power, PART_OF_COEFFICIENTS)
-    unit = two_to_the(own)
-    of_x, of_y = of_x * two_to_the(-s) * unit, back * of_y * two_to_the(-s) * unit
-    moves, ends = kind == REGULAR, kind < 0.0
-    a1, b1, a2, b2 = m11 * of_x, m12 * of_y, m21 * of_x, m22 * of_y
-    fits = abs(a1) + abs(a2) + abs(b1) + abs(b2) < LARGEST
-    ends = ends | moves & (~fits)
-    # A fixed point is given by b alone.
-    return (
-        select(moves, a1, 0.0),
-        select(ends, np.nan, select(moves, b1, -omega1)),
-        select(moves, a2, 0.0),
-        select(ends, np.nan, select(moves, b2, -omega2)),
-        select(moves & fits, power - own, 0.0),
-    )
+def power_of_ratio(n, o):
+    """p, k and a sign s for which r**n = s (1 + p) 2**k, k an integer.
 
-
-@formula
-def power_of_ratio(n, r, log_r, log_lost):
-    """Return p, k and the sign s for which r**n = s (1 + p) 2**k, k an integer.
-
-    s is NaN if no such number exists: between two states of t >= 1.
+    s is NaN if no such number exists: between two states of L >= 1.
     """
-    x, lost = two_product(n, log_r)
-    lost = lost + n * log_lost
+    x, lost = two_product(n, o.log_r)
+    lost = lost + n * o.log_lost
     endless = x < NO_POWER
     p, k = exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
-    even = is_integer(0.5 * abs(n)) | (r >= 0.0)
-    exists = is_integer(abs(n)) | (r > 0.0)
+    even = is_integer(0.5 * abs(n)) | (o.r >= 0.0)
+    exists = is_integer(abs(n)) | (o.r > 0.0)
     return p, k, select(exists, select(even, 1.0, -1.0), np.nan)
 
 
 @formula
-def growth(n, orbit):
-    """Return f and k for which w_n = f 2**k."""
-    steps = smaller(n, LONGEST) - orbit.lag
-    p, k, sign = power_of_ratio(steps, orbit.r, orbit.log_r, orbit.log_lost)
-    v = orbit.v * sign
-    return v + v * p, orbit.k + k
+def growth(n, power, o):
+    """f and k for which w_n = f 2**k."""
+    p, k, _ = power_of_ratio(smaller(n, LONGEST) - o.lag, power)
+    return o.v + o.v * p, o.k + k
 
 
 @formula
-def square(w):
-    """Return w**2, or 0 if it is subnormal and negligible relative to 1."""
+def negligible_square(w):
+    """w**2, or 0 if it is subnormal and negligible relative to 1."""
     w = select(abs(w) > 1e-100, w, 0.0)
     return w * w
 
 
 @formula
-def near_point(f, k, kappa):
-    """Return A and B of w = f 2**k of any size; NaN at a pole."""
+def passing(f, k, o):
+    """omega of an orbit that passes, for w = f 2**k of any size."""
     # Scale w and 1 by a power of two that brings the larger one to the order of 1.
-    large = (k > 0.0) & (kappa != 0.0)
     factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
-    u = select(large, factor, 1.0)
-    v = select(large, f, f * select(k > 0.0, 1.0 / factor, factor))
-    first, second = square(u), kappa * square(v)
-    D = first + second
-    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * (first + abs(second)), D, np.nan)
-    return u * v * inverse, (second - first) * inverse
+    large = (k > 0.0) & (o.r != 0.0)
+    one = select(large, factor, 1.0)
+    w = select(large, f, f * select(k > 0.0, 1.0 / factor, factor))
+    inverse = one / (negligible_square(one) - o.c * (one * w) + o.r * negligible_square(w))
+    return (
+        o.rest1 + (o.a1 * w - o.b1 * one) * inverse,
+        o.rest2 + (o.a2 * w - o.b2 * one) * inverse,
+    )
 
 
 @formula
-def far_point(n, orbit):
-    """Return A and B by the second of the two forms."""
-    p, k, sign = power_of_ratio(smaller(n, LONGEST), orbit.r, orbit.log_r, orbit.log_lost)
-    power, h = scaled(1.0 + p, k), orbit.h
+def multiples(n, power, o):
+    """c and s of `Forms` after n steps; NaN where there is no such state."""
+    unknown = (n > EXACT) & (n < np.inf) & (power.r < 0.0)
+    n = smaller(n, LONGEST)
+    p, k, sign = power_of_ratio(n, power)
+    sign = select(unknown, np.nan, sign)
+    ratio = scaled(1.0 + p, k)
     # Near 1 the distance from 1 is more precise.
-    rest = select(k == 0.0, -p, 1.0 - power)
-    rest = rest * (2.0 - rest)
-    R = square(power)
-    D = (1.0 + R) - h * rest
-    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * ((1.0 + R) + abs(h) * rest), D, np.nan)
-    return orbit.g * (sign * power) * inverse, (h * (1.0 + R) - rest) * (abs(sign) * inverse)
+    rest = select(k == 0.0, -p, 1.0 - ratio) * (0.5 / o.root)
+    turns = o.turns != 0.0
+    sine, cosine = sine_and_cosine(n, o.turns)
+    return (
+        select(turns, cosine, ratio * abs(sign)),
+        select(turns, sine / o.root, rest),
+    )
 
 
 @formula
-def near_state(half, kappa, a1, b1, a2, b2):
-    """Return the angular velocity at a w whose square does not overflow and that is not near a
-    pole.
-
-    half    w / 2.
-    kappa   4 k.
-    """
-    twice_inverse = 2.0 / (1.0 + half * (half * kappa))
-    return b1 + (a1 * half - b1) * twice_inverse, b2 + (a2 * half - b2) * twice_inverse
+def sine_and_cosine(n, turns):
+    """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
+    high, low = two_product(n, turns)
+    half = 0.5 * high
+    whole = (half + TO_INTEGER) - TO_INTEGER
+    half = select(abs(half) < 2.0**51, (half - whole) + 0.5 * low, np.nan)
+    sine, cosine = of_quarter_turns(2.0 * abs(half))
+    return select(half < 0.0, -sine, sine), cosine
 
 
 @formula
-def state_at(n, orbit):
-    """Return state n >= 0 of any orbit; infinite or NaN if it does not exist."""
-    f, k = growth(n, orbit)
-    A, B = near_point(f, k, 2.0 * orbit.r)
-    far_A, far_B = far_point(n, orbit)
-    far = orbit.h != 0.0
-    A, B = select(far, far_A, A), select(far, far_B, B)
-    omega1, omega2 = orbit.a1 * A + orbit.b1 * B, orbit.a2 * A + orbit.b2 * B
-    return scaled(omega1, orbit.power), scaled(omega2, orbit.power)
+def quotient(c, s, odd, o):
+    """omega for c and s of `multiples`; NaN at a pole."""
+    cc, cs, ss = c * c, 2.0 * c * s, s * s
+    first = select(odd, o.d11_odd, o.d11) * cc
+    second = select(odd, o.d12_odd, o.d12) * cs
+    third = o.d22 * ss
+    D, size = (first + third) + second, (abs(first) + abs(third)) + abs(second)
+    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * size, D, np.nan)
+    x1, y1 = select(odd, o.x1_odd, o.x1), select(odd, o.y1_odd, o.y1)
+    x2, y2 = select(odd, o.x2_odd, o.x2), select(odd, o.y2_odd, o.y2)
+    return (
+        ((x1 * cc + o.z1 * ss) + y1 * cs) * inverse,
+        ((x2 * cc + o.z2 * ss) + y2 * cs) * inverse,
+    )
+
+
+@formula
+def is_odd(n, r):
+    """Test that r**n is negative."""
+    return (r < 0.0) & (~is_integer(0.5 * abs(n)))
+
+
+@formula
+def indices_of_poles(d11, d12, d22, root, log_r):
+    """The real n, the parity of n apart, for which d11 c**2 + 2 d12 c s + d22 s**2 = 0, or NaN."""
+    sum_of_roots = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
+    return (
+        index_of_ratio(2.0 * root * sum_of_roots / d22, log_r),
+        index_of_ratio(2.0 * root * d11 / sum_of_roots, log_r),
+    )
+
+
+@formula
+def index_of_ratio(x, log_r):
+    """The n for which |r|**n = 1 / (1 + x); NaN if n < 0."""
+    y = select(x >= 0.0, x, 0.0)
+    return select(x >= 0.0, logarithm(1.0 / (1.0 + y), y / (1.0 + y)) / log_r, np.nan)

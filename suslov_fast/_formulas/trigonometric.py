@@ -1,6 +1,6 @@
 """Sine, cosine and arctangent as plain arithmetic, bit-identical on all machines.
 
-They are accurate to a few ulps, and serve scalars.
+They are accurate to a few ulps.
 """
 
 import math
@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from .._jit import formula, select
+from .elementary import larger, smaller
 
 # Adding and subtracting this rounds to an integer.
 TO_INTEGER = 1.5 * 2.0**52
@@ -27,7 +28,7 @@ def of_quarter_turns(q):
     cosine = 1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * cosine))
     cosine = 1.0 - s / 2.0 * (1.0 - s / 12.0 * cosine)
     odd = 0.5 * whole != (0.5 * whole + TO_INTEGER) - TO_INTEGER
-    return (cosine, -sine) if odd else (sine, cosine)
+    return select(odd, cosine, sine), select(odd, -sine, cosine)
 
 
 @formula
@@ -39,7 +40,7 @@ def half_tangent(t):
 @formula
 def arctangent(y, x):
     """Angle from 0 to pi/2 of the point (x, y), for x, y >= 0, not both 0."""
-    z = half_tangent(half_tangent(min(x, y) / max(x, y)))
+    z = half_tangent(half_tangent(smaller(x, y) / larger(x, y)))
     # Four times Taylor's series of the arctangent, |z| < 0.2, in pairs and pairs of them.
     q = -z * z
     q2 = q * q

@@ -1,15 +1,15 @@
 """States by the closed form, in rows of equal steps or at arbitrary times.
 
-The lanes of a block are trajectories or, if these are few, trajectories at several rows or
-times, row by row. In rows of equal steps the geometric sequence restarts every GROUP rows from a
-power computed directly, and is multiplied twice in between: a state depends only on its orbit and
-its index.
+A lane of a block is a trajectory at a row or a time: few trajectories fill a block with several
+rows, neighbours in the output. In rows of equal steps powers are computed directly every GROUP
+rows, and multiplied twice in between: a state depends only on its orbit and its index.
 
 Arguments of kernels, over a batch of B trajectories:
 
-sign         1, or -1 for the inverse map and the flow backward in time; all times are >= 0
-parameters   I1, I2, I13, I23 and eps: (B,) each, or (1,) if common to all; for the flow eps is the
-             unit of times
+motion       1, or -1 for the inverse map and the flow backward in time, since all times are >= 0;
+             and True for the flow
+parameters   I1, I2, I13, I23, k and eps: (B,) each, or (1,) if common to all; for the flow eps is
+             the unit of times
 omega        (B, 2), the states at time 0
 lanes        the first trajectory to compute, and the one after the last
 out          (N, B, 2), the states; NaN if a state does not exist
@@ -19,69 +19,180 @@ missing      (parts, 3), incremented by the numbers of NaN states of orbits whos
              NaN: at a step, between two steps, and out of the range of float64
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from .._formulas import closed_form as formulas
 from .._formulas.closed_form import (
+    EXACT,
     OUT_OF_RANGE,
+    PASSES,
     REGULAR,
+    RESTS,
     SUPERCRITICAL,
-    UNDEFINED,
+    TURNS,
     UNKNOWN,
-    Orbit,
-    coefficients,
-    coordinates_of_flow,
-    coordinates_of_map,
-    far_point,
-    growth,
-    near_point,
-    near_state,
-    power_of_ratio,
-    sequence_of_flow,
-    sequence_of_map,
-    state_at,
+    Forms,
+    Passage,
+    Power,
+    Start,
 )
 from .._formulas.elementary import scaled, smaller
-from .._jit import Kernel, carray, formula, inner, select, share, stack
+from .._jit import carray, formula, inner, kernel, select, share, stack
 from . import codes
-from .lanes import LANES, body_at, whole
+from .lanes import LANES, entry, row, whole
 from .tiles import lead_of, missing_of_first_block, write_row
 
 EIGHT, GROUP = 8, 64
-# Rows of a block: the fields of an orbit, and time-independent data of the lanes for some rows.
-A1, B1, A2, B2, POWER, V, K, LAG, R, LOG_R, LOG_LOST, G, H, FATE = range(len(Orbit._fields))
-OMEGA1, OMEGA2, FAILS, NUMBER, SEED, LARGE, HALF, KAPPA, SLOW = range(FATE + 1, FATE + 10)
-# r**(8 a every), and r**(a every), a = 0 ... 7.
-EIGHTHS, ROWS = SLOW + 1, SLOW + 9
-FIELDS = ROWS + 8
-# Rows from SEED on, used while orbits are entered. Loops over lanes become SIMD for up to 16 rows.
-I1_, I2_, I13_, I23_, EPS_, X_, Y_, LOST, UNIT, TIME, KIND, T_ = range(SEED, SEED + 12)
-ROOM, WIDE = FIELDS * LANES, 2 * LANES
-TILE = EIGHT * WIDE
+_TABLE, _LINE = EIGHT * LANES, 2 * LANES
 # States of one task.
 TASK = 2**16
-# Seeds w above this, and those near a pole, |k| w**2 above 1/4, are computed one by one.
-LARGE_SEED, NEAR_POLE = 200.0, 0.25
+# A ratio w above 2**this at a multiple of GROUP rows is computed one by one.
+LARGE_SEED = 200.0
 # A w below this becomes 0, and its square earlier, since subnormal numbers are slow.
 NEGLIGIBLE, NO_SQUARE = 2.0**-960, 2.0**-300
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
+# Beyond this number of steps phases are not known.
+LONGEST_PHASE = 2.0**50
 # The status of a trajectory that must be iterated.
 NOT_FOUND = -3
 
 
-@formula
-def orbit_of(r, l):
-    """Return the orbit in lane l of a block."""
-    return Orbit(
-        *(r[0, l], r[1, l], r[2, l], r[3, l], r[4, l], r[5, l], r[6, l]),
-        *(r[7, l], r[8, l], r[9, l], r[10, l], r[11, l], r[12, l], r[13, l]),
-    )
+class Problem(NamedTuple):
+    """Bodies, step sizes and first states of the lanes."""
+
+    I1: object
+    I2: object
+    I13: object
+    I23: object
+    k: object
+    eps: object
+    omega1: object
+    omega2: object
+
+
+class Levels(NamedTuple):
+    """Kinds of orbits, and what `formulas.levels` returns."""
+
+    kind: object
+    R: object
+    T: object
+    square: object
+    root: object
+    gap: object
+    r: object
+
+
+class Rows(NamedTuple):
+    """Lanes at some rows or times.
+
+    offset, number   the row relative to that of the first lane, and the time
+    fails, slow      the first step without a state; 1 if states are computed one by one
+    w, r             the ratio of a `Passage`, and r, or 0 where its square is negligible
+    c, s             the c and s of `Forms`
+    seed_...         the same at multiples of GROUP rows, `table_...` of several groups
+    eighths, ones    by how much they grow in multiples of eight rows, and in some rows
+    odd              1 in rows where r**n is negative
+    """
+
+    offset: object
+    number: object
+    fails: object
+    slow: object
+    w: object
+    r: object
+    c: object
+    s: object
+    seed_w: object
+    seed_c: object
+    seed_s: object
+    seed_slow: object
+    table_w: object
+    table_c: object
+    table_s: object
+    table_slow: object
+    eighths_c: object
+    eighths_s: object
+    ones_c: object
+    ones_s: object
+    odd: object
+
+
+class Block(NamedTuple):
+    problem: Problem
+    start: Start
+    levels: Levels
+    power: Power
+    passage: Passage
+    forms: Forms
 
 
 @formula
-def body_and_state_of(r, l):
-    """Return I1, I2, I13, I23, eps and omega in lane l of a block."""
-    return r[I1_, l], r[I2_, l], r[I13_, l], r[I23_, l], r[EPS_, l], r[OMEGA1, l], r[OMEGA2, l]
+def table():
+    """Return a number for each lane and each of eight rows, on the stack."""
+    return carray(stack(_TABLE), (EIGHT, LANES))
+
+
+@formula
+def block():
+    return Block(
+        Problem(row(), row(), row(), row(), row(), row(), row(), row()),
+        Start(
+            row(), row(), row(), row(), row(), row(), row(), row(), row(),
+            row(), row(), row(), row(), row(), row(), row(), row(),
+        ),
+        Levels(row(), row(), row(), row(), row(), row(), row()),
+        Power(row(), row(), row()),
+        Passage(
+            row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row()
+        ),
+        Forms(
+            row(), row(), row(), row(), row(), row(), row(), row(), row(),
+            row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        ),
+    )  # fmt: skip
+
+
+@formula
+def rows_of_block():
+    return Rows(
+        row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(),
+        table(), table(), table(), table(), table(),
+    )  # fmt: skip
+
+
+@formula
+def start_at(o, l):
+    return Start(
+        o.X[l], o.Y[l], o.lost[l], o.u[l], o.K[l], o.U[l], o.V[l], o.coupling[l],
+        o.f11[l], o.f12[l], o.f21[l], o.f22[l],
+        o.power[l], o.order[l], o.time[l], o.fate[l], o.rests[l],
+    )  # fmt: skip
+
+
+@formula
+def power_at(o, l):
+    return Power(o.r[l], o.log_r[l], o.log_lost[l])
+
+
+@formula
+def passage_at(o, l):
+    return Passage(
+        o.v[l], o.k[l], o.lag[l], o.r[l], o.c[l],
+        o.a1[l], o.a2[l], o.b1[l], o.b2[l], o.rest1[l], o.rest2[l],
+    )  # fmt: skip
+
+
+@formula
+def forms_at(o, l):
+    return Forms(
+        o.root[l], o.square[l], o.turns[l], o.d11[l], o.d12[l], o.d22[l],
+        o.x1[l], o.y1[l], o.z1[l], o.x2[l], o.y2[l], o.z2[l],
+        o.d11_odd[l], o.d12_odd[l], o.x1_odd[l], o.y1_odd[l], o.x2_odd[l], o.y2_odd[l],
+    )  # fmt: skip
 
 
 @formula
@@ -91,21 +202,22 @@ def not_negligible(v):
 
 
 @formula
-def plan_of(lanes, out, count, length):
+def plan_of(lanes, out, count, length, most):
     """Return the numbers of tasks, of tasks per block, of rows or times (of `count`) per task, of
-    groups of lanes in a block, and by how much the first block is shorter.
+    those side by side in a block, at most `most`, and by how much the first block is shorter.
 
-    length   number of rows or times of a group.
+    length   number of rows or times that take one entry of a block's tables.
     """
-    batch, shift = lanes[1] - lanes[0], 0
-    groups = max(min(LANES // max(batch, 1), (count + length - 1) // length), 1)
-    if groups == 1:
+    batch, shift, abreast = lanes[1] - lanes[0], 0, 1
+    while 2 * abreast * batch <= LANES and abreast < most:
+        abreast *= 2
+    if abreast == 1:
         shift = missing_of_first_block(lead_of(out), out.shape[1], 2)
     blocks = (batch + shift + LANES - 1) // LANES
-    at_once = groups * length
+    at_once = abreast * length
     some = max(TASK // (at_once * max(min(batch, LANES), 1)), 1) * at_once
     parts = (count + some - 1) // some
-    return blocks * parts, parts, some, groups, shift
+    return blocks * parts, parts, some, abreast, shift
 
 
 @formula
@@ -118,191 +230,315 @@ def task_of(task, plan, lanes):
     return first, width, task % parts * some
 
 
-@inner
-def state_of_lane(room, l, n):
-    """Return state n of the orbit in a lane, by either form."""
-    return state_at(n, orbit_of(room, l))
+@formula
+def fill_lanes(problem, offset, parameters, omega, first, width, abreast, direction):
+    """Give each lane a trajectory and a row, in the order of the output; return the whole lanes.
+
+    Lanes beyond the last repeat it.
+    """
+    I1, I2, I13, I23, k, eps = parameters
+    lanes = whole(width * abreast)
+    for l in range(lanes):
+        place, i = min(l // width, abreast - 1), first + l % width
+        problem.I1[l], problem.I2[l] = entry(I1, i), entry(I2, i)
+        problem.I13[l], problem.I23[l] = entry(I13, i), entry(I23, i)
+        problem.k[l], problem.eps[l] = entry(k, i), entry(eps, i)
+        problem.omega1[l], problem.omega2[l] = omega[i, 0], omega[i, 1]
+        offset[l] = float(place if direction > 0 else abreast - 1 - place)
+    return lanes
+
+
+@formula
+def enter(b, motion, lanes):
+    """Fill the orbits of a block; return the numbers of lanes with a `Passage`, and with a
+    `Forms`.
+    """
+    back, flows = motion
+    given, o, e, power, p, h = b.problem, b.start, b.levels, b.power, b.passage, b.forms
+    for l in range(lanes):
+        (
+            o.X[l], o.Y[l], o.lost[l], o.u[l], o.K[l], o.U[l], o.V[l], o.coupling[l],
+            o.f11[l], o.f12[l], o.f21[l], o.f22[l],
+            o.power[l], o.order[l], o.time[l], o.fate[l], o.rests[l],
+        ) = formulas.start(
+            back, flows, given.I1[l], given.I2[l], given.I13[l], given.I23[l], given.k[l],
+            given.eps[l], given.omega1[l], given.omega2[l],
+        )  # fmt: skip
+    turning = 0
+    for l in range(lanes):
+        a = start_at(o, l)
+        R, T, square, root, lost, gap, r = formulas.levels(a)
+        kind = formulas.kind_of(a, T, square)
+        e.kind[l], e.R[l], e.T[l], e.square[l] = kind, R, T, square
+        e.root[l], e.gap[l], e.r[l] = root, gap, r
+        power.r[l], power.log_r[l], power.log_lost[l] = formulas.power_of(a, kind, root, lost, r)
+        (
+            p.v[l], p.k[l], p.lag[l], p.r[l], p.c[l],
+            p.a1[l], p.a2[l], p.b1[l], p.b2[l], p.rest1[l], p.rest2[l],
+        ) = formulas.passage(
+            a, kind, R, T, root, r, given.omega1[l], given.omega2[l]
+        )  # fmt: skip
+        turning += select(kind > PASSES, 1, 0)
+    if turning > 0:
+        for l in range(lanes):
+            a = start_at(o, l)
+            (
+                h.root[l], h.square[l], h.turns[l], h.d11[l], h.d12[l], h.d22[l],
+                h.x1[l], h.y1[l], h.z1[l], h.x2[l], h.y2[l], h.z2[l],
+                h.d11_odd[l], h.d12_odd[l], h.x1_odd[l], h.y1_odd[l], h.x2_odd[l], h.y2_odd[l],
+            ) = formulas.forms(
+                a, e.kind[l], e.R[l], e.T[l], e.square[l], e.root[l], e.gap[l], e.r[l]
+            )  # fmt: skip
+    return lanes - turning, turning
 
 
 @inner
-def end_of(room, l, stop):
-    """Return the status of an orbit at a step, and the index of its first missing state."""
-    orbit = orbit_of(room, l)
-    if orbit.fate <= OUT_OF_RANGE:
-        return NOT_FOUND, np.inf
-    if orbit.fate < 0.0:
-        unknown = orbit.fate == UNKNOWN
-        return (codes.NONFINITE, 0.0) if unknown else (codes.SINGULAR, 1.0)
-    if orbit.power > 0.0:
-        largest = (abs(orbit.a1) + abs(orbit.a2)) / np.sqrt(abs(2.0 * orbit.r) + 1e-300)
-        largest += abs(orbit.b1) + abs(orbit.b2)
-        if np.log2(largest) + orbit.power > LARGEST_EXPONENT:
-            return NOT_FOUND, np.inf
-    if orbit.fate >= 1.0:
-        nearest = np.floor(orbit.fate - 0.5)
+def state_of(n, kind, power, passage, forms, unit):
+    """Return state n of an orbit: infinite or NaN if it does not exist."""
+    if kind > PASSES:
+        c, s = formulas.multiples(n, power, forms)
+        omega1, omega2 = formulas.quotient(c, s, formulas.is_odd(n, power.r), forms)
+    else:
+        f, k = formulas.growth(n, power, passage)
+        omega1, omega2 = formulas.passing(f, k, passage)
+    rest = formulas.rest_of(unit)
+    return scaled(omega1, rest), scaled(omega2, rest)
+
+
+@formula
+def state_at(b, l, n):
+    """Return state n of the orbit in a lane."""
+    return state_of(
+        n,
+        b.levels.kind[l],
+        power_at(b.power, l),
+        passage_at(b.passage, l),
+        forms_at(b.forms, l),
+        b.start.power[l],
+    )
+
+
+@inner
+def first_missing(stop, kind, power, passage, forms, unit):
+    """Return the index of the first state of an orbit with T >= 1 that does not exist, and True if
+    it is infinite.
+    """
+    fails, infinite = np.inf, False
+    for case in range(4):  # both zeros, for even and odd n
+        odd = case > 1
+        places = formulas.indices_of_poles(
+            forms.d11_odd if odd else forms.d11,
+            forms.d12_odd if odd else forms.d12,
+            forms.d22,
+            forms.root,
+            power.log_r,
+        )
+        nearest = np.floor((places[1] if case % 2 else places[0]) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
-            omega1, omega2 = state_of_lane(room, l, n)
-            size = abs(omega1) + abs(omega2)
-            if 1.0 <= n <= stop and not size < np.inf:
-                return codes.NONFINITE if size == np.inf else codes.SINGULAR, n
-    return codes.SUPERCRITICAL if orbit.fate >= SUPERCRITICAL else codes.OK, np.inf
+            if 1.0 <= n <= min(stop, fails - 1.0):
+                omega1, omega2 = state_of(n, kind, power, passage, forms, unit)
+                size = abs(omega1) + abs(omega2)
+                if not size < np.inf:
+                    fails, infinite = n, size == np.inf
+    return fails, infinite
 
 
-@inner
-def write_ends(room, first, width, ends):
+@formula
+def end_of(b, l, stop):
+    """Return the status of an orbit at a step, and the index of its first missing state."""
+    fate, kind, T = b.start.fate[l], b.levels.kind[l], b.levels.T[l]
+    if fate < 0.0:
+        if fate == OUT_OF_RANGE:
+            return NOT_FOUND, np.inf
+        return (codes.NONFINITE, 0.0) if fate == UNKNOWN else (codes.SINGULAR, 1.0)
+    if fate == SUPERCRITICAL:
+        if kind == RESTS:
+            return codes.SUPERCRITICAL, np.inf
+        if kind == TURNS:  # which of its steps comes next to a pole is not known
+            return NOT_FOUND, np.inf
+        fails, infinite = first_missing(
+            stop,
+            kind,
+            power_at(b.power, l),
+            passage_at(b.passage, l),
+            forms_at(b.forms, l),
+            b.start.power[l],
+        )
+        missing = codes.NONFINITE if infinite else codes.SINGULAR
+        return missing if fails < np.inf else codes.SUPERCRITICAL, fails
+    if b.start.power[l] > 0.0 and kind != RESTS:
+        # |z| = R sqrt(1 + X**2), and X is largest where Y = 0.
+        T, order = T * b.start.order[l], b.start.order[l]
+        X = order * (b.start.K[l] + T) / ((1.0 - T) * (1.0 + T))
+        least = min(b.problem.I1[l], b.problem.I2[l]) / max(b.problem.I1[l], b.problem.I2[l])
+        largest = b.levels.R[l] * (1.0 + X) / np.sqrt(least)
+        if np.log2(largest) + 2.0 + b.start.power[l] > LARGEST_EXPONENT:
+            return NOT_FOUND, np.inf
+    return codes.OK, np.inf
+
+
+@formula
+def write_ends(b, fails, first, width, lanes, ends):
     """Write statuses of trajectories; return True if any ends before the last step."""
     status, failed_at, stop = ends
     any_fails = False
     for l in range(width):
-        code, fails = codes.OK, np.inf
-        if room[FATE, l] != REGULAR or room[POWER, l] > 0.0:
-            code, fails = end_of(room, l, stop)
-        room[FAILS, l], status[first + l] = fails, code
-        if fails < np.inf:
-            failed_at[first + l], any_fails = int(fails), True
+        code, fails_at = codes.OK, np.inf
+        if b.start.fate[l] != REGULAR or b.start.power[l] > 0.0:
+            code, fails_at = end_of(b, l, stop)
+        fails[l], status[first + l] = fails_at, code
+        if fails_at < np.inf:
+            failed_at[first + l], any_fails = int(fails_at), True
+    for l in range(width, lanes):
+        fails[l] = fails[l - width]
     return any_fails
 
 
-@inner
-def mend(room, l, n, tile, i, missing):
-    """Correct state n of lane l at tile[i:] if it is slow, out of range, the first, or missing."""
-    omega1, omega2 = tile[i], tile[i + 1]
-    if room[SLOW, l] != 0.0:
-        omega1, omega2 = state_of_lane(room, l, n)
-    elif room[POWER, l] != 0.0:
-        omega1, omega2 = scaled(omega1, room[POWER, l]), scaled(omega2, room[POWER, l])
-    size = abs(omega1) + abs(omega2)
+@formula
+def mend(b, slow, l, n, line, missing):
+    """Correct state n of lane l if it is slow, out of range, the first, or missing."""
+    omega1, omega2 = line[2 * l], line[2 * l + 1]
+    if slow:
+        omega1, omega2 = state_at(b, l, n)
+    else:
+        rest = formulas.rest_of(b.start.power[l])
+        if rest != 0.0 and b.levels.kind[l] != RESTS:
+            omega1, omega2 = scaled(omega1, rest), scaled(omega2, rest)
+    size, fate = abs(omega1) + abs(omega2), b.start.fate[l]
     if n == 0.0:
-        omega1, omega2 = room[OMEGA1, l], room[OMEGA2, l]
+        omega1, omega2 = b.problem.omega1[l], b.problem.omega2[l]
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        if room[FATE, l] == OUT_OF_RANGE or size == np.inf:
+        unknown_phase = b.levels.kind[l] == TURNS and LONGEST_PHASE < n < np.inf
+        if fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
             missing[2] += 1.0
-        elif room[FATE, l] != UNKNOWN:
-            missing[0 if np.floor(n) == n else 1] += 1.0
-    tile[i], tile[i + 1] = omega1, omega2
+        elif fate != UNKNOWN:
+            missing[0 if np.floor(n) == n and n <= EXACT else 1] += 1.0
+    line[2 * l], line[2 * l + 1] = omega1, omega2
 
 
-@inner
-def end_rows(room, l, n, tile, i):
-    """Set the states after a pole to NaN."""
-    if n >= room[FAILS, l]:
-        tile[i], tile[i + 1] = np.nan, np.nan
-
-
-def entering(of_map):
-    """Build the function that enters the orbits of a block, for the map or the flow."""
-    coordinates, sequence = coordinates_of_flow, sequence_of_flow
-    if of_map:
-        coordinates, sequence = coordinates_of_map, sequence_of_map
-
-    @inner
-    def enter(sign, parameters, omega, first, width, room):
-        """Fill the fields of the orbits of a block; lanes beyond the last repeat it."""
-        lanes = whole(width)
-        for l in range(lanes):
-            b = first + min(l, width - 1)
-            room[OMEGA1, l], room[OMEGA2, l] = omega[b, 0], omega[b, 1]
-            o = body_at(parameters, b)
-            room[I1_, l], room[I2_, l], room[I13_, l], room[I23_, l], room[EPS_, l] = o
-        for l in range(lanes):
-            o = coordinates(sign, *body_and_state_of(room, l))
-            room[X_, l], room[Y_, l], room[LOST, l] = o[0], o[1], o[2]
-            room[UNIT, l], room[TIME, l], room[KIND, l] = o[3], o[4], o[5]
-        for l in range(lanes):
-            o = sequence(room[X_, l], room[Y_, l], room[LOST, l], room[TIME, l], room[KIND, l])
-            room[T_, l], room[V, l], room[K, l], room[LAG, l], room[R, l] = o[:5]
-            room[LOG_R, l], room[LOG_LOST, l], room[G, l], room[H, l], room[FATE, l] = o[5:]
-        for l in range(lanes):
-            T = room[T_, l]
-            of_x = 4.0 * (T / (1.0 + T) if of_map else T)
-            body_and_state = body_and_state_of(room, l)
-            o = coefficients(of_x, T, room[UNIT, l], room[KIND, l], sign, *body_and_state)
-            room[A1, l], room[B1, l], room[A2, l], room[B2, l], room[POWER, l] = o
-            fate, exists = room[FATE, l], room[B1, l] == room[B1, l]
-            room[FATE, l] = select(exists, fate, smaller(fate, UNDEFINED))
-
-    return enter
-
-
-@inner
-def finish_block(room, first, width, groups, ends):
-    """Repeat the orbits for each group of lanes; return the lanes, and True if any state is scaled
-    afterwards, True if any is missing before the last step.
-    """
-    lanes = whole(width * groups)
-    fails = write_ends(room, first, width, ends) if ends[0].size else False
-    if groups > 1:
-        for k in range(NUMBER):
-            for l in range(width, lanes):
-                room[k, l] = room[k, l - width]
-    scales = 0
+@formula
+def needs_mending(b, lanes):
+    """Test that states may be out of range or missing, or are scaled last."""
+    count = 0
     for l in range(lanes):
-        room[SLOW, l] = 0.0
-        scales += select(room[POWER, l] != 0.0, 1, 0)
-    return lanes, scales > 0, fails
+        fate, unit = b.start.fate[l], b.start.power[l]
+        scales = (abs(unit) > formulas.PART_OF_COEFFICIENTS) & (b.levels.kind[l] != RESTS)
+        count += select((fate != REGULAR) | scales, 1, 0)
+    return count > 0
 
 
-@inner
-def enter_ratios(room, lanes, every):
-    """Fill the powers of r between rows, and the row indices of groups of lanes."""
+@formula
+def enter_ratios(b, r, lanes, first_number, every):
+    """Fill the growth between rows, and in which rows r**n is negative."""
     for a in range(2 * EIGHT):
-        steps = (8.0 * a if a < EIGHT else a - 8.0) * every
         for l in range(lanes):
-            p, k, s = power_of_ratio(steps, room[R, l], room[LOG_R, l], room[LOG_LOST, l])
-            room[EIGHTHS + a, l] = not_negligible(s * scaled(1.0 + p, k))
+            offset = r.offset[l]
+            eights = np.floor(offset / 8.0)
+            steps = 8.0 * (a + eights) if a < EIGHT else a - 8.0 + (offset - 8.0 * eights)
+            steps = steps * every
+            power = power_at(b.power, l)
+            p, k, sign = formulas.power_of_ratio(steps, power)
+            r_c = not_negligible(abs(sign) * scaled(1.0 + p, k))
+            if a < EIGHT:
+                r.eighths_c[a, l] = r_c
+            else:
+                r.ones_c[a - EIGHT, l] = r_c
+                odd = formulas.is_odd(first_number + steps, power.r)
+                r.odd[a - EIGHT, l] = select(odd, 1.0, 0.0)
 
 
-@inner
-def enter_seeds(room, lanes, first_number, every, top):
-    """Fill the numbers w of the rows from which the geometric sequence restarts."""
+@formula
+def enter_turning_ratios(b, r, lanes, every):
+    """Fill the growth of the c and s of `Forms` between rows."""
+    for a in range(2 * EIGHT):
+        for l in range(lanes):
+            offset = r.offset[l]
+            eights = np.floor(offset / 8.0)
+            steps = 8.0 * (a + eights) if a < EIGHT else a - 8.0 + (offset - 8.0 * eights)
+            o = forms_at(b.forms, l)
+            c, s = formulas.multiples(steps * every, power_at(b.power, l), o)
+            turns = o.turns != 0.0
+            if a < EIGHT:
+                r.eighths_c[a, l] = select(turns, c, r.eighths_c[a, l])
+                r.eighths_s[a, l] = s
+            else:
+                r.ones_c[a - EIGHT, l] = select(turns, c, r.ones_c[a - EIGHT, l])
+                r.ones_s[a - EIGHT, l] = s
+
+
+@formula
+def enter_table(b, r, width, abreast, lanes, first_number, every, top, turning):
+    """Fill the ratios or coefficients at the rows top + GROUP i; those of row i have the place of
+    lanes of row i.
+    """
     for l in range(lanes):
-        f, k = growth(first_number + every * (top + room[NUMBER, l]), orbit_of(room, l))
-        w = scaled(f, smaller(k, LARGE_SEED))
-        room[SEED, l] = not_negligible(w)
-        between = (room[R, l] <= 0.0) & (room[ROWS + 1, l] != room[ROWS + 1, l])
-        slow = (k >= LARGE_SEED) | (room[FATE, l] < 0.0) | between | (w != w)
-        room[LARGE, l] = select(slow, 1.0, 0.0)
+        n = first_number + every * (top + GROUP * r.number[l])
+        f, k = formulas.growth(n, power_at(b.power, l), passage_at(b.passage, l))
+        r.table_w[l] = not_negligible(scaled(f, smaller(k, LARGE_SEED)))
+        r.table_slow[l] = select(k >= LARGE_SEED, 1.0, 0.0)
+    if turning:
+        for l in range(lanes):
+            n = first_number + every * (top + GROUP * r.number[l])
+            c, s = formulas.multiples(n, power_at(b.power, l), forms_at(b.forms, l))
+            r.table_c[l], r.table_s[l] = not_negligible(c), s
 
 
-@inner
-def enter_eighth(room, lanes, a):
-    """Fill w / 2 and 4 k at the first of eight rows; return how many lanes are slow there."""
+@formula
+def take_seeds(r, group, width, lanes):
+    """Take the seeds of one group of rows from the tables."""
+    for l in range(lanes):
+        source = group * width + l % width
+        r.seed_w[l], r.seed_slow[l] = r.table_w[source], r.table_slow[source]
+        r.seed_c[l], r.seed_s[l] = r.table_c[source], r.table_s[source]
+
+
+@formula
+def enter_eighth(b, r, lanes, a, turning):
+    """Fill ratios and coefficients at one of eight rows; return how many lanes are slow there."""
     slow = 0
     for l in range(lanes):
-        u = room[SEED, l] * room[EIGHTHS + a, l]
-        kappa = 2.0 * room[R, l]
-        near_pole = (room[R, l] < 0.0) & (abs(kappa * u * u) > NEAR_POLE)
-        room[SLOW, l] = select(near_pole, 1.0, room[LARGE, l])
-        room[HALF, l] = 0.5 * not_negligible(u)
-        room[KAPPA, l] = select(abs(u) > NO_SQUARE, 4.0 * kappa, 0.0)
-        slow += select(room[SLOW, l] != 0.0, 1, 0)
+        w = r.seed_w[l] * r.eighths_c[a, l]
+        r.w[l], r.slow[l] = not_negligible(w), r.seed_slow[l]
+        r.r[l] = select(abs(w) > NO_SQUARE, b.passage.r[l], 0.0)
+        slow += select(r.slow[l] != 0.0, 1, 0)
+    if turning:
+        for l in range(lanes):
+            r.c[l], r.s[l] = product(
+                r.seed_c[l], r.seed_s[l], r.eighths_c[a, l], r.eighths_s[a, l], b.forms, l
+            )
     return slow
 
 
-@inner
-def scatter_rows(tile, flat, row, rows, width, groups):
-    """Write eight rows of each group of lanes."""
-    begin, end, origin, direction, batch, first = rows
-    stride = 2 * direction * batch
-    for g in range(groups):
-        place = row + g * GROUP
-        target = 2 * ((origin + direction * place) * batch + first)
-        if begin <= place and place + EIGHT <= end:
-            for l in range(width):
-                for b in range(EIGHT):
-                    i = target + stride * b + 2 * l
-                    flat[i], flat[i + 1] = (
-                        tile[b, 2 * (g * width + l)],
-                        tile[b, 2 * (g * width + l) + 1],
-                    )
-        else:
-            for b in range(max(begin - place, 0), min(end - place, EIGHT)):
-                for i in range(2 * width):
-                    flat[target + stride * b + i] = tile[b, 2 * g * width + i]
+@formula
+def product(c, s, next_c, next_s, o, l):
+    """Coefficients of a `Forms` after the steps of both pairs."""
+    kept = select(o.turns[l] != 0.0, next_c, 1.0)
+    return c * next_c - o.square[l] * (s * next_s), s * kept + c * next_s
 
 
-def fill_rows(part, parts, sign, parameters, omega, steps, rows, lanes, out, ends, missing):
+@formula
+def fill_line(b, r, lanes, row, passing, turning, line):
+    """Compute the states of a row, and of those beside it."""
+    o, h = b.passage, b.forms
+    if passing:
+        for l in range(lanes):
+            w = r.w[l] * r.ones_c[row, l]
+            inverse = 1.0 / (1.0 + w * (r.r[l] * w - o.c[l]))
+            line[2 * l] = o.rest1[l] + (o.a1[l] * w - o.b1[l]) * inverse
+            line[2 * l + 1] = o.rest2[l] + (o.a2[l] * w - o.b2[l]) * inverse
+    if turning:
+        for l in range(lanes):
+            c, s = product(r.c[l], r.s[l], r.ones_c[row, l], r.ones_s[row, l], h, l)
+            odd = r.odd[row, l] != 0.0
+            omega1, omega2 = formulas.quotient(c, s, odd, forms_at(h, l))
+            turns = b.levels.kind[l] > PASSES
+            line[2 * l] = select(turns, omega1, line[2 * l])
+            line[2 * l + 1] = select(turns, omega2, line[2 * l + 1])
+
+
+@kernel
+def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, ends, missing):
     """Fill rows begin <= i < end: state first + every i goes to row origin + direction i.
 
     steps   first, every
@@ -311,108 +547,103 @@ def fill_rows(part, parts, sign, parameters, omega, steps, rows, lanes, out, end
     first_number, every = steps
     begin, end, origin, direction = rows
     low = begin // GROUP * GROUP
-    plan = plan_of(lanes, out, end - low, GROUP)
-    tasks, _, some, groups, _ = plan
-    room, tile = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(TILE), (EIGHT, WIDE))
+    plan = plan_of(lanes, out, end - low, GROUP, GROUP)
+    tasks, _, some, abreast, _ = plan
+    b, r, line = block(), rows_of_block(), carray(stack(_LINE), (_LINE,))
     flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
-        enter(sign, parameters, omega, first, width, room)
-        used, scales, fails = finish_block(room, first, width, groups, ends)
-        enter_ratios(room, used, every)
+        used = fill_lanes(b.problem, r.offset, parameters, omega, first, width, abreast, direction)
+        passing, turning = enter(b, motion, used)
+        passing, turning = passing > 0, turning > 0
+        fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
+        mends = needs_mending(b, used)
+        enter_ratios(b, r, used, first_number, every)
+        if turning:
+            enter_turning_ratios(b, r, used, every)
         for l in range(used):
-            room[NUMBER, l] = float(l // width * GROUP)
-        top_of_task = low + skipped
-        for top in range(top_of_task, min(top_of_task + some, end), GROUP * groups):
-            enter_seeds(room, used, first_number, every, top)
-            starts = top == 0 and first_number == 0.0
-            for a in range(EIGHT):
-                row = top + EIGHT * a
-                if groups == 1 and (row >= end or row + EIGHT <= begin):
+            r.number[l] = float(l // width)
+        start = low + skipped
+        for top in range(start, min(start + some, end), GROUP * abreast):
+            enter_table(b, r, width, abreast, used, first_number, every, top, turning)
+            for group in range(top, min(top + GROUP * abreast, end), GROUP):
+                if group + GROUP <= begin:
                     continue
-                slow = enter_eighth(room, used, a)
-                repairs_all = slow > 0 or scales
-                for b in range(EIGHT):
-                    line = tile[b if groups > 1 else 0]
-                    for l in range(used):
-                        line[2 * l], line[2 * l + 1] = near_state(
-                            room[HALF, l] * room[ROWS + b, l],
-                            room[KAPPA, l],
-                            room[A1, l],
-                            room[B1, l],
-                            room[A2, l],
-                            room[B2, l],
-                        )
-                    if groups == 1 and not begin <= row + b < end:
-                        continue
-                    repairs = repairs_all or (starts and a == 0 and b == 0)
-                    for l in range(width * groups if repairs or fails else 0):
-                        place = row + b + room[NUMBER, l]
-                        n = first_number + every * place
-                        if repairs and begin <= place < end:
-                            mend(room, l, n, line, 2 * l, found)
-                        if fails:
-                            end_rows(room, l, n, line, 2 * l)
-                    if groups == 1:
-                        target = 2 * ((origin + direction * (row + b)) * batch + first)
-                        write_row(line, flat, target, 2 * width, 2 * direction * batch, lead)
-                if groups > 1:
-                    place = begin, end, origin, direction, batch, first
-                    scatter_rows(tile, flat, row, place, width, groups)
+                take_seeds(r, (group - top) // GROUP, width, used)
+                for a in range(0, EIGHT, max(abreast // EIGHT, 1)):
+                    slow = enter_eighth(b, r, used, a, turning) > 0
+                    for one in range(0, EIGHT, abreast):
+                        at = group + EIGHT * a + one
+                        if at >= end or at + abreast <= begin:
+                            continue
+                        fill_line(b, r, used, one, passing, turning, line)
+                        first_row = at == 0 and first_number == 0.0
+                        for l in range(width * abreast if mends or slow or first_row else 0):
+                            place = at + r.offset[l]
+                            if begin <= place < end:
+                                n = first_number + every * place
+                                mend(b, r.slow[l] != 0.0, l, n, line, found)
+                        for l in range(width * abreast if fails else 0):
+                            if first_number + every * (at + r.offset[l]) >= r.fails[l]:
+                                line[2 * l], line[2 * l + 1] = np.nan, np.nan
+                        # Places in the output of the rows of this line.
+                        low_place, high_place = max(begin - at, 0), min(end - at, abreast)
+                        if direction < 0:
+                            low_place, high_place = abreast - high_place, abreast - low_place
+                        place = origin + direction * at - (abreast - 1 if direction < 0 else 0)
+                        joined = high_place - low_place if width == batch else 1
+                        for i in range(low_place, high_place, joined):
+                            write_row(
+                                line[2 * width * i :],
+                                flat,
+                                2 * ((place + i) * batch + first),
+                                2 * width * joined,
+                                2 * direction * batch * abreast,
+                                lead,
+                            )
 
 
-def fill_states(part, parts, sign, parameters, omega, times, to, lanes, out, ends, missing):
+@kernel
+def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, ends, missing):
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
-    plan = plan_of(lanes, out, times.size, 1)
-    tasks, _, some, groups, _ = plan
-    room, line = carray(stack(ROOM), (FIELDS, LANES)), carray(stack(WIDE), (WIDE,))
+    plan = plan_of(lanes, out, times.size, 1, min(times.size, LANES))
+    tasks, _, some, abreast, _ = plan
+    b, r, line = block(), rows_of_block(), carray(stack(_LINE), (_LINE,))
     flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
-        enter(sign, parameters, omega, first, width, room)
-        used, scales, fails = finish_block(room, first, width, groups, ends)
-        far = 0
-        for l in range(used):
-            far += select(room[H, l] != 0.0, 1, 0)
-        for j in range(skipped, min(skipped + some, times.size), groups):
-            for l in range(used):
-                room[NUMBER, l] = times[min(j + l // width, times.size - 1)]
+        used = fill_lanes(b.problem, r.offset, parameters, omega, first, width, abreast, 1)
+        passing, turning = enter(b, motion, used)
+        fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
+        mends = needs_mending(b, used) or fails
+        for j in range(skipped, min(skipped + some, times.size), abreast):
             odd = 0
             for l in range(used):
-                room[HALF, l], room[KAPPA, l] = growth(room[NUMBER, l], orbit_of(room, l))
-            for l in range(used):
-                o = orbit_of(room, l)
-                A, B = near_point(room[HALF, l], room[KAPPA, l], 2.0 * o.r)
-                omega1, omega2 = o.a1 * A + o.b1 * B, o.a2 * A + o.b2 * B
-                line[2 * l], line[2 * l + 1] = omega1, omega2
-                finite = abs(omega1) + abs(omega2) < np.inf
-                odd += select(finite & (room[NUMBER, l] != 0.0), 0, 1)
-            if far > 0:
+                r.number[l] = times[min(j + int(r.offset[l]), times.size - 1)]
+            if passing > 0:
                 for l in range(used):
-                    o = orbit_of(room, l)
-                    A, B = far_point(room[NUMBER, l], o)
-                    is_far = o.h != 0.0
-                    omega1 = select(is_far, o.a1 * A + o.b1 * B, line[2 * l])
-                    omega2 = select(is_far, o.a2 * A + o.b2 * B, line[2 * l + 1])
-                    line[2 * l], line[2 * l + 1] = omega1, omega2
-                    odd += select(abs(omega1) + abs(omega2) < np.inf, 0, 1)
-            groups_left = min(groups, times.size - j)
-            for l in range(width * groups_left if odd > 0 or scales or fails else 0):
-                mend(room, l, room[NUMBER, l], line, 2 * l, found)
-                if fails:
-                    end_rows(room, l, room[NUMBER, l], line, 2 * l)
-            for g in range(groups_left):
-                target = 2 * (to[j + g] * batch + first)
-                if groups == 1:
-                    write_row(line, flat, target, 2 * width, 0, lead)
-                else:
-                    for i in range(2 * width):
-                        flat[target + i] = line[2 * g * width + i]
-
-
-rows_of_map = Kernel(fill_rows, "rows_of_map", enter=entering(True))
-rows_of_flow = Kernel(fill_rows, "rows_of_flow", enter=entering(False))
-states_of_map = Kernel(fill_states, "states_of_map", enter=entering(True))
-states_of_flow = Kernel(fill_states, "states_of_flow", enter=entering(False))
+                    o = passage_at(b.passage, l)
+                    f, k = formulas.growth(r.number[l], power_at(b.power, l), o)
+                    line[2 * l], line[2 * l + 1] = formulas.passing(f, k, o)
+            if turning > 0:
+                for l in range(used):
+                    o, power = forms_at(b.forms, l), power_at(b.power, l)
+                    c, s = formulas.multiples(r.number[l], power, o)
+                    is_odd = formulas.is_odd(r.number[l], power.r)
+                    omega1, omega2 = formulas.quotient(c, s, is_odd, o)
+                    turns = b.levels.kind[l] > PASSES
+                    line[2 * l] = select(turns, omega1, line[2 * l])
+                    line[2 * l + 1] = select(turns, omega2, line[2 * l + 1])
+            for l in range(used):
+                finite = abs(line[2 * l]) + abs(line[2 * l + 1]) < np.inf
+                odd += select(finite & (r.number[l] != 0.0), 0, 1)
+            count = width * min(abreast, times.size - j)
+            for l in range(count if odd > 0 or mends else 0):
+                mend(b, False, l, r.number[l], line, found)
+                if fails and r.number[l] >= r.fails[l]:
+                    line[2 * l], line[2 * l + 1] = np.nan, np.nan
+            for i in range(count // width):
+                target = 2 * (to[j + i] * batch + first)
+                write_row(line[2 * width * i :], flat, target, 2 * width, 0, lead)

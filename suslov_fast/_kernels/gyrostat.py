@@ -54,7 +54,10 @@ def enter(parameters, omega, i, b, l):
     # Out of range L and K are NaN: there is a state 0, and no next one.
     b.L[l] = select(np.isnan(p.omega1), np.nan, select(np.isnan(K), 0.0, L))
     b.Z[l], b.omega1[l], b.omega2[l] = Z, p.omega1, p.omega2
-    return codes.NONFINITE if np.isnan(p.omega1) else codes.OK, 1
+    Y = c - Z
+    supercritical = 1.0 + b1 * b2 * K * (2.0 * L - K) <= Y * Y
+    code = codes.SUPERCRITICAL if supercritical else codes.OK
+    return codes.NONFINITE if np.isnan(p.omega1) else code, 1
 
 
 @formula

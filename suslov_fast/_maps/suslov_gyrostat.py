@@ -6,6 +6,7 @@ from functools import partial
 
 from .._bodies.gyrostat import SuslovGyrostat
 from .._engine.iterate import iterate
+from .._engine.jump import run_3d
 from .._engine.layout import for_loops
 from .._kernels.maps_3d import gyrostat
 from .record import Kept, Map
@@ -14,10 +15,10 @@ MAP = Map(
     name="suslov_gyrostat",
     body=SuslovGyrostat,
     title="Discrete Suslov gyrostat",
-    methods=("auto",),
+    methods=("auto", "canonical"),
     # Not scaled here: the kernel scales each trajectory.
     parameters=partial(for_loops, units=False),
-    run=partial(iterate, kernel=gyrostat, work=2.0),
+    run=partial(run_3d, by_steps=partial(iterate, kernel=gyrostat, work=2.0)),
     kept=(
         Kept("state", ("flat", 4)),
         Kept("turn", ("flat", 4), attitude=True),
@@ -27,4 +28,5 @@ MAP = Map(
     ),
     samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
     conserved=lambda body: ("first_integral",),
+    closed_form=lambda body: True,
 )

@@ -101,9 +101,10 @@ def iterate(
         In three dimensions "canonical" iterates the map in its canonical coordinates, in which it
         has no parameters. "ds2" iterates equation (5) as printed in the paper, which is slower and
         less accurate. "auto" evaluates the closed form: its cost depends on the number of saved
-        states and not on `steps`, and its results agree to rounding. It iterates orbits that may
-        meet a pole (t >= 1) until they have passed it, runs with `attitude`, and runs of fewer than
-        32 steps that save only the last state.
+        states and not on `steps`, and its results agree to rounding. It iterates runs with
+        `attitude`, runs of fewer than 32 steps that save only the last state, and orbits of a
+        gyrostat that are periodic and may meet a pole (t >= 1). A gyrostat has "auto" and
+        "canonical".
 
         In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
         pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto"

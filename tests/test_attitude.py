@@ -138,6 +138,10 @@ def test_states_that_are_not_consecutive(case):
                 sf.attitude(body, np.ldexp(omega, k), np.ldexp(eps, -k))
     with pytest.raises(ValueError, match="expected consecutive states"):
         sf.attitude(other, omega, 0.2)
+    apart = states(body, omega0, 1e-9, 1)  # steps far below rounding errors of 1e-8
+    apart[1] *= 1 + 1e-8
+    with pytest.raises(ValueError, match="expected consecutive states"):
+        sf.attitude(body, apart, 1e-9)
     omega[24:, 1] = omega[23, 1]
     with pytest.raises(ValueError, match="states 23 and 24 of trajectory 1 that are not"):
         sf.attitude(body, omega, 0.2)

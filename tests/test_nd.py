@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast._formulas.nd_map import solve_bordered
 from suslov_fast._kernels.elimination import WIDTH, eliminate
 
 METHODS = ("rank2", "gauss")
@@ -168,6 +169,14 @@ def test_rank2_uses_elimination_for_small_d(rng, low, high, factor):
         )
         ratios.append(short / max(eliminated, 1e-16))
     assert np.quantile(ratios, 0.9) < factor
+
+
+def test_the_second_pivot_of_the_bordered_system():
+    """I.delta = -4/3, omega.delta = -1/6 and delta_k = -1, with 0 where the pivot would be."""
+    solved = numba.njit(lambda *numbers: solve_bordered(*numbers))
+    of_omega, of_I, delta_k, regular = solved(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 0.0, 0.0)
+    assert regular
+    np.testing.assert_allclose([of_omega, of_I, delta_k], [1 / 3, 5 / 6, -1], rtol=1e-15)
 
 
 def test_poles_with_one_small_d(rng):

@@ -18,7 +18,7 @@ def split(I, omega, k, own, along, across):
 
     Returns I23 and the state of the 3D body.
     """
-    p, lost, square, total, coupled = 0.0, 0.0, 0.0, 0.0, 0
+    p, lost, square, total = 0.0, 0.0, 0.0, 0.0
     w_k = scaled(omega[k], -own)
     for i in range(I.size):
         w = scaled(omega[i], -own)
@@ -27,7 +27,6 @@ def split(I, omega, k, own, along, across):
         across[i] = sum_of_products(I[k], w, -I[i], w_k)
         square += I[i] * I[i]
         total += I[i] * across[i]
-        coupled += I[i] != 0.0
     largest, undefined = 0.0, 0.0
     for i in range(I.size):
         across[i] = (across[i] - I[i] * (total / square)) / I[k]
@@ -39,8 +38,6 @@ def split(I, omega, k, own, along, across):
         length += across[i] * across[i]
     length, norm, rounded = np.sqrt(length), np.sqrt(square), p + lost
     omega1, I23 = as_product(rounded, lost - (rounded - p))
-    if coupled == 1:
-        omega1, I23 = w_k, I[k]
     for i in range(I.size):
         along[i] = scaled(I23 * I[i] / square, own)
         across[i] = scaled(across[i] / length * (I23 / norm), own)

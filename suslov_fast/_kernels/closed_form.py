@@ -88,7 +88,8 @@ class Levels(NamedTuple):
 class Rows(NamedTuple):
     """Lanes at some rows or times.
 
-    offset, number   the row relative to that of the first lane, and the time
+    place, offset    of the row in the output and in time, relative to the first
+    eights, number   the multiple of eight in the offset; the time
     fails, slow      the first step without a state; 1 if states are computed one by one
     w, r             the ratio of a `Passage`, and r, or 0 where its square is negligible
     c, s             the c and s of `Forms`
@@ -97,7 +98,9 @@ class Rows(NamedTuple):
     odd              1 in rows where r**n is negative
     """
 
+    place: object
     offset: object
+    eights: object
     number: object
     fails: object
     slow: object
@@ -158,7 +161,7 @@ def block():
 @formula
 def rows_of_block():
     return Rows(
-        row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
         row(), row(), row(), row(), row(), row(), row(), row(),
         table(), table(), table(), table(), table(),
     )  # fmt: skip
@@ -231,20 +234,24 @@ def task_of(task, plan, lanes):
 
 
 @formula
-def fill_lanes(problem, offset, parameters, omega, first, width, abreast, direction):
+def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
     """Give each lane a trajectory and a row, in the order of the output; return the whole lanes.
 
     Lanes beyond the last repeat it.
     """
     I1, I2, I13, I23, k, eps = parameters
-    lanes = whole(width * abreast)
+    lanes, place, i = whole(width * abreast), 0, 0
     for l in range(lanes):
-        place, i = min(l // width, abreast - 1), first + l % width
-        problem.I1[l], problem.I2[l] = entry(I1, i), entry(I2, i)
-        problem.I13[l], problem.I23[l] = entry(I13, i), entry(I23, i)
-        problem.k[l], problem.eps[l] = entry(k, i), entry(eps, i)
-        problem.omega1[l], problem.omega2[l] = omega[i, 0], omega[i, 1]
-        offset[l] = float(place if direction > 0 else abreast - 1 - place)
+        problem.I1[l], problem.I2[l] = entry(I1, first + i), entry(I2, first + i)
+        problem.I13[l], problem.I23[l] = entry(I13, first + i), entry(I23, first + i)
+        problem.k[l], problem.eps[l] = entry(k, first + i), entry(eps, first + i)
+        problem.omega1[l], problem.omega2[l] = omega[first + i, 0], omega[first + i, 1]
+        offset = place if direction > 0 else abreast - 1 - place
+        r.place[l], r.offset[l], r.eights[l] = float(place), float(offset), float(offset // EIGHT)
+        if i < width - 1:
+            i += 1
+        elif place < abreast - 1:
+            i, place = 0, place + 1
     return lanes
 
 
@@ -431,66 +438,65 @@ def needs_mending(b, lanes):
 @formula
 def enter_ratios(b, r, lanes, first_number, every):
     """Fill the growth between rows, and in which rows r**n is negative."""
-    for a in range(2 * EIGHT):
+    for a in range(EIGHT):
         for l in range(lanes):
-            offset = r.offset[l]
-            eights = np.floor(offset / 8.0)
-            steps = 8.0 * (a + eights) if a < EIGHT else a - 8.0 + (offset - 8.0 * eights)
-            steps = steps * every
-            power = power_at(b.power, l)
+            steps = 8.0 * (a + r.eights[l]) * every
+            p, k, sign = formulas.power_of_ratio(steps, power_at(b.power, l))
+            r.eighths_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
+        for l in range(lanes):
+            power, steps = power_at(b.power, l), (a + (r.offset[l] - 8.0 * r.eights[l])) * every
             p, k, sign = formulas.power_of_ratio(steps, power)
-            r_c = not_negligible(abs(sign) * scaled(1.0 + p, k))
-            if a < EIGHT:
-                r.eighths_c[a, l] = r_c
-            else:
-                r.ones_c[a - EIGHT, l] = r_c
-                odd = formulas.is_odd(first_number + steps, power.r)
-                r.odd[a - EIGHT, l] = select(odd, 1.0, 0.0)
+            r.ones_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
+            r.odd[a, l] = select(formulas.is_odd(first_number + steps, power.r), 1.0, 0.0)
 
 
 @formula
 def enter_turning_ratios(b, r, lanes, every):
-    """Fill the growth of the c and s of `Forms` between rows."""
-    for a in range(2 * EIGHT):
+    """Fill the growth of the coefficients of a `Forms` between rows."""
+    for a in range(EIGHT):
         for l in range(lanes):
-            offset = r.offset[l]
-            eights = np.floor(offset / 8.0)
-            steps = 8.0 * (a + eights) if a < EIGHT else a - 8.0 + (offset - 8.0 * eights)
+            steps, o = 8.0 * (a + r.eights[l]) * every, forms_at(b.forms, l)
+            c, s = formulas.multiples(steps, power_at(b.power, l), o)
+            r.eighths_c[a, l] = select(o.turns != 0.0, c, r.eighths_c[a, l])
+            r.eighths_s[a, l] = s
+        for l in range(lanes):
+            steps = (a + (r.offset[l] - 8.0 * r.eights[l])) * every
             o = forms_at(b.forms, l)
-            c, s = formulas.multiples(steps * every, power_at(b.power, l), o)
-            turns = o.turns != 0.0
-            if a < EIGHT:
-                r.eighths_c[a, l] = select(turns, c, r.eighths_c[a, l])
-                r.eighths_s[a, l] = s
-            else:
-                r.ones_c[a - EIGHT, l] = select(turns, c, r.ones_c[a - EIGHT, l])
-                r.ones_s[a - EIGHT, l] = s
+            c, s = formulas.multiples(steps, power_at(b.power, l), o)
+            r.ones_c[a, l] = select(o.turns != 0.0, c, r.ones_c[a, l])
+            r.ones_s[a, l] = s
 
 
 @formula
-def enter_table(b, r, width, abreast, lanes, first_number, every, top, turning):
+def enter_table(b, r, lanes, first_number, every, top, turning):
     """Fill the ratios or coefficients at the rows top + GROUP i; those of row i have the place of
     lanes of row i.
     """
     for l in range(lanes):
-        n = first_number + every * (top + GROUP * r.number[l])
+        n = first_number + every * (top + GROUP * r.place[l])
         f, k = formulas.growth(n, power_at(b.power, l), passage_at(b.passage, l))
         r.table_w[l] = not_negligible(scaled(f, smaller(k, LARGE_SEED)))
         r.table_slow[l] = select(k >= LARGE_SEED, 1.0, 0.0)
     if turning:
         for l in range(lanes):
-            n = first_number + every * (top + GROUP * r.number[l])
+            n = first_number + every * (top + GROUP * r.place[l])
             c, s = formulas.multiples(n, power_at(b.power, l), forms_at(b.forms, l))
             r.table_c[l], r.table_s[l] = not_negligible(c), s
 
 
 @formula
-def take_seeds(r, group, width, lanes):
+def take_seeds(r, group, width, abreast, lanes, turning):
     """Take the seeds of one group of rows from the tables."""
-    for l in range(lanes):
-        source = group * width + l % width
-        r.seed_w[l], r.seed_slow[l] = r.table_w[source], r.table_slow[source]
-        r.seed_c[l], r.seed_s[l] = r.table_c[source], r.table_s[source]
+    for i in range(width):
+        w, slow = r.table_w[group * width + i], r.table_slow[group * width + i]
+        for place in range(abreast):
+            r.seed_w[place * width + i], r.seed_slow[place * width + i] = w, slow
+    for i in range(width if turning else 0):
+        c, s = r.table_c[group * width + i], r.table_s[group * width + i]
+        for place in range(abreast):
+            r.seed_c[place * width + i], r.seed_s[place * width + i] = c, s
+    for l in range(width * abreast, lanes):
+        r.seed_w[l], r.seed_slow[l], r.seed_c[l], r.seed_s[l] = 0.0, 0.0, 0.0, 0.0
 
 
 @formula
@@ -554,7 +560,7 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
-        used = fill_lanes(b.problem, r.offset, parameters, omega, first, width, abreast, direction)
+        used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, direction)
         passing, turning = enter(b, motion, used)
         passing, turning = passing > 0, turning > 0
         fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
@@ -562,15 +568,13 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
         enter_ratios(b, r, used, first_number, every)
         if turning:
             enter_turning_ratios(b, r, used, every)
-        for l in range(used):
-            r.number[l] = float(l // width)
         start = low + skipped
         for top in range(start, min(start + some, end), GROUP * abreast):
-            enter_table(b, r, width, abreast, used, first_number, every, top, turning)
+            enter_table(b, r, used, first_number, every, top, turning)
             for group in range(top, min(top + GROUP * abreast, end), GROUP):
                 if group + GROUP <= begin:
                     continue
-                take_seeds(r, (group - top) // GROUP, width, used)
+                take_seeds(r, (group - top) // GROUP, width, abreast, used, turning)
                 for a in range(0, EIGHT, max(abreast // EIGHT, 1)):
                     slow = enter_eighth(b, r, used, a, turning) > 0
                     for one in range(0, EIGHT, abreast):
@@ -614,7 +618,7 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
-        used = fill_lanes(b.problem, r.offset, parameters, omega, first, width, abreast, 1)
+        used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, 1)
         passing, turning = enter(b, motion, used)
         fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
         mends = needs_mending(b, used) or fails

@@ -50,11 +50,11 @@ def eliminate(matrix):
             for l in range(width):
                 # The sum avoids masked stores, which are slow.
                 largest[l] = larger(abs(matrix[i, k, l]), largest[l]) + 0.0
-        smaller_pivots = 0.0
+        smaller_pivots = 0  # an integer: a sum of floats is one addition after the other
         for l in range(width):
-            smaller_pivots += select(abs(matrix[k, k, l]) < largest[l], 1.0, 0.0)
+            smaller_pivots += select(abs(matrix[k, k, l]) < largest[l], 1, 0)
         # Near the identity no rows are exchanged.
-        if smaller_pivots > 0.0:
+        if smaller_pivots > 0:
             exchange_rows(matrix, k)
         for l in range(width):
             pivots[l] = larger(largest[l], pivots[l])

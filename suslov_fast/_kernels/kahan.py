@@ -118,9 +118,9 @@ def take_step(terms, b, first, x, after):
         for l in range(width):
             after[i, l] = next_of(x[i, l], b.matrix[i, D, l])
             b.size[l] += abs(after[i, l])
-    failed = 0.0
+    failed = 0
     for l in range(width):
-        failed += select(b.size[l] <= b.bound[l], 0.0, 1.0)
+        failed += select(b.size[l] <= b.bound[l], 0, 1)
     return failed
 
 
@@ -245,7 +245,7 @@ def iterate_field(part, parts, indices, values, parameters, span, saved, turning
                     break
                 while n < min(next_saved, stop_at):
                     n += 1
-                    if take_step(terms, b, first, x, after) > 0.0:
+                    if take_step(terms, b, first, x, after) > 0:
                         repeat_step(terms, b, first, end, x, after, n, status, failed_at)
                     x, after = after, x
             write(initial, b, x, first, end, stop_at, final)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import work
-from problem import BODY, EPS, aligned, problem_nd
+from problem import BODY, EPS, EPS_FIELD, FIELDS, aligned, field_and_states, problem_nd
 
 import suslov_fast
 from suslov_fast import exact, first_integral, flow, iterate, step
@@ -132,6 +132,17 @@ for components in (3, 8, 32):
         make, limit = saved_states_nd(components, key == "integrable"), 8 * components
         more = {"x": components, "limit": ("streaming", limit)}
         add("n dimensions, saved states", key, f"`iterate`, {whose} body", make, **more)
+
+
+def last_of_field(components):
+    """Last states of a field by this package."""
+    field, _ = field_and_states(components, 1)
+    return lambda x, steps, threads: iterate(field, x, EPS_FIELD, steps, save_every=None).final
+
+
+for components in FIELDS:
+    make = work.fields(last_of_field(components), components, 600 // components)
+    add("fields", "iterate", "`iterate`", make, x=components)
 
 for what, label in (
     ("last", "`iterate`, last states and orientations"),

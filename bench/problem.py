@@ -10,13 +10,27 @@ import formulas
 import numpy as np
 from formulas import EPS, Formulas
 
-from suslov_fast import Suslov3D, SuslovND
+from suslov_fast import QuadraticField, Suslov3D, SuslovND
 
 BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
 # Number of trajectories that are compared with the reference, and number of their steps.
 CHECKED, STEPS = 64, 1000
 CHECKED_ND, STEPS_ND = 8, 5
+
+
+# Quadratic fields by their dimension: the Lorenz system, and a Volterra chain.
+EPS_FIELD = 1 / 64
+FIELDS = {
+    3: lambda x: (10 * (x[1] - x[0]), 28 * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8 / 3 * x[2]),
+    12: lambda x: [x[i] * (x[(i + 1) % 12] - x[i - 1]) for i in range(12)],
+}
+
+
+def field_and_states(components, batch):
+    """A quadratic field, and states of the order of 1."""
+    states = np.random.default_rng(3).uniform(0.5, 1, (batch, components))
+    return QuadraticField.from_function(FIELDS[components], components), states
 
 
 def starts(batch):

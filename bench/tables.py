@@ -159,6 +159,13 @@ TABLES = (
         "n - 1 =",
     ),
     Table(
+        "fields",
+        "**Quadratic fields**: the Lorenz system (D = 3, 16,384 trajectories) and a Volterra chain "
+        "of 12 (4096), nanoseconds per step:",
+        (NS,),
+        "D =",
+    ),
+    Table(
         "space",
         "**Orientations and exponents** of 4096 bodies, 100 steps, nanoseconds per step:",
         (NS,),

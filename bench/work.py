@@ -140,6 +140,22 @@ def dimensions(function, components, cubic, slow=False):
     return make
 
 
+def fields(function, components, steps):
+    """Last states of Kahan's map of a quadratic field by a function of (x, steps, threads)."""
+
+    def make(size, threads):
+        call, peer = load(function), load("fields.in_numpy")
+        _, x = problem.field_and_states(components, size(49_152 // components, 32))
+        few, count = x[: problem.CHECKED_ND], size(steps, 2)
+        return Work(
+            lambda: call(x, count, threads),
+            len(x) * count,
+            lambda: (call(few, problem.STEPS_ND, threads), peer(few, problem.STEPS_ND, threads)),
+        )
+
+    return make
+
+
 def quantities(function, name):
     """A quantity of ten million states, into new memory, by a function of states."""
 

@@ -7,7 +7,8 @@ the continuous motion at the same time.
 import numpy as np
 from cases import DIMENSIONS, QUANTITIES
 from formulas import Formulas
-from work import Case, dimensions, jumps, last_states, motions, quantities, saved_states
+from problem import FIELDS
+from work import Case, dimensions, fields, jumps, last_states, motions, quantities, saved_states
 
 FREE, PRANGE = "C, parameter-free", "Numba, naive: `prange` over trajectories"
 BATCH, FOUR = "NumPy, over the batch", "one division per four steps"
@@ -16,9 +17,10 @@ CASES = []
 
 def add(table, function, key, label, make, on_one_thread=False, **more):
     """Add a case to the list."""
-    of_numpy = function.startswith("numpy") and "python" not in function
-    whose = "C" if function.startswith("c.") else "NumPy" if of_numpy else "others"
-    threads = "one" if on_one_thread or function.startswith(("numpy", "scipy")) else "all"
+    library = function.removeprefix("fields.in_")
+    of_numpy = library.startswith("numpy") and "python" not in function
+    whose = "C" if library.partition(".")[0] == "c" else "NumPy" if of_numpy else "others"
+    threads = "one" if on_one_thread or library.startswith(("numpy", "scipy")) else "all"
     CASES.append(Case(table, key, label, make, whose=whose, threads=threads, **more))
 
 
@@ -57,6 +59,16 @@ for function, key, label, cubic in (
     for n in DIMENSIONS:
         make = dimensions(function, n, cubic, slow=function.startswith("numpy"))
         add("n dimensions", function, key, label, make, on_one_thread=True, x=n)
+
+
+for function, key, label, share in (
+    ("fields.in_c", "c-field", "C: Lorenz written out, the chain by elimination", 1),
+    ("fields.in_numba", "numba-solve", f"{PRANGE}, `linalg.solve`", 4),
+    ("fields.in_numpy", "numpy-solve", "NumPy, `linalg.solve`", 20),
+):
+    for components in FIELDS:
+        make = fields(function, components, 600 // components // share)
+        add("fields", function, key, label, make, x=components)
 
 
 def in_numpy(name):

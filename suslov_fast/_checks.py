@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import math
 import numbers
 import operator
+import os
+import sys
+import warnings
 from collections.abc import Sequence
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -24,6 +30,8 @@ EXACT = 2**53
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
 _OWN_AXES = ("component", "space", "body")
+# Files whose frames lie between a warning and the line of the user: this package, and `replace`.
+_NOT_OF_USERS = (os.path.dirname(__file__) + os.sep, dataclasses.__file__, copy.__file__)
 
 
 def wrong(
@@ -31,6 +39,20 @@ def wrong(
 ) -> Exception:
     """Return an error that names the argument."""
     return error(f"{name}: expected {expected}, got {received}")
+
+
+def warn(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn of the user's line: that of the first frame outside the package."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and _between(frame.f_code):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, level)
+
+
+def _between(code: CodeType) -> bool:
+    """Return whether code lies between a warning and the user, as constructors of bodies do."""
+    of_dataclass = code.co_filename == "<string>" and code.co_name == "__init__"
+    return of_dataclass or code.co_filename.startswith(_NOT_OF_USERS)
 
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:

@@ -1,5 +1,6 @@
 """Poles and overflow, and the warnings and errors about them."""
 
+import dataclasses
 import itertools
 import pickle
 
@@ -250,3 +251,41 @@ def test_skipped_trajectories_are_detected(body, monkeypatch, method, save_every
     monkeypatch.setattr(threads, "run", lambda *arguments: None)
     with pytest.raises(RuntimeError, match="a kernel skipped trajectories"):
         sf.iterate(body, [1.0, 0.5], 0.2, 100, method=method, save_every=save_every)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class OfUser(sf.Suslov3D):
+    """A body of a user, whose constructor is generated in this module."""
+
+
+UNIT, FOUR = sf.Suslov3D(1, 1, 1, 0), sf.SuslovND([2, 2, 2, 3], [1, 0, 0.5, 0.25])
+TRIPLE, BAD = [*ON_THE_POLE, 0.0], {"I1": 4, "I2": 2, "I13": -0.5, "I23": -0.3, "I3": 20}
+WARNING_CALLS = {
+    "step": lambda: sf.step(UNIT, ON_THE_POLE, 1),
+    "iterate": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 2),
+    "extend": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 0).extend(1),
+    "step_full": lambda: sf.step_full(UNIT, TRIPLE, 1, 2.0),
+    "step_full with I3": lambda: sf.step_full(UNIT, [0.1, 0.1, 0.0], 1, I3=9.0),
+    "iterate_full": lambda: sf.iterate_full(UNIT, TRIPLE, 1, 1, 2.0),
+    "jacobian": lambda: sf.jacobian(UNIT, ON_THE_POLE, 1),
+    "jacobian of n": lambda: sf.jacobian(FOUR, [2, 1, 3, 2], 1.0),
+    "reaction": lambda: sf.reaction(UNIT, ON_THE_POLE, 1),
+    "reaction of n": lambda: sf.reaction(FOUR, [2, 1, 3, 2], 1.0),
+    "run.reaction": lambda: sf.iterate(UNIT, ON_THE_POLE, 1, 0).reaction(),
+    "lyapunov_exponents": lambda: sf.lyapunov_exponents(UNIT, ON_THE_POLE, 1, 1),
+    "exact": lambda: sf.exact(UNIT, [0.5, -9.0], 1, 2.5),
+    "a body": lambda: sf.Suslov3D(**BAD),
+    "a body of a user": lambda: OfUser(**BAD),
+    "replace": lambda: dataclasses.replace(sf.Suslov3D(4, 2, -0.5, -0.3), I3=20),
+    "from_dict": lambda: sf.Suslov3D.from_dict({"body": "Suslov3D", **BAD}),
+    "body_from_dict": lambda: sf.body_from_dict({"body": "SuslovGyrostat", "k": 1, **BAD}),
+}
+
+
+@pytest.mark.filterwarnings("default:I3")
+@pytest.mark.parametrize("name", WARNING_CALLS)
+def test_warnings_point_at_the_line_of_the_user(name):
+    with pytest.warns((UserWarning, RuntimeWarning)) as caught:
+        WARNING_CALLS[name]()
+    lines = WARNING_CALLS[name].__code__
+    assert {(each.filename, each.lineno) for each in caught} == {(__file__, lines.co_firstlineno)}

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
+from .._checks import FloatArray, warn
 
 # Each iteration of Newton's method at least doubles the number of digits near a root, and gains one
 # bit far from it.
@@ -33,7 +32,7 @@ def warn_of_I3(
     I23: float | FloatArray,
     I3: float | FloatArray | None,
 ) -> None:
-    """Warn, once for a batch and on behalf of a constructor, of an I3 that no body has."""
+    """Warn, once for a batch, of an I3 that no body has."""
     if I3 is None:
         return
     entries = np.broadcast_arrays(I1, 0.0, I13, 0.0, I2, I23, I13, I23, I3)
@@ -41,10 +40,9 @@ def warn_of_I3(
     fits = _fits(np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True)))
     if not fits.all():
         least = entries[-1].reshape(-1)[~fits][0]
-        warnings.warn(
+        warn(
             f"I3: expected one that a body with these parameters can have (see admissible_I3), "
-            f"got {least}",
-            stacklevel=4,
+            f"got {least}"
         )
 
 

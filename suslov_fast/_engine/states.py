@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numba
 import numpy as np
 
-from .._checks import LARGE, FloatArray, real_array, spell
+from .._checks import LARGE, FloatArray, real_array, spell, warn
 from .._jit import Kernel
 from .._kernels import states as kernels
 from .._kernels import states_nd as kernels_nd
@@ -71,7 +70,7 @@ def of_state(
         if warn:
             missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
     if missing:
-        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch, stacklevel=5)
+        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
     return out[()]
 
 
@@ -136,18 +135,17 @@ def by_slabs(
             absent = np.isnan(values.reshape((*some.shape[:-1], math.prod(result)))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
     if lost.any():
-        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch, stacklevel=6)
+        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch)
     return out[()]
 
 
-def warn_of_missing(count: int, first: int, batch: tuple[int, ...], stacklevel: int) -> None:
+def warn_of_missing(count: int, first: int, batch: tuple[int, ...]) -> None:
     """Warn of states without a next state; `first` counts states in C order."""
     index = tuple(int(i) for i in np.unravel_index(first, batch))
-    warnings.warn(
+    warn(
         f"{count} of {math.prod(batch)} states: singular step or out of range, first: "
         f"{spell(index)}",
         SingularStepWarning,
-        stacklevel=stacklevel,
     )
 
 

@@ -53,7 +53,7 @@ def step_full(
     run = _checked(body, "omega", omega, eps, I3)
     results = execute(run)
     # Failures at step 0 are NaN in the input, which are not reported.
-    report(run, results, "warn", 1, stacklevel=2)
+    report(run, results, "warn", 1)
     return results.final
 
 

@@ -61,7 +61,7 @@ def step(
     run.threads = thread_count(threads)
     results = execute(run)
     # Failures at step 0 are NaN in the input, which are not reported.
-    report(run, results, "warn", 1, stacklevel=2)
+    report(run, results, "warn", 1)
     return results.final
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, real_number, wrong
+from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
 from .._engine import reduction
 from .._engine.arguments import AnyBody, check
@@ -226,4 +225,4 @@ def _solve(
 def _warn(missing: float, states: FloatArray, what: str, category: type[Warning]) -> None:
     if missing:
         total = states.size // states.shape[-1]
-        warnings.warn(f"{missing:.0f} of {total} states: {what}", category, stacklevel=3)
+        warn(f"{missing:.0f} of {total} states: {what}", category)

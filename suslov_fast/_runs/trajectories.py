@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import os
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, first_index, integer, one_of, spell
+from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
 from .._engine.arguments import AnyBody
 from .._engine.layout import checked_out
@@ -478,7 +477,7 @@ def finish(
     out: FloatArray | None = None,
     before: tuple[FloatArray, FloatArray | None] | None = None,
 ) -> Trajectories:
-    """Check the other arguments of `iterate`, compute the run, and warn the caller's caller."""
+    """Check the other arguments of `iterate`, compute the run, and warn."""
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     run.steps = integer("steps", run.steps, 0)
     if run.save_every is not None:
@@ -489,11 +488,11 @@ def finish(
     if out is not None:
         out = checked_out(out, run.shape)
     results = execute(run, out, before)
-    report(run, results, on_singular, 0 if before is None else run.start + 1, stacklevel=3)
+    report(run, results, on_singular, 0 if before is None else run.start + 1)
     return Trajectories.of(run, results)
 
 
-def report(run: Run, results: Results, on_singular: str, since: int, stacklevel: int) -> None:
+def report(run: Run, results: Results, on_singular: str, since: int) -> None:
     """Warn, once for the whole batch, of trajectories that failed at step `since` or later."""
     if on_singular == "ignore" or worst(results.status) >= 0:
         return
@@ -512,4 +511,4 @@ def report(run: Run, results: Results, on_singular: str, since: int, stacklevel:
     message = "; ".join(parts)
     if on_singular == "raise":
         raise SingularStepError(message, Trajectories.of(run, results))
-    warnings.warn(message, SingularStepWarning, stacklevel=stacklevel + 1)
+    warn(message, SingularStepWarning)

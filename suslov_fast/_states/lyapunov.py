@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.three import Suslov3D
-from .._checks import FloatArray, first_index, integer, spell
+from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import check
@@ -94,11 +93,10 @@ def lyapunov_exponents(
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
     if failed.any():
-        warnings.warn(
+        warn(
             f"{np.count_nonzero(failed)} of {failed.size} trajectories: singular or non-finite "
             f"step, first: {spell(first_index(np.asarray(failed)))}",
             SingularStepWarning,
-            stacklevel=2,
         )
     return result
 

@@ -14,13 +14,15 @@ from .._checks import FloatArray
 from .._jit import LINE, Kernel
 from .._kernels import kahan, map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
-from .._kernels.elimination import WIDTH
+from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from . import threads
 from .memory import require
 from .run import Results, Run, not_computed, run_some, worst
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
+# Largest number of equations of which WIDEST systems fit in the second cache.
+_FEW = 12
 
 
 def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
@@ -102,7 +104,7 @@ def iterate_field(run: Run) -> Results:
     work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
     room = _room_of_field(size, D, indices, run.threads)
     before = indices, values, (*parameters, run.omega0)
-    final = _make_steps(run, kahan.iterate_field, work, WIDTH, before, None, kept, room)
+    final = _make_steps(run, kahan.iterate_field, work, room[1].shape[3], before, None, kept, room)
     return Results(final, resume["status"], resume["failed_at"], resume)
 
 
@@ -127,11 +129,13 @@ def equations_of_field(
 def _room_of_field(
     size: int, D: int, indices: Any, threads_wanted: int | None
 ) -> tuple[FloatArray, ...]:
-    tasks = min(threads_wanted or numba.get_num_threads(), max(-(-size // WIDTH), 1))
+    """Return memory for blocks of trajectories, whose equations fit in the second cache."""
+    lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
+    tasks = min(threads_wanted or numba.get_num_threads(), max(-(-size // lanes), 1))
     return (
-        _aligned((tasks, 2, D, D + 1, WIDTH)),
-        _aligned((tasks, 2, D, WIDTH)),
-        _aligned((tasks, indices[1].shape[1], WIDTH)),
+        _aligned((tasks, 2, D, D + 1, lanes)),
+        _aligned((tasks, 2, D, lanes)),
+        _aligned((tasks, indices[1].shape[1], lanes)),
     )
 
 

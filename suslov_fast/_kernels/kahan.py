@@ -1,13 +1,13 @@
 """Iteration of Kahan's map of any quadratic field: x_next = x + eps A(x)**-1 f(x).
 
-A(x) = 1 - (eps/2) f'(x). A block of WIDTH trajectories advances together. A field is a list of its
-nonzero terms, so that one build serves all fields:
+A(x) = 1 - (eps/2) f'(x). A block of trajectories, up to WIDEST, advances together. A field is a
+list of its nonzero terms, so that one build serves all fields:
 
 quadratic (3, T)   i, j, k: f_i has the term v x_j x_k
 linear (2, T)      i, j: f_i has the term v x_j
 constant (1, T)    i: f_i has the term v
 
-and v for each: (T,) for a single field, or (T, B) for a batch, B a multiple of WIDTH.
+and v for each: (T,) for a single field, or (T, B) for a batch, B a multiple of WIDEST.
 
 Lanes store x in a unit of length 2**k, in which products of coefficients, step size and states are
 in range if their result is. Lanes that have ended have the state 0 in the unit NaN.
@@ -21,7 +21,7 @@ from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._formulas.kahan import unit_of_length
 from .._jit import LINE, copy_line, formula, inner, kernel, select, share, subtract_product
 from .codes import NONFINITE, OK, SINGULAR
-from .elimination import WIDTH, eliminate, row
+from .elimination import eliminate, row
 
 # States whose components add up to less than this are finite.
 LARGEST = 1e307
@@ -37,14 +37,14 @@ class Block(NamedTuple):
     bound: np.ndarray  # LARGEST in the unit of length
     size: np.ndarray  # the sum of the absolute values of the components of the next state
     factor: np.ndarray
-    slopes: np.ndarray  # half the step size times linear coefficients, (T, WIDTH)
-    fixed: np.ndarray  # the equations, without what depends on the state, (D, D + 1, WIDTH)
+    slopes: np.ndarray  # half the step size times linear coefficients, (T, lanes)
+    fixed: np.ndarray  # the equations, without what depends on the state, (D, D + 1, lanes)
     matrix: np.ndarray  # A, and minus half the step size times f as the right side
 
 
 @formula
 def block_of(slopes, systems):
-    """Return a block with memory for the equations, (2, D, D + 1, WIDTH)."""
+    """Return a block with memory for the equations, (2, D, D + 1, lanes)."""
     return Block(
         row(), row(), row(), row(), row(), row(), row(), slopes, systems[0], systems[1]
     )  # fmt: skip
@@ -82,21 +82,21 @@ def build(terms, b, first, x):
     D, _, width = matrix.shape
     for i in range(D):
         for j in range(D + 1):
-            for l in range(0, WIDTH, LINE):
+            for l in range(0, width, LINE):
                 copy_line(matrix, (i, j, l), b.fixed, (i, j, l))
     for t in range(quadratic.shape[1]):
         i, j, k = quadratic[0, t], quadratic[1, t], quadratic[2, t]
         for l in range(width):
             b.factor[l] = b.quadratic[l] * value(of_quadratic, t, first + l)
-        for l in range(0, WIDTH, LINE):
+        for l in range(0, width, LINE):
             subtract_product(matrix, (i, j, l), b.factor, (l,), x, (k, l))
             subtract_product(matrix, (i, k, l), b.factor, (l,), x, (j, l))
         for l in range(width):
             b.factor[l] *= x[k, l]
-        for l in range(0, WIDTH, LINE):
+        for l in range(0, width, LINE):
             subtract_product(matrix, (i, D, l), b.factor, (l,), x, (j, l))
     for t in range(linear.shape[1]):
-        for l in range(0, WIDTH, LINE):
+        for l in range(0, width, LINE):
             subtract_product(matrix, (linear[0, t], D, l), b.slopes, (t, l), x, (linear[1, t], l))
 
 
@@ -133,7 +133,7 @@ def repeat_step(terms, b, first, end, x, after, n, status, failed_at):
     """
     D = b.matrix.shape[0]
     build(terms, b, first, x)
-    for l in range(WIDTH):
+    for l in range(x.shape[1]):
         b.factor[l] = 0.0
         for i in range(D):
             largest = 0.0
@@ -144,7 +144,7 @@ def repeat_step(terms, b, first, end, x, after, n, status, failed_at):
             for j in range(D + 1):
                 b.matrix[i, j, l] *= shrink
     eliminate(b.matrix)
-    for l in range(WIDTH):
+    for l in range(x.shape[1]):
         if not b.size[l] <= b.bound[l]:
             size = 0.0
             for i in range(D):
@@ -176,7 +176,7 @@ def enter(terms, parameters, start, kept, first, end, b, x):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
     eps, largest, initial = parameters
     _, status, failed_at, state = kept
-    for l in range(WIDTH):
+    for l in range(x.shape[1]):
         i = min(first + l, end - 1)
         step, q = eps[min(i, eps.size - 1)], largest[min(i, largest.size - 1)]
         k = unit_of_length(step, q)
@@ -187,7 +187,7 @@ def enter(terms, parameters, start, kept, first, end, b, x):
             x[c, l] = scaled(initial[i, c], -k) if start == 0 else state[i, c]
             b.size[l] += 0.0 * initial[i, c]
     prepare(terms, b, first)
-    for l in range(WIDTH):
+    for l in range(x.shape[1]):
         i = min(first + l, end - 1)
         if start == 0 and first + l < end:
             # A trajectory whose state 0 is NaN ends at step 0.
@@ -216,22 +216,23 @@ def iterate_field(part, parts, indices, values, parameters, span, saved, turning
     turning : None
     kept : final (B, D); status, failed_at (B,); the states in the units of lanes (B, D). All but
         `final` are read if start is not 0.
-    room : for the equations (tasks, 2, D, D + 1, WIDTH), for states (tasks, 2, D, WIDTH), and for
-        linear terms (tasks, T, WIDTH)
+    room : for the equations (tasks, 2, D, D + 1, lanes), for states (tasks, 2, D, lanes), and for
+        linear terms (tasks, T, lanes)
     """
     terms = indices, values
     first_one, last_one, start, stop_at, every, first_row = span
     final, status, failed_at, state = kept
     systems, states, slopes = room
     tasks, initial = len(systems), parameters[2]
-    D, blocks = initial.shape[1], (last_one - first_one + WIDTH - 1) // WIDTH
+    D, lanes = initial.shape[1], systems.shape[4]
+    blocks = (last_one - first_one + lanes - 1) // lanes
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         x, after = states[task, 0], states[task, 1]
         b = block_of(slopes[task], systems[task])
         for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
-            first = first_one + block * WIDTH
-            end = min(first + WIDTH, last_one)
+            first = first_one + block * lanes
+            end = min(first + lanes, last_one)
             enter(terms, parameters, start, kept, first, end, b, x)
             n, place, next_saved = start, 0, stop_at + 1
             if saved.shape[0] > 0:
@@ -264,14 +265,15 @@ def equations(part, parts, indices, values, parameters, kept, solves, out, room)
     terms, states = (indices, values), parameters[2]
     systems, vectors, slopes = room
     tasks, size, D = len(systems), len(states), states.shape[1]
-    blocks = (size + WIDTH - 1) // WIDTH
+    lanes = systems.shape[4]
+    blocks = (size + lanes - 1) // lanes
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         x = vectors[task, 0]
         b = block_of(slopes[task], systems[task])
         for block in range(task * blocks // tasks, (task + 1) * blocks // tasks):
-            first = block * WIDTH
-            end = min(first + WIDTH, size)
+            first = block * lanes
+            end = min(first + lanes, size)
             enter(terms, parameters, 0, kept, first, end, b, x)
             build(terms, b, first, x)
             if solves:

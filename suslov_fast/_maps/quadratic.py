@@ -11,7 +11,7 @@ from .._bodies.quadratic import QuadraticField
 from .._checks import FloatArray
 from .._engine.iterate import iterate_field
 from .._engine.layout import flat_parameter, for_kernel
-from .._kernels.elimination import WIDTH
+from .._kernels.elimination import WIDEST
 from .record import Kept, Map
 
 
@@ -23,7 +23,7 @@ def _parameters(
     largest = np.abs(values[0]).max(axis=-1, initial=0.0)
     if body.shape:
         size = math.prod(batch)
-        some = np.minimum(np.arange(-(-size // WIDTH) * WIDTH), size - 1)
+        some = np.minimum(np.arange(-(-size // WIDEST) * WIDEST), size - 1)
         full = (np.broadcast_to(each, (*batch, each.shape[-1])) for each in values)
         values = tuple(for_kernel(each.reshape(size, each.shape[-1])[some].T) for each in full)
     return indices, values, (flat_parameter(eps, batch), flat_parameter(largest, batch))

@@ -11,8 +11,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 PARAGRAPHS = {
     "any_body": """\
-body : Suslov3D, SuslovND or SuslovGyrostat
-    The body, or a batch of them.""",
+body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+    The body or field, or a batch of them.""",
     "body": """\
 body : Suslov3D or SuslovND
     The body, or a batch of them.""",

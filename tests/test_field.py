@@ -28,9 +28,11 @@ from suslov_fast import (
     lyapunov_exponents,
     matrix,
     modified_energy,
+    open_ensemble,
     step,
     vector_field,
 )
+from suslov_fast import _cli as cli
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -469,3 +471,23 @@ def test_quantities_of_batches():
 def test_quantities_that_a_field_lacks(call, message):
     with pytest.raises(TypeError, match=message):
         call()
+
+
+def test_stores_and_the_command_hold_the_hamiltonian(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pytest.importorskip("zarr")
+    pytest.importorskip("dask")
+    (tmp_path / "field.json").write_text(json.dumps(HENON.to_dict()))
+    starts = "--omega0 0.125,0.25,0.25,-0.125 --eps 0.25 --steps 20 --save-every 4"
+    for line in (f"run --body field.json -o run.zarr {starts}", "info run.zarr"):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(line.split())
+        assert not ended.value.code
+    said = capsys.readouterr().out
+    assert said.count("H = x1^2*x2") == 2
+    assert "drift of E_mod" in said
+    run = Trajectories.from_xarray(open_ensemble(tmp_path / "run.zarr"))
+    assert run.body == HENON
+    np.testing.assert_array_equal(
+        run.x[:, 0], iterate(HENON, [0.125, 0.25, 0.25, -0.125], 0.25, 20, save_every=4).x
+    )

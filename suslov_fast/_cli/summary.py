@@ -20,6 +20,7 @@ from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
+from .._runs.schema import body_of
 from .options import CommandError
 from .terminal import about, progress_bar, require_file
 
@@ -84,7 +85,7 @@ def _view(dataset: Any) -> Any:
     }
     return SimpleNamespace(
         eps=values.pop("eps"),
-        body=map.body(**values),
+        body=body_of(map, dataset.attrs | values),
         status=dataset["status"],
         states=dataset.get(map.variable, ()),
         final=dataset.get("final"),

@@ -8,10 +8,12 @@ from numpy.typing import ArrayLike
 
 from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
+from .._bodies.quadratic import QuadraticField
 from .._bodies.three import Suslov3D
 from .._checks import aligned, common_shape, instance, real_number, rotations, states
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
+BodyOrField = AnyBody | QuadraticField
 WithoutRotor = Suslov3D | SuslovND
 
 
@@ -26,7 +28,7 @@ def refuse_rotor(body: object, function: str, instead: str) -> None:
 
 
 def check(
-    body: AnyBody,
+    body: BodyOrField,
     by_name: dict[str, ArrayLike],
     numbers: dict[str, ArrayLike] | None = None,
     components: tuple[str, ...] | None = None,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
-from .arguments import AnyBody
+from .arguments import BodyOrField
 from .layout import flat_parameter
 from .memory import require
 from .progress import Progress, reporter
@@ -73,7 +73,7 @@ class Run:
     """
 
     map: Map
-    body: AnyBody
+    body: BodyOrField
     batch: tuple[int, ...]
     omega0: FloatArray
     eps: float | FloatArray

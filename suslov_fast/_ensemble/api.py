@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import common_shape, integer, one_of, real_array, rotations, wrong
 from .._docs import filled
-from .._engine.arguments import AnyBody
+from .._engine.arguments import BodyOrField
 from .._engine.progress import Progress, check_progress, reporter
 from .._maps.registry import map_of
 from .._runs.iterate import Method
@@ -31,7 +31,7 @@ Compression = Literal["lz4", "zstd"]
 
 @filled
 def ensemble(
-    body: AnyBody,
+    body: BodyOrField,
     omega0: ArrayLike | str | os.PathLike[str] | RandomStarts | dask.array.Array,
     eps: ArrayLike,
     steps: int,

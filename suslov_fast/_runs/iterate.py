@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, one_of, wrong
 from .._docs import filled
-from .._engine.arguments import AnyBody, check
+from .._engine.arguments import BodyOrField, check
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
@@ -22,7 +22,7 @@ Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
 @filled
 def step(
-    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
 
@@ -67,7 +67,7 @@ def step(
 
 @filled
 def iterate(
-    body: AnyBody,
+    body: BodyOrField,
     omega0: ArrayLike,
     eps: ArrayLike,
     steps: int,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
-from .._engine.arguments import AnyBody
+from .._engine.arguments import BodyOrField
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.run import Results, Run, execute, numbers_of_saved, worst
@@ -92,7 +92,7 @@ class Trajectories:
 
     states: FloatArray
     eps: float | FloatArray
-    body: AnyBody
+    body: BodyOrField
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     final: FloatArray

@@ -26,6 +26,8 @@ def step(
 ) -> FloatArray:
     """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
 
+    For a :class:`QuadraticField` it is a step of Kahan's map, and omega is the state x.
+
     Parameters
     ----------
     %(any_body)s
@@ -80,7 +82,7 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate a batch of trajectories of the discrete Suslov problem.
+    """Iterate a batch of trajectories of the discrete Suslov problem, or of Kahan's map of a field.
 
     The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
     shape ``...``. The result for one trajectory is bit-identical alone, in any batch, in any

@@ -1,6 +1,7 @@
 """All pages of the documentation run, and print the output in their comments."""
 
 import contextlib
+import importlib.util
 import io
 import math
 import re
@@ -105,6 +106,32 @@ def test_the_table_of_discretizations():
     shown = "".join(blocks(DOCS / "howto" / "discretization.md", "text")[:2])
     without_rounding = [re.sub(r"\de-1[4-6]", "rounding", text) for text in (printed, shown)]
     assert without_rounding[0] == without_rounding[1]
+
+
+def zoo():
+    """The script of the table, and the rows on the page."""
+    spec = importlib.util.spec_from_file_location("zoo_table", DOCS / "zoo_table.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    (table,) = script.TABLE.finditer(script.PAGE.read_text(encoding="utf-8"))
+    return *script.rows(), table.group(0).splitlines()
+
+
+@pytest.mark.compiled
+def test_some_rows_of_the_zoo():
+    pytest.importorskip("flint")
+    fields, row, table = zoo()
+    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in fields]
+    for name in ("Suslov body", "Euler top", "Volterra chain, N = 4", "Lotka-Volterra", "Lorenz"):
+        assert row(name) in table
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+def test_all_rows_of_the_zoo():
+    pytest.importorskip("flint")
+    fields, row, table = zoo()
+    assert [row(name) for name in fields] == table
 
 
 def test_the_reference_has_every_public_name():

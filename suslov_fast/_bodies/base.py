@@ -60,6 +60,11 @@ class Body:
         """The parameters of the map, in order."""
         return tuple(getattr(self, name) for name in (*self._moments, *self._couplings))
 
+    @cached_property
+    def batch_of_one(self) -> tuple[FloatArray, ...]:
+        """The parameters of a single body with an axis for the batch, as kernels take them."""
+        return tuple(np.array(each, ndmin=1 + self._own_axes) for each in self.parameters)
+
     @property
     def dimension(self) -> int:
         """The number of components of a state."""

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, spell
 from .nd import SuslovND
-from .units import units_of
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
@@ -38,15 +37,14 @@ def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np
     left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved: NDArray[np.bool_] = high <= low * (1.0 + rounding)
+    solved: NDArray[np.bool_] = high * (1.0 - rounding) <= low
     solved |= (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
     return solved
 
 
 def are_solved(body: SuslovND) -> NDArray[np.bool_]:
     """Return a mask of the bodies of a batch that are solved, to rounding."""
-    J, I = units_of(body).parameters
-    return is_solved(J, I, _ROUNDING)
+    return is_solved(body.J, body.I, _ROUNDING)
 
 
 def check_solved(body: SuslovND, function: str) -> None:

@@ -93,7 +93,7 @@ def states_at(
     """Return states at times () or (N,), and the numbers of missing states: at steps of the map,
     between two, and out of the range of float64.
     """
-    parameters, omega = for_loops(body, eps, batch, units=False), flat_vectors(state, batch)
+    parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
     orbits = Orbits(with_rotor(parameters), omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from .._bodies.base import Body
-from .._bodies.units import scaled_eps, units_of
 from .._checks import FloatArray
 
 
@@ -45,24 +44,18 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
     return flat_vectors(array, batch, axes)
 
 
-def flat_body(body: Body, batch: tuple[int, ...], units: bool = True) -> tuple[FloatArray, ...]:
-    """Return the parameters of a body, scaled if `units`; a single body caches them."""
-    name = "_flat" if units else "_flat_own"
-    flat: tuple[FloatArray, ...] | None = vars(body).get(name)
-    if flat is None:
-        parameters = units_of(body).parameters if units else body.parameters
-        flat = tuple(flat_parameter(each, batch, body._own_axes) for each in parameters)
-        if not body.shape:
-            vars(body)[name] = flat
-    return flat
+def flat_body(body: Body, batch: tuple[int, ...]) -> tuple[FloatArray, ...]:
+    """Return the parameters of a body."""
+    if not body.shape:
+        return body.batch_of_one
+    return tuple(flat_parameter(each, batch, body._own_axes) for each in body.parameters)
 
 
 def for_loops(
-    body: Body, eps: float | FloatArray, batch: tuple[int, ...], units: bool = True
+    body: Body, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[FloatArray, ...]:
-    """Return the parameters of a body and eps, scaled if `units`."""
-    eps = scaled_eps(body, eps) if units else eps
-    return *flat_body(body, batch, units), flat_parameter(eps, batch)
+    """Return the parameters of a body and eps."""
+    return *flat_body(body, batch), flat_parameter(eps, batch)
 
 
 def own_parameter(value: float | FloatArray) -> float | FloatArray:

@@ -25,6 +25,7 @@ class Reduced(NamedTuple):
     state: FloatArray
     along: FloatArray
     across: FloatArray
+    unit: FloatArray
     fits: NDArray[np.bool_]
 
     @property
@@ -43,7 +44,8 @@ def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int |
     """Reduce flat trajectories."""
     size, m = omega.shape
     three, state = np.empty((size, 5)), np.empty((size, 2))
-    reduced = Reduced(three, state, np.empty((size, m)), np.empty((size, m)), np.empty(size, bool))
+    along, across = np.empty((size, m)), np.empty((size, m))
+    reduced = Reduced(three, state, along, across, np.empty(size), np.empty(size, bool))
     _threads.run(reduction.reduce, size * (_REDUCING + 8 * m), threads, parameters, omega, *reduced)
     return reduced
 

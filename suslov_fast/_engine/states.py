@@ -12,8 +12,8 @@ import numpy as np
 from .._checks import LARGE, FloatArray, real_array, spell, warn
 from .._jit import Kernel
 from .._kernels import states as kernels
-from .._kernels import states_nd as kernels_nd
 from .._kernels.lanes import LANES
+from .._kernels.states_nd import ROWS
 from . import threads as _threads
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
@@ -75,7 +75,7 @@ def of_state(
 
 
 def of_state_nd(
-    quantity: int,
+    kernel: Kernel,
     body: Any,
     omega: FloatArray,
     eps: float | FloatArray | None,
@@ -94,10 +94,10 @@ def of_state_nd(
         end = begin + len(states)
         after = states if following is None else following.reshape(-1, m)[begin:end]
         tasks = min(-(-len(states) // _TOGETHER), TASKS)
-        scratch, infinite = np.empty((tasks, kernels_nd.ROWS, m)), np.zeros(tasks, np.int8)
+        scratch, infinite = np.empty((tasks, ROWS, m)), np.zeros(tasks, np.int8)
         arguments = parameters, states, after, results[begin:end], scratch, infinite
         work = WORK * len(states) * max(m, results.shape[1])
-        _threads.run(kernels_nd.evaluate, work, threads, quantity, *arguments)
+        _threads.run(kernel, work, threads, *arguments)
         if omega.size > LARGE and infinite.any():
             real_array("omega", omega, allow_nan=True)
     return out[()]
@@ -158,7 +158,7 @@ def _parts(
     """
     eps = 0.0 if eps is None else eps
     if not batch:  # one state: the code below would take most of the time of a call
-        parameters = *flat_body(body, (), units=False), flat_parameter(eps, ())
+        parameters = *flat_body(body, ()), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
     ndim, own, D = len(batch), body._own_axes, omega.shape[-1]

@@ -5,8 +5,8 @@ A step in O(n) solves for the increment by `solve2`; lanes where this is inaccur
 `solve_bordered` or, in `iterate_with_elimination`, elimination. The arithmetic of a lane never
 depends on the other lanes.
 
-Lanes store omega in a unit, a power of two, in which it is of the order of 1; the unit changes when
-omega leaves that range. Lanes that have ended have the state 0 in the unit NaN.
+Lanes store J, I and omega in units, powers of two, in which they are of the order of 1; that of
+omega changes when omega leaves this range. Lanes that have ended have the state 0 in the unit NaN.
 """
 
 from types import ModuleType
@@ -39,6 +39,7 @@ from . import elimination
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import WIDTH, eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
+from .units_nd import unit_of, unit_of_moments
 
 method: ModuleType  # of steps: `step`
 
@@ -58,6 +59,7 @@ class Block(NamedTuple):
     omega: object  # (M, lanes)
     inverse: object  # 1 / d
     eps_input: object
+    of_body: object  # exponent of the unit of I over that of J
     eps: object  # in the unit of omega; 0 for fixed states
     exponent: object  # of the unit of omega
     unit: object
@@ -90,7 +92,7 @@ def block(bodies, states):
     """Return a block whose components are in the memory of a task."""
     return Block(
         bodies[0], bodies[1], states[0], states[1],
-        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
         row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
     )  # fmt: skip
 
@@ -324,7 +326,7 @@ def units_serve(b, lanes):
 
 
 @formula
-def unit_of(largest, before):
+def unit_of_state(largest, before):
     """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
     size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
     return larger(smaller(size + before, 1023.0), -1022.0)
@@ -345,7 +347,7 @@ def take_unit(b, l, size):
         add_pair(b, l, at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l])
     rests = ended or b.rests[l] > 0.0
     b.exponent[l] = size
-    b.eps[l] = 0.0 if rests else scaled(b.eps_input[l], size)
+    b.eps[l] = 0.0 if rests else scaled(b.eps_input[l], size + b.of_body[l])
     b.unit[l] = np.nan if ended else two_to_the(size)
     b.near[l] = (1.0 - FAR) * smallest
     b.longest[l], b.low[l], b.high[l] = bounds(
@@ -369,7 +371,7 @@ def renew_units(b, begin, end, n, failed_at):
                 b.status[l] = SINGULAR if regular else NONFINITE
             if b.status[l] != OK and begin + l < end and failed_at[begin + l] < 0:
                 failed_at[begin + l] = n
-            take_unit(b, l, unit_of(largest, b.exponent[l]))
+            take_unit(b, l, unit_of_state(largest, b.exponent[l]))
 
 
 @inner
@@ -381,25 +383,28 @@ def enter(parameters, start, kept, begin, end, b):
     for l in range(lanes):
         k = min(begin + l, end - 1)
         of_J, of_I = k if len(all_J) > 1 else 0, k if len(all_I) > 1 else 0
+        M = unit_of_moments(all_J[of_J])
+        P = unit_of(all_I[of_I], M)
+        of_moments, of_products = two_to_the(-M), two_to_the(-P)
         largest, coupled, undefined = 0.0, 0.0, False
         for i in range(b.omega.shape[0]):
             J_i, I_i, w = np.inf, 0.0, 0.0
             if i < m:
-                J_i, I_i = all_J[of_J, i], all_I[of_I, i]
+                J_i, I_i = all_J[of_J, i] * of_moments, all_I[of_I, i] * of_products
                 w = initial[k, i] if start == 0 else state[k, i]
             put(b.J, i, l, J_i)
             put(b.I, i, l, I_i)
             b.omega[i, l] = w
             largest, coupled = larger(abs(w), largest), larger(abs(I_i), coupled)
             undefined |= w != w
-        b.eps_input[l] = eps[k if eps.size > 1 else 0]
+        b.eps_input[l], b.of_body[l] = eps[k if eps.size > 1 else 0], P - M
         b.rests[l] = 1.0 if b.eps_input[l] == 0.0 or coupled == 0.0 else 0.0
         if start == 0:
             # A trajectory whose state 0 is NaN ends at step 0.
             status[k], failed_at[k] = (NONFINITE, 0) if undefined else (OK, -1)
         b.status[l] = status[k] if failed_at[k] >= 0 else OK
         b.exponent[l] = 0.0 if start == 0 else exponents[k]
-        size = unit_of(largest, 0.0) if start == 0 else exponents[k]
+        size = unit_of_state(largest, 0.0) if start == 0 else exponents[k]
         take_unit(b, l, size)
 
 

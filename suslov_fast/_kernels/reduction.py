@@ -3,9 +3,10 @@
 import numpy as np
 
 from .._formulas.coordinates import sum_of_products
-from .._formulas.elementary import exponent, larger, scaled
+from .._formulas.elementary import exponent, larger, scaled, two_to_the
 from .._formulas.reduction import as_product, sum_in_two
 from .._jit import inner, kernel, share
+from .units_nd import unit_of, unit_of_moments
 
 # The largest exponents of states, step sizes and ratios of J for which all numbers are far from the
 # limits of float64, also at poles.
@@ -13,10 +14,10 @@ LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
 
 
 @inner
-def split(I, omega, k, own, along, across):
+def split(I, omega, k, own, across):
     """Split a state in units of 2**own into parts along I and orthogonal to it; I_k is the largest.
 
-    Returns I23 and the state of the 3D body.
+    The part along I replaces I. Returns I23 and the state of the 3D body.
     """
     p, lost, square, total = 0.0, 0.0, 0.0, 0.0
     w_k = scaled(omega[k], -own)
@@ -39,26 +40,31 @@ def split(I, omega, k, own, along, across):
     length, norm, rounded = np.sqrt(length), np.sqrt(square), p + lost
     omega1, I23 = as_product(rounded, lost - (rounded - p))
     for i in range(I.size):
-        along[i] = scaled(I23 * I[i] / square, own)
+        I[i] = scaled(I23 * I[i] / square, own)
         across[i] = scaled(across[i] / length * (I23 / norm), own)
     return I23, omega1, scaled(norm * length / I23, power), length == 0.0, p
 
 
 @inner
 def reduce_one(J, I, eps, omega, three, state, along, across):
-    """Find the 3D problem of a trajectory; return True if its numbers are in range."""
-    k, largest, undefined, m = 0, 0.0, 0.0, I.size
+    """Find the 3D problem of a trajectory, in units of its own.
+
+    Returns the unit of the moments, and True if the numbers of the problem are in range.
+    """
+    k, undefined, m = 0, 0.0, I.size
+    M, own = unit_of_moments(J), unit_of(omega, 0.0)
+    P = unit_of(I, M)
     for i in range(m):
         if abs(I[i]) > abs(I[k]):
             k = i
-        largest = larger(abs(omega[i]), largest)
         undefined += 0.0 * omega[i]
-    own = exponent(largest) if largest > 0.0 else 0.0
-    step = scaled(eps, own)
-    of_k, of_others = J[k], J[0 if k > 0 else m - 1]
+    step, unit = scaled(eps, own + P - M), two_to_the(-M)
+    of_k, of_others = J[k] * unit, J[0 if k > 0 else m - 1] * unit
     three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
     if m != 2:  # for n = 3 only names change
-        I23, omega1, omega2, on_line, p = split(I, omega, k, own, along, across)
+        for i in range(m):
+            along[i] = I[i] * two_to_the(-P)
+        I23, omega1, omega2, on_line, p = split(along, omega, k, own, across)
         rests = I[k] == 0.0 or on_line or step == 0.0
         three[3], state[0], state[1] = I23, omega1, omega2
         if rests:  # a fixed state is `along` itself
@@ -69,27 +75,28 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
         three[3], state[0], state[1] = 0.0, np.nan, np.nan
     apart = abs(exponent(of_k) - exponent(of_others))
     in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
-    return in_range and exponent(step) <= LONGEST
+    return M, in_range and exponent(step) <= LONGEST
 
 
 @kernel
-def reduce(part, parts, parameters, omega, three, state, along, across, fits):
+def reduce(part, parts, parameters, omega, three, state, along, across, unit, fits):
     """Find the 3D problems of trajectories of solved bodies; for n = 3 only `fits`.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
     omega : (B, m), the states at step 0
-    three : (B, 5), I1, I2, I13, I23 of the 3D bodies, and the step sizes in units of time in which
-        states are of the order of 1
+    three : (B, 5), I1, I2, I13, I23 of the 3D bodies, and the step sizes, in units in which
+        moments, products of inertia and states are of the order of 1
     state : (B, 2), the states of these bodies
     along, across : (B, m); omega is along times the first component of a state of the 3D body, plus
         across times the second
+    unit : (B,), the logarithms of the units of the moments
     fits : (B,), 1 if a trajectory is in the range of this reduction, else 0
     """
     J, I, eps = parameters
     first, last = share(len(omega), part, parts)
     for b in range(first, last):
         of_J, of_I, of_eps = b % len(J), b % len(I), b % len(eps)
-        fits[b] = reduce_one(
+        unit[b], fits[b] = reduce_one(
             J[of_J], I[of_I], eps[of_eps], omega[b], three[b], state[b], along[b], across[b]
         )
 

@@ -17,7 +17,7 @@ def _parameters(
 ) -> tuple[FloatArray, ...]:
     assert body.I3 is not None
     others = (flat_parameter(each, batch) for each in (eps, body.I3))
-    return *flat_body(body, batch, units=False), *others
+    return *flat_body(body, batch), *others
 
 
 MAP = Map(

@@ -16,8 +16,7 @@ MAP = Map(
     body=SuslovGyrostat,
     title="Discrete Suslov gyrostat",
     methods=("auto", "canonical"),
-    # Not scaled here: the kernel scales each trajectory.
-    parameters=partial(for_loops, units=False),
+    parameters=for_loops,
     run=partial(run_3d, by_steps=partial(iterate, kernel=gyrostat, work=2.0)),
     kept=(
         Kept("state", ("flat", 4)),

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.three import Suslov3D
+from .._bodies.units import in_units
 from .._checks import (
     FloatArray,
     aligned,
@@ -25,7 +26,7 @@ from .._checks import (
 )
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.layout import for_kernel, for_loops
+from .._engine.layout import flat_parameter, for_kernel
 from .._engine.states import TASKS
 from .._kernels import attitude as kernels
 from .._kernels.lanes import LANES
@@ -170,14 +171,10 @@ def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> 
 
     These are the parameters of the implicit equations in units in which J and I are of order 1.
     """
-    *own, step = for_loops(body, eps, batch)
-    if isinstance(body, SuslovND):
-        J, I, k = *own, np.zeros(1)
-    else:
-        I1, I2, I13, I23, k = (*own, np.zeros(1))[:5]
-        J, I = (np.stack(np.broadcast_arrays(*each), axis=-1) for each in ((I1, I2), (I23, -I13)))
+    J, I, rotor, moments, products = in_units(body)
     with np.errstate(all="ignore"):
-        h = step[:, np.newaxis] / J
-    shape = np.broadcast_shapes(h.shape, I.shape, (len(k), 1))
-    rows = (for_kernel(np.broadcast_to(each, shape)) for each in (np.sqrt(J), h, I))
-    return [*rows, for_kernel(np.broadcast_to(k, shape[0]))]
+        h = np.ldexp(eps[..., np.newaxis], products - moments) / J
+    shape = np.broadcast_shapes(h.shape, I.shape, rotor.shape)
+    rows = (np.broadcast_to(each, shape) for each in (np.sqrt(J), h, I))
+    k = np.broadcast_to(rotor, (*shape[:-1], 1))[..., 0]
+    return [*(flat_parameter(each, batch, 1) for each in rows), flat_parameter(k, batch)]

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.nd import SuslovND
-from .._bodies.units import scaled_eps, units_of
+from .._bodies.units import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import WithoutRotor, check, refuse_rotor
@@ -139,23 +138,26 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     """
     refuse_rotor(body, "multipliers", "jacobian at the steady state")
     (where, step_size), batch = check(body, {}, {"c": c, "eps": eps})
-    units = units_of(body)
-    if isinstance(body, SuslovND):
-        spectrum = _spectrum_nd(*units.parameters)
-    else:
-        I1, I2, I13, I23 = units.parameters
-        spectrum = np.asarray(I13 * (I13 / I1) + I23 * (I23 / I2))[..., np.newaxis]
+    J, I, _, moments, products = in_units(body)
+    spectrum = _spectrum(J, I)
     with np.errstate(all="ignore"):
-        speed = np.asarray(np.ldexp(where, units.couplings) * scaled_eps(body, step_size))
-        Y = 0.5 * speed[..., np.newaxis] * spectrum
+        where, step_size = (
+            np.asarray(where)[..., np.newaxis],
+            np.asarray(step_size)[..., np.newaxis],
+        )
+        speed = np.ldexp(where, products) * np.ldexp(step_size, products - moments)
+        Y = 0.5 * speed * spectrum
         result = np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0))
     full = np.ones((*batch, body.dimension))
     full[..., 1:] = result
     return full
 
 
-def _spectrum_nd(J: FloatArray, I: FloatArray) -> FloatArray:
+def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
     """Return the spectrum of J**-1 (|I|**2 Id - I I^T), ascending, without the 0 of I."""
+    if J.shape[-1] == 2:
+        trace: FloatArray = (I * (I / J[..., ::-1])).sum(axis=-1, keepdims=True)
+        return trace
     # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and maps sqrt(J) I to 0. A reflection of an
     # axis into that direction maps the other axes to a basis of its complement.
     square, root = (I * I).sum(axis=-1, keepdims=True), np.sqrt(J)

@@ -11,7 +11,6 @@ import numpy as np
 from .._bodies.nd import SuslovND
 from .._bodies.reduction import check_solved
 from .._bodies.three import Suslov3D
-from .._bodies.units import units_of
 from .._checks import FloatArray
 from .._engine import reduction
 from .._engine.layout import flat_vectors
@@ -26,13 +25,13 @@ Step = float | FloatArray | None
 Batch = tuple[int, ...]
 
 
-def _by_kernel(quantity: int, axes: int = 0) -> Callable[..., FloatArray]:
-    """Return the evaluation of a quantity by a kernel."""
+def _by_kernel(kernel: Kernel, axes: int = 0) -> Callable[..., FloatArray]:
+    """Return the evaluation by a kernel of a quantity with `axes` axes."""
 
     def find(
         body: SuslovND, omega: FloatArray, eps: Step, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
-        return of_state_nd(quantity, body, omega, eps, batch, threads, (body.dimension,) * axes)
+        return of_state_nd(kernel, body, omega, eps, batch, threads, (body.dimension,) * axes)
 
     return find
 
@@ -75,9 +74,9 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
         below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
-        value: FloatArray = np.ldexp(
-            2.0 * energy / below.reshape(batch), 2 * (power[..., 0] - units_of(body).moments)
-        )
+        unit = reduced.unit.astype(np.intc).reshape(batch)
+        energy = np.ldexp(energy, -unit)
+        value: FloatArray = np.ldexp(2.0 * energy / below.reshape(batch), 2 * power[..., 0] - unit)
     return value
 
 
@@ -108,7 +107,7 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
     batch, result = omega.shape[:-1], (body.dimension, body.dimension)
     following = _next(body, omega, eps)
     return of_state_nd(
-        kernels.REACTION, body, np.ascontiguousarray(omega), None, batch, None, result, following
+        kernels.reaction, body, np.ascontiguousarray(omega), None, batch, None, result, following
     )
 
 
@@ -119,13 +118,13 @@ def _next(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
 
 
 QUANTITIES: dict[str, Callable[..., FloatArray]] = {
-    "energy": _by_kernel(kernels.ENERGY),
+    "energy": _by_kernel(kernels.energy),
     "first_integral": _by_numpy(_first_integral, solved="first_integral"),
-    "modified_energy": _by_kernel(kernels.MODIFIED_ENERGY),
+    "modified_energy": _by_kernel(kernels.modified_energy),
     "criticality": _by_numpy(_criticality, solved="criticality"),
-    "vector_field": _by_kernel(kernels.VECTOR_FIELD, 1),
-    "reaction": _by_kernel(kernels.REACTION, 2),
+    "vector_field": _by_kernel(kernels.vector_field, 1),
+    "reaction": _by_kernel(kernels.reaction, 2),
     "discrete_reaction": _by_numpy(_discrete_reaction, 2),
-    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.MATRIX, 2)), 2),
-    "matrix": _by_kernel(kernels.MATRIX, 2),
+    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.matrix, 2)), 2),
+    "matrix": _by_kernel(kernels.matrix, 2),
 }

@@ -1,0 +1,50 @@
+"""
+Portraits of two quadratic fields
+=================================
+
+On the left a run of the Lorenz system, drawn by the run itself. On the right the system of Henon
+and Heiles at the energy 1/8: the points where 17 orbits of the map cross the plane q1 = 0 upwards.
+Most of them lie on curves; orbits whose largest Lyapunov exponent exceeds 0.01 per unit of time are
+red.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from suslov_fast import QuadraticField, iterate, lyapunov_exponents
+
+lorenz = QuadraticField.from_function(
+    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+)
+henon_heiles = QuadraticField.from_hamiltonian(
+    lambda x: (
+        (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+    ),
+    4,
+)
+
+
+def at_energy(H, q2, p2):
+    """States with q1 = 0 and p1 > 0."""
+    q2, p2 = np.broadcast_arrays(q2, p2)
+    p1 = np.sqrt(2 * H - q2**2 - p2**2 + 2 * q2**3 / 3)
+    return np.stack([0 * q2, q2, p1, p2], axis=-1)
+
+
+figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.7), layout="constrained")
+iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot(components=(0, 2), ax=axes[0])
+
+eps = 1 / 16
+starts = at_energy(1 / 8, np.linspace(-0.36, 0.6, 17), 0.0)
+x = iterate(henon_heiles, starts, eps, 40_000).x
+chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0.01
+for k in range(len(starts)):
+    orbit = x[:, k]
+    (n,) = np.nonzero((orbit[:-1, 0] < 0) & (orbit[1:, 0] >= 0))
+    before, after = orbit[n], orbit[n + 1]
+    share = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, np.newaxis]
+    crossings = before + share * (after - before)
+    colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
+    axes[1].plot(crossings[:, 1], crossings[:, 3], ".", color=colour, markersize=1.2)
+axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
+axes[1].set_title("section at $q_1 = 0$", fontsize="small")

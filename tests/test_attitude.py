@@ -1,9 +1,12 @@
 """The orientation of the body, in three dimensions and in n."""
 
+import itertools
+
 import naive
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import eigvals
 
 import suslov_fast as sf
 
@@ -138,6 +141,10 @@ def test_states_that_are_not_consecutive(case):
                 sf.attitude(body, np.ldexp(omega, k), np.ldexp(eps, -k))
     with pytest.raises(ValueError, match="expected consecutive states"):
         sf.attitude(other, omega, 0.2)
+    slow = states(body, omega0, 1e-8, 4)
+    sf.attitude(body, slow, 1e-8)
+    with pytest.raises(ValueError, match="states 0 and 1 that are not"):
+        sf.attitude(body, slow[::2], 1e-8)
     apart = states(body, omega0, 1e-9, 1)  # steps far below rounding errors of 1e-8
     apart[1] *= 1 + 1e-8
     with pytest.raises(ValueError, match="expected consecutive states"):
@@ -167,3 +174,44 @@ def test_states_of_iterate_are_accepted(rng, method, n, size):
     run = sf.iterate(body, omega0, eps, 50, method=method, on_singular="ignore")
     R = sf.attitude(body, run.omega, eps)
     assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
+
+
+def next_to_a_pole(rng, body, eps, gap, near_steady):
+    """A state on a random line where det A is about `gap` times the largest of its terms."""
+    m = body.dimension
+    line = rng.normal(size=m)
+    if near_steady:
+        I = np.array(body.I if isinstance(body, sf.SuslovND) else [body.I13, body.I23])
+        line -= I * (I @ line) / (I @ I) + 10 ** rng.uniform(-9, 0) * rng.normal(size=m)
+    start = sf.matrix(body, np.zeros(m), eps)
+    sizes = eigvals(start, start - sf.matrix(body, line, eps))
+    sizes = sizes[np.isfinite(sizes) & (abs(sizes.imag) < 1e-12 * abs(sizes))].real
+    return rng.choice(sizes) * line * (1 + gap) if len(sizes) else None
+
+
+@pytest.mark.parametrize(
+    ("kind", "methods"),
+    [
+        (sf.Suslov3D, ("auto", "canonical", "ds2")),
+        (sf.SuslovGyrostat, ("auto", "canonical")),
+        (sf.SuslovND, ("gauss", "rank2")),
+    ],
+)
+def test_states_next_to_poles(rng, kind, methods):
+    """They are accepted, but not every second one."""
+    for n in range(240):
+        decades, eps = rng.choice([0, 2, 4]), 10 ** rng.uniform(-3, 3) * rng.choice([-1, 1])
+        m = rng.integers(3, 10) if kind is sf.SuslovND else 2
+        J, I = 10 ** rng.uniform(-decades, decades, m), rng.normal(size=m)
+        rotor = rng.normal(size=1 if kind is sf.SuslovGyrostat else 0)
+        body = kind(J, I) if kind is sf.SuslovND else kind(*J, *I, *rotor)
+        gap = 10 ** rng.uniform(-15, -1) * rng.choice([-1, 1])
+        omega = next_to_a_pole(rng, body, eps, gap, n % 3)
+        for method, sign in itertools.product(methods if omega is not None else (), (1, -1)):
+            run = sf.iterate(body, omega, sign * eps, 4, method=method, on_singular="ignore")
+            sf.attitude(body, run.omega, sign * eps)
+            first, second, third, *_ = run.omega
+            changes = abs(third - first).max(), abs(third - second).max()
+            if n % 3 == 0 and abs(gap) > 1e-4 and min(changes) > 1e-3 * abs(third).max():
+                with pytest.raises(ValueError, match="states 0 and 1 that are not"):
+                    sf.attitude(body, run.omega[::2], sign * eps)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.gyrostat import SuslovGyrostat
 from .._bodies.nd import SuslovND
 from .._bodies.quadratic import QuadraticField
 from .._bodies.three import Suslov3D
-from .._checks import aligned, common_shape, instance, real_number, rotations, states
+from .._checks import aligned, common_shape, instance, real_number, rotations, states, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyOrField = AnyBody | QuadraticField
@@ -25,6 +26,14 @@ def refuse_rotor(body: object, function: str, instead: str) -> None:
     """Raise TypeError for a body with a rotor, for which a function has no meaning."""
     if isinstance(body, SuslovGyrostat):
         raise TypeError(f"body: {function} has no meaning with a rotor; use {instead}")
+
+
+def refuse_attitude(body: object, carries_attitude: bool, attitude: object) -> None:
+    """Raise TypeError if an orientation is asked for, or given, where a map carries none."""
+    wanted = not isinstance(attitude, (bool, np.bool_)) or attitude
+    if wanted and not carries_attitude:
+        expected = f"False, as states of {type(body).__name__} have no orientation"
+        raise wrong("attitude", expected, attitude, TypeError)
 
 
 def check(

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import common_shape, integer, one_of, real_array, rotations, wrong
+from .._checks import common_shape, integer, one_of, real_array, rotations
 from .._docs import filled
-from .._engine.arguments import BodyOrField
+from .._engine.arguments import BodyOrField, refuse_attitude
 from .._engine.progress import Progress, check_progress, reporter
 from .._maps.registry import map_of
 from .._runs.iterate import Method
@@ -131,18 +131,13 @@ def ensemble(
     store = resolved(store)
     check_progress(progress)
     one_of("method", method, map_of(body).methods)
+    refuse_attitude(body, map_of(body).carries_attitude, attitude)
     source, eps = source_of(omega0, body._labels), real_array("eps", eps).copy()
     side, orientation = body.dimension + 1, None
     if not isinstance(attitude, (bool, np.bool_)):
         orientation = rotations("attitude", attitude, side).copy()
     elif attitude:
         orientation = np.eye(side)
-    if orientation is not None and not map_of(body).carries_attitude:
-        raise wrong(
-            "attitude",
-            f"False for a {type(body).__name__}, whose map has no orientation",
-            "another",
-        )
     shapes = {"body": body.shape, "omega0": source.shape, "eps": eps.shape}
     if orientation is not None:
         shapes["attitude"] = orientation.shape[:-2]

@@ -9,8 +9,11 @@ from .._jit import formula, select
 # A state is the image of another if the residual is below this part of the step between them,
 # which is above rounding and below the residual of any other method or step size,
 OF_THE_STEP = 1e-6
-# plus this part of the terms: steps near poles lose these digits.
+# plus this part of the terms,
 OF_THE_TERMS = 1e-10
+# and, in three dimensions, this part divided by the distance to a pole: next to poles equation (5)
+# and closed forms lose these digits.
+NEXT_TO_POLES = 2.0**-47
 # States larger than this or smaller than its inverse are first scaled to the order of 1.
 OUT_OF_RANGE = 2.0**300
 
@@ -24,15 +27,35 @@ def rotor_term(j, k, other, next_other):
 
 @formula
 def mismatch(h_i, I_i, omega_i, next_i, p, p_next, product, rotor_i):
-    """Component i of equation (15) over J_i: its residual, the step, and the size of its terms.
+    """Component i of equation (15) over J_i, the left side minus the right.
 
     h_i = eps / J_i, p = I.omega, p_next = I.omega_next and product = omega.omega_next.
     """
-    step = next_i - omega_i
     first, second = 0.5 * h_i * p * next_i, 0.5 * h_i * p_next * omega_i
-    across = h_i * (I_i * product - rotor_i)
-    size = abs(omega_i) + abs(next_i) + abs(first) + abs(second) + abs(across)
-    return abs(step - (first + second) + across), abs(step), size
+    return next_i - omega_i - (first + second) + h_i * (I_i * product - rotor_i)
+
+
+@formula
+def size_of_terms(h_i, I_i, omega_i, next_i, p, p_next, product, rotor_i):
+    """Sum of the magnitudes of the terms of `mismatch`; p and the following are sums of them."""
+    first, second = abs(0.5 * h_i * p * next_i), abs(0.5 * h_i * p_next * omega_i)
+    across = abs(h_i) * (abs(I_i) * product + abs(rotor_i))
+    return abs(omega_i) + abs(next_i) + first + second + across
+
+
+@formula
+def distance_to_pole(h1, h2, I_1, I_2, k, omega1, omega2):
+    """|det A| over the sum of the magnitudes of its terms, for m = 2; 1 if it is not a number.
+
+    A omega_next = omega + ... are the implicit equations.
+    """
+    minus11, minus22 = 0.5 * h1 * I_2 * omega2, 0.5 * h2 * I_1 * omega1
+    a12 = h1 * (I_1 * omega2 - 0.5 * I_2 * omega1 + 0.5 * k)
+    a21 = h2 * (I_2 * omega1 - 0.5 * I_1 * omega2 - 0.5 * k)
+    product = a12 * a21
+    size = (1.0 + abs(minus11)) * (1.0 + abs(minus22)) + abs(product)
+    distance = abs((1.0 - minus11) * (1.0 - minus22) - product) / size
+    return select(distance < 1.0, distance, 1.0)
 
 
 @formula
@@ -42,6 +65,7 @@ def unit_of(largest):
 
 
 @formula
-def strays(left, step, size):
+def strays(left, step, size, distance):
     """Test that a state is not the image, by sums over all components; False if one is NaN."""
-    return left > OF_THE_STEP * step + OF_THE_TERMS * size
+    rounding = OF_THE_TERMS * distance + NEXT_TO_POLES
+    return distance * left > distance * OF_THE_STEP * step + rounding * size

@@ -5,7 +5,14 @@ eps     (B,), the step size
 out     (N, B, n, n), the orientations at the other states; NaN from the first NaN state on
 """
 
-from .._formulas.implicit import mismatch, rotor_term, strays, unit_of
+from .._formulas.implicit import (
+    distance_to_pole,
+    mismatch,
+    rotor_term,
+    size_of_terms,
+    strays,
+    unit_of,
+)
 from .._formulas.rotation import mean
 from .._jit import formula, inner, kernel, share
 from .lanes import LANES
@@ -78,24 +85,40 @@ def follows(equations, row, omega, k, i):
         largest = max(largest, max(abs(omega[k, i, j]), abs(omega[k + 1, i, j])))
     unit = unit_of(largest)
     p, p_next, product = 0.0, 0.0, 0.0
+    size_p, size_next, size_product = 0.0, 0.0, 0.0
     for j in range(m):
         w, v = omega[k, i, j] * unit, omega[k + 1, i, j] * unit
         p += I[row, j] * w
         p_next += I[row, j] * v
         product += w * v
+        size_p += abs(I[row, j] * w)
+        size_next += abs(I[row, j] * v)
+        size_product += abs(w * v)
     left, step, size, momentum = 0.0, 0.0, 0.0, rotor[row] * unit
     for j in range(m):
-        w, v, driven = omega[k, i, j] * unit, omega[k + 1, i, j] * unit, 0.0
+        w, v, driven, of_rotor = omega[k, i, j] * unit, omega[k + 1, i, j] * unit, 0.0, 0.0
         if momentum != 0.0:
             other, after = omega[k, i, 1 - j] * unit, omega[k + 1, i, 1 - j] * unit
             driven = rotor_term(j, momentum, other, after)
-        of_left, of_step, of_size = mismatch(
-            h[row, j] / unit, I[row, j], w, v, p, p_next, product, driven
+            of_rotor = rotor_term(j, momentum, abs(other), abs(after))
+        h_j, I_j = h[row, j] / unit, I[row, j]
+        left += root[row, j] * abs(mismatch(h_j, I_j, w, v, p, p_next, product, driven))
+        size += root[row, j] * size_of_terms(
+            h_j, I_j, w, v, size_p, size_next, size_product, of_rotor
         )
-        left += root[row, j] * of_left
-        step += root[row, j] * of_step
-        size += root[row, j] * of_size
-    return not strays(left, step, size)
+        step += root[row, j] * abs(v - w)
+    distance = 1.0
+    if m == 2:
+        distance = distance_to_pole(
+            h[row, 0] / unit,
+            h[row, 1] / unit,
+            I[row, 0],
+            I[row, 1],
+            momentum,
+            omega[k, i, 0] * unit,
+            omega[k, i, 1] * unit,
+        )
+    return not strays(left, step, size, distance)
 
 
 @inner

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, one_of, wrong
+from .._checks import FloatArray, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, check
+from .._engine.arguments import BodyOrField, check, refuse_attitude
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress
 from .._engine.run import Run, execute
@@ -145,9 +145,7 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
-    if attitude is not False and not map.carries_attitude:
-        expected = f"False, as states of {type(body).__name__} have no orientation"
-        raise wrong("attitude", expected, attitude, TypeError)
+    refuse_attitude(body, map.carries_attitude, attitude)
     orientations = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
     arrays, batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body

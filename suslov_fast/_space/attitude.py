@@ -79,8 +79,9 @@ def attitude(
     R' = R Omega. In three dimensions it is computed with unit quaternions.
 
     Two states are accepted as consecutive if they satisfy the implicit equations (4), in n
-    dimensions (15), to one part in 1e6 of the step between them. Close to a steady state, where the
-    step is less than one part in 1e10 of the state, the test is not possible: all are accepted.
+    dimensions (15), to one part in 1e6 of the step between them. The test is not possible close to
+    a steady state, where the step is less than one part in 1e10 of the state, nor in three
+    dimensions next to a pole, where the next state has few digits: all are accepted.
 
     Examples
     --------

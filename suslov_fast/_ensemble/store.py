@@ -32,8 +32,8 @@ from .._engine.run import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._maps.registry import map_named
 from .._runs import labelled
-from .._runs.codecs import refuse_codecs
 from .._runs.schema import header_of, schema_of
+from .codecs import refuse_codecs
 from .job import Job, require_same
 from .reductions import reductions_of
 

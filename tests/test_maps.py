@@ -13,7 +13,6 @@ import suslov_fast as sf
 from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
 from suslov_fast._engine.layout import flat_parameter
-from suslov_fast._engine.run import Results, not_computed
 from suslov_fast._maps import registry
 from suslov_fast._maps.record import Kept, Map
 from suslov_fast._maps.registry import map_named, map_of
@@ -40,18 +39,17 @@ class Growth(Body):
         return "x1", "x2"
 
 
-def grow(run):
-    a, eps = run.parameters
-    state = run.resume["state"] if run.start else run.omega0
-    status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
-    for n in range(run.start, run.steps + 1):
-        if n > run.start:
+def grow(problem, span, resume, output, options):
+    a, eps = problem.parameters
+    state = resume["state"] if span.start else problem.omega0
+    for n in range(span.start, span.steps + 1):
+        if n > span.start:
             state = state * (1.0 + a * eps)[:, np.newaxis]
-        if len(run.saved) and n % run.every == 0 and (n > run.start or n == 0):
-            run.saved[n // run.every - run.rows_before] = state
+        if len(output.saved) and n % span.every == 0 and (n > span.start or n == 0):
+            output.saved[n // span.every - span.rows_before] = state
     failed = np.isnan(state).any(axis=-1)
-    status[:], failed_at[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK), 0
-    return Results(state, status, failed_at, {"state": state, "status": status})
+    output.status[:], output.failed_at[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK), 0
+    output.final[:], output.resume["state"] = state, state
 
 
 GROWTH = Map(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -18,94 +17,104 @@ from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from . import threads
 from .memory import require
-from .run import Results, Run, not_computed, run_some, worst
+from .parts import parts_of
+from .run import NONE, Indices, Options, Output, Problem, Resume, Span, with_status
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
 _FEW = 12
+# Cost of saving a state, in steps.
+_SAVING = 8
 
 
-def iterate(run: Run, kernel: Kernel, work: float = 1.0) -> Results:
+def iterate(
+    problem: Problem,
+    span: Span,
+    resume: Resume,
+    output: Output,
+    options: Options,
+    kernel: Kernel,
+    work: float = 1.0,
+) -> Indices:
     """Iterate by a kernel of `map_kernel`; `work` is the cost of a step, in those of the 3D map."""
-    resume, turning, numbers = _resume(run), None, kernel.names["map"].STATE
-    if not run.start:
-        resume["state"] = np.empty((0 if run.single else run.size, numbers))
-    if run.orientation is not None:
-        if not run.start:
-            resume["turn"] = np.tile(_NO_TURN, (run.size, 1))
-        turning = run.time_step, run.orientation, resume["turn"], run.turns
-    kept = resume["status"], resume["failed_at"], resume["state"]
-    before = run.parameters, run.omega0
-    final = _make_steps(run, kernel, work, LANES, before, turning, kept)
-    return Results(final, resume["status"], resume["failed_at"], resume)
+    size, turning = problem.size if options.continued else 0, None
+    numbers = int(kernel.names["map"].STATE)
+    state = _go_on(span, resume, output, state=np.empty((size, numbers)))[0]
+    if problem.orientation is not None:
+        turn = _go_on(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))[0]
+        turning = problem.time_step, problem.orientation, turn, output.turns
+    kept = output.status, output.failed_at, state
+    before = problem.parameters, problem.omega0
+    _make_steps(problem, span, output, options, kernel, work, LANES, before, turning, kept)
+    return NONE
 
 
-def iterate_nd(run: Run, otherwise: Callable[[Run], Results] | None = None) -> Results:
-    """Iterate the n-dimensional map.
+def iterate_nd(
+    problem: Problem,
+    span: Span,
+    resume: Resume,
+    output: Output,
+    options: Options,
+    kernel: Kernel = map_nd.iterate,
+) -> Indices:
+    """Iterate the n-dimensional map, by steps in O(n) unless the kernel is another.
 
-    Trajectories for which steps in O(n) are inaccurate are computed by `otherwise`, or iterated
-    with elimination.
+    Return the trajectories for which such steps are inaccurate.
 
     Raises
     ------
     MemoryError
         If there is no room for elimination where that is needed.
     """
-    if run.method == "gauss":
-        return _iterate_nd(run, map_nd.iterate_by_elimination)
-    results = _iterate_nd(run, map_nd.iterate)
-    if worst(results.status) == NEEDS_ELIMINATION:
-        eliminate = partial(_iterate_nd, kernel=map_nd.iterate_with_elimination)
-        some = np.flatnonzero(results.status == NEEDS_ELIMINATION)
-        run_some(run, some, otherwise or eliminate, results)
-    return results
-
-
-def _iterate_nd(run: Run, kernel: Kernel) -> Results:
-    size, m = run.omega0.shape
+    size, m = problem.omega0.shape
     work, plain = 8.0 * m, kernel is map_nd.iterate
     if not plain:  # if every step in O(n) needs elimination, the first part takes some 0.3 s
         by_elimination = kernel is map_nd.iterate_by_elimination
         work = m**3 / 3.0 if by_elimination else max(work, m**3 / 48.0)
-    tasks, lanes = _tasks_and_lanes(size, run.threads)
-    resume, turning = _resume(run), None
-    if not run.start:
-        resume["state"], resume["exponent"] = np.empty((size, m)), np.empty(size)
-    if run.orientation is not None:
-        if not run.start:  # transposed, and rotated in place
-            resume["columns"] = run.orientation.swapaxes(1, 2).copy()
+    tasks, lanes = _tasks_and_lanes(size, options.threads)
+    state, exponent = _go_on(
+        span, resume, output, state=np.empty((size, m)), exponent=np.empty(size)
+    )
+    turned, turning = problem.orientation, None
+    if turned is not None:  # transposed, and rotated in place
+        columns = _go_on(span, resume, output, columns=turned.swapaxes(1, 2).copy())[0]
         room_of_turns = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
-        turning = run.time_step, resume["columns"], run.turns, *room_of_turns
-    kept = tuple(resume[name] for name in ("status", "failed_at", "state", "exponent"))
+        turning = problem.time_step, columns, output.turns, *room_of_turns
+    kept = output.status, output.failed_at, state, exponent
     M = m + m % 2
     # A build for a body that all lanes share pays only for the cheapest steps.
-    shared = plain and turning is None and max(map(len, run.parameters[:2])) <= 1
+    shared = plain and turning is None and max(map(len, problem.parameters[:2])) <= 1
     of_body = () if shared else (lanes,)
     room = (
         np.empty((tasks, 2, M, *of_body)),
         np.empty((tasks, 2, M, lanes)),
         np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m),
     )
-    before = ((*run.parameters, run.omega0),)
-    final = _make_steps(run, kernel, work, map_nd.LANES, before, turning, kept, room)
-    if turning and len(run.turns) and not len(run.saved):
-        run.turns[-1] = resume["columns"].swapaxes(1, 2)
-    return Results(final, resume["status"], resume["failed_at"], resume)
+    before, width = ((*problem.parameters, problem.omega0),), map_nd.LANES
+    _make_steps(problem, span, output, options, kernel, work, width, before, turning, kept, room)
+    if output.turns is not None and len(output.turns) and not span.rows_saved:
+        output.turns[-1] = columns.swapaxes(1, 2)
+    return with_status(output.status, NEEDS_ELIMINATION)
 
 
-def iterate_field(run: Run) -> Results:
+by_elimination = partial(iterate_nd, kernel=map_nd.iterate_by_elimination)
+with_elimination = partial(iterate_nd, kernel=map_nd.iterate_with_elimination)
+
+
+def iterate_field(
+    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
+) -> Indices:
     """Iterate Kahan's map of a quadratic field."""
-    size, D = run.omega0.shape
-    resume = _resume(run)
-    if not run.start:
-        resume["state"] = np.empty((size, D))
-    kept = tuple(resume[name] for name in ("status", "failed_at", "state"))
-    indices, values, parameters = run.parameters
+    size, D = problem.omega0.shape
+    state = _go_on(span, resume, output, state=np.empty((size, D)))[0]
+    kept = output.status, output.failed_at, state
+    indices, values, parameters = problem.parameters
     work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
-    room = _room_of_field(size, D, indices, run.threads)
-    before = indices, values, (*parameters, run.omega0)
-    final = _make_steps(run, kahan.iterate_field, work, room[1].shape[3], before, None, kept, room)
-    return Results(final, resume["status"], resume["failed_at"], resume)
+    room = _room_of_field(size, D, indices, options.threads)
+    before, kernel = (indices, values, (*parameters, problem.omega0)), kahan.iterate_field
+    lanes = room[1].shape[3]
+    _make_steps(problem, span, output, options, kernel, work, lanes, before, None, kept, room)
+    return NONE
 
 
 def equations_of_field(
@@ -139,38 +148,38 @@ def _room_of_field(
     )
 
 
-def _resume(run: Run) -> dict[str, Any]:
-    """Return status and failed_at for kernels to fill, or copies of the data of a resumed run."""
-    if run.start:
-        return {name: array.copy() for name, array in run.resume.items()}
-    return {"status": not_computed(run.size), "failed_at": np.empty(run.size, np.int64)}
+def _go_on(span: Span, resume: Resume, output: Output, **starts: FloatArray) -> list[FloatArray]:
+    """Return arrays that kernels update: at the start, or copies of those of a resumed run.
+
+    The output keeps them, and its statuses start from those of the resumed run.
+    """
+    if span.start:
+        output.status[:], output.failed_at[:] = resume["status"], resume["failed_at"]
+    for name, start in starts.items():
+        output.resume[name] = resume[name].copy() if span.start else start
+    return [output.resume[name] for name in starts]
 
 
 def _make_steps(
-    run: Run,
+    problem: Problem,
+    span: Span,
+    output: Output,
+    options: Options,
     kernel: Kernel,
     work: float,
     lanes: int,
     before: tuple[Any, ...],
-    turning: tuple[FloatArray, ...] | None,
+    turning: tuple[FloatArray | None, ...] | None,
     kept: tuple[Any, ...],
     *room: tuple[FloatArray, ...],
-) -> FloatArray:
-    """Call the kernel for each part; return the last states."""
-    final = run.saved[-1] if run.saves_last else np.empty(run.omega0.shape)
-    for part in run.parts(work, lanes):
-        threads.run(
-            kernel,
-            part.work(lanes, work),
-            run.threads,
-            *before,
-            (*part, run.every, run.rows_before),
-            run.saved,
-            turning,
-            (final, *kept),
-            *room,
-        )
-    return final
+) -> None:
+    """Call the kernel for each part."""
+    whole = work + (_SAVING / span.every if span.rows_saved else 0.0)
+    arguments = output.saved, turning, (output.final, *kept), *room
+    for part in parts_of(problem.size, span.start, span.steps, whole, lanes, options.report):
+        numbers = *part, span.every, span.rows_before
+        lane_steps = part.work(lanes, work)
+        threads.run(kernel, lane_steps, options.threads, *before, numbers, *arguments)
 
 
 def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:

@@ -2,189 +2,176 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._bodies.reduction import is_solved
-from .._checks import FloatArray
 from .._kernels import codes, maps_3d
 from .._kernels.closed_form import NOT_FOUND
-from .closed_form import (
-    Ends,
-    Orbits,
-    Rows,
-    fill_rows,
-    fill_states,
-    none_missing,
-    slices,
-    with_rotor,
-)
-from .iterate import iterate, iterate_nd
+from .closed_form import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
+from .iterate import by_elimination, iterate, iterate_nd, with_elimination
 from .layout import for_kernel
-from .progress import reporter
 from .reduction import Reduced, of_n_3, reduce
-from .run import Results, Run, not_computed, run_some, worst
+from .run import (
+    NONE,
+    Driver,
+    Indices,
+    Options,
+    Output,
+    Problem,
+    Resume,
+    Span,
+    in_turn,
+    with_status,
+)
 
 # Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
 _TOGETHER = 2**19
-_NONE = np.empty(0, np.intp)
+
+canonical = partial(iterate, kernel=maps_3d.canonical)
+printed = partial(iterate, kernel=maps_3d.printed)
+gyrostat = partial(iterate, kernel=maps_3d.gyrostat, work=2.0)
 
 
-Driver = Callable[[Run], Results]
+def run_suslov(
+    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
+) -> None:
+    """Compute a run of a body in three dimensions without a rotor."""
+    by_steps = printed if problem.method == "ds2" else canonical
+    run_3d(problem, span, resume, output, options, by_steps)
 
 
-def run_3d(run: Run, by_steps: Driver) -> Results:
-    """Return the last states and the statuses; fill the saved states."""
-    if not _may_jump(run) or _is_short(run):
-        return by_steps(run)
-    results = _solve(run, by_steps)
-    _report_all(run)
-    return results
+def run_gyrostat(
+    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
+) -> None:
+    """Compute a run of a gyrostat."""
+    run_3d(problem, span, resume, output, options, gyrostat)
 
 
-def run_nd(run: Run) -> Results:
-    """Compute a run in n dimensions like `run_3d`.
+def run_3d(
+    problem: Problem,
+    span: Span,
+    resume: Resume,
+    output: Output,
+    options: Options,
+    by_steps: Driver,
+) -> None:
+    """Evaluate the closed form, and iterate the orbits that it leaves; or iterate all."""
+    if _may_jump(problem, span) and not _is_short(span):
+        drivers = closed_form, by_steps
+        in_turn(drivers, problem, span, resume, output, options, from_0=True)
+    else:
+        by_steps(problem, span, resume, output, options)
 
-    The choice between closed form and iteration for a trajectory does not depend on the others.
+
+def run_nd(problem: Problem, span: Span, resume: Resume, output: Output, options: Options) -> None:
+    """Compute a run in n dimensions: by the closed form, by steps in O(n), by elimination.
+
+    The choice for a trajectory does not depend on the others.
     """
-    if _may_jump(run) and _is_short(run):
-        # From step 0: the division of a run must not decide where the closed form is used.
-        run = replace(run, start=0, resume={}) if run.start else run
-        # Near a pole the closed form is more accurate than elimination.
-        return iterate_nd(run, _closed_form_or_iteration)
-    return _closed_form_or_iteration(run)
+    drivers: tuple[Driver, ...] = iterate_nd, with_elimination
+    if problem.method == "gauss":
+        drivers = (by_elimination,)
+    elif _may_jump(problem, span) and _is_short(span):
+        # From step 0: the division of a run must not decide where the closed form is used, which
+        # is more accurate next to a pole than elimination.
+        span, resume = span._replace(start=0), {}
+        drivers = iterate_nd, closed_form_nd, with_elimination
+    elif _may_jump(problem, span):
+        drivers = closed_form_nd, iterate_nd, with_elimination
+    in_turn(drivers, problem, span, resume, output, options)
 
 
-def _closed_form_or_iteration(run: Run) -> Results:
-    """Compute the trajectories of solved bodies by the closed form, and iterate the others."""
-    J, I, _ = run.parameters
-    if not (run.size and _may_jump(run)) or not (solved := is_solved(J, I)).any():
-        return iterate_nd(run)
-    reduced = reduce(run.parameters, run.omega0, run.threads)
-    jumping = reduced.fits & solved
-    if jumping.all():
-        results = _jump_nd(run, reduced)
-        _report_all(run)
-        return results
-    if not jumping.any():
-        return iterate_nd(run)
-    size = run.size
-    ends = np.empty(size, np.int8), np.empty(size, np.int64)
-    results = Results(np.empty(run.omega0.shape), *ends, {})
-    steps, done = run.steps - run.start, 0
-    with reporter(run.progress, steps) as report:
-        for driver, chosen in ((_jump_nd, jumping), (iterate_nd, ~jumping)):
-            some = np.flatnonzero(chosen)
-
-            def progress(made: int, before: int = done, count: int = some.size) -> None:
-                report((before * steps + made * count) // size)
-
-            reports = progress if run.progress else None
-            run_some(run, some, driver, results, report=reports)
-            done += some.size
-    return results
-
-
-def _may_jump(run: Run) -> bool:
+def _may_jump(problem: Problem, span: Span) -> bool:
     """Return True if the closed form may be used."""
-    return run.method == "auto" and run.orientation is None and run.steps > 0
+    return problem.method == "auto" and problem.orientation is None and span.steps > 0
 
 
-def _is_short(run: Run) -> bool:
+def _is_short(span: Span) -> bool:
     """Return True if iteration is faster: few steps, of which only the last state is saved.
 
     Runs that save more states use the closed form for any number of steps, so that their states do
     not depend on the division of a run.
     """
-    return run.save_every is None and run.steps < JUMP
+    return span.save_every is None and span.steps < JUMP
 
 
-def _report_all(run: Run) -> None:
-    if run.progress:
-        steps = run.steps - run.start
-        with reporter(run.progress, steps) as report:
-            report(steps)
-
-
-def canonical_or_printed(run: Run) -> Results:
-    """Iterate a body without a rotor."""
-    return iterate(run, maps_3d.printed if run.method == "ds2" else maps_3d.canonical)
-
-
-def _solve(run: Run, by_steps: Driver) -> Results:
-    """Evaluate all states, and iterate the orbits that the closed form leaves."""
-    results, left = _jump(run)
-    if left.size:
-        run_some(run, left, by_steps, results, anew=True)
-    return results
-
-
-def _jump(run: Run) -> tuple[Results, NDArray[np.intp]]:
-    """Evaluate all states; return the results, and which orbits must be iterated."""
-    status, failed_at = not_computed(run.size), np.empty(run.size, np.int64)
-    ends: Ends = status, failed_at, float(run.steps)
-    orbits = Orbits(with_rotor(run.parameters), run.omega0, False, ends, run.threads)
-    missing = none_missing()
-    if len(run.saved):
-        first = run.rows_before
-        rows = Rows(1.0, 0.0, float(run.every), first, first + len(run.saved), -first, 1)
-        fill_rows(orbits, rows, run.saved, missing)
-    if run.saves_last:
-        final = run.saved[-1]
-    else:
-        last = np.empty((1, run.size, 2))
+def closed_form(
+    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
+) -> Indices:
+    """Evaluate all states; return the orbits that must be iterated."""
+    ends = output.status, output.failed_at, float(span.steps)
+    parameters, missing = with_rotor(problem.parameters), none_missing()
+    orbits = Orbits(parameters, problem.omega0, False, ends, options.threads)
+    if len(output.saved):
+        first = span.rows_before
+        rows = Rows(1.0, 0.0, float(span.every), first, first + len(output.saved), -first, 1)
+        fill_rows(orbits, rows, output.saved, missing)
+    if not span.saves_last:
+        last = output.final[np.newaxis]
         fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last, missing)
-        final = last[0]
-    left = np.flatnonzero(status == NOT_FOUND) if worst(status) == NOT_FOUND else _NONE
-    return Results(final, status, failed_at, {}), left
+    return with_status(output.status, NOT_FOUND)
 
 
-def _jump_nd(run: Run, reduced: Reduced | None = None) -> Results:
-    """Evaluate all states from those in three dimensions; all trajectories must be reducible."""
-    J, I, eps = run.parameters
-    size, m = run.omega0.shape
+def closed_form_nd(
+    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
+) -> Indices:
+    """Evaluate all states of solved bodies from those in three dimensions; return the others."""
+    J, I, eps = problem.parameters
+    size, m = problem.omega0.shape
+    if not size or not (solved := is_solved(J, I)).any():
+        return np.arange(size)
     if m == 2:
-        three = *map(for_kernel, of_n_3(J, I)), eps
-        results = _solve(replace(run, parameters=three), canonical_or_printed)
+        three = problem._replace(parameters=(*map(for_kernel, of_n_3(J, I)), eps))
+        in_turn((closed_form, canonical), three, span, {}, output, options, from_0=True)
+        left = NONE
     else:
-        reduced = reduced or reduce(run.parameters, run.omega0, run.threads)
-        ends = np.empty(size, np.int8), np.empty(size, np.int64)
-        results = Results(np.empty((size, m)), *ends, {})
-        for lanes, rows in slices(size, max(len(run.saved), 1), _TOGETHER):
-            _jump_some(run, reduced, lanes, rows, results)
-        if len(run.saved) and run.start == 0:  # a copy of the input
-            exists = (results.status >= 0) | (results.failed_at != 0)
-            np.copyto(run.saved[0], run.omega0, where=exists[:, np.newaxis])
+        reduced = reduce(problem.parameters, problem.omega0, options.threads)
+        jumps = reduced.fits & solved
+        left = np.flatnonzero(~jumps)
+        if left.size == size:
+            return left
+        for lanes, rows in slices(size, max(len(output.saved), 1), _TOGETHER):
+            _expand(problem, span, output, options, reduced, lanes, rows)
+        if len(output.saved) and span.start == 0:  # a copy of the input
+            exists = (output.status >= 0) | (output.failed_at != 0)
+            np.copyto(output.saved[0], problem.omega0, where=exists[:, np.newaxis])
     # In n dimensions there is no status for t >= 1: most bodies have no t.
-    np.minimum(results.status, codes.OK, out=results.status)
-    return results
+    np.minimum(output.status, codes.OK, out=output.status)
+    return left
 
 
-def _jump_some(
-    run: Run, reduced: Reduced, lanes: tuple[int, int], rows: tuple[int, int], results: Results
+def _expand(
+    problem: Problem,
+    span: Span,
+    output: Output,
+    options: Options,
+    reduced: Reduced,
+    lanes: tuple[int, int],
+    rows: tuple[int, int],
 ) -> None:
     """Fill rows of the saved states of some trajectories, and their last states."""
     (begin, end), (row, stop) = lanes, rows
-    stop = min(stop, len(run.saved))
+    stop = min(stop, len(output.saved))
     # The rows before belong to steps before the part.
-    before, last = run.rows_before - 1, stop == len(run.saved)
-    states: FloatArray = np.empty((stop - row, end - begin, 2))
-    part = replace(
-        run,
+    before, last = span.rows_before - 1, stop == len(output.saved)
+    start = (row + before) * span.every if row else span.start
+    steps = span.steps if last else (stop + before) * span.every
+    states, final = np.empty((stop - row, end - begin, 2)), np.empty((end - begin, 2))
+    three = problem._replace(
         batch=(end - begin,),
         omega0=reduced.state[begin:end],
         parameters=tuple(for_kernel(each) for each in reduced.three[begin:end].T),
-        start=(row + before) * run.every if row else run.start,
-        steps=run.steps if last else (stop + before) * run.every,
-        saved=states,
     )
-    found = _solve(part, canonical_or_printed)
-    final, results.status[begin:end], results.failed_at[begin:end] = found[:3]
+    part = span._replace(start=start, steps=steps)
+    status, failed_at = output.status[begin:end], output.failed_at[begin:end]
+    if part.saves_last:
+        final = states[-1]
+    found = Output(states, None, final, status, failed_at, {})
+    in_turn((closed_form, canonical), three, part, {}, found, options, from_0=True)
     if len(states):
-        reduced.expand(states, run.saved[row:stop], begin, run.threads)
-    reduced.expand(final[np.newaxis], results.final[np.newaxis], begin, run.threads)
+        reduced.expand(states, output.saved[row:stop], begin, options.threads)
+    reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, options.threads)

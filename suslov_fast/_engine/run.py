@@ -1,14 +1,11 @@
-"""A run of a map: its arguments, its division into parts, and its results."""
+"""A run of a map: a problem, a span of steps, and the output that drivers fill."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,41 +14,28 @@ from .._kernels import codes
 from .arguments import BodyOrField
 from .layout import flat_parameter
 from .memory import require
+from .parts import Report
 from .progress import Progress, reporter
 
 if TYPE_CHECKING:
     from .._maps.record import Map
 
-# Work of the first part, in steps of one trajectory of the 3D map: some 10 ms to 300 ms. Python
-# handles Ctrl-C between parts.
-_PART = 2**27
-# The next part is longer if a part took less than the first time (in seconds), and shorter if it
-# took more than the second.
-_SHORT, _LONG = 0.05, 0.2
-# Cost of saving a state, in steps.
-_SAVING = 8
-# Least numbers of trajectories and of steps of a part, if there are as many, each divided by the
-# work of a step: entering a trajectory costs some 30 steps of the 3D map.
-_ABREAST, _LENGTH = 2**13, 2**8
-# Size of the states that `run_some` copies at a time.
+Indices = NDArray[np.intp]
+Resume = Mapping[str, NDArray[Any]]
+# Numbers of states that `in_turn` copies at a time.
 _TOGETHER = 2**20
 # Copying an array is faster than filling a new one.
 _ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
-# Placeholder of arrays that are set before use.
-_UNSET: Any = None
+NONE: Indices = np.empty(0, np.intp)
 
 
-@lru_cache
-def _no_rows(*shape: int) -> FloatArray:
-    return np.empty((0, 0, *shape))
-
-
-@dataclass(slots=True)  # not frozen: that would take longer to create than a short run
-class Run:
-    """A run over a batch of B trajectories, from state `start` to state `steps`.
+class Problem(NamedTuple):
+    """A batch of B trajectories of a map.
 
     Attributes
     ----------
+    batch
+        The shape of the batch.
     omega0
         (B, D), the states at step 0; of a run that may be continued, in memory not shared
         with the caller.
@@ -59,17 +43,10 @@ class Run:
         The step size, a number or of a shape that broadcasts to the batch.
     orientation
         (B, n, n), the orientations at step 0, or None.
-    start, resume
-        The number of steps made before, and `Results.resume` of those.
-    single
-        True for a single step that is not continued.
     parameters
         What `Map.parameters` returns: parameters of the body and eps, (B, ...) or (1, ...).
     time_step
-        eps in the unit of time of omega, (B,) or (1,); used with an orientation.
-    saved, turns
-        (rows, B, D) and (rows, B, n, n), filled by the map: states and orientations from `start`
-        on, state 0 included, state `start` > 0 not; no rows if only the last ones are wanted.
+        eps in the unit of time of omega, (B,) or (1,); None without an orientation.
     """
 
     map: Map
@@ -77,24 +54,52 @@ class Run:
     batch: tuple[int, ...]
     omega0: FloatArray
     eps: float | FloatArray
-    steps: int
-    save_every: int | None
-    method: str = "auto"
-    orientation: FloatArray | None = None
-    threads: int | None = None
-    progress: Progress = None
-    start: int = 0
-    resume: dict[str, NDArray[Any]] = field(default_factory=dict)
-    single: bool = False
-    parameters: tuple[FloatArray, ...] = ()
-    time_step: FloatArray = _UNSET
-    saved: FloatArray = _UNSET
-    turns: FloatArray = _UNSET
+    method: str
+    orientation: FloatArray | None
+    parameters: tuple[Any, ...]
+    time_step: FloatArray | None
 
     @property
     def size(self) -> int:
         """The number of trajectories."""
         return len(self.omega0)
+
+    def take(self, chosen: Indices) -> Problem:
+        """Return the problem of some of the trajectories."""
+
+        def of(array: FloatArray | None) -> FloatArray | None:
+            return array if array is None or len(array) == 1 else array[chosen]
+
+        return self._replace(
+            batch=chosen.shape,
+            omega0=self.omega0[chosen],
+            orientation=None if self.orientation is None else self.orientation[chosen],
+            parameters=tuple(map(of, self.parameters)),
+            time_step=of(self.time_step),
+        )
+
+
+def problem_of(
+    map: Map,
+    body: AnyBody,
+    batch: tuple[int, ...],
+    omega0: FloatArray,
+    eps: float | FloatArray,
+    method: str = "auto",
+    orientation: FloatArray | None = None,
+) -> Problem:
+    """Return a problem, with the parameters for kernels."""
+    time_step = None if orientation is None else flat_parameter(eps, batch)
+    parameters = map.parameters(body, eps, batch)
+    return Problem(map, body, batch, omega0, eps, method, orientation, parameters, time_step)
+
+
+class Span(NamedTuple):
+    """Steps after state `start`, up to state `steps`; every so many states are saved, or none."""
+
+    start: int
+    steps: int
+    save_every: int | None
 
     @property
     def every(self) -> int:
@@ -103,128 +108,78 @@ class Run:
 
     @property
     def rows(self) -> int:
-        """The number of saved states of each trajectory."""
+        """The number of saved states of a trajectory since state 0; if none are saved, the last."""
         return 1 if self.save_every is None else self.steps // self.save_every + 1
 
     @property
     def rows_before(self) -> int:
-        """The number of states saved before `start`."""
+        """The number of states saved before this span."""
         return self.start // self.save_every + 1 if self.save_every and self.start else 0
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of the saved states."""
-        return (self.rows, *self.batch, self.omega0.shape[1])
+    def rows_saved(self) -> int:
+        """The number of states saved in this span, with state 0 if it starts there."""
+        return 0 if self.save_every is None else self.rows - self.rows_before
 
     @property
     def saves_last(self) -> bool:
-        """True if the last row of `saved` holds the last states."""
-        return len(self.saved) > 0 and self.steps % self.every == 0
-
-    def some(self, chosen: NDArray[np.intp], anew: bool = False) -> Run:
-        """Return a run of some of the trajectories, with new arrays; with `anew` from step 0."""
-
-        def of(array: FloatArray) -> FloatArray:
-            return array if len(array) == 1 else array[chosen]
-
-        def room(array: FloatArray) -> FloatArray:
-            rows = len(array) + anew * self.rows_before if len(array) else 0
-            return np.empty((rows, chosen.size, *array.shape[2:]))
-
-        return replace(
-            self,
-            batch=chosen.shape,
-            omega0=self.omega0[chosen],
-            orientation=None if self.orientation is None else self.orientation[chosen],
-            progress=None,
-            start=0 if anew else self.start,
-            resume={} if anew else {name: array[chosen] for name, array in self.resume.items()},
-            parameters=tuple(map(of, self.parameters)),
-            time_step=self.time_step if self.orientation is None else of(self.time_step),
-            saved=room(self.saved),
-            turns=room(self.turns),
-        )
-
-    def parts(self, work: float, lanes: int) -> Iterable[Part]:
-        """Return the parts to compute one after another: some trajectories and some of their steps.
-
-        `work` is the cost of a step of one trajectory, in steps of the 3D map; a thread takes
-        `lanes` trajectories at a time. The batch is divided first, so that the data of a part stay
-        in the caches; time is divided only if few trajectories take long.
-        """
-        size, steps = len(self.omega0), self.steps - self.start
-        if len(self.saved):
-            work += _SAVING / self.every
-        room = _PART / work
-        if (not self.progress and size * steps <= room) or not size * steps:
-            return (Part(0, size, self.start, self.steps),)
-        abreast = max(lanes * numba.config.NUMBA_NUM_THREADS, int(_ABREAST / work))
-        return self._parts_of(room, lanes, abreast, max(1, int(_LENGTH / work)))
-
-    def _parts_of(self, room: float, lanes: int, abreast: int, length: int) -> Iterator[Part]:
-        """Yield parts of about `room` steps; `room` adapts to the measured time of a part."""
-        size, steps = len(self.omega0), self.steps - self.start
-        with reporter(self.progress, steps) as report:
-            end = 0
-            while end < size:
-                begin = end
-                end += min(alike(size - end, max(abreast, int(room / steps)), lanes), size - end)
-                stop = self.start
-                while stop < self.steps:
-                    start = stop
-                    stop = min(stop + max(length, int(room / (end - begin))), self.steps)
-                    clock = time.perf_counter()
-                    yield Part(begin, end, start, stop)
-                    seconds = time.perf_counter() - clock
-                    room *= 2.0 if seconds < _SHORT else 0.5 if seconds > _LONG else 1.0
-                    report((begin * steps + (end - begin) * (stop - self.start)) // size)
+        """True if the last state is one of the saved ones."""
+        return self.rows_saved > 0 and self.steps % self.every == 0
 
 
-def alike(size: int, most: int, lanes: int) -> int:
-    """Return the length of parts of about equal length, at most `most`, in multiples of lanes.
-
-    A short part at the end would leave threads idle.
-    """
-    parts = -(-size // most)
-    return -(-size // (parts * lanes)) * lanes
-
-
-class Part(NamedTuple):
-    """Trajectories `begin` to `end`, from state `start` to state `stop`."""
-
-    begin: int
-    end: int
-    start: int
-    stop: int
-
-    def work(self, lanes: int, step: float) -> int:
-        """Return the lane-steps that can run in parallel: none within one block of lanes."""
-        count = self.end - self.begin
-        return int(count * (self.stop - self.start) * step) if count > lanes else 0
-
-
-class Results(NamedTuple):
-    """Results of a run. A map returns the first four, flat; `execute` all, in the batch shape.
+class Options(NamedTuple):
+    """How a run is computed: `report` takes the number of steps done so far.
 
     Attributes
     ----------
+    continued
+        False for a single step that no other follows.
+    """
+
+    threads: int | None = None
+    report: Report | None = None
+    continued: bool = True
+
+
+class Output(NamedTuple):
+    """The results of a span, flat for drivers, and in the shape of the batch for users.
+
+    Attributes
+    ----------
+    saved, turns
+        (rows, B, D) and (rows, B, n, n), the saved states and orientations. Without saved states,
+        `turns` has a row for the last orientation.
     final
-        (B, D), state `steps`; NaN if it does not exist.
+        (B, D), the last state; NaN if it does not exist.
     status, failed_at
         (B,), a code, and if that is negative, the index of the first state that does not exist.
     resume
-        Arrays from which the run can be continued, by name; of `execute` with omega0, and R0 if it
-        turns.
-    omega, attitude
-        Saved states and orientations.
+        Arrays from which the run can be continued, by name.
     """
 
+    saved: FloatArray
+    turns: FloatArray | None
     final: FloatArray
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     resume: dict[str, NDArray[Any]]
-    omega: FloatArray = _UNSET
-    attitude: FloatArray | None = None
+
+    def put(self, chosen: Indices, part: Output) -> None:
+        """Take over the results of some trajectories, of their last rows if they have more."""
+        for whole, rows in ((self.saved, part.saved), (self.turns, part.turns)):
+            if whole is not None and rows is not None and len(whole):
+                whole[:, chosen] = rows[len(rows) - len(whole) :]
+        self.final[chosen] = part.final
+        self.status[chosen], self.failed_at[chosen] = part.status, part.failed_at
+        for name, array in part.resume.items():
+            if name not in self.resume:
+                size = len(self.status)
+                self.resume[name] = np.zeros((size, *array.shape[1:]), array.dtype)
+            self.resume[name][chosen] = array
+
+
+# Fills the output of a problem; returns the indices of the trajectories that it cannot compute.
+Driver = Callable[[Problem, Span, Resume, Output, Options], Indices]
 
 
 def not_computed(size: int) -> NDArray[np.int8]:
@@ -243,115 +198,145 @@ def worst(status: NDArray[np.int8]) -> int:
     return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
 
 
+def with_status(status: NDArray[np.int8], code: int) -> Indices:
+    """Return the trajectories whose status is this code, the least of all codes that occur."""
+    return np.flatnonzero(status == code) if worst(status) == code else NONE
+
+
 def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     """Return the indices of all saved states."""
     return np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
 
 
-def run_some(
-    run: Run,
-    chosen: NDArray[np.intp],
-    driver: Callable[[Run], Results],
-    results: Results,
-    anew: bool = False,
-    report: Callable[[int], object] | None = None,
+def _output(
+    problem: Problem,
+    span: Span,
+    saved: FloatArray,
+    turns: FloatArray | None,
+    final: FloatArray | None = None,
+) -> Output:
+    """Return an output that no driver has filled."""
+    size = problem.size
+    if final is None:
+        final = saved[-1] if span.saves_last else np.empty(problem.omega0.shape)
+    return Output(saved, turns, final, not_computed(size), np.empty(size, np.int64), {})
+
+
+def in_turn(
+    drivers: Sequence[Driver],
+    problem: Problem,
+    span: Span,
+    resume: Resume,
+    output: Output,
+    options: Options,
+    from_0: bool = False,
 ) -> None:
-    """Compute a subset of the trajectories in groups, and store the results in those of the run.
+    """Let each driver compute the trajectories that those before it left.
 
-    Trajectories computed `anew`, from step 0, are not continued. `report` takes a number of steps.
+    With `from_0`, the first driver leaves trajectories that the others compute from step 0 on; they
+    are not continued.
     """
-    together = max(_TOGETHER // (run.omega0.shape[1] * (len(run.saved) + 1)), 1)
-    for begin in range(0, chosen.size, together):
-        some = chosen[begin : begin + together]
-
-        def progress(done: int, total: int, before: int = begin, size: int = some.size) -> None:
-            if report:
-                report((before * total + size * done) // chosen.size)
-
-        part = run.some(some, anew)
-        part.progress = progress if report else None
-        found = driver(part)
-        progress(run.steps - run.start, run.steps - run.start)
-        for whole, rows in ((run.saved, part.saved), (run.turns, part.turns)):
-            if len(whole):
-                whole[:, some] = rows[len(rows) - len(whole) :]
-        results.final[some], results.status[some] = found.final, found.status
-        results.failed_at[some] = found.failed_at
-        for name, array in {} if anew else found.resume.items():
-            if name not in results.resume:
-                results.resume[name] = np.zeros((run.size, *array.shape[1:]), array.dtype)
-            results.resume[name][some] = array
+    first, *others = drivers
+    left = first(problem, span, resume, output, options)
+    if from_0:
+        span, resume = span._replace(start=0), {}
+    options, rows = options._replace(report=None), span.rows_saved
+    together = max(_TOGETHER // (problem.omega0.shape[1] * (rows + 1)), 1)
+    for driver in others:
+        computing, left = left, NONE
+        for begin in range(0, computing.size, together):
+            some = computing[begin : begin + together]
+            chosen = problem.take(some)
+            saved, turned = np.empty((rows, *chosen.omega0.shape)), chosen.orientation
+            turns = None if turned is None else np.empty((rows or 1, *turned.shape))
+            part = _output(chosen, span, saved, turns)
+            known = {name: array[some] for name, array in resume.items()}
+            missing = driver(chosen, span, known, part, options)
+            if from_0:
+                part.resume.clear()
+            output.put(some, part)
+            left = np.append(left, some[missing]) if missing.size else left
 
 
 def execute(
-    run: Run,
+    problem: Problem,
+    span: Span,
+    options: Options = Options(),  # noqa: B008  (it is not mutable)
+    progress: Progress = None,
+    resume: Resume | None = None,
     out: FloatArray | None = None,
     before: tuple[FloatArray, FloatArray | None] | None = None,
-) -> Results:
-    """Compute a run; saved states are written to `out` if given.
+) -> Output:
+    """Compute a span from state 0 on, or go on from `resume`; return results in the batch shape.
 
-    States and orientations saved earlier are copied from `before`.
+    Saved states are written to `out` if given. Those saved earlier are copied from `before`;
+    without it, only those of the span are returned.
     """
-    saved, turns = _room(run, run.rows, out)
-    begin = run.rows_before
+    if span.steps > EXACT:  # numbers of steps are floats in the closed form
+        raise wrong("steps", "at most 2**53", span.steps)
+    whole = before is not None or not span.start
+    begin = span.rows_before if whole else 0
+    states, turns = _room(problem, span, begin, out)
     if before is not None:
-        for kept, array in zip(before, (saved, turns), strict=True):
-            if array is not None and kept is not None:
-                array[:begin] = kept[:begin]
-    return _fill(run, saved, turns, begin)
+        for earlier, array in zip(before, (states, turns), strict=True):
+            if earlier is not None and array is not None:
+                array[:begin] = earlier[:begin]
+    (size, D), total = problem.omega0.shape, span.steps - span.start
+    flat, last = states.reshape(len(states), size, D), None
+    if span.save_every is None:
+        flat, last = flat[:0], flat[0]
+    flat_turns = None if turns is None else turns.reshape(len(turns), size, D + 1, D + 1)[begin:]
+    output = _output(problem, span, flat[begin:], flat_turns, last)
+    with reporter(progress, total) as show:
+        done = 0
 
+        def report(steps: int) -> None:
+            nonlocal done
+            if min(steps, total) > done:
+                done = min(steps, total)
+                show(done)
 
-def go_on(run: Run) -> Results:
-    """Compute a run from `start` on; return only states saved after `start`."""
-    return _fill(run, *_room(run, run.rows - run.rows_before), 0)
+        if progress:
+            options = options._replace(report=report)
+        problem.map.run(problem, span, resume or {}, output, options)
+        if progress:
+            report(total)
+    return _shaped(problem, span, output, states, turns)
 
 
 def _room(
-    run: Run, rows: int, out: FloatArray | None = None
-) -> tuple[FloatArray | None, FloatArray | None]:
+    problem: Problem, span: Span, begin: int, out: FloatArray | None
+) -> tuple[FloatArray, FloatArray | None]:
     """Return arrays for saved states and orientations; MemoryError if they do not fit."""
-    size, D = run.omega0.shape
-    shape, turned = (rows, *run.batch, D), run.orientation
-    saves = out is None and run.save_every is not None
-    numbers = (4 + rows * saves) * size * D  # additional arrays of the size of a state
+    size, D = problem.omega0.shape
+    rows = begin + span.rows_saved if span.save_every else 1
+    shape, turned = (rows, *problem.batch, D), problem.orientation
+    numbers = (4 + rows * (out is None and span.save_every is not None)) * size * D
     if turned is not None:
         numbers += rows * turned.size
     require(8 * numbers, "the saved states are {}: raise save_every or divide the batch", shape)
     turns = None if turned is None else np.empty((*shape[:-1], *turned.shape[1:]))
-    return np.empty(shape) if saves else out, turns
+    return np.empty(shape) if out is None else out, turns
 
 
-def _fill(run: Run, saved: FloatArray | None, turns: FloatArray | None, begin: int) -> Results:
-    """Compute the steps, and fill the saved states from row `begin` on."""
-    if run.steps > EXACT:  # numbers of steps are floats in the closed form
-        raise wrong("steps", "at most 2**53", run.steps)
-    batch, every, (size, D) = run.batch, run.save_every, run.omega0.shape
-    run.parameters = run.map.parameters(run.body, run.eps, batch)
-    run.saved, run.turns = _no_rows(D), _no_rows(D + 1, D + 1)
-    if saved is not None and every is not None:
-        run.saved = saved.reshape((len(saved), size, D))[begin:]
-    if turns is not None:
-        run.time_step = flat_parameter(run.eps, batch)
-        run.turns = turns.reshape((len(turns), size, D + 1, D + 1))[begin:]
-    found = run.map.run(run)
-    final, status, failed_at, resume = found.final, found.status, found.failed_at, found.resume
-    least = worst(status)
+def _shaped(
+    problem: Problem, span: Span, output: Output, states: FloatArray, turns: FloatArray | None
+) -> Output:
+    """Return the results in the shape of the batch, with what is needed to go on."""
+    _, _, final, status, failed_at, resume = output
+    least, batch = worst(status), problem.batch
     if least == codes.NOT_COMPUTED:
         raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
     if least < 0:
         failed_at[status >= 0] = -1
     else:
-        failed_at = _no_failures(size)
-    if "status" in resume:
+        failed_at = _no_failures(problem.size)
+    if resume:
         resume["status"], resume["failed_at"] = status, failed_at
-    resume["omega0"] = run.omega0
-    if run.orientation is not None:
-        resume["R0"] = run.orientation
-    if saved is not None and every is not None and len(saved) and run.steps % every == 0:
-        final = saved[-1]
-    final = final.reshape((*batch, D))
-    if saved is None:
-        saved = final[np.newaxis]
-    elif every is None:
-        saved[0] = final
-    return Results(final, status.reshape(batch), failed_at.reshape(batch), resume, saved, turns)
+    resume["omega0"] = problem.omega0
+    if problem.orientation is not None:
+        resume["R0"] = problem.orientation
+    final = final.reshape((*batch, problem.omega0.shape[1]))
+    if len(states) and span.steps % span.every == 0:
+        final = states[-1]
+    return Output(states, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from threading import Event
 from types import FrameType
 from typing import Any
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray
 from .._engine.layout import flat_matrices, own_states
-from .._engine.run import Results, Run, go_on
+from .._engine.run import Options, Output, Span, execute, problem_of
 from .job import Job, step_work
 from .reductions import reductions_of
 from .store import RECORDS, Arrays, advice
@@ -33,7 +32,7 @@ from .store import RECORDS, Arrays, advice
 # Called with a tile and the number of its stored steps.
 Report = Callable[[int, int], object]
 Values = dict[str, NDArray[Any]]
-Piece = tuple[Run, Results, Values]
+Piece = tuple[Span, Output, Values]
 
 # Duration of a piece in seconds, which limits the loss if a process is killed, and the work of the
 # first one, in trajectory-steps of the 3D map.
@@ -43,7 +42,7 @@ _DURATION, _FIRST = 20.0, 2**30
 def pieces(
     job: Job, tile: int, starts: FloatArray, arrays: Arrays, threads: int | None
 ) -> Iterator[Piece]:
-    """Compute the missing pieces of a tile; yield runs, their results and reductions.
+    """Compute the missing pieces of a tile; yield spans, their results and reductions.
 
     `job` is the part of the run in the tile, and `starts` are its initial states.
     """
@@ -51,9 +50,8 @@ def pieces(
     start, resume, reduced = _left(job, tile, arrays)
     omega0 = own_states(starts, shape)
     omega0[np.isnan(omega0).any(axis=-1)] = np.nan
-    run = Run(job.map, job.body, shape, omega0, job.eps, job.steps, every, job.method)
-    run.orientation = None if job.orientation is None else flat_matrices(job.orientation, shape)
-    run.threads = threads
+    orientation = None if job.orientation is None else flat_matrices(job.orientation, shape)
+    problem = problem_of(job.map, job.body, shape, omega0, job.eps, job.method, orientation)
     known = reductions_of(job.map)
     most = int(_FIRST / (math.prod(shape) * step_work(D)))
     stop = -1
@@ -62,40 +60,40 @@ def pieces(
         if every is not None:  # the states of a piece fill one chunk at most
             row = start // every + 1 if start else 0
             stop = min(stop, max((row // job.rows + 1) * job.rows * every - every, start + 1))
-        run = replace(run, start=start, steps=stop, resume=resume)
+        span = Span(start, stop, every)
         begin = time.perf_counter()
-        results = go_on(run)
+        output = execute(problem, span, Options(threads), resume=resume)
         # With the closed form steps are free, and one piece soon contains them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
-        most, resume = int(speed * _DURATION), results.resume
-        if len(results.omega):
+        most, resume = int(speed * _DURATION), output.resume
+        if len(output.saved):
             before, first = reduced, omega0.reshape(*shape, D)
             reduced = {
-                name: known[name].reduce(job.body, job.eps, results.omega, first)
+                name: known[name].reduce(job.body, job.eps, output.saved, first)
                 for name in job.reductions
             }
             for name in before:
                 reduced[name] = known[name].combine(before[name], reduced[name])
-        yield run, results, reduced
-        del results  # the next piece takes the same memory
+        yield span, output, reduced
+        del output  # the next piece takes the same memory
         start = stop
 
 
 def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     """Write a piece of a tile."""
-    run, results, reduced = piece
-    where, last = job.where(tile), run.steps == job.steps
-    rows = slice(run.rows_before, run.rows_before + len(results.omega))
-    if len(results.omega) and (job.save_every is not None or last):
-        states = {job.map.variable: results.omega, "attitude": results.attitude}
+    span, output, reduced = piece
+    where, last = job.where(tile), span.steps == job.steps
+    rows = slice(span.rows_before, span.rows_before + len(output.saved))
+    if len(output.saved) and (job.save_every is not None or last):
+        states = {job.map.variable: output.saved, "attitude": output.turns}
         for name in job.states:
             arrays[name][(rows, *where)] = states[name]
     if last:
         for name in job.ends:
-            arrays[name][where] = reduced[name] if name in reduced else getattr(results, name)
-    records = np.zeros(results.status.shape, job.record)
-    records["steps"] = run.steps
-    for name, values in {**results.resume, **reduced}.items():
+            arrays[name][where] = reduced[name] if name in reduced else getattr(output, name)
+    records = np.zeros(output.status.shape, job.record)
+    records["steps"] = span.steps
+    for name, values in {**output.resume, **reduced}.items():
         if name in records.dtype.names:
             records[name] = values.reshape(records[name].shape)
     arrays[RECORDS][where] = records[..., np.newaxis].view(np.uint8)

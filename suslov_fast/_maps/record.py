@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
-    from .._engine.run import Results, Run
+    from .._engine.run import Options, Output, Problem, Resume, Span
 
 
 class Kept(NamedTuple):
@@ -51,7 +51,7 @@ class Map:
     parameters
         Function of (body, eps, batch) that returns the flat, scaled arrays for kernels.
     run
-        Function that computes a run.
+        Function that fills the output of a run.
     kept
         Arrays needed to resume a run, in addition to `ENDS`.
     quantities
@@ -76,7 +76,7 @@ class Map:
     title: str
     methods: tuple[str, ...]
     parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
-    run: Callable[[Run], Results]
+    run: Callable[[Problem, Span, Resume, Output, Options], object]
     kept: tuple[Kept, ...]
     quantities: frozenset[str]
     samples: tuple[tuple[Any, tuple[float, ...]], ...]

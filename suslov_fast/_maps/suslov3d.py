@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from .._bodies.three import Suslov3D
-from .._engine.jump import canonical_or_printed, run_3d
+from .._engine.jump import run_suslov
 from .._engine.layout import for_loops
 from .record import Kept, Map
 
@@ -15,7 +13,7 @@ MAP = Map(
     title="Discrete Suslov problem",
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
-    run=partial(run_3d, by_steps=canonical_or_printed),
+    run=run_suslov,
     kept=(
         Kept("state", ("flat", 2)),
         Kept("turn", ("flat", 4), attitude=True),

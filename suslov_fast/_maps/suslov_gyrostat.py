@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from .._bodies.gyrostat import SuslovGyrostat
-from .._engine.iterate import iterate
-from .._engine.jump import run_3d
+from .._engine.jump import run_gyrostat
 from .._engine.layout import for_loops
-from .._kernels.maps_3d import gyrostat
 from .record import Kept, Map
 
 MAP = Map(
@@ -17,7 +13,7 @@ MAP = Map(
     title="Discrete Suslov gyrostat",
     methods=("auto", "canonical"),
     parameters=for_loops,
-    run=partial(run_3d, by_steps=partial(iterate, kernel=gyrostat, work=2.0)),
+    run=run_gyrostat,
     kept=(
         Kept("state", ("flat", 4)),
         Kept("turn", ("flat", 4), attitude=True),

@@ -12,9 +12,9 @@ from .._docs import filled
 from .._engine.arguments import check, refuse_rotor
 from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
-from .._engine.run import Run, execute
+from .._engine.run import Options, Problem, Span, problem_of
 from .._maps.registry import map_named
-from .trajectories import OnSingular, Trajectories, finish, report
+from .trajectories import OnSingular, Trajectories, finish, one_step
 
 
 @filled
@@ -50,11 +50,7 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    run = _checked(body, "omega", omega, eps, I3)
-    results = execute(run)
-    # Failures at step 0 are NaN in the input, which are not reported.
-    report(run, results, "warn", 1)
-    return results.final
+    return one_step(_problem(body, "omega", omega, eps, I3), Options(continued=False))
 
 
 @filled
@@ -126,15 +122,13 @@ def iterate_full(
     >>> orbit.omega[:4, 2]
     array([ 0.1, -0.1,  0.1, -0.1])
     """
-    run = _checked(body, "omega0", omega0, eps, I3)
-    run.steps, run.save_every, run.threads, run.progress = steps, save_every, threads, progress
-    return finish(run, on_singular, out)
+    problem, span = _problem(body, "omega0", omega0, eps, I3), Span(0, steps, save_every)
+    return finish(problem, span, on_singular, threads, progress, out)
 
 
-def _checked(
+def _problem(
     body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None
-) -> Run:
-    """Return a run of one step."""
+) -> Problem:
     refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
     if I3 is not None:
@@ -145,4 +139,4 @@ def _checked(
     components = map.components(body)
     arrays, batch = check(body, {name: omega}, {"eps": eps}, components, kinds=Suslov3D)
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    return Run(map, body, batch, states, own_eps, steps=1, save_every=None)
+    return problem_of(map, body, batch, states, own_eps)

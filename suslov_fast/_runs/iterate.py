@@ -12,10 +12,10 @@ from .._docs import filled
 from .._engine.arguments import BodyOrField, check, refuse_attitude
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress
-from .._engine.run import Run, execute
+from .._engine.run import Options, Span, problem_of
 from .._engine.threads import thread_count
 from .._maps.registry import map_of
-from .trajectories import OnSingular, Trajectories, finish, report
+from .trajectories import OnSingular, Trajectories, finish, one_step
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
@@ -59,12 +59,11 @@ def step(
     map = map_of(body)
     arrays, batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
     states = flat_vectors(arrays[0], batch)
-    run = Run(map, body, batch, states, arrays[1], 1, None, single=True)
-    run.threads = thread_count(threads)
-    results = execute(run)
-    # Failures at step 0 are NaN in the input, which are not reported.
-    report(run, results, "warn", 1)
-    return results.final
+    problem, options = (
+        problem_of(map, body, batch, states, arrays[1]),
+        Options(thread_count(threads)),
+    )
+    return one_step(problem, options._replace(continued=False))
 
 
 @filled
@@ -154,7 +153,6 @@ def iterate(
     if attitude is True or attitude is np.True_:
         arrays.append(np.eye(body.dimension + 1))
     states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    run = Run(map, body, batch, states, own_eps, steps, save_every, method)
-    run.orientation = flat_matrices(arrays[2], batch) if len(arrays) > 2 else None
-    run.threads, run.progress = threads, progress
-    return finish(run, on_singular, out)
+    orientation = flat_matrices(arrays[2], batch) if len(arrays) > 2 else None
+    problem = problem_of(map, body, batch, states, own_eps, method, orientation)
+    return finish(problem, Span(0, steps, save_every), on_singular, threads, progress, out)

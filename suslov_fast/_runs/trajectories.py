@@ -17,7 +17,17 @@ from .._docs import filled
 from .._engine.arguments import BodyOrField
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
-from .._engine.run import Results, Run, execute, numbers_of_saved, worst
+from .._engine.run import (
+    Options,
+    Output,
+    Problem,
+    Resume,
+    Span,
+    execute,
+    numbers_of_saved,
+    problem_of,
+    worst,
+)
 from .._engine.status import SingularStepWarning, Status
 from .._engine.threads import thread_count
 from .._maps.record import Map
@@ -105,23 +115,23 @@ class Trajectories:
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, run: Run, results: Results) -> Trajectories:
+    def of(cls, problem: Problem, span: Span, output: Output) -> Trajectories:
         """Return the results of a run."""
         self = object.__new__(cls)
         # Faster than `__init__`, which takes a tenth of a short run.
         vars(self).update(
-            states=results.omega,
-            eps=run.eps,
-            body=run.body,
-            status=results.status,
-            failed_at=results.failed_at,
-            final=results.final,
-            method=run.method,
-            steps=run.steps,
-            save_every=run.save_every,
-            attitude=results.attitude,
-            _map=run.map,
-            _resume=results.resume,
+            states=output.saved,
+            eps=problem.eps,
+            body=problem.body,
+            status=output.status,
+            failed_at=output.failed_at,
+            final=output.final,
+            method=problem.method,
+            steps=span.steps,
+            save_every=span.save_every,
+            attitude=output.turns,
+            _map=problem.map,
+            _resume=output.resume,
         )
         return self
 
@@ -167,22 +177,12 @@ class Trajectories:
                 "of to_xarray does not hold the data needed to resume"
             )
         resume = dict(self._resume)
-        run = Run(
-            map=self._map,
-            body=self.body,
-            batch=self.status.shape,
-            omega0=resume.pop("omega0"),
-            eps=self.eps,
-            steps=self.steps + integer("steps", steps, 0),
-            save_every=self.save_every,
-            method=self.method,
-            orientation=resume.pop("R0", None),
-            start=self.steps,
-            resume=resume,
-            threads=threads,
-            progress=progress,
-        )
-        return finish(run, on_singular, before=(self.states, self.attitude))
+        omega0, R0 = resume.pop("omega0"), resume.pop("R0", None)
+        batch, method = self.status.shape, self.method
+        problem = problem_of(self._map, self.body, batch, omega0, self.eps, method, R0)
+        span = Span(self.steps, self.steps + integer("steps", steps, 0), self.save_every)
+        before = self.states, self.attitude
+        return finish(problem, span, on_singular, threads, progress, None, resume, before)
 
     @property
     def omega(self) -> FloatArray:
@@ -472,43 +472,55 @@ def _range(eps: float | FloatArray) -> str:
 
 
 def finish(
-    run: Run,
+    problem: Problem,
+    span: Span,
     on_singular: OnSingular,
+    threads: int | None,
+    progress: Progress,
     out: FloatArray | None = None,
+    resume: Resume | None = None,
     before: tuple[FloatArray, FloatArray | None] | None = None,
 ) -> Trajectories:
     """Check the other arguments of `iterate`, compute the run, and warn."""
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
-    run.steps = integer("steps", run.steps, 0)
-    if run.save_every is not None:
-        expected = "None or an integer of at least 1"
-        run.save_every = integer("save_every", run.save_every, 1, expected)
-    run.threads = thread_count(run.threads)
-    check_progress(run.progress)
+    start, steps, save_every = span
+    steps = integer("steps", steps, 0)
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    span, options = Span(start, steps, save_every), Options(thread_count(threads))
+    check_progress(progress)
     if out is not None:
-        out = checked_out(out, run.shape)
-    results = execute(run, out, before)
-    report(run, results, on_singular, 0 if before is None else run.start + 1)
-    return Trajectories.of(run, results)
+        out = checked_out(out, (span.rows, *problem.batch, problem.omega0.shape[1]))
+    output = execute(problem, span, options, progress, resume, out, before)
+    since = 0 if before is None else start + 1
+    if on_singular != "ignore" and (message := failures(output, since)):
+        run = Trajectories.of(problem, span, output)
+        if on_singular == "raise":
+            raise SingularStepError(message, run)
+        warn(message, SingularStepWarning)
+    return Trajectories.of(problem, span, output)
 
 
-def report(run: Run, results: Results, on_singular: str, since: int) -> None:
-    """Warn, once for the whole batch, of trajectories that failed at step `since` or later."""
-    if on_singular == "ignore" or worst(results.status) >= 0:
-        return
-    failed = results.failed_at >= since
-    if not failed.any():
-        return
-    parts = []
+def one_step(problem: Problem, options: Options) -> FloatArray:
+    """Return the next states, and warn of those that do not exist."""
+    output = execute(problem, Span(0, 1, None), options)
+    # Failures at step 0 are NaN in the input, which are not reported.
+    if message := failures(output, 1):
+        warn(message, SingularStepWarning)
+    return output.final
+
+
+def failures(output: Output, since: int) -> str:
+    """Return a count of the trajectories that failed at step `since` or later, "" if none did."""
+    if worst(output.status) >= 0:
+        return ""
+    failed, parts = output.failed_at >= since, []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        of_code = failed & (results.status == code)
+        of_code = failed & (output.status == code)
         if of_code.any():
             index = first_index(of_code)
             parts.append(
                 f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
-                f"first: {spell(index)} at step {results.failed_at[index]}"
+                f"first: {spell(index)} at step {output.failed_at[index]}"
             )
-    message = "; ".join(parts)
-    if on_singular == "raise":
-        raise SingularStepError(message, Trajectories.of(run, results))
-    warn(message, SingularStepWarning)
+    return "; ".join(parts)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -17,7 +16,7 @@ from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import check
 from .._engine.layout import own_parameter, own_states
-from .._engine.run import Run, execute, go_on
+from .._engine.run import Options, Problem, Span, execute, problem_of
 from .._engine.status import SingularStepWarning
 from .._maps.registry import map_of
 from .table import TABLE
@@ -114,9 +113,8 @@ def _sums(
     frame, lengths, of_det = np.eye(D), np.zeros((*batch, D)), np.zeros(batch)
     log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_matrix
     invariant = None
-    run = Run(map_of(body), body, batch, own_states(state, batch), own_parameter(eps), 0, 1)
-    run.threads = threads
-    for omega in _slabs(run, steps):
+    problem = problem_of(map_of(body), body, batch, own_states(state, batch), own_parameter(eps))
+    for omega in _slabs(problem, steps, Options(threads)):
         # A state without a next one has no derivative either.
         before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
         of_step = quantity(body, before, eps, before.shape[:-1], threads, "omega")
@@ -149,21 +147,16 @@ def _orthonormalised(frame: FloatArray) -> tuple[FloatArray, FloatArray]:
     return frame, diagonal
 
 
-def _slabs(run: Run, steps: int) -> Iterator[FloatArray]:
+def _slabs(problem: Problem, steps: int, options: Options) -> Iterator[FloatArray]:
     """Yield all states (..., D) of a run in parts; the first state of a part is the last before."""
-    size = max(run.omega0.size * run.omega0.shape[1], 1)
+    size = max(problem.omega0.size * problem.omega0.shape[1], 1)
     length = max(_SLAB // size, 1)
-    run.steps = min(length, steps)
-    found = execute(run)
-    yield found.omega
-    while run.steps < steps:
-        last, resume = found.omega[-1:], found.resume
-        resume = {name: array for name, array in resume.items() if name != "omega0"}
-        until = min(run.steps + length, steps)
-        run = replace(run, start=run.steps, steps=until, resume=resume)
-        found = go_on(run)
-        found = found._replace(omega=np.concatenate([last, found.omega]))
-        yield found.omega
+    found = execute(problem, Span(0, min(length, steps), 1), options)
+    yield found.saved
+    for start in range(length, steps, length):
+        span, last = Span(start, min(start + length, steps), 1), found.saved[-1:]
+        found = execute(problem, span, options, resume=found.resume)
+        yield np.concatenate([last, found.saved])
 
 
 def _canonical(

@@ -14,7 +14,7 @@ from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 from .._engine import reduction
 from .._engine.layout import flat_vectors
-from .._engine.run import Run, execute
+from .._engine.run import Options, Span, execute, problem_of
 from .._engine.states import by_slabs, of_state, of_state_nd
 from .._jit import Kernel
 from .._kernels import states as kernels_3d
@@ -114,7 +114,8 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 def _next(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch = omega.shape[:-1]
     states = flat_vectors(omega, batch)
-    return execute(Run(map_of(body), body, batch, states, eps, 1, None, "auto", single=True)).final
+    problem = problem_of(map_of(body), body, batch, states, eps)
+    return execute(problem, Span(0, 1, None), Options(continued=False)).final
 
 
 QUANTITIES: dict[str, Callable[..., FloatArray]] = {

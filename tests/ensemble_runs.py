@@ -61,8 +61,13 @@ def made(monkeypatch):
     """Return a list of the pieces that are computed from now on, by their first steps."""
     from suslov_fast._ensemble import compute
 
-    pieces, go_on = [], compute.go_on
-    monkeypatch.setattr(compute, "go_on", lambda run: pieces.append(run.start) or go_on(run))
+    pieces, execute = [], compute.execute
+
+    def observed(problem, span, *others, **options):
+        pieces.append(span.start)
+        return execute(problem, span, *others, **options)
+
+    monkeypatch.setattr(compute, "execute", observed)
     return pieces
 
 

@@ -593,8 +593,13 @@ def test_the_same_run_continues_and_another_is_refused(stores):
 def test_the_message_of_a_signal(stores, monkeypatch, number):
     from suslov_fast._ensemble import compute
 
-    go_on = compute.go_on
-    monkeypatch.setattr(compute, "go_on", lambda run: os.kill(os.getpid(), number) or go_on(run))
+    execute = compute.execute
+
+    def interrupted(*arguments, **options):
+        os.kill(os.getpid(), number)
+        return execute(*arguments, **options)
+
+    monkeypatch.setattr(compute, "execute", interrupted)
     stopped = run("run --trajectories 50 --chunk 10 --steps 9 -o o.zarr")
     check_error(stopped, 130, "repeat the call to resume")
     assert sf.open_ensemble("o.zarr").attrs["tiles_done"].endswith("of 5")

@@ -213,7 +213,7 @@ def test_stores_of_other_runs_are_refused(store):
     assert contents(store) == before
 
 
-GYROSTAT_DRIFT = {"reductions": ["modified_energy_drift"], "body": GYROSTAT}
+FIELD_DRIFT = {"reductions": ["first_integral_drift"], "body": sf.QuadraticField.of(BODY)}
 BAD = [
     ({"steps": -1}, ValueError, "steps"),
     ({"eps": np.nan}, ValueError, "eps"),
@@ -226,7 +226,7 @@ BAD = [
     ({"chunk": "many"}, TypeError, "chunk"),
     ({"reductions": ["mean"]}, ValueError, "reductions.*mean"),
     ({"reductions": "omega_min"}, TypeError, "reductions"),
-    (GYROSTAT_DRIFT, (TypeError, ValueError), "reductions: modified_energy_drift"),
+    (FIELD_DRIFT, (TypeError, ValueError), "reductions: first_integral_drift"),
     ({"compression": "gzip"}, ValueError, "compression"),
     ({"dims": ("a", "b")}, ValueError, "dims"),
     ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),

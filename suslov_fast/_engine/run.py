@@ -81,7 +81,7 @@ class Problem(NamedTuple):
 
 def problem_of(
     map: Map,
-    body: AnyBody,
+    body: BodyOrField,
     batch: tuple[int, ...],
     omega0: FloatArray,
     eps: float | FloatArray,

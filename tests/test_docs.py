@@ -7,9 +7,11 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import suslov_fast
+from suslov_fast import iterate
 from suslov_fast._engine import threads
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -124,6 +126,10 @@ def test_some_rows_of_the_zoo():
     assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in fields]
     for name in ("Suslov body", "Euler top", "Volterra chain, N = 4", "Lotka-Volterra", "Lorenz"):
         assert row(name) in table
+    tends_to_cycles = fields["Zhukovsky-Volterra, three betas"]
+    states = iterate(tends_to_cycles.field, tends_to_cycles.starts, tends_to_cycles.eps, 20_000).x
+    np.testing.assert_allclose(states[-1], states[-4], rtol=1e-9)
+    assert (abs(states[-1] - states[-2]).max(axis=-1) > 0.01).all()
 
 
 @pytest.mark.compiled

@@ -73,7 +73,8 @@ def kernel(function):
 def namespace(name, **contents):
     """Return a module of functions and constants, whose attributes Numba resolves as it compiles.
 
-    A loop that declares `map: ModuleType` and calls `map.advance` thus serves several maps.
+    A loop whose file declares `map = namespace("map")`, empty, and that calls `map.advance` thus
+    serves several maps.
     """
     module = ModuleType(name)
     vars(module).update(contents)

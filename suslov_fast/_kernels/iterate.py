@@ -37,8 +37,6 @@ kept         final (B, D), state `stop`; status (B,); failed_at (B,), written wh
              fails; state (B, STATE), from which a run is resumed, or (0, STATE)
 """
 
-from types import ModuleType
-
 import numpy as np
 
 from .._jit import Kernel, carray, formula, namespace, share, stack
@@ -47,7 +45,7 @@ from .lanes import LANES, whole
 from .tiles import lead_of, missing_of_first_block, write_row
 from .turning_3d import enter_turns, leave_turns, start_turns, turn_on, turns_block, write_turns
 
-map: ModuleType  # of the map that a kernel iterates
+map = namespace("map")  # of the map that a kernel iterates
 
 # Components of omega up to this are finite: float64 ends at 1.8e308, and a component is a sum of
 # up to three products.

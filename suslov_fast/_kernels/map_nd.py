@@ -9,7 +9,6 @@ Lanes store J, I and omega in units, powers of two, in which they are of the ord
 omega changes when omega leaves this range. Lanes that have ended have the state 0 in the unit NaN.
 """
 
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +40,7 @@ from .elimination import WIDTH, eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .units_nd import unit_of, unit_of_moments
 
-method: ModuleType  # of steps: `step`
+method = namespace("method")  # of steps: `step`
 
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just
 # written.

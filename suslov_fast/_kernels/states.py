@@ -11,7 +11,6 @@ period       number of states after which the bodies repeat
 report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +25,7 @@ from .lanes import LANES, row
 MISSING, FIRST, INFINITE = range(3)
 
 # What a quantity provides: its size; enter, which fills `own`; at_lane; and put.
-quantity: ModuleType
+quantity = namespace("quantity")
 
 
 class Given(NamedTuple):

@@ -9,7 +9,6 @@ scratch            (tasks, ROWS, m), a problem
 infinite           (tasks,), 1 if a task has found an infinite number, else 0
 """
 
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from .units_nd import unit_of, unit_of_moments
 ROWS = 7
 
 # What a quantity provides: at_state(s, eps, unit, out), which fills `out` from a problem.
-quantity: ModuleType
+quantity = namespace("quantity")
 
 
 class Problem(NamedTuple):

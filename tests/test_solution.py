@@ -279,3 +279,12 @@ def test_runs_past_their_pole(unit, rng):
     expected = sf.exact(unit, np.delete(omega, 7, axis=0), 1, 10**9 + 1)
     assert (np.delete(far.final, 7, axis=0) == expected).all()
     assert far.failed_at[7] == 1
+
+
+@pytest.mark.parametrize("jitter", [1e-9, 1e-11, 2e-13])
+def test_times_almost_at_equal_steps(body, jitter):
+    """A state does not depend on the other times, which are not exactly at equal steps."""
+    n = np.linspace(1.0, 40.0, 200) * (1.0 + jitter * np.cos(np.arange(200.0)))
+    states = sf.exact(body, [1.0, 0.5], 0.2, n)
+    alone = [sf.exact(body, [1.0, 0.5], 0.2, each) for each in n]
+    np.testing.assert_allclose(states, alone, rtol=0, atol=4e-15)

@@ -89,11 +89,9 @@ def _angle(I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray) -> 
     smaller = np.where(larger > 0.0, alpha * gamma / larger, 0.0)
     p, q = np.where(square >= 0.0, (larger, smaller), (smaller, larger))
     # alpha**2 - p**2 is the smaller root of d**2 - total d + (alpha beta)**2, from which alpha - p
-    # is accurate near p = alpha. Elsewhere half the digits of p may be rounding errors, and the
-    # plain difference contains the same ones.
+    # is accurate near p = alpha.
     total, root = alpha * alpha + beta * beta + gamma * gamma, alpha * beta
-    gap = 2.0 * root / (total + size) * root / (alpha + p)
-    gap = unit * np.where(p < 0.5 * alpha, alpha - p, gap)
+    gap = unit * (2.0 * root / (total + size) * root / (alpha + p))
     # All terms divided by exp(A).
     Q = np.fmod(unit * q, 2.0 * np.pi)
     cosine = np.cos(Q) / (1.0 + np.exp(-2.0 * unit * alpha))

@@ -2,10 +2,9 @@
 
 from typing import NamedTuple
 
-from .._jit import formula
+from .._jit import formula, select
 from .canonical_map import nan_at_zero
 from .elementary import exponent, larger, scaled, two_to_the
-from .units import fraction
 
 
 class Coefficients(NamedTuple):
@@ -25,6 +24,12 @@ class Coefficients(NamedTuple):
     k4: float
     k6: float
     k8: float
+
+
+@formula
+def fraction(k):
+    """2**k for an integer k <= 0, and 0 where that is subnormal."""
+    return select(k < -1022.0, 0.0, two_to_the(larger(k, -1022.0)))
 
 
 @formula

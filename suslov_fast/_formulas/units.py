@@ -123,27 +123,3 @@ def enter(I1, I2, I13, I23, k, eps, omega1, omega2):
 def leave(value, units, moment, product, omega):
     """A result whose dimension is moment**... product**... omega**..., in the unit of the user."""
     return scaled(value, moment * units.M + product * units.P + omega * units.W)
-
-
-@formula
-def fraction(k):
-    """2**k for an integer k <= 0, and 0 where that is subnormal."""
-    return select(k < -1022.0, 0.0, two_to_the(larger(k, -1022.0)))
-
-
-@formula
-def moderate(v, k):
-    """v 2**min(k, 900) for v of the order of 1, which keeps squares of ratios of such numbers in
-    range.
-    """
-    return scaled(v, smaller(k, 900.0))
-
-
-@formula
-def above_one(v, k):
-    """|v 2**k|, if it is above 1, as a number of the order of 1, with 1 in the same unit, and its
-    logarithm.
-    """
-    large = k + exponent(v)
-    large = select((large > 0.0) & (v != 0.0), large, 0.0)
-    return scaled(v, k - large), fraction(-large), large

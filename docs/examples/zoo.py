@@ -8,6 +8,7 @@ are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of 
 """
 
 from fractions import Fraction
+from functools import cache
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
@@ -173,14 +174,17 @@ ZOO = {
 CHAOTIC = 0.02  # exponent above which an orbit is red
 
 
-def exponents(entry, steps=50_000):
+@cache
+def exponents(name, steps=50_000):
     """Largest Lyapunov exponent of each orbit of the picture, per unit of time."""
+    entry = ZOO[name]
     return lyapunov_exponents(entry.field, entry.starts, entry.eps, steps)[:, 0] / entry.eps
 
 
-def facts(entry):
+def facts(name):
     """Degrees and growth; integrals and their degree; degree of a measure; largest exponent."""
-    D, map = entry.field.dimension, kahan(entry.field, entry.eps)
+    field, eps, *_ = ZOO[name]
+    D, map = field.dimension, kahan(field, eps)
     found = degrees(map, {2: 12, 3: 9, 4: 7}.get(D, 6))
     highest = {2: 6, 3: 4, 4: 3}.get(D, 2)
     for degree in range(1, highest + 1):
@@ -191,12 +195,12 @@ def facts(entry):
         if measure := bool(darboux_polynomials(map, of_measure)):
             break
     measured = (measure, of_measure)
-    return found, growth(found), (integrals, degree), measured, exponents(entry).max()
+    return found, growth(found), (integrals, degree), measured, exponents(name).max()
 
 
 def row(name):
     """A row of the table in Markdown."""
-    found, (kind, entropy, _), integrals, measure, exponent = facts(ZOO[name])
+    found, (kind, entropy, _), integrals, measure, exponent = facts(name)
     cells = (
         name,
         ZOO[name].field.dimension,
@@ -221,7 +225,7 @@ for name in ZOO:
 figure, axes = plt.subplots(5, 4, figsize=(7.2, 9.2), layout="constrained")
 for ax, (name, entry) in zip(axes.flat, ZOO.items(), strict=True):
     states = iterate(entry.field, entry.starts, entry.eps, 1500).x[..., entry.plane]
-    chaotic = exponents(entry) > CHAOTIC
+    chaotic = exponents(name) > CHAOTIC
     colours = plt.colormaps["viridis"](np.linspace(0, 0.85, len(chaotic)))
     colours[chaotic] = to_rgba("crimson")
     for orbit, colour in zip(np.moveaxis(states, 1, 0), colours, strict=True):

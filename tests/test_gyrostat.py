@@ -357,20 +357,43 @@ def test_limits_are_steady_states_of_the_orbit():
         )  # fmt: skip
 
 
-def test_far_along_a_periodic_orbit():
-    """The phase is that of n steps to n ulps."""
-    body, omega, eps = sf.SuslovGyrostat(2.3, 1.4, 0.0, 0.0, 0.9), [1.1, -0.4], 0.35
-    turn = 2 * mpmath.atan(
-        mpmath.mpf(eps) * mpmath.mpf(0.9) / (2 * mpmath.sqrt(mpmath.mpf(2.3) * 1.4))
-    )
-    for n in (10**3, -(10**6), 10**9):
-        z = mpmath.mpc(mpmath.sqrt(2.3) * 1.1, -mpmath.sqrt(1.4) * 0.4) * mpmath.expj(n * turn)
-        expected = [float(z.real / mpmath.sqrt(2.3)), float(z.imag / mpmath.sqrt(1.4))]
-        found = sf.exact(body, omega, eps, n)
-        np.testing.assert_allclose(found, expected, atol=3e-16 * abs(n) + 3e-15)
-    assert np.isfinite(sf.exact(body, omega, eps, [1e15, -1e15])).all()
+def turned(parameters, omega, n, flow=False):
+    """State n of a periodic orbit, or the flow at time n eps: a rotation of half-angles."""
+    I1, I2, I13, I23, k, eps = naive.exactly(*parameters)
+    z = mpmath.mpc(mpmath.sqrt(I1) * omega[0], mpmath.sqrt(I2) * omega[1])
+    g = mpmath.mpc(I13 / mpmath.sqrt(I1), I23 / mpmath.sqrt(I2))
+    e = unit = eps / (2 * mpmath.sqrt(I1 * I2))
+    if flow:
+        e = mpmath.mpf(0)
+    zeta = z / mpmath.mpc(1, -e * rotor(parameters, omega))
+    A = abs(zeta * g)
+    psi, m = mpmath.arg(zeta / g), mpmath.sqrt(k * k - A * A)
+    angle = n * (unit * m if flow else mpmath.atan(e * m))
+    p, q, c, s = mpmath.sin(psi / 2), mpmath.cos(psi / 2), mpmath.cos(angle), mpmath.sin(angle) / m
+    p, q = c * p + s * (A + k) * q, c * q + s * (A - k) * p
+    z = mpmath.mpc(1, -e * k) * mpmath.mpc(q, p) ** 2 - mpmath.mpc(0, e * A) * (p * p + q * q)
+    z *= abs(zeta) * g / abs(g) / (p * p + q * q - 2 * e * A * p * q)
+    return z.real / mpmath.sqrt(I1), z.imag / mpmath.sqrt(I2)
+
+
+@pytest.mark.parametrize("k", [1.5, -3.0, 1e3, -1e6, 1e12])
+def test_far_along_a_periodic_orbit(rng, k):
+    """The phase keeps its digits, up to 1e15 steps."""
+    with mpmath.workdps(80):
+        for n in (3, 10**3, -(10**6), 10**9, -(10**15)):
+            parameters = (*rng.uniform(1, 4, 2), *rng.uniform(-0.5, 0.5, 2), k, 0.3)
+            body, omega = sf.SuslovGyrostat(*parameters[:5]), rng.uniform(-1, 1, 2)
+            expected = turned(parameters, omega, n)
+            assert naive.relative_error(sf.exact(body, omega, 0.3, n), expected) < 5e-15
+            time, unit = n * 2.0**-20, (*parameters[:5], 1.0)
+            if abs(k * time) < 1e15:
+                expected = turned(unit, omega, mpmath.mpf(time), flow=True)
+                assert naive.relative_error(sf.flow(body, omega, time), expected) < 5e-15
+            if n == 3:
+                assert naive.relative_error(exact_orbit(parameters, omega, n)[-1],
+                                            turned(parameters, omega, n)) < 1e-15  # fmt: skip
     with pytest.warns(RuntimeWarning, match="1 of 1 states"):
-        assert np.isnan(sf.exact(body, omega, eps, 1e17)).all()
+        assert np.isnan(sf.exact(body, omega, 0.3, 1e19)).all()
 
 
 def test_statuses_at_poles():

@@ -25,7 +25,8 @@ PASSES    From one steady state to the other, without a pole: L >= T/2 and T < 1
           coordinates of (p, q) in the eigenbasis is w_n = w r**n, r = (1 - L)/(1 + L).
 NEARS     The same for other L, and for T >= 1: c + L s = 1 and c - L s = r**n to a common factor,
           and the forms are those in (r**n, s).
-TURNS     K > T: c = cos(n b) and s = sin(n b)/m, m**2 = K**2 - T**2 and b = arctan(m).
+TURNS     K > T: c = cos(n b) and s = sin(n b)/m, m**2 = K**2 - T**2 and b = arctan(m), which is
+          known to twice the digits, and so is the phase n b.
 """
 
 import math
@@ -34,12 +35,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .._jit import formula, select, two_product
-from . import units
+from . import twofold, units
 from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import (
     canonical_body,
     canonical_state,
-    rotor,
+    rotor_twofold,
     sum_of_ordered,
     sum_of_products,
     two_sum,
@@ -60,7 +61,7 @@ from .elementary import (
     two_to_the,
     within,
 )
-from .trigonometric import arctangent, of_quarter_turns
+from .trigonometric import of_quarter_turns
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
@@ -82,6 +83,10 @@ UNCOUPLED = 1e-150
 PART_OF_PASSAGE = 0.25
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
+# States larger than R by this may be at a pole.
+NEAR_POLE = 2.0**20
+# 2 / pi, as a sum of two numbers.
+QUARTER_TURNS = 0.6366197723675814, -3.935735335036497e-17
 # In place of r = 0: its square underflows, and one step from next to Y = 1 still has its state.
 LEAST_RATIO = -(2.0**-700)
 
@@ -95,15 +100,14 @@ RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 class Start(NamedTuple):
     """Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power.
 
-    u     X - K
-    lost  the rounding error of Y
-    time  the logarithm of the unit of time in steps
+    lost     the rounding error of Y
+    factor   the power of two by which X, Y and K were multiplied
+    time     the logarithm of the unit of time in steps
     """
 
     X: float
     Y: float
     lost: float
-    u: float
     K: float
     U: float
     V: float
@@ -113,18 +117,42 @@ class Start(NamedTuple):
     f21: float
     f22: float
     power: float
+    factor: float
     order: float
     time: float
     fate: float
     rests: float
 
 
-class Power(NamedTuple):
-    """r, and log |r| as a sum of two numbers."""
+class Levels(NamedTuple):
+    """R, T, L**2, L as a sum of two numbers (m if L**2 < 0), L - |Y|, and r."""
 
+    R: float
+    T: float
+    square: float
+    root: float
+    lost: float
+    gap: float
+    r: float
+
+
+class Steps(NamedTuple):
+    """What the n-th power of a step depends on.
+
+    log_r   log |r|, as a sum of two numbers
+    root    L or m
+    square  m**2, or 0 for L
+    turns   b in quarter turns, or 0, as a sum of two numbers
+    """
+
+    kind: float
     r: float
     log_r: float
     log_lost: float
+    root: float
+    square: float
+    turns: float
+    turns_lost: float
 
 
 class Passage(NamedTuple):
@@ -133,7 +161,6 @@ class Passage(NamedTuple):
     v: float
     k: float
     lag: float
-    r: float
     c: float
     a1: float
     a2: float
@@ -144,18 +171,8 @@ class Passage(NamedTuple):
 
 
 class Forms(NamedTuple):
-    """omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2).
+    """omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2)."""
 
-    Where r < 0, coefficients `_odd` are those of odd n, for |r|**n in place of r**n.
-
-    root    L or m
-    square  m**2, or 0 for L
-    turns   b in quarter turns, or 0
-    """
-
-    root: float
-    square: float
-    turns: float
     d11: float
     d12: float
     d22: float
@@ -165,27 +182,23 @@ class Forms(NamedTuple):
     x2: float
     y2: float
     z2: float
-    d11_odd: float
-    d12_odd: float
-    x1_odd: float
-    y1_odd: float
-    x2_odd: float
-    y2_odd: float
 
 
 @formula
-def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
+def start(back, flows, given):
     """The `Start` of an orbit of the map, or of the flow for which eps is the unit of time.
 
-    back   -1 for the inverse map and the flow backward in time, else 1
+    back    -1 for the inverse map and the flow backward in time, else 1
+    given   I1, I2, I13, I23, k, eps, omega1 and omega2
     """
+    I1, I2, I13, I23, k, eps, omega1, omega2 = given
     E = exponent(eps)
     own = eps * two_to_the(-E)
     p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
     body = canonical_body(p.I1, p.I2, p.I13, p.I23)
     _, Y, lost = canonical_state(p.I13, p.I23, *body, own, p.omega1, p.omega2)
     e = own * (math.sqrt(0.5) * body[7])
-    l = rotor(p.I13, p.I23, p.k, p.omega1, p.omega2)
+    l, _ = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
     x = sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
     X, u, K = e * l, e * x, e * p.k
 
@@ -209,7 +222,7 @@ def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
     V = back * select(coupled, -Y / coupling, whole * (root2 * p.omega2))
     first, second = whole * half, whole * back
 
-    X, u, K = X * (half * factor), u * (half * factor), abs(K) * factor
+    X, K = X * (half * factor), abs(K) * factor
     Y, lost = Y * (back * factor), lost * (back * factor)
     rests = (X == 0.0) | (eps == 0.0) | (p.omega1 == 0.0) & (p.omega2 == 0.0)
     rests = rests | (~flows) & slow & (time < MOTIONLESS)
@@ -225,7 +238,6 @@ def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
         X,
         Y,
         lost,
-        u,
         K,
         U,
         V,
@@ -235,6 +247,7 @@ def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
         first * g2 / root2,
         second * g1 / root2,
         unit.W,
+        factor,
         select(slow, 0.0, 1.0),
         time,
         fate,
@@ -244,13 +257,13 @@ def start(back, flows, I1, I2, I13, I23, k, eps, omega1, omega2):
 
 @formula
 def levels(o):
-    """R, T, L**2, L as a sum of two numbers (m if L**2 < 0), L - |Y|, and r."""
+    """The `Levels` of an orbit."""
     X, Y, K, order = o.X, o.Y, o.K, o.order
     below = 1.0 / np.sqrt(1.0 + order * X * X)
     R = np.sqrt(o.U * o.U + o.V * o.V) * below
     T = o.coupling * R
     X1, Y1, K1 = X * below, Y * below, K * below
-    square = Y1 * Y1 + X1 * (o.u * below - K1) - order * (K * X1) * (K * X1)
+    square = Y1 * Y1 + X1 * (X1 - 2.0 * K1) - order * (K * X1) * (K * X1)
     least = LEAST_ROOT * T
     square = select(abs(square) > least * least, square, least * least)
     root = np.sqrt(abs(square))
@@ -264,7 +277,7 @@ def levels(o):
     share = below / (1.0 + order * root)
     r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
     r = select(r == 0.0, LEAST_RATIO, r)
-    return R, T, square, root, lost, gap, r
+    return Levels(R, T, square, root, lost, gap, r)
 
 
 @formula
@@ -296,30 +309,73 @@ def logarithm_of_ratio(T, T_lost, r):
 
 
 @formula
-def power_of(o, kind, root, root_lost, r):
-    """The `Power` of an orbit with T > K."""
-    high, low = logarithm_of_ratio(root, root_lost, r)
+def steps(o, e):
+    """The `Steps` of an orbit that does not turn, and the kind of any."""
+    passes = (e.square >= PART_OF_PASSAGE * e.T * e.T) & (o.fate == REGULAR)
+    kind = select(passes, PASSES, select(e.square > 0.0, NEARS, TURNS))
+    kind = select((o.rests != 0.0) | (o.fate < 0.0), RESTS, kind)
+    high, low = logarithm_of_ratio(e.root, e.lost, e.r)
     unit = -2.0 * two_to_the(o.time)
     slow, moves = o.order == 0.0, (kind == PASSES) | (kind == NEARS)
-    return Power(
-        select(moves, r, 1.0),
-        select(moves, select(slow, root * unit, high), 0.0),
-        select(moves, select(slow, root_lost * unit, low), 0.0),
+    return Steps(
+        kind,
+        select(moves, e.r, 1.0),
+        select(moves, select(slow, e.root * unit, high), 0.0),
+        select(moves, select(slow, e.lost * unit, low), 0.0),
+        e.root,
+        0.0,
+        0.0,
+        0.0,
     )
 
 
 @formula
-def kind_of(o, T, square):
-    """The kind of an orbit."""
-    passes = (square >= PART_OF_PASSAGE * T * T) & (o.fate == REGULAR)
-    kind = select(passes, PASSES, select(square > 0.0, NEARS, TURNS))
-    return select((o.rests != 0.0) | (o.fate < 0.0), RESTS, kind)
+def turning(o, e, s, given):
+    """The `Steps` of an orbit that does not pass: b is computed with twice the digits."""
+    I1, I2, I13, I23, k, eps, omega1, omega2 = given
+    own = eps * two_to_the(-exponent(eps))
+    p, _ = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
+    e2 = twofold.quotient(two_product(0.5 * own, 0.5 * own), two_product(p.I1, p.I2))
+    l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
+    l, k = (l[0] * o.factor, l[1] * o.factor), (p.k * o.factor, 0.0)
+    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), for X = e l and K = e k.
+    X2, K2 = twofold.product(e2, twofold.square(l)), twofold.product(e2, twofold.square(k))
+    XK = twofold.product(e2, twofold.product(l, twofold.difference((2.0 * k[0], 0.0), l)))
+    X2 = X2[0] * o.order, X2[1] * o.order
+    size = twofold.plus((1.0, 0.0), X2)
+    m2 = twofold.quotient(twofold.difference(XK, twofold.square((o.Y, o.lost))), size)
+    m2 = twofold.plus(m2, twofold.product(K2, twofold.quotient(X2, size)))
+    least = LEAST_ROOT * e.T
+    tiny = ~(m2[0] > least * least)
+    turns = s.kind == TURNS
+    m2 = select(tiny, least * least, m2[0]), select(tiny, 0.0, m2[1])
+    m = twofold.root((select(turns, m2[0], 1.0), select(turns, m2[1], 0.0)))
+    # The angle of the flow is m, and of the map the arctangent.
+    large = m[0] > 1.0
+    one, over = twofold.quotient((1.0, 0.0), m)
+    angle, lost = twofold.arctangent((select(large, one, m[0]), select(large, over, m[1])))
+    slow, unit = o.order == 0.0, two_to_the(o.time)
+    angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
+    angle, lost = twofold.product((angle, lost), QUARTER_TURNS)
+    above, rest = twofold.difference((1.0, 0.0), (angle, lost))
+    large = large & ~slow
+    return Steps(
+        s.kind,
+        s.r,
+        s.log_r,
+        s.log_lost,
+        select(turns, m[0], s.root),
+        select(turns, m2[0], 0.0),
+        select(turns, select(large, above, angle), 0.0),
+        select(turns, select(large, rest, lost), 0.0),
+    )
 
 
 @formula
-def passage(o, kind, R, T, root, r, omega1, omega2):
+def passage(o, e, kind, given):
     """The `Passage` of an orbit; one that rests, or has no states, is the constant `rest`."""
     moves = kind == PASSES
+    T, root = e.T, e.root
     one = 1.0 + o.order * root
     X = select(moves, o.X, 1.0)
     k = exponent(X)
@@ -328,7 +384,7 @@ def passage(o, kind, R, T, root, r, omega1, omega2):
     rest = root * (root + abs(o.Y)) + o.K * o.X
     v = select(falls, X, rest) / select(falls, rest, X)
     v_k = exponent(v)
-    f11, f12, f21, f22 = frame(o, R / T)
+    f11, f12, f21, f22 = frame(o, e.R / T)
     half_c = o.K / (T * one)
     of_X, of_Y = 2.0 * root * root / (T * one), 2.0 * root
     ends = o.fate < 0.0
@@ -336,14 +392,13 @@ def passage(o, kind, R, T, root, r, omega1, omega2):
         select(moves, v * two_to_the(-v_k), 0.0),
         select(moves, select(falls, k, -k) + v_k, 0.0),
         select(moves & (~falls), o.order, 0.0),
-        select(moves, r, 1.0),
         select(moves, 2.0 * half_c, 0.0),
         select(moves, f11 * of_X + f12 * (half_c * of_Y), 0.0),
         select(moves, f21 * of_X + f22 * (half_c * of_Y), 0.0),
         select(moves, f12 * of_Y, 0.0),
         select(moves, f22 * of_Y, 0.0),
-        select(ends, np.nan, select(moves, f12 * root - f11 * o.K, omega1)),
-        select(ends, np.nan, select(moves, f22 * root - f21 * o.K, omega2)),
+        select(ends, np.nan, select(moves, f12 * root - f11 * o.K, given.omega1)),
+        select(ends, np.nan, select(moves, f22 * root - f21 * o.K, given.omega2)),
     )
 
 
@@ -361,44 +416,38 @@ def rest_of(power):
 
 
 @formula
-def forms(o, kind, R, T, square, root, gap, r):
-    """The `Forms` of an orbit that does not pass."""
-    X, Y, K, U, V = o.X, o.Y, o.K, o.U, o.V
-    turns = kind == TURNS
+def forms(o, e, s, odd):
+    """The `Forms` of an orbit that does not pass.
+
+    Where r < 0, those of odd n are others, for |r|**n in place of r**n.
+    """
+    X, Y, K, U, V, T, root = o.X, o.Y, o.K, o.U, o.V, e.T, s.root
+    turns, falls = s.kind == TURNS, Y < 0.0
     # Of NEARS: L - Y, and L (L - Y) + K X, from its product with L (L + |Y|) + K X for Y >= 0.
-    falls = Y < 0.0
     XT = X * T * (1.0 + o.order * root)
     rest = root * (root + abs(Y)) + K * X
-    gap = select(falls, root + abs(Y), gap)
-    m = select(falls, rest, r * (XT / rest) * XT)
+    gap = select(falls, root + abs(Y), e.gap)
+    m = select(falls, rest, e.r * (XT / rest) * XT)
     # Odd n: an orbit from (-X, Y) / (1 + 2 K X / L**2).
-    g = 1.0 + 2.0 * (K * X / square)
-    gap_odd = gap + 2.0 * (K * X / root)
-    u1, v1, u2, v2 = frame(o, 1.0)
-    f11, f12, f21, f22 = frame(o, R / select(turns, 1.0, T))
-    t_u, t_v = -(K * K * U + T * R * (X + K)), V * square
-    y_u, y_odd = root * X - K * gap, -root * X - K * gap_odd
-    angle = select(o.order > 0.0, arctangent(root, 1.0), root * two_to_the(o.time))
-    TR = T * R + K * U
+    more, sign = select(odd, 2.0 * (K * X / root), 0.0), select(odd, -1.0, 1.0)
+    gap, g = gap + more, 1.0 + more / root
+    TR = T * e.R
+    f11, f12, f21, f22 = frame(o, select(turns, 1.0, e.R / select(turns, 1.0, T)))
+    x_u, x_v = select(turns, U, sign * X - K * g), select(turns, -V, Y)
+    y_u = select(turns, -K * V, sign * root * X - K * gap)
+    y_v = select(turns, -(TR + K * U), -m)
+    z_u = select(turns, -(K * K * U + TR * (X + K)), -2.0 * m * K)
+    z_v = select(turns, V * s.square, -2.0 * m * root)
     return Forms(
-        root,
-        select(turns, -square, 0.0),
-        select(turns, angle * (2.0 / math.pi), 0.0),
-        1.0,
+        select(turns, 1.0, g),
         select(turns, -Y, gap),
-        select(turns, square + 2.0 * K * X, 2.0 * m),
-        u1 * U - v1 * V,
-        select(turns, u1 * (-K * V) - v1 * TR, f11 * y_u - f12 * m),
-        select(turns, u1 * t_u - v1 * t_v, -2.0 * m * (f11 * K + f12 * root)),
-        u2 * U - v2 * V,
-        select(turns, u2 * (-K * V) - v2 * TR, f21 * y_u - f22 * m),
-        select(turns, u2 * t_u - v2 * t_v, -2.0 * m * (f21 * K + f22 * root)),
-        g,
-        gap_odd,
-        f11 * (-X - K * g) + f12 * Y,
-        f11 * y_odd - f12 * m,
-        f21 * (-X - K * g) + f22 * Y,
-        f21 * y_odd - f22 * m,
+        select(turns, 2.0 * K * X - s.square, 2.0 * m),
+        f11 * x_u + f12 * x_v,
+        f11 * y_u + f12 * y_v,
+        f11 * z_u + f12 * z_v,
+        f21 * x_u + f22 * x_v,
+        f21 * y_u + f22 * y_v,
+        f21 * z_u + f22 * z_v,
     )
 
 
@@ -418,9 +467,9 @@ def power_of_ratio(n, o):
 
 
 @formula
-def growth(n, power, o):
+def growth(n, s, o):
     """f and k for which w_n = f 2**k."""
-    p, k, _ = power_of_ratio(smaller(n, LONGEST) - o.lag, power)
+    p, k, _ = power_of_ratio(smaller(n, LONGEST) - o.lag, s)
     return o.v + o.v * p, o.k + k
 
 
@@ -432,14 +481,14 @@ def negligible_square(w):
 
 
 @formula
-def passing(f, k, o):
+def passing(f, k, r, o):
     """omega of an orbit that passes, for w = f 2**k of any size."""
     # Scale w and 1 by a power of two that brings the larger one to the order of 1.
     factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
-    large = (k > 0.0) & (o.r != 0.0)
+    large = k > 0.0
     one = select(large, factor, 1.0)
-    w = select(large, f, f * select(k > 0.0, 1.0 / factor, factor))
-    inverse = one / (negligible_square(one) - o.c * (one * w) + o.r * negligible_square(w))
+    w = select(large, f, f * factor)
+    inverse = one / (negligible_square(one) - o.c * (one * w) + r * negligible_square(w))
     return (
         o.rest1 + (o.a1 * w - o.b1 * one) * inverse,
         o.rest2 + (o.a2 * w - o.b2 * one) * inverse,
@@ -447,17 +496,17 @@ def passing(f, k, o):
 
 
 @formula
-def multiples(n, power, o):
+def multiples(n, o):
     """c and s of `Forms` after n steps; NaN where there is no such state."""
-    unknown = (n > EXACT) & (n < np.inf) & (power.r < 0.0)
+    unknown = (n > EXACT) & (n < np.inf) & (o.r < 0.0)
     n = smaller(n, LONGEST)
-    p, k, sign = power_of_ratio(n, power)
+    p, k, sign = power_of_ratio(n, o)
     sign = select(unknown, np.nan, sign)
     ratio = scaled(1.0 + p, k)
     # Near 1 the distance from 1 is more precise.
     rest = select(k == 0.0, -p, 1.0 - ratio) * (0.5 / o.root)
+    sine, cosine = sine_and_cosine(n, o.turns, o.turns_lost)
     turns = o.turns != 0.0
-    sine, cosine = sine_and_cosine(n, o.turns)
     return (
         select(turns, cosine, ratio * abs(sign)),
         select(turns, sine / o.root, rest),
@@ -465,31 +514,42 @@ def multiples(n, power, o):
 
 
 @formula
-def sine_and_cosine(n, turns):
+def sine_and_cosine(n, turns, turns_lost):
     """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
     high, low = two_product(n, turns)
     half = 0.5 * high
     whole = (half + TO_INTEGER) - TO_INTEGER
+    low = low + n * turns_lost
     half = select(abs(half) < 2.0**51, (half - whole) + 0.5 * low, np.nan)
     sine, cosine = of_quarter_turns(2.0 * abs(half))
     return select(half < 0.0, -sine, sine), cosine
 
 
 @formula
-def quotient(c, s, odd, o):
-    """omega for c and s of `multiples`; NaN at a pole."""
+def quotient(c, s, o):
+    """omega for c and s of `multiples`."""
     cc, cs, ss = c * c, 2.0 * c * s, s * s
-    first = select(odd, o.d11_odd, o.d11) * cc
-    second = select(odd, o.d12_odd, o.d12) * cs
-    third = o.d22 * ss
-    D, size = (first + third) + second, (abs(first) + abs(third)) + abs(second)
-    inverse = 1.0 / select(abs(D) > ZERO_TO_ROUNDING * size, D, np.nan)
-    x1, y1 = select(odd, o.x1_odd, o.x1), select(odd, o.y1_odd, o.y1)
-    x2, y2 = select(odd, o.x2_odd, o.x2), select(odd, o.y2_odd, o.y2)
+    inverse = 1.0 / ((o.d11 * cc + o.d22 * ss) + o.d12 * cs)
     return (
-        ((x1 * cc + o.z1 * ss) + y1 * cs) * inverse,
-        ((x2 * cc + o.z2 * ss) + y2 * cs) * inverse,
+        ((o.x1 * cc + o.z1 * ss) + o.y1 * cs) * inverse,
+        ((o.x2 * cc + o.z2 * ss) + o.y2 * cs) * inverse,
     )
+
+
+@formula
+def is_pole(c, s, o):
+    """Test that the denominator of `quotient` is 0 to rounding."""
+    first, second, third = o.d11 * c * c, 2.0 * o.d12 * c * s, o.d22 * s * s
+    size = (abs(first) + abs(third)) + abs(second)
+    return ~(abs((first + third) + second) > ZERO_TO_ROUNDING * size)
+
+
+@formula
+def far_from_poles(o, e):
+    """A number that components of omega exceed at a pole, and seldom elsewhere."""
+    f11, f12, f21, f22 = frame(o, e.R)
+    size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
+    return NEAR_POLE * size * (1.0 + e.T + o.K)
 
 
 @formula

@@ -38,11 +38,17 @@ def sum_of_products(v1, w1, v2, w2):
 @formula
 def rotor(I13, I23, k, omega1, omega2):
     """l = I13 Omega1 + I23 Omega2 + k to a few ulps, despite cancellation."""
+    return rotor_twofold(I13, I23, k, omega1, omega2)[0]
+
+
+@formula
+def rotor_twofold(I13, I23, k, omega1, omega2):
+    """`rotor`, and its rounding error."""
     p1, error1 = two_product(I13, omega1)
     p2, error2 = two_product(I23, omega2)
     x, error = two_sum(p1, p2)
     total, rest = two_sum(x, k)
-    return total + (rest + (error + (error1 + error2)))
+    return sum_of_ordered(total, rest + (error + (error1 + error2)))
 
 
 @formula

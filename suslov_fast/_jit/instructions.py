@@ -133,6 +133,36 @@ def _expect_store(typing, target, i):
     return types.void(target, types.intp), emit
 
 
+def _of_lane(context, builder, rows, index):
+    """Return pointers to one number of each array of a NamedTuple."""
+    kind, value = rows
+    arrays = (builder.extract_value(value, k) for k in range(len(kind)))
+    arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
+    return [builder.gep(each.data, [index]) for each in arrays]
+
+
+@intrinsic
+def _lane(typing, rows, l):
+    result = types.NamedUniTuple(types.float64, len(rows), rows.instance_class)
+
+    def emit(context, builder, signature, arguments):
+        places = _of_lane(context, builder, (signature.args[0], arguments[0]), arguments[1])
+        return context.make_tuple(builder, result, [builder.load(each) for each in places])
+
+    return result(rows, types.intp), emit
+
+
+@intrinsic
+def _put(typing, rows, l, numbers):
+    def emit(context, builder, signature, arguments):
+        places = _of_lane(context, builder, (signature.args[0], arguments[0]), arguments[1])
+        for k, place in enumerate(places):
+            builder.store(builder.extract_value(arguments[2], k), place)
+        return context.get_dummy_value()
+
+    return types.void(rows, types.intp, numbers), emit
+
+
 @intrinsic
 def _call(typing, address, arguments):
     """Call a compiled kernel, whose C function takes the values of the arguments."""
@@ -160,6 +190,7 @@ def _call(typing, address, arguments):
 # stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
 # expect_store  a store to a line that is not in the caches delays those after it
 # call          a parallel loop calls a kernel by its address, so that Numba compiles it once
+# lane, put     fields of a lane without a line of code for each
 # copy_line, subtract_product
 #               elimination of 64 equations in half the time: a loop that LLVM makes for a few
 #               numbers spends half its time on the first and last iterations
@@ -214,6 +245,15 @@ if config.DISABLE_JIT:
     def _line(index):
         return (*index[:-1], slice(index[-1], index[-1] + LINE))
 
+    def lane(rows, l):
+        """Return the numbers of lane l of a NamedTuple of rows, as such a NamedTuple."""
+        return type(rows)(*(each[l] for each in rows))
+
+    def put(rows, l, numbers):
+        """Store the numbers of lane l of a NamedTuple of rows."""
+        for each, number in zip(rows, numbers, strict=True):
+            each[l] = number
+
     def expect_store(target, i):
         """Prefetch the cache line of target[i] for writing, on AMD's processors."""
 
@@ -225,7 +265,7 @@ else:
     select, bits_of, number_of_bits = _select, _bits_of, _number_of_bits
     stack, expect_store, call = _stack, _expect_store, _call
     copy_line, stream_line = _copy_line(past_caches=False), _copy_line(past_caches=True)
-    subtract_product = _subtract_product
+    subtract_product, lane, put = _subtract_product, _lane, _put
 
     @formula
     def two_product(v, w):

@@ -34,12 +34,13 @@ from .._formulas.closed_form import (
     TURNS,
     UNKNOWN,
     Forms,
+    Levels,
     Passage,
-    Power,
     Start,
+    Steps,
 )
 from .._formulas.elementary import scaled, smaller
-from .._jit import carray, formula, inner, kernel, select, share, stack
+from .._jit import carray, formula, inner, kernel, lane, put, select, share, stack
 from . import codes
 from .lanes import LANES, entry, row, whole
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -73,29 +74,17 @@ class Problem(NamedTuple):
     omega2: object
 
 
-class Levels(NamedTuple):
-    """Kinds of orbits, and what `formulas.levels` returns."""
-
-    kind: object
-    R: object
-    T: object
-    square: object
-    root: object
-    gap: object
-    r: object
-
-
 class Rows(NamedTuple):
     """Lanes at some rows or times.
 
     place, offset    of the row in the output and in time, relative to the first
     eights, number   the multiple of eight in the offset; the time
     fails, slow      the first step without a state; 1 if states are computed one by one
+    turns, odd       1 if an orbit does not pass; in which rows its r**n is negative
     w, r             the ratio of a `Passage`, and r, or 0 where its square is negligible
     c, s             the c and s of `Forms`
     seed_...         the same at multiples of GROUP rows, `table_...` of several groups
     eighths, ones    by how much they grow in multiples of eight rows, and in some rows
-    odd              1 in rows where r**n is negative
     """
 
     place: object
@@ -104,6 +93,7 @@ class Rows(NamedTuple):
     number: object
     fails: object
     slow: object
+    turns: object
     w: object
     r: object
     c: object
@@ -127,15 +117,21 @@ class Block(NamedTuple):
     problem: Problem
     start: Start
     levels: Levels
-    power: Power
+    steps: Steps
     passage: Passage
     forms: Forms
+    odd: Forms
 
 
 @formula
 def table():
     """Return a number for each lane and each of eight rows, on the stack."""
     return carray(stack(_TABLE), (EIGHT, LANES))
+
+
+@formula
+def forms_of_rows():
+    return Forms(row(), row(), row(), row(), row(), row(), row(), row(), row())
 
 
 @formula
@@ -147,54 +143,19 @@ def block():
             row(), row(), row(), row(), row(), row(), row(), row(),
         ),
         Levels(row(), row(), row(), row(), row(), row(), row()),
-        Power(row(), row(), row()),
-        Passage(
-            row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row()
-        ),
-        Forms(
-            row(), row(), row(), row(), row(), row(), row(), row(), row(),
-            row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        ),
+        Steps(row(), row(), row(), row(), row(), row(), row(), row()),
+        Passage(row(), row(), row(), row(), row(), row(), row(), row(), row(), row()),
+        forms_of_rows(),
+        forms_of_rows(),
     )  # fmt: skip
 
 
 @formula
 def rows_of_block():
     return Rows(
-        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
         row(), row(), row(), row(), row(), row(), row(), row(),
         table(), table(), table(), table(), table(),
-    )  # fmt: skip
-
-
-@formula
-def start_at(o, l):
-    return Start(
-        o.X[l], o.Y[l], o.lost[l], o.u[l], o.K[l], o.U[l], o.V[l], o.coupling[l],
-        o.f11[l], o.f12[l], o.f21[l], o.f22[l],
-        o.power[l], o.order[l], o.time[l], o.fate[l], o.rests[l],
-    )  # fmt: skip
-
-
-@formula
-def power_at(o, l):
-    return Power(o.r[l], o.log_r[l], o.log_lost[l])
-
-
-@formula
-def passage_at(o, l):
-    return Passage(
-        o.v[l], o.k[l], o.lag[l], o.r[l], o.c[l],
-        o.a1[l], o.a2[l], o.b1[l], o.b2[l], o.rest1[l], o.rest2[l],
-    )  # fmt: skip
-
-
-@formula
-def forms_at(o, l):
-    return Forms(
-        o.root[l], o.square[l], o.turns[l], o.d11[l], o.d12[l], o.d22[l],
-        o.x1[l], o.y1[l], o.z1[l], o.x2[l], o.y2[l], o.z2[l],
-        o.d11_odd[l], o.d12_odd[l], o.x1_odd[l], o.y1_odd[l], o.x2_odd[l], o.y2_odd[l],
     )  # fmt: skip
 
 
@@ -256,58 +217,49 @@ def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
 
 
 @formula
-def enter(b, motion, lanes):
-    """Fill the orbits of a block; return the numbers of lanes with a `Passage`, and with a
-    `Forms`.
+def enter(b, r, motion, lanes):
+    """Fill the orbits of a block; return the numbers of those that pass or rest, of those that do
+    not, and of those whose r**n has two signs.
     """
     back, flows = motion
-    given, o, e, power, p, h = b.problem, b.start, b.levels, b.power, b.passage, b.forms
     for l in range(lanes):
-        (
-            o.X[l], o.Y[l], o.lost[l], o.u[l], o.K[l], o.U[l], o.V[l], o.coupling[l],
-            o.f11[l], o.f12[l], o.f21[l], o.f22[l],
-            o.power[l], o.order[l], o.time[l], o.fate[l], o.rests[l],
-        ) = formulas.start(
-            back, flows, given.I1[l], given.I2[l], given.I13[l], given.I23[l], given.k[l],
-            given.eps[l], given.omega1[l], given.omega2[l],
-        )  # fmt: skip
-    turning = 0
+        put(b.start, l, formulas.start(back, flows, lane(b.problem, l)))
+    turning, alternating = 0, 0
     for l in range(lanes):
-        a = start_at(o, l)
-        R, T, square, root, lost, gap, r = formulas.levels(a)
-        kind = formulas.kind_of(a, T, square)
-        e.kind[l], e.R[l], e.T[l], e.square[l] = kind, R, T, square
-        e.root[l], e.gap[l], e.r[l] = root, gap, r
-        power.r[l], power.log_r[l], power.log_lost[l] = formulas.power_of(a, kind, root, lost, r)
-        (
-            p.v[l], p.k[l], p.lag[l], p.r[l], p.c[l],
-            p.a1[l], p.a2[l], p.b1[l], p.b2[l], p.rest1[l], p.rest2[l],
-        ) = formulas.passage(
-            a, kind, R, T, root, r, given.omega1[l], given.omega2[l]
-        )  # fmt: skip
-        turning += select(kind > PASSES, 1, 0)
+        o = lane(b.start, l)
+        e = formulas.levels(o)
+        s = formulas.steps(o, e)
+        put(b.levels, l, e)
+        put(b.steps, l, s)
+        put(b.passage, l, formulas.passage(o, e, s.kind, lane(b.problem, l)))
+        turns = s.kind > PASSES
+        r.turns[l] = select(turns, 1.0, 0.0)
+        turning += select(turns, 1, 0)
+        alternating += select(turns & (s.r < 0.0), 1, 0)
     if turning > 0:
         for l in range(lanes):
-            a = start_at(o, l)
-            (
-                h.root[l], h.square[l], h.turns[l], h.d11[l], h.d12[l], h.d22[l],
-                h.x1[l], h.y1[l], h.z1[l], h.x2[l], h.y2[l], h.z2[l],
-                h.d11_odd[l], h.d12_odd[l], h.x1_odd[l], h.y1_odd[l], h.x2_odd[l], h.y2_odd[l],
-            ) = formulas.forms(
-                a, e.kind[l], e.R[l], e.T[l], e.square[l], e.root[l], e.gap[l], e.r[l]
-            )  # fmt: skip
-    return lanes - turning, turning
+            o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
+            s = formulas.turning(o, e, s, lane(b.problem, l))
+            put(b.steps, l, s)
+            put(b.forms, l, formulas.forms(o, e, s, False))
+    if alternating > 0:
+        for l in range(lanes):
+            o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
+            put(b.odd, l, formulas.forms(o, e, s, True))
+    return lanes - turning, turning, alternating
 
 
 @inner
-def state_of(n, kind, power, passage, forms, unit):
+def state_of(n, steps, passage, forms, unit):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
-    if kind > PASSES:
-        c, s = formulas.multiples(n, power, forms)
-        omega1, omega2 = formulas.quotient(c, s, formulas.is_odd(n, power.r), forms)
+    if steps.kind > PASSES:
+        c, s = formulas.multiples(n, steps)
+        omega1, omega2 = formulas.quotient(c, s, forms)
+        if formulas.is_pole(c, s, forms):
+            omega1, omega2 = np.nan, np.nan
     else:
-        f, k = formulas.growth(n, power, passage)
-        omega1, omega2 = formulas.passing(f, k, passage)
+        f, k = formulas.growth(n, steps, passage)
+        omega1, omega2 = formulas.passing(f, k, steps.r, passage)
     rest = formulas.rest_of(unit)
     return scaled(omega1, rest), scaled(omega2, rest)
 
@@ -315,35 +267,24 @@ def state_of(n, kind, power, passage, forms, unit):
 @formula
 def state_at(b, l, n):
     """Return state n of the orbit in a lane."""
-    return state_of(
-        n,
-        b.levels.kind[l],
-        power_at(b.power, l),
-        passage_at(b.passage, l),
-        forms_at(b.forms, l),
-        b.start.power[l],
-    )
+    steps = lane(b.steps, l)
+    forms = lane(b.odd if formulas.is_odd(n, steps.r) else b.forms, l)
+    return state_of(n, steps, lane(b.passage, l), forms, b.start.power[l])
 
 
-@inner
-def first_missing(stop, kind, power, passage, forms, unit):
+@formula
+def first_missing(b, l, stop):
     """Return the index of the first state of an orbit with T >= 1 that does not exist, and True if
     it is infinite.
     """
-    fails, infinite = np.inf, False
+    fails, infinite, s = np.inf, False, lane(b.steps, l)
     for case in range(4):  # both zeros, for even and odd n
-        odd = case > 1
-        places = formulas.indices_of_poles(
-            forms.d11_odd if odd else forms.d11,
-            forms.d12_odd if odd else forms.d12,
-            forms.d22,
-            forms.root,
-            power.log_r,
-        )
+        h = lane(b.odd if case > 1 and s.r < 0.0 else b.forms, l)
+        places = formulas.indices_of_poles(h.d11, h.d12, h.d22, s.root, s.log_r)
         nearest = np.floor((places[1] if case % 2 else places[0]) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):
-                omega1, omega2 = state_of(n, kind, power, passage, forms, unit)
+                omega1, omega2 = state_at(b, l, n)
                 size = abs(omega1) + abs(omega2)
                 if not size < np.inf:
                     fails, infinite = n, size == np.inf
@@ -353,7 +294,7 @@ def first_missing(stop, kind, power, passage, forms, unit):
 @formula
 def end_of(b, l, stop):
     """Return the status of an orbit at a step, and the index of its first missing state."""
-    fate, kind, T = b.start.fate[l], b.levels.kind[l], b.levels.T[l]
+    fate, kind, T = b.start.fate[l], b.steps.kind[l], b.levels.T[l]
     if fate < 0.0:
         if fate == OUT_OF_RANGE:
             return NOT_FOUND, np.inf
@@ -363,14 +304,7 @@ def end_of(b, l, stop):
             return codes.SUPERCRITICAL, np.inf
         if kind == TURNS:  # which of its steps comes next to a pole is not known
             return NOT_FOUND, np.inf
-        fails, infinite = first_missing(
-            stop,
-            kind,
-            power_at(b.power, l),
-            passage_at(b.passage, l),
-            forms_at(b.forms, l),
-            b.start.power[l],
-        )
+        fails, infinite = first_missing(b, l, stop)
         missing = codes.NONFINITE if infinite else codes.SINGULAR
         return missing if fails < np.inf else codes.SUPERCRITICAL, fails
     if b.start.power[l] > 0.0 and kind != RESTS:
@@ -403,20 +337,22 @@ def write_ends(b, fails, first, width, lanes, ends):
 
 @formula
 def mend(b, slow, l, n, line, missing):
-    """Correct state n of lane l if it is slow, out of range, the first, or missing."""
+    """Correct state n of lane l if it is slow, near a pole, out of range, the first, or missing."""
     omega1, omega2 = line[2 * l], line[2 * l + 1]
+    if b.start.fate[l] == SUPERCRITICAL and b.steps.kind[l] > PASSES:
+        far = formulas.far_from_poles(lane(b.start, l), lane(b.levels, l))
+        slow = slow or not max(abs(omega1), abs(omega2)) < far
     if slow:
         omega1, omega2 = state_at(b, l, n)
-    else:
+    elif b.steps.kind[l] != RESTS:
         rest = formulas.rest_of(b.start.power[l])
-        if rest != 0.0 and b.levels.kind[l] != RESTS:
-            omega1, omega2 = scaled(omega1, rest), scaled(omega2, rest)
+        omega1, omega2 = scaled(omega1, rest), scaled(omega2, rest)
     size, fate = abs(omega1) + abs(omega2), b.start.fate[l]
     if n == 0.0:
         omega1, omega2 = b.problem.omega1[l], b.problem.omega2[l]
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        unknown_phase = b.levels.kind[l] == TURNS and LONGEST_PHASE < n < np.inf
+        unknown_phase = b.steps.kind[l] == TURNS and LONGEST_PHASE < n < np.inf
         if fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
             missing[2] += 1.0
         elif fate != UNKNOWN:
@@ -430,41 +366,32 @@ def needs_mending(b, lanes):
     count = 0
     for l in range(lanes):
         fate, unit = b.start.fate[l], b.start.power[l]
-        scales = (abs(unit) > formulas.PART_OF_COEFFICIENTS) & (b.levels.kind[l] != RESTS)
+        scales = (abs(unit) > formulas.PART_OF_COEFFICIENTS) & (b.steps.kind[l] != RESTS)
         count += select((fate != REGULAR) | scales, 1, 0)
     return count > 0
 
 
 @formula
-def enter_ratios(b, r, lanes, first_number, every):
+def enter_ratios(b, r, lanes, first_number, every, turning):
     """Fill the growth between rows, and in which rows r**n is negative."""
     for a in range(EIGHT):
         for l in range(lanes):
-            steps = 8.0 * (a + r.eights[l]) * every
-            p, k, sign = formulas.power_of_ratio(steps, power_at(b.power, l))
+            steps, s = 8.0 * (a + r.eights[l]) * every, lane(b.steps, l)
+            p, k, sign = formulas.power_of_ratio(steps, s)
             r.eighths_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
         for l in range(lanes):
-            power, steps = power_at(b.power, l), (a + (r.offset[l] - 8.0 * r.eights[l])) * every
-            p, k, sign = formulas.power_of_ratio(steps, power)
+            steps, s = (a + (r.offset[l] - 8.0 * r.eights[l])) * every, lane(b.steps, l)
+            p, k, sign = formulas.power_of_ratio(steps, s)
             r.ones_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
-            r.odd[a, l] = select(formulas.is_odd(first_number + steps, power.r), 1.0, 0.0)
-
-
-@formula
-def enter_turning_ratios(b, r, lanes, every):
-    """Fill the growth of the coefficients of a `Forms` between rows."""
-    for a in range(EIGHT):
-        for l in range(lanes):
-            steps, o = 8.0 * (a + r.eights[l]) * every, forms_at(b.forms, l)
-            c, s = formulas.multiples(steps, power_at(b.power, l), o)
-            r.eighths_c[a, l] = select(o.turns != 0.0, c, r.eighths_c[a, l])
-            r.eighths_s[a, l] = s
-        for l in range(lanes):
-            steps = (a + (r.offset[l] - 8.0 * r.eights[l])) * every
-            o = forms_at(b.forms, l)
-            c, s = formulas.multiples(steps, power_at(b.power, l), o)
-            r.ones_c[a, l] = select(o.turns != 0.0, c, r.ones_c[a, l])
-            r.ones_s[a, l] = s
+            r.odd[a, l] = select(formulas.is_odd(first_number + steps, s.r), r.turns[l], 0.0)
+        for l in range(lanes if turning else 0):
+            steps, s = 8.0 * (a + r.eights[l]) * every, lane(b.steps, l)
+            c, r.eighths_s[a, l] = formulas.multiples(steps, s)
+            r.eighths_c[a, l] = select(s.turns != 0.0, c, r.eighths_c[a, l])
+        for l in range(lanes if turning else 0):
+            steps, s = (a + (r.offset[l] - 8.0 * r.eights[l])) * every, lane(b.steps, l)
+            c, r.ones_s[a, l] = formulas.multiples(steps, s)
+            r.ones_c[a, l] = select(s.turns != 0.0, c, r.ones_c[a, l])
 
 
 @formula
@@ -474,13 +401,13 @@ def enter_table(b, r, lanes, first_number, every, top, turning):
     """
     for l in range(lanes):
         n = first_number + every * (top + GROUP * r.place[l])
-        f, k = formulas.growth(n, power_at(b.power, l), passage_at(b.passage, l))
+        f, k = formulas.growth(n, lane(b.steps, l), lane(b.passage, l))
         r.table_w[l] = not_negligible(scaled(f, smaller(k, LARGE_SEED)))
         r.table_slow[l] = select(k >= LARGE_SEED, 1.0, 0.0)
     if turning:
         for l in range(lanes):
             n = first_number + every * (top + GROUP * r.place[l])
-            c, s = formulas.multiples(n, power_at(b.power, l), forms_at(b.forms, l))
+            c, s = formulas.multiples(n, lane(b.steps, l))
             r.table_c[l], r.table_s[l] = not_negligible(c), s
 
 
@@ -506,41 +433,51 @@ def enter_eighth(b, r, lanes, a, turning):
     for l in range(lanes):
         w = r.seed_w[l] * r.eighths_c[a, l]
         r.w[l], r.slow[l] = not_negligible(w), r.seed_slow[l]
-        r.r[l] = select(abs(w) > NO_SQUARE, b.passage.r[l], 0.0)
+        r.r[l] = select(abs(w) > NO_SQUARE, b.steps.r[l], 0.0)
         slow += select(r.slow[l] != 0.0, 1, 0)
-    if turning:
-        for l in range(lanes):
-            r.c[l], r.s[l] = product(
-                r.seed_c[l], r.seed_s[l], r.eighths_c[a, l], r.eighths_s[a, l], b.forms, l
-            )
+    for l in range(lanes if turning else 0):
+        c, s, square = r.seed_c[l], r.seed_s[l], b.steps.square[l]
+        r.c[l], r.s[l] = product(c, s, r.eighths_c[a, l], r.eighths_s[a, l], square)
     return slow
 
 
 @formula
-def product(c, s, next_c, next_s, o, l):
-    """Coefficients of a `Forms` after the steps of both pairs."""
-    kept = select(o.turns[l] != 0.0, next_c, 1.0)
-    return c * next_c - o.square[l] * (s * next_s), s * kept + c * next_s
+def product(c, s, next_c, next_s, square):
+    """c and s of `Forms` after the steps of both pairs."""
+    return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
 
 
 @formula
-def fill_line(b, r, lanes, row, passing, turning, line):
-    """Compute the states of a row, and of those beside it."""
-    o, h = b.passage, b.forms
-    if passing:
-        for l in range(lanes):
-            w = r.w[l] * r.ones_c[row, l]
-            inverse = 1.0 / (1.0 + w * (r.r[l] * w - o.c[l]))
-            line[2 * l] = o.rest1[l] + (o.a1[l] * w - o.b1[l]) * inverse
-            line[2 * l + 1] = o.rest2[l] + (o.a2[l] * w - o.b2[l]) * inverse
-    if turning:
-        for l in range(lanes):
-            c, s = product(r.c[l], r.s[l], r.ones_c[row, l], r.ones_s[row, l], h, l)
-            odd = r.odd[row, l] != 0.0
-            omega1, omega2 = formulas.quotient(c, s, odd, forms_at(h, l))
-            turns = b.levels.kind[l] > PASSES
-            line[2 * l] = select(turns, omega1, line[2 * l])
-            line[2 * l + 1] = select(turns, omega2, line[2 * l + 1])
+def fill_passing(b, r, lanes, row, line):
+    """Compute the states of a row, and of those beside it, of orbits that pass."""
+    o = b.passage
+    for l in range(lanes):
+        w = r.w[l] * r.ones_c[row, l]
+        inverse = 1.0 / (1.0 + w * (r.r[l] * w - o.c[l]))
+        line[2 * l] = o.rest1[l] + (o.a1[l] * w - o.b1[l]) * inverse
+        line[2 * l + 1] = o.rest2[l] + (o.a2[l] * w - o.b2[l]) * inverse
+
+
+@formula
+def fill_turning(b, r, forms, chosen, lanes, row, line):
+    """Compute the states of chosen orbits that do not pass."""
+    for l in range(lanes):
+        next_c, next_s, square = r.ones_c[row, l], r.ones_s[row, l], b.steps.square[l]
+        c, s = product(r.c[l], r.s[l], next_c, next_s, square)
+        omega1, omega2 = formulas.quotient(c, s, lane(forms, l))
+        line[2 * l] = select(chosen[l] != 0.0, omega1, line[2 * l])
+        line[2 * l + 1] = select(chosen[l] != 0.0, omega2, line[2 * l + 1])
+
+
+@formula
+def fill_line(b, r, kinds, lanes, row, line):
+    passing, turning, alternating = kinds
+    if passing > 0:
+        fill_passing(b, r, lanes, row, line)
+    if turning > 0:
+        fill_turning(b, r, b.forms, r.turns, lanes, row, line)
+    if alternating > 0:
+        fill_turning(b, r, b.odd, r.odd[row], lanes, row, line)
 
 
 @kernel
@@ -561,13 +498,11 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
         used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, direction)
-        passing, turning = enter(b, motion, used)
-        passing, turning = passing > 0, turning > 0
+        kinds = enter(b, r, motion, used)
+        turning = kinds[1] > 0
         fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
         mends = needs_mending(b, used)
-        enter_ratios(b, r, used, first_number, every)
-        if turning:
-            enter_turning_ratios(b, r, used, every)
+        enter_ratios(b, r, used, first_number, every, turning)
         start = low + skipped
         for top in range(start, min(start + some, end), GROUP * abreast):
             enter_table(b, r, used, first_number, every, top, turning)
@@ -581,7 +516,7 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
                         at = group + EIGHT * a + one
                         if at >= end or at + abreast <= begin:
                             continue
-                        fill_line(b, r, used, one, passing, turning, line)
+                        fill_line(b, r, kinds, used, one, line)
                         first_row = at == 0 and first_number == 0.0
                         for l in range(width * abreast if mends or slow or first_row else 0):
                             place = at + r.offset[l]
@@ -619,27 +554,25 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
         used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, 1)
-        passing, turning = enter(b, motion, used)
+        kinds = enter(b, r, motion, used)
+        turning = kinds[1] > 0
         fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
         mends = needs_mending(b, used) or fails
         for j in range(skipped, min(skipped + some, times.size), abreast):
             odd = 0
             for l in range(used):
                 r.number[l] = times[min(j + int(r.offset[l]), times.size - 1)]
-            if passing > 0:
+            for l in range(used):
+                o, s = lane(b.passage, l), lane(b.steps, l)
+                f, k = formulas.growth(r.number[l], s, o)
+                line[2 * l], line[2 * l + 1] = formulas.passing(f, k, s.r, o)
+            if turning:
                 for l in range(used):
-                    o = passage_at(b.passage, l)
-                    f, k = formulas.growth(r.number[l], power_at(b.power, l), o)
-                    line[2 * l], line[2 * l + 1] = formulas.passing(f, k, o)
-            if turning > 0:
-                for l in range(used):
-                    o, power = forms_at(b.forms, l), power_at(b.power, l)
-                    c, s = formulas.multiples(r.number[l], power, o)
-                    is_odd = formulas.is_odd(r.number[l], power.r)
-                    omega1, omega2 = formulas.quotient(c, s, is_odd, o)
-                    turns = b.levels.kind[l] > PASSES
-                    line[2 * l] = select(turns, omega1, line[2 * l])
-                    line[2 * l + 1] = select(turns, omega2, line[2 * l + 1])
+                    s = lane(b.steps, l)
+                    r.c[l], r.s[l] = formulas.multiples(r.number[l], s)
+                    r.ones_c[0, l], r.ones_s[0, l] = 1.0, 0.0
+                    r.odd[0, l] = select(formulas.is_odd(r.number[l], s.r), r.turns[l], 0.0)
+                fill_line(b, r, (0, *kinds[1:]), used, 0, line)
             for l in range(used):
                 finite = abs(line[2 * l]) + abs(line[2 * l + 1]) < np.inf
                 odd += select(finite & (r.number[l] != 0.0), 0, 1)

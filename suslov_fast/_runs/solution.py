@@ -62,7 +62,7 @@ def exact(
     Notes
     -----
     The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
-    the gyrostat. The phase of a periodic gyrostat is known to n units in the last place.
+    the gyrostat. The phase of a periodic gyrostat is known to rounding for up to 1e15 steps.
 
     %(poles)s
 

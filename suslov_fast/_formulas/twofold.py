@@ -5,6 +5,8 @@ import numpy as np
 from .._jit import formula, two_product
 from .coordinates import sum_of_ordered, two_sum
 
+ONE = 1.0, 0.0
+
 
 @formula
 def product(v, w):
@@ -50,13 +52,27 @@ def root(v):
 
 
 @formula
+def half_tangent(t):
+    """The tangent of half the angle whose tangent is t."""
+    return quotient(t, plus(ONE, root(plus(ONE, square(t)))))
+
+
+@formula
+def term(n, q, rest):
+    """1 / n - q rest."""
+    return difference(quotient(ONE, (n, 0.0)), product(q, rest))
+
+
+@formula
 def arctangent(t):
     """The arctangent of 0 <= t <= 1."""
-    one = 1.0, 0.0
-    for _ in range(3):  # halves of the angle
-        t = quotient(t, plus(one, root(plus(one, square(t)))))
-    q, total = square(t), (0.0, 0.0)
-    for k in range(15, -1, -1):  # Taylor's series
-        total = difference(quotient(one, (2.0 * k + 1.0, 0.0)), product(q, total))
+    t = half_tangent(half_tangent(half_tangent(t)))
+    # Taylor's series, whose last terms need half the digits.
+    q = square(t)
+    x = q[0]
+    rest = 1.0 / 25.0 - x * (1.0 / 27.0 - x * (1.0 / 29.0 - x * (1.0 / 31.0)))
+    rest = 1.0 / 17.0 - x * (1.0 / 19.0 - x * (1.0 / 21.0 - x * (1.0 / 23.0 - x * rest)))
+    total = term(9.0, q, term(11.0, q, term(13.0, q, term(15.0, q, (rest, 0.0)))))
+    total = term(1.0, q, term(3.0, q, term(5.0, q, term(7.0, q, total))))
     high, low = product(t, total)
     return 8.0 * high, 8.0 * low

@@ -138,7 +138,7 @@ def _of_lane(context, builder, rows, index):
     kind, value = rows
     arrays = (builder.extract_value(value, k) for k in range(len(kind)))
     arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
-    return [builder.gep(each.data, [index]) for each in arrays]
+    return [builder.gep(each.data, [index], inbounds=True) for each in arrays]
 
 
 @intrinsic

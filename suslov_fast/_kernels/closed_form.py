@@ -80,6 +80,7 @@ class Rows(NamedTuple):
     place, offset    of the row in the output and in time, relative to the first
     eights, number   the multiple of eight in the offset; the time
     fails, slow      the first step without a state; 1 if states are computed one by one
+    far              what states next to a pole exceed, and few others
     turns, odd       1 if an orbit does not pass; in which rows its r**n is negative
     w, r             the ratio of a `Passage`, and r, or 0 where its square is negligible
     c, s             the c and s of `Forms`
@@ -93,6 +94,7 @@ class Rows(NamedTuple):
     number: object
     fails: object
     slow: object
+    far: object
     turns: object
     w: object
     r: object
@@ -154,7 +156,7 @@ def block():
 def rows_of_block():
     return Rows(
         row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(),
         table(), table(), table(), table(), table(),
     )  # fmt: skip
 
@@ -219,12 +221,12 @@ def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
 @formula
 def enter(b, r, motion, lanes):
     """Fill the orbits of a block; return the numbers of those that pass or rest, of those that do
-    not, and of those whose r**n has two signs.
+    not, and of these those whose r**n has two signs, and those that may meet poles.
     """
     back, flows = motion
     for l in range(lanes):
         put(b.start, l, formulas.start(back, flows, lane(b.problem, l)))
-    turning, alternating = 0, 0
+    turning, alternating, meeting = 0, 0, 0
     for l in range(lanes):
         o = lane(b.start, l)
         e = formulas.levels(o)
@@ -236,17 +238,20 @@ def enter(b, r, motion, lanes):
         r.turns[l] = select(turns, 1.0, 0.0)
         turning += select(turns, 1, 0)
         alternating += select(turns & (s.r < 0.0), 1, 0)
+        meeting += select(turns & (o.fate == SUPERCRITICAL), 1, 0)
     if turning > 0:
         for l in range(lanes):
             o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
             s = formulas.turning(o, e, s, lane(b.problem, l))
             put(b.steps, l, s)
             put(b.forms, l, formulas.forms(o, e, s, False))
+            may_meet = r.turns[l] * o.fate == SUPERCRITICAL
+            r.far[l] = select(may_meet, formulas.far_from_poles(o, e), np.inf)
     if alternating > 0:
         for l in range(lanes):
             o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
             put(b.odd, l, formulas.forms(o, e, s, True))
-    return lanes - turning, turning, alternating
+    return lanes - turning, turning, alternating, meeting
 
 
 @inner
@@ -337,11 +342,8 @@ def write_ends(b, fails, first, width, lanes, ends):
 
 @formula
 def mend(b, slow, l, n, line, missing):
-    """Correct state n of lane l if it is slow, near a pole, out of range, the first, or missing."""
+    """Correct state n of lane l if it is slow, out of range, the first, or missing."""
     omega1, omega2 = line[2 * l], line[2 * l + 1]
-    if b.start.fate[l] == SUPERCRITICAL and b.steps.kind[l] > PASSES:
-        far = formulas.far_from_poles(lane(b.start, l), lane(b.levels, l))
-        slow = slow or not max(abs(omega1), abs(omega2)) < far
     if slow:
         omega1, omega2 = state_at(b, l, n)
     elif b.steps.kind[l] != RESTS:
@@ -367,7 +369,7 @@ def needs_mending(b, lanes):
     for l in range(lanes):
         fate, unit = b.start.fate[l], b.start.power[l]
         scales = (abs(unit) > formulas.PART_OF_COEFFICIENTS) & (b.steps.kind[l] != RESTS)
-        count += select((fate != REGULAR) | scales, 1, 0)
+        count += select((fate < 0.0) | scales, 1, 0)
     return count > 0
 
 
@@ -471,13 +473,24 @@ def fill_turning(b, r, forms, chosen, lanes, row, line):
 
 @formula
 def fill_line(b, r, kinds, lanes, row, line):
-    passing, turning, alternating = kinds
+    passing, turning, alternating, _ = kinds
     if passing > 0:
         fill_passing(b, r, lanes, row, line)
     if turning > 0:
         fill_turning(b, r, b.forms, r.turns, lanes, row, line)
     if alternating > 0:
         fill_turning(b, r, b.odd, r.odd[row], lanes, row, line)
+
+
+@formula
+def count_slow(r, width, line):
+    """Mark states that may be at a pole as slow; return how many are slow."""
+    slow = 0
+    for l in range(width):
+        near = ~(abs(line[2 * l]) + abs(line[2 * l + 1]) < r.far[l])
+        r.slow[l] = select(near, 1.0, r.seed_slow[l])
+        slow += select(r.slow[l] != 0.0, 1, 0)
+    return slow
 
 
 @kernel
@@ -517,6 +530,8 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
                         if at >= end or at + abreast <= begin:
                             continue
                         fill_line(b, r, kinds, used, one, line)
+                        if kinds[3] > 0:
+                            slow = count_slow(r, used, line) > 0
                         first_row = at == 0 and first_number == 0.0
                         for l in range(width * abreast if mends or slow or first_row else 0):
                             place = at + r.offset[l]

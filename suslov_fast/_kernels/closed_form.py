@@ -235,7 +235,7 @@ def enter(b, r, motion, lanes):
         put(b.steps, l, s)
         put(b.passage, l, formulas.passage(o, e, s.kind, lane(b.problem, l)))
         turns = s.kind > PASSES
-        r.turns[l] = select(turns, 1.0, 0.0)
+        r.turns[l], r.far[l] = select(turns, 1.0, 0.0), np.inf
         turning += select(turns, 1, 0)
         alternating += select(turns & (s.r < 0.0), 1, 0)
         meeting += select(turns & (o.fate == SUPERCRITICAL), 1, 0)
@@ -574,9 +574,9 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
         fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
         mends = needs_mending(b, used) or fails
         for j in range(skipped, min(skipped + some, times.size), abreast):
-            odd = 0
             for l in range(used):
                 r.number[l] = times[min(j + int(r.offset[l]), times.size - 1)]
+                r.seed_slow[l] = select(r.number[l] == 0.0, 1.0, 0.0)
             for l in range(used):
                 o, s = lane(b.passage, l), lane(b.steps, l)
                 f, k = formulas.growth(r.number[l], s, o)
@@ -588,12 +588,9 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
                     r.ones_c[0, l], r.ones_s[0, l] = 1.0, 0.0
                     r.odd[0, l] = select(formulas.is_odd(r.number[l], s.r), r.turns[l], 0.0)
                 fill_line(b, r, (0, *kinds[1:]), used, 0, line)
-            for l in range(used):
-                finite = abs(line[2 * l]) + abs(line[2 * l + 1]) < np.inf
-                odd += select(finite & (r.number[l] != 0.0), 0, 1)
-            count = width * min(abreast, times.size - j)
-            for l in range(count if odd > 0 or mends else 0):
-                mend(b, False, l, r.number[l], line, found)
+            slow, count = count_slow(r, used, line), width * min(abreast, times.size - j)
+            for l in range(count if slow > 0 or mends else 0):
+                mend(b, r.slow[l] != 0.0, l, r.number[l], line, found)
                 if fails and r.number[l] >= r.fails[l]:
                     line[2 * l], line[2 * l + 1] = np.nan, np.nan
             for i in range(count // width):

@@ -22,12 +22,22 @@ def check_progress(progress: Progress) -> None:
 
 @contextmanager
 def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]]:
-    """Yield a function that takes the number of steps done so far."""
+    """Yield a function that takes the number of steps done so far, and shows any progress."""
+    shown = 0
+
+    def report(done: int) -> None:
+        nonlocal shown
+        if min(done, total) > shown:
+            before, shown = shown, min(done, total)
+            show(before, shown)
+
     if progress is True:
         with _tqdm()(total=total, unit="step", unit_scale=True) as bar:
-            yield lambda done: bar.update(done - bar.n)
+            show = lambda before, now: bar.update(now - before)  # noqa: E731
+            yield report
     else:
-        yield lambda done: progress(done, total) if callable(progress) else None
+        show = lambda before, now: progress(now, total) if callable(progress) else None  # noqa: E731
+        yield report
 
 
 def _tqdm() -> Any:

@@ -238,6 +238,8 @@ def in_turn(
     """
     first, *others = drivers
     left = first(problem, span, resume, output, options)
+    if not left.size:
+        return
     if from_0:
         span, resume = span._replace(start=0), {}
     options, rows = options._replace(report=None), span.rows_saved
@@ -287,20 +289,13 @@ def execute(
         flat, last = flat[:0], flat[0]
     flat_turns = None if turns is None else turns.reshape(len(turns), size, D + 1, D + 1)[begin:]
     output = _output(problem, span, flat[begin:], flat_turns, last)
-    with reporter(progress, total) as show:
-        done = 0
-
-        def report(steps: int) -> None:
-            nonlocal done
-            if min(steps, total) > done:
-                done = min(steps, total)
-                show(done)
-
-        if progress:
+    if progress:
+        with reporter(progress, total) as report:
             options = options._replace(report=report)
-        problem.map.run(problem, span, resume or {}, output, options)
-        if progress:
+            problem.map.run(problem, span, resume or {}, output, options)
             report(total)
+    else:
+        problem.map.run(problem, span, resume or {}, output, options)
     return _shaped(problem, span, output, states, turns)
 
 

@@ -42,10 +42,12 @@ from .._formulas.closed_form import (
 from .._formulas.elementary import scaled, smaller
 from .._jit import carray, formula, inner, kernel, lane, put, select, share, stack
 from . import codes
-from .lanes import LANES, entry, row, whole
+from .lanes import entry, whole
 from .tiles import lead_of, missing_of_first_block, write_row
 
 EIGHT, GROUP = 8, 64
+# A block of 64 orbits takes 65 KB.
+LANES = 64
 _TABLE, _LINE = EIGHT * LANES, 2 * LANES
 # States of one task.
 TASK = 2**16
@@ -123,6 +125,12 @@ class Block(NamedTuple):
     passage: Passage
     forms: Forms
     odd: Forms
+
+
+@formula
+def row():
+    """Return a number for each lane, on the stack."""
+    return carray(stack(LANES), (LANES,))
 
 
 @formula

@@ -241,7 +241,7 @@ def test_maps_without_orientations_refuse_them(store, monkeypatch):
     record = replace(map_of(BODY), carries_attitude=False)
     monkeypatch.setattr("suslov_fast._ensemble.api.map_of", lambda body: record)
     for attitude in (True, np.True_, np.eye(3)):
-        with pytest.raises(ValueError, match="attitude: expected False for a Suslov3D"):
+        with pytest.raises(TypeError, match="attitude: expected False, as states of Suslov3D"):
             ensemble(**ASKED, attitude=attitude, store=store)
     assert list(store.parent.iterdir()) == []
     assert "attitude" not in ensemble(**ASKED, attitude=np.False_, store=store)

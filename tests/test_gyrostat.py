@@ -251,7 +251,7 @@ def test_steps_out_of_range_fail_with_a_status(scale):
     ],
 )
 def test_functions_without_meaning_for_a_rotor_name_another(name, arguments, instead):
-    with pytest.raises(TypeError, match=f"no meaning with a rotor; use {instead}"):
+    with pytest.raises(TypeError, match=f"without a rotor, got .*use {instead}"):
         getattr(sf, name)(sf.SuslovGyrostat(2, 3, 0.1, 0.2, 0.5), *arguments)
 
 

@@ -414,7 +414,7 @@ def solved_and_others(rng, size, m):
     eps = rng.choice([-0.5, 0.0, 0.1, 0.5], size)
     omega = rng.normal(size=(size, m)) * 10 ** rng.uniform(-1, 1.5, (size, 1))
     omega[4::13] = I[4::13] * rng.uniform(-2, 2, (len(omega[4::13]), 1))
-    omega[2::17] *= 1e280
+    omega[2::17] *= 1e90
     omega[6] = np.nan
     J[1], I[1], omega[1], eps[1] = 1.0, 0.0, 0.0, 1.0
     I[1, 0], omega[1, :2] = 1.0, [3.0, 1.0][:m]  # at a pole

@@ -24,12 +24,12 @@ SHOWN = [
     "body",
     "Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)",
     "Suslov3D(I1=np.linspace(1, 4, 200), I2=2, I13=-0.5, I23=-0.3)",
-    "SuslovND(J=np.full((200, 9), 2.0), I=body.I)",
+    "SuslovND(J=np.full((200, 9), 2.0), I=solved.I)",
 ]
 BAR = """
 import tqdm.auto
 from suslov_fast._engine.progress import _tqdm
-iterate(body, omega0, eps=0.2, steps=100, progress=True)
+iterate(solved, omega0, eps=0.2, steps=100, progress=True)
 print(_tqdm() is tqdm.auto.tqdm)
 """
 EXECUTE = """

@@ -25,7 +25,10 @@ IN_3D = Suslov3D, SuslovGyrostat
 def refuse_rotor(body: object, function: str, instead: str) -> None:
     """Raise TypeError for a body with a rotor, for which a function has no meaning."""
     if isinstance(body, SuslovGyrostat):
-        raise TypeError(f"body: {function} has no meaning with a rotor; use {instead}")
+        name = type(body).__name__
+        raise TypeError(
+            f"body: expected one without a rotor, got {name}: instead of {function} use {instead}"
+        )
 
 
 def refuse_attitude(body: object, carries_attitude: bool, attitude: object) -> None:

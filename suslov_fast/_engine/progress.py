@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 Progress = bool | None | Callable[[int, int], object]
@@ -23,20 +23,19 @@ def check_progress(progress: Progress) -> None:
 @contextmanager
 def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]]:
     """Yield a function that takes the number of steps done so far, and shows any progress."""
-    shown = 0
+    shown = -1
 
     def report(done: int) -> None:
         nonlocal shown
         if min(done, total) > shown:
-            before, shown = shown, min(done, total)
-            show(before, shown)
+            shown = min(done, total)
+            if callable(progress):
+                progress(shown, total)
+            elif bar is not None:
+                bar.update(shown - bar.n)
 
-    if progress is True:
-        with _tqdm()(total=total, unit="step", unit_scale=True) as bar:
-            show = lambda before, now: bar.update(now - before)  # noqa: E731
-            yield report
-    else:
-        show = lambda before, now: progress(now, total) if callable(progress) else None  # noqa: E731
+    bar = _tqdm()(total=total, unit="step", unit_scale=True) if progress is True else None
+    with bar or nullcontext():
         yield report
 
 

@@ -274,11 +274,11 @@ def execute(
     Saved states are written to `out` if given. Those saved earlier are copied from `before`;
     without it, only those of the span are returned.
     """
-    if span.steps > EXACT:  # numbers of steps are floats in the closed form
-        raise wrong("steps", "at most 2**53", span.steps)
     whole = before is not None or not span.start
     begin = span.rows_before if whole else 0
     states, turns = _room(problem, span, begin, out)
+    if span.steps > EXACT:  # numbers of steps are floats in the closed form
+        raise wrong("steps", "at most 2**53", span.steps)
     if before is not None:
         for earlier, array in zip(before, (states, turns), strict=True):
             if earlier is not None and array is not None:

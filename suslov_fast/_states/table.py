@@ -18,6 +18,8 @@ from .._engine.threads import thread_count
 from .._kernels import states as kernels
 from . import nd, quadratic
 
+# Quantities without a step size.
+_OF_STATES = "energy", "vector_field", "reaction", "to_xy", "from_xy"
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
 Finder = Callable[..., FloatArray]
 
@@ -64,7 +66,7 @@ def find(
     omega, eps = aligned({name: omega, "eps": eps}, labels).values()
     state = states(name, omega, labels, later=True)
     shapes, step = {"body": body.shape, name: state.shape[:-1]}, None
-    if eps is not None:
+    if quantity not in _OF_STATES:
         step = real_number("eps", eps)
         shapes["eps"] = () if isinstance(step, float) else step.shape
     return finder(body, state, step, common_shape(shapes), thread_count(threads), name)

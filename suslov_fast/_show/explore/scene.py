@@ -76,19 +76,17 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         body, start, eps, parameters.steps, attitude=True, on_singular="ignore", threads=1
     )
     assert run.attitude is not None
-    t = _criticality(body, start, eps)
+    t = float(criticality(body, start, eps))
     status = Status(int(run.status))
     drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
     R = 2.0 * float(np.sqrt(body.I1 * body.I2 * first_integral(body, start, eps)))
     regime = _regime(parameters, t, status)
     ahead = math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else 1.0
     repelling = _repelling(body, eps)
-    minus = plus = np.full(2, np.nan)
+    minus, plus = limits(body, start, eps)
     within = np.isfinite(run.time)
     of_flow = np.full_like(run.omega, np.nan)
-    if isinstance(body, Suslov3D):
-        minus, plus = limits(body, start, eps)
-        of_flow[within] = flow(body, start, run.time[within])
+    of_flow[within] = flow(body, start, run.time[within])
     without_rotor = parameters.without_rotor
     return {
         "parameters": parameters._asdict(),
@@ -132,12 +130,6 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "attitude=True)\n"
         ),
     }
-
-
-def _criticality(body: Body, start: FloatArray, eps: float) -> float:
-    if isinstance(body, Suslov3D):
-        return float(criticality(body, start, eps))
-    return float(eps * np.sqrt(first_integral(body, start, eps)) * abs(half_angle(body)[0]))
 
 
 def _regime(parameters: Parameters, t: float, status: Status) -> str:

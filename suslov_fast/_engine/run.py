@@ -128,7 +128,7 @@ class Span(NamedTuple):
 
 
 class Options(NamedTuple):
-    """How a run is computed: `report` takes the number of steps done so far.
+    """Options of a computation; `report` takes the number of steps done so far.
 
     Attributes
     ----------

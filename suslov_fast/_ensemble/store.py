@@ -99,7 +99,7 @@ def only_writer(store: Any) -> Iterator[None]:
 
 
 class Found(NamedTuple):
-    """What a store holds."""
+    """Contents of a store."""
 
     # The description of the run.
     notes: dict[str, Any]

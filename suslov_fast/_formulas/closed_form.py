@@ -137,7 +137,7 @@ class Levels(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What the n-th power of a step depends on.
+    """Constants of the n-th power of a step.
 
     log_r   log |r|, as a sum of two numbers
     root    L or m

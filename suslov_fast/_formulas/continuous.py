@@ -27,7 +27,7 @@ def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 @formula
 def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """The same terms of equation (4), (l_next - l) / eps and
+    """Terms of equation (4), as those above: (l_next - l) / eps and
     (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Both are rational functions of the state with the denominator of the next state, and in these

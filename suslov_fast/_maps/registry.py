@@ -64,7 +64,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
 
     Returns
     -------
-    Suslov3D, SuslovND or SuslovGyrostat
+    Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
 
     Raises
     ------

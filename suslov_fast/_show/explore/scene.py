@@ -160,7 +160,7 @@ def _repelling(body: Body, eps: float) -> list[float] | None:
 
 
 def _middle(body: Body) -> list[float]:
-    """Where the halves of the line of steady states meet, the state of least energy on it."""
+    """State of least energy on the line of steady states, where its halves meet."""
     g, k = half_angle(body)
     towards = np.array([body.I13 / body.I1, body.I23 / body.I2])
     return list((-k / abs(g) ** 2 * towards + 0.0).tolist())

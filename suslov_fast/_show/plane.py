@@ -11,15 +11,6 @@ from .._states.conserved import energy
 from .._states.coordinates import from_xy
 
 
-def repelling_direction(body: Suslov3D) -> FloatArray:
-    """Direction of the repelling half of the line of steady states, for eps > 0."""
-    instance("body", body, Suslov3D)
-    if body.shape or (body.I13 == 0 and body.I23 == 0):
-        raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
-    direction: FloatArray = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
-    return direction
-
-
 def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
     """Complex g = I13 / sqrt(I1) + i I23 / sqrt(I2), and k, of a single body that can move.
 

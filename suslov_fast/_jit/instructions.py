@@ -14,7 +14,7 @@ from .options import formula
 _DOUBLE, _BIT = ir.DoubleType(), ir.IntType(1)
 LINE = 8  # numbers of a cache line, and of the longest vector
 # Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
-# then take 1.4 times as long. On AMD's, rows that share a line with their neighbour take 0.7.
+# then take 1.4 times as long. On AMD's it saves up to a third where rows share lines, or nothing.
 _PREFETCHES = binding.get_host_cpu_name().startswith("znver")
 
 

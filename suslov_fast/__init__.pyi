@@ -1,19 +1,19 @@
 # The public names and the modules that define them. Each module is imported when one of its
 # names is first used; type checkers read this file as it is.
 
-from ._bodies.gyrostat import SuslovGyrostat as SuslovGyrostat
-from ._bodies.nd import SuslovND as SuslovND
-from ._bodies.quadratic import QuadraticField as QuadraticField
-from ._bodies.reduction import NotIntegrableError as NotIntegrableError
-from ._bodies.three import Suslov3D as Suslov3D
+from ._bodies.body_3d import Suslov3D as Suslov3D
+from ._bodies.body_gyrostat import SuslovGyrostat as SuslovGyrostat
+from ._bodies.body_nd import SuslovND as SuslovND
+from ._bodies.field import QuadraticField as QuadraticField
+from ._bodies.integrable import NotIntegrableError as NotIntegrableError
 from ._engine.status import SingularStepWarning as SingularStepWarning
 from ._engine.status import Status as Status
 from ._ensemble.api import ensemble as ensemble
 from ._ensemble.api import open_ensemble as open_ensemble
 from ._ensemble.starts import RandomStarts as RandomStarts
 from ._maps.registry import body_from_dict as body_from_dict
-from ._runs.full import iterate_full as iterate_full
-from ._runs.full import step_full as step_full
+from ._runs.full_scheme import iterate_full as iterate_full
+from ._runs.full_scheme import step_full as step_full
 from ._runs.iterate import iterate as iterate
 from ._runs.iterate import step as step
 from ._runs.solution import exact as exact
@@ -37,15 +37,15 @@ from ._states.conserved import first_integral as first_integral
 from ._states.conserved import invariant_density as invariant_density
 from ._states.conserved import modified_energy as modified_energy
 from ._states.conserved import rotation_number as rotation_number
-from ._states.continuous import reaction as reaction
-from ._states.continuous import vector_field as vector_field
-from ._states.coordinates import ClosedForm as ClosedForm
-from ._states.coordinates import closed_form as closed_form
-from ._states.coordinates import from_xy as from_xy
-from ._states.coordinates import to_xy as to_xy
-from ._states.linearised import jacobian as jacobian
-from ._states.linearised import matrix as matrix
-from ._states.linearised import multipliers as multipliers
+from ._states.derivatives import jacobian as jacobian
+from ._states.derivatives import matrix as matrix
+from ._states.derivatives import multipliers as multipliers
 from ._states.lyapunov import lyapunov_exponents as lyapunov_exponents
+from ._states.paper_coordinates import ClosedForm as ClosedForm
+from ._states.paper_coordinates import closed_form as closed_form
+from ._states.paper_coordinates import from_xy as from_xy
+from ._states.paper_coordinates import to_xy as to_xy
+from ._states.vector_field import reaction as reaction
+from ._states.vector_field import vector_field as vector_field
 
 __version__: str

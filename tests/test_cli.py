@@ -19,7 +19,7 @@ from test_trajectories import assert_same_run
 
 import suslov_fast as sf
 from suslov_fast._cli import main
-from suslov_fast._cli.options import COMMANDS, body_classes
+from suslov_fast._cli.flags import COMMANDS, body_classes
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and terminals")
 COMMAND = [sys.executable, "-m", "suslov_fast"]
@@ -189,7 +189,7 @@ def test_info_of_several_files():
 
 def test_parameters_of_one_name_are_not_merged(monkeypatch):
     """Another body whose I is a number: the parameters given decide which body is meant."""
-    from suslov_fast._cli import options, problem
+    from suslov_fast._cli import flags, problem
 
     class Sleigh(sf.Suslov3D):
         _meanings = {"m": "mass", "I": "moment about the blade"}  # noqa: RUF012
@@ -207,7 +207,7 @@ def test_parameters_of_one_name_are_not_merged(monkeypatch):
             self.__dict__.update(m=m, I=I, I1=1.0, I2=1.0, I13=1.0, I23=0.0, I3=None)
 
     kinds = [*body_classes(), Sleigh]
-    for module in (options, problem):
+    for module in (flags, problem):
         monkeypatch.setattr(module, "body_classes", lambda: kinds)
     text = " ".join(succeed("run --help").split())
     assert "--I I or I1,... " in text
@@ -216,7 +216,7 @@ def test_parameters_of_one_name_are_not_merged(monkeypatch):
         ("--m 2 --I 0.5", Sleigh, 0.5),
         ("--J 2 --I 0.5", sf.SuslovND, [0.5]),
     ):
-        body, _, _ = problem.problem_of(options.parse(f"run {line} --eps 1".split()))
+        body, _, _ = problem.problem_of(flags.parse(f"run {line} --eps 1".split()))
         assert (type(body), np.asarray(body.I).tolist()) == (kind, value)
 
 

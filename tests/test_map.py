@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import suslov_fast as sf
 from suslov_fast._bodies.paper import PICTURES
-from suslov_fast._kernels.iterate import LANES
+from suslov_fast._kernels.blocks import LANES
 
 METHODS = ("auto", "canonical", "ds2")
 every_method = pytest.mark.parametrize("method", METHODS)

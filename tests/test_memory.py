@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import memory, run
+from suslov_fast._engine import execution, memory
 
 GB = 2**30
 MEMINFO = "MemTotal:       33554432 kB\nMemAvailable:   16777216 kB\n"  # 16 GB
@@ -134,7 +134,7 @@ else:
 def test_the_tested_memory_is_that_used(body, monkeypatch):
     """A run is tested for all that it allocates, if only its last state is saved, too."""
     asked = []
-    monkeypatch.setattr(run, "require", lambda nbytes, *more: asked.append(nbytes))
+    monkeypatch.setattr(execution, "require", lambda nbytes, *more: asked.append(nbytes))
     omega = np.ones((20_000, 2))
     for save_every in (None, 1):
         options = {"save_every": save_every, "method": "canonical", "threads": 1}

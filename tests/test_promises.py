@@ -15,10 +15,10 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form, jump, states, threads
-from suslov_fast._engine import run as engine
+from suslov_fast._engine import closed_form_runs, evaluation, jump, threads
+from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import maps_3d, tiles
-from suslov_fast._kernels.iterate import LANES
+from suslov_fast._kernels.blocks import LANES
 from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 
@@ -250,8 +250,8 @@ def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
     whole = list(row.values(*problem_of))
     same(name, kind, pieces, whole)
     for module, constant, value in (
-        (states, "SLAB", 16), (states, "COPIES", 16), (states, "TASKS", 1),
-        (closed_form, "SLICE", 2**10), (lyapunov, "_SLAB", 2**8),
+        (evaluation, "SLAB", 16), (evaluation, "COPIES", 16), (evaluation, "TASKS", 1),
+        (closed_form_runs, "SLICE", 2**10), (lyapunov, "_SLAB", 2**8),
         (attitude_of, "_SLICE", 2**10),
     ):  # fmt: skip
         monkeypatch.setattr(module, constant, value)
@@ -342,7 +342,7 @@ def test_any_memory(rng, name, kind):
 def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
     """Infinite states raise an error; in arrays of LARGE size, kernels detect them."""
     if many:
-        for module in (_checks, states):
+        for module in (_checks, evaluation):
             monkeypatch.setattr(module, "LARGE", 64)
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (9,), (10, 9), ())
     omega[3, 2, 1] = -np.inf
@@ -437,7 +437,7 @@ HARD = [
 
 def cut_further(monkeypatch):
     """Divide runs by the closed form into parts, too."""
-    monkeypatch.setattr(closed_form, "SLICE", 2**12)
+    monkeypatch.setattr(closed_form_runs, "SLICE", 2**12)
     monkeypatch.setattr(jump, "_TOGETHER", 2**11)
     monkeypatch.setattr(engine, "_TOGETHER", 2**12)
 
@@ -554,7 +554,7 @@ def test_memory_of_saved_states(rng, monkeypatch, kind, method, m, batch):
     """States do not depend on the alignment or size of `out`, and nothing else is written."""
     large = 2**14 if numba.config.DISABLE_JIT else tiles._LARGE
     monkeypatch.setattr(tiles, "_LARGE", 0)  # for interpreted kernels
-    monkeypatch.setattr(closed_form, "SLICE", 2**19)
+    monkeypatch.setattr(closed_form_runs, "SLICE", 2**19)
     long = kind in ("3D", "gyrostat") and batch in (1, 3 * LANES + 5)
     rows = large // (2 * batch) + 79 if long else 70
     J = rng.uniform(1, 4, m) if kind == "nD" else np.full(m, 2.5)

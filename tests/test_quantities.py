@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import states as engine
+from suslov_fast._engine import evaluation as engine
 
 
 def random_problem(rng, size=0.0):

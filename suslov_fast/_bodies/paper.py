@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .three import Suslov3D
+from .body_3d import Suslov3D
 
 
 class Picture(NamedTuple):

@@ -10,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
-from .options import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
+from .flags import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

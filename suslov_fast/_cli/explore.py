@@ -9,7 +9,7 @@ import webbrowser
 
 from .._show.explore.parameters import query_of_link
 from .._show.explore.server import Server
-from .options import CommandError
+from .flags import CommandError
 from .terminal import about
 
 

@@ -11,7 +11,7 @@ from .._runs.replacing import replacing
 from .._runs.trajectories import SingularStepError
 from .._show import plots
 from .._show.style import style
-from .options import CommandError
+from .flags import CommandError
 from .problem import orientation_of, problem_of, start_of
 from .terminal import about, progress_bar, require_new
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.nd import SuslovND
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_nd import SuslovND
 from .._bodies.paper import PICTURES
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray, inertia_matrix, rotations, vectors, wrong
 from .._maps.registry import body_from_dict, map_of
-from .options import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
+from .flags import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about, require_file
 
 

@@ -21,7 +21,7 @@ from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
 from .._runs.schema import body_of
-from .options import CommandError
+from .flags import CommandError
 from .terminal import about, progress_bar, require_file
 
 Facts = dict[str, Any]

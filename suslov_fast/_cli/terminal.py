@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .options import CommandError, UsageError
+from .flags import CommandError, UsageError
 
 # Size in bytes above which an output is announced; seconds between updates of the bar.
 _LARGE, _INTERVAL = 10**8, 0.1

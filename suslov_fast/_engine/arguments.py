@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.nd import SuslovND
-from .._bodies.quadratic import QuadraticField
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
+from .._bodies.field import QuadraticField
 from .._checks import aligned, common_shape, instance, real_number, rotations, states, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat

@@ -6,14 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from .._bodies.reduction import is_solved
+from .._bodies.integrable import is_solved
 from .._kernels import codes, maps_3d
-from .._kernels.closed_form import NOT_FOUND
-from .closed_form import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
-from .iterate import by_elimination, iterate, iterate_nd, with_elimination
-from .layout import for_kernel
-from .reduction import Reduced, of_n_3, reduce
-from .run import (
+from .._kernels.closed_form_rows import NOT_FOUND
+from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
+from .execution import (
     NONE,
     Driver,
     Indices,
@@ -25,6 +22,9 @@ from .run import (
     in_turn,
     with_status,
 )
+from .layout import for_kernel
+from .reduced_runs import Reduced, of_n_3, reduce
+from .stepping import by_elimination, iterate, iterate_nd, with_elimination
 
 # Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32

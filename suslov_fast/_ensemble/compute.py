@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
+from .._engine.execution import Options, Output, Span, execute, problem_of
 from .._engine.layout import flat_matrices, own_states
-from .._engine.run import Options, Output, Span, execute, problem_of
 from .job import Job, step_work
 from .reductions import reductions_of
 from .store import RECORDS, Arrays, advice

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._bodies.reduction import NotIntegrableError
+from .._bodies.integrable import NotIntegrableError
 from .._checks import FloatArray, wrong
 from .._maps.record import Map
 from .._maps.registry import map_of

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._checks import wrong
-from .._engine.run import numbers_of_saved
+from .._engine.execution import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._maps.registry import map_named
 from .._runs import labelled

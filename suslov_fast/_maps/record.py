@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
-    from .._engine.run import Options, Output, Problem, Resume, Span
+    from .._engine.execution import Options, Output, Problem, Resume, Span
 
 
 class Kept(NamedTuple):

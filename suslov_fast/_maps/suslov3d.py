@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
 from .._engine.jump import run_suslov
 from .._engine.layout import for_loops
 from .record import Kept, Map

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray
-from .._engine.iterate import iterate
 from .._engine.layout import flat_body, flat_parameter
+from .._engine.stepping import iterate
 from .._kernels.maps_3d import full
 from .record import Kept, Map
 

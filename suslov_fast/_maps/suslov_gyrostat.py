@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .._bodies.gyrostat import SuslovGyrostat
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._engine.jump import run_gyrostat
 from .._engine.layout import for_loops
 from .record import Kept, Map

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .._bodies.nd import SuslovND
-from .._bodies.reduction import are_solved, is_solved
+from .._bodies.body_nd import SuslovND
+from .._bodies.integrable import are_solved, is_solved
 from .._engine.jump import run_nd
 from .._engine.layout import for_loops
 from .record import Kept, Map

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from .._checks import FloatArray, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, refuse_attitude
+from .._engine.execution import Options, Span, problem_of
 from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
 from .._engine.progress import Progress
-from .._engine.run import Options, Span, problem_of
 from .._engine.threads import thread_count
 from .._maps.registry import map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import one_of, real_array, wrong
-from .._engine.run import numbers_of_saved
+from .._engine.execution import numbers_of_saved
 from .._maps.record import ENDS, Map
 from .._maps.registry import map_named
 

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.nd import SuslovND
-from .._bodies.reduction import check_solved
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
+from .._bodies.integrable import check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
-from .._engine import reduction
+from .._engine import reduced_runs
 from .._engine.arguments import AnyBody, check
-from .._engine.closed_form import states_at
+from .._engine.closed_form_runs import states_at
 from .._engine.status import SingularStepWarning
 from .._engine.threads import thread_count
 
@@ -208,10 +208,10 @@ def _solve(
     if isinstance(body, SuslovND):
         check_solved(body, name)
         if body.dimension == 2:
-            body = Suslov3D(*reduction.of_n_3(body.J, body.I))
+            body = Suslov3D(*reduced_runs.of_n_3(body.J, body.I))
     if not isinstance(body, SuslovND):
         return states_at(body, state, step, batch, times, flow, threads)
-    reduced = reduction.of_batch(body, state, step, batch, threads)
+    reduced = reduced_runs.of_batch(body, state, step, batch, threads)
     step, size = reduced.three[:, 4], (len(reduced.state),)
     of_three, missing = states_at(reduced.body, reduced.state, step, size, times, flow, threads)
     states = np.empty((*times.shape, *batch, body.dimension))

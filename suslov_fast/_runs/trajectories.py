@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
 from .._engine.arguments import BodyOrField
-from .._engine.layout import checked_out
-from .._engine.progress import Progress, check_progress
-from .._engine.run import (
+from .._engine.execution import (
     Options,
     Output,
     Problem,
@@ -28,6 +26,8 @@ from .._engine.run import (
     problem_of,
     worst,
 )
+from .._engine.layout import checked_out
+from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
 from .._engine.threads import thread_count
 from .._maps.record import Map
@@ -259,7 +259,7 @@ class Trajectories:
 
     def to_xy(self) -> FloatArray:
         """Return :func:`suslov_fast.to_xy` of the saved states, shape (n_saved, ..., 2)."""
-        from .._states.coordinates import to_xy
+        from .._states.paper_coordinates import to_xy
 
         return self._of_states(to_xy)
 
@@ -268,7 +268,7 @@ class Trajectories:
 
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
         """
-        from .._states.continuous import reaction
+        from .._states.vector_field import reaction
 
         return self._of_states(reaction, self.eps)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._bodies.gyrostat import SuslovGyrostat
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.matter import ellipsoid_of_inertia
-from .._bodies.three import Suslov3D
 from .._checks import FloatArray
 
 _PARAMETERS = ("I1", "I2", "I13", "I23")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, instance
 from .._states.conserved import energy
-from .._states.coordinates import from_xy
+from .._states.paper_coordinates import from_xy
 
 
 def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, integer, vectors, wrong
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
-from .._states.continuous import vector_field
+from .._states.vector_field import vector_field
 from .figures import axes_for, legend_below, positive
 from .plane import half_angle, on_level
 from .style import styled

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
 from .figures import plot_around, towards_eye

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
-from .._bodies.units import in_units
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
+from .._bodies.scaling import in_units
 from .._checks import (
     FloatArray,
     aligned,
@@ -26,9 +26,9 @@ from .._checks import (
 )
 from .._docs import filled
 from .._engine import threads as _threads
+from .._engine.evaluation import TASKS
 from .._engine.layout import flat_parameter, for_kernel
-from .._engine.states import TASKS
-from .._kernels import attitude as kernels
+from .._kernels import orientations as kernels
 from .._kernels.lanes import LANES
 
 # Number of elements of the result between checks for Ctrl-C: some 0.1 s.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance
 from .._docs import filled
 from .._engine.arguments import refuse_rotor

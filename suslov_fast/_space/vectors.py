@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray, common_shape, instance, vectors
 from .._docs import filled
 from .._engine.arguments import IN_3D, AnyBody, check

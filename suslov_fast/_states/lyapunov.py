@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import check
+from .._engine.execution import Options, Problem, Span, execute, problem_of
 from .._engine.layout import own_parameter, own_states
-from .._engine.run import Options, Problem, Span, execute, problem_of
 from .._engine.status import SingularStepWarning
 from .._maps.registry import map_of
 from .table import TABLE

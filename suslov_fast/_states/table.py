@@ -8,15 +8,15 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.nd import SuslovND
-from .._bodies.quadratic import QuadraticField
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
+from .._bodies.field import QuadraticField
 from .._checks import FloatArray, aligned, common_shape, instance, real_number, states
-from .._engine.states import of_state
+from .._engine.evaluation import of_state
 from .._engine.threads import thread_count
-from .._kernels import states as kernels
-from . import nd, quadratic
+from .._kernels import quantities_3d as kernels
+from . import of_fields, of_nd
 
 # Quantities without a step size.
 _OF_STATES = "energy", "vector_field", "reaction", "to_xy", "from_xy"
@@ -44,9 +44,9 @@ TABLE: dict[type[Any], dict[str, Finder]] = {
         "from_xy": partial(of_state, kernels.from_xy, (2,)),
         "closed_form": partial(of_state, kernels.constants, (4,)),
     },
-    SuslovND: nd.QUANTITIES,
+    SuslovND: of_nd.QUANTITIES,
     SuslovGyrostat: _WITH_ROTOR,
-    QuadraticField: quadratic.QUANTITIES,
+    QuadraticField: of_fields.QUANTITIES,
 }
 
 

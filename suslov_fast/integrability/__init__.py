@@ -24,7 +24,7 @@ except ImportError as error:
         "suslov_fast.integrability needs python-flint: pip install 'suslov_fast[algebra]'"
     ) from error
 
-from .._bodies.quadratic import QuadraticField
+from .._bodies.field import QuadraticField
 from ._growth import Growth, degrees, growth
 from ._maps import KahanMap, kahan
 from ._relations import HKBasis, darboux_polynomials, hk_bases

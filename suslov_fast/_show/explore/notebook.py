@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..._bodies.gyrostat import SuslovGyrostat
-from ..._bodies.three import Suslov3D
+from ..._bodies.body_3d import Suslov3D
+from ..._bodies.body_gyrostat import SuslovGyrostat
 from ..._checks import instance
 from .parameters import query_of
 from .server import Server

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from ..._bodies.gyrostat import SuslovGyrostat
+from ..._bodies.body_3d import Suslov3D
+from ..._bodies.body_gyrostat import SuslovGyrostat
 from ..._bodies.paper import PICTURES
-from ..._bodies.three import Suslov3D
 from ..._checks import vectors, wrong
 
 STEPS = 5000

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._bodies.gyrostat import SuslovGyrostat
-from ..._bodies.three import Suslov3D
+from ..._bodies.body_3d import Suslov3D
+from ..._bodies.body_gyrostat import SuslovGyrostat
 from ..._checks import FloatArray
 from ..._engine.status import Status
 from ..._runs.iterate import iterate
@@ -17,7 +17,7 @@ from ..._runs.solution import flow, limits
 from ..._space.scattering import scattering_angle
 from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
-from ..._states.continuous import vector_field
+from ..._states.vector_field import vector_field
 from ..ellipsoid import ellipsoid
 from ..plane import energy_level, half_angle, level_curves, on_level
 from .parameters import Parameters

@@ -22,7 +22,7 @@ from .._ensemble.workers import client_of
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
-from .options import STORE, CommandError, UsageError, body_classes, flag
+from .flags import STORE, CommandError, UsageError, body_classes, flag
 from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, announce, progress_bar, require_new

@@ -1,4 +1,4 @@
-"""Reduction of solved bodies from n to three dimensions: see `_kernels.reduction`."""
+"""Reduction of solved bodies from n to three dimensions: see `_kernels.reduced_states`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.nd import SuslovND
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray
-from .._kernels import reduction
+from .._kernels import reduced_states
 from . import threads as _threads
 from .layout import flat_vectors, for_kernel, for_loops
 
@@ -37,7 +37,7 @@ class Reduced(NamedTuple):
         """Convert 3D states (rows, b, 2) to `out` (rows, B, m), from trajectory `begin` on."""
         work = states.size * (1 + out.shape[-1] // 2)
         arguments = for_kernel(states), self.along, self.across, out, begin
-        _threads.run(reduction.expand, work, threads, *arguments)
+        _threads.run(reduced_states.expand, work, threads, *arguments)
 
 
 def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int | None) -> Reduced:
@@ -46,7 +46,9 @@ def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int |
     three, state = np.empty((size, 5)), np.empty((size, 2))
     along, across = np.empty((size, m)), np.empty((size, m))
     reduced = Reduced(three, state, along, across, np.empty(size), np.empty(size, bool))
-    _threads.run(reduction.reduce, size * (_REDUCING + 8 * m), threads, parameters, omega, *reduced)
+    _threads.run(
+        reduced_states.reduce, size * (_REDUCING + 8 * m), threads, parameters, omega, *reduced
+    )
     return reduced
 
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from .._checks import FloatArray
 from .._jit import LINE, Kernel
-from .._kernels import kahan, map_nd
+from .._kernels import map_field, map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from . import threads
+from .execution import NONE, Indices, Options, Output, Problem, Resume, Span, with_status
 from .memory import require
 from .parts import parts_of
-from .run import NONE, Indices, Options, Output, Problem, Resume, Span, with_status
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
@@ -111,7 +111,7 @@ def iterate_field(
     indices, values, parameters = problem.parameters
     work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
     room = _room_of_field(size, D, indices, options.threads)
-    before, kernel = (indices, values, (*parameters, problem.omega0)), kahan.iterate_field
+    before, kernel = (indices, values, (*parameters, problem.omega0)), map_field.iterate_field
     lanes = room[1].shape[3]
     _make_steps(problem, span, output, options, kernel, work, lanes, before, None, kept, room)
     return NONE
@@ -131,7 +131,7 @@ def equations_of_field(
     room = _room_of_field(size, D, indices, threads_wanted)
     work = size * (D * D + sum(each.shape[1] for each in indices) + solves * D**3 // 3)
     arguments = indices, values, (*parameters, states), kept, solves, out, room
-    threads.run(kahan.equations, work, threads_wanted, *arguments)
+    threads.run(map_field.equations, work, threads_wanted, *arguments)
     return out
 
 

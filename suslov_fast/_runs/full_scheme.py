@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance
 from .._docs import filled
 from .._engine.arguments import check, refuse_rotor
+from .._engine.execution import Options, Problem, Span, problem_of
 from .._engine.layout import own_parameter, own_states
 from .._engine.progress import Progress
-from .._engine.run import Options, Problem, Span, problem_of
 from .._maps.registry import map_named
 from .trajectories import OnSingular, Trajectories, finish, one_step
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, spell
-from .nd import SuslovND
+from .body_nd import SuslovND
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14

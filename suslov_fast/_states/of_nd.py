@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.nd import SuslovND
-from .._bodies.reduction import check_solved
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_nd import SuslovND
+from .._bodies.integrable import check_solved
 from .._checks import FloatArray
-from .._engine import reduction
+from .._engine import reduced_runs
+from .._engine.evaluation import by_slabs, of_state, of_state_nd
+from .._engine.execution import Options, Span, execute, problem_of
 from .._engine.layout import flat_vectors
-from .._engine.run import Options, Span, execute, problem_of
-from .._engine.states import by_slabs, of_state, of_state_nd
 from .._jit import Kernel
-from .._kernels import states as kernels_3d
-from .._kernels import states_nd as kernels
+from .._kernels import quantities_3d as kernels_3d
+from .._kernels import quantities_nd as kernels
 from .._maps.registry import map_of
 
 Step = float | FloatArray | None
@@ -60,7 +60,7 @@ def _of_three(kernel: Kernel, body: Suslov3D, state: FloatArray, eps: FloatArray
 
 
 def _of_n_3(kernel: Kernel, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    return _of_three(kernel, Suslov3D(*reduction.of_n_3(body.J, body.I)), omega, eps)
+    return _of_three(kernel, Suslov3D(*reduced_runs.of_n_3(body.J, body.I)), omega, eps)
 
 
 def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -70,7 +70,7 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
     batch = omega.shape[:-1]
     _, power = np.frexp(abs(omega).max(axis=-1, keepdims=True))
     energy = QUANTITIES["energy"](body, np.ldexp(omega, -power), None, batch, 1, "omega")
-    reduced = reduction.of_batch(body, omega, eps, batch, 1)
+    reduced = reduced_runs.of_batch(body, omega, eps, batch, 1)
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
         below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
@@ -83,7 +83,7 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     if body.dimension == 2:
         return _of_n_3(kernels_3d.criticality, body, omega, eps)
-    reduced = reduction.of_batch(body, omega, eps, omega.shape[:-1], 1)
+    reduced = reduced_runs.of_batch(body, omega, eps, omega.shape[:-1], 1)
     t = _of_three(kernels_3d.criticality, reduced.body, reduced.state, reduced.three[:, 4])
     return t.reshape(omega.shape[:-1])
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import refuse_rotor

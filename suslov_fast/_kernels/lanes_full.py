@@ -8,7 +8,7 @@ from .._formulas.elementary import exponent, larger, two_to_the
 from .._formulas.full_map import Coefficients, full_coefficients, full_matrix, full_step
 from .._jit import carray, formula, select, stack
 from . import codes
-from .iterate import LARGEST
+from .blocks import LARGEST
 from .lanes import LANES, body_at, entry, row
 
 D, STATE = 3, 3

@@ -10,11 +10,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.gyrostat import SuslovGyrostat
-from .._bodies.three import Suslov3D
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
 from .._jit import Kernel
-from .._kernels import closed_form as kernels
+from .._kernels import closed_form_rows as kernels
 from .._kernels.lanes import LANES
 from . import threads as _threads
 from .layout import flat_vectors, for_loops

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .nd import SuslovND
+from .body_nd import SuslovND
 
 
 class InUnits(NamedTuple):

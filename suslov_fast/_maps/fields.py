@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.quadratic import QuadraticField
+from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.iterate import iterate_field
 from .._engine.layout import flat_parameter, for_kernel
+from .._engine.stepping import iterate_field
 from .._kernels.elimination import WIDEST
 from .record import Kept, Map
 

@@ -8,7 +8,7 @@ from .._formulas import canonical_map, coordinates, units
 from .._formulas.elementary import larger, two_to_the
 from .._jit import carray, formula, select, stack
 from . import codes
-from .iterate import LARGEST
+from .blocks import LARGEST
 from .lanes import LANES, body_at, row
 
 D, STATE = 2, 2

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
 from .base import Body
-from .gyrostat import SuslovGyrostat
-from .nd import SuslovND
+from .body_3d import Suslov3D
+from .body_gyrostat import SuslovGyrostat
+from .body_nd import SuslovND
 from .polynomial import Polynomial, exact_array, plain
-from .three import Suslov3D
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.

@@ -9,7 +9,7 @@ from .._formulas.elementary import larger, two_to_the
 from .._formulas.units import enter as enter_units
 from .._jit import carray, formula, select, stack
 from . import codes
-from .iterate import LARGEST
+from .blocks import LARGEST
 from .lanes import LANES, entry, row
 
 D, STATE = 2, 4

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.units import in_units
+from .._bodies.scaling import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import WithoutRotor, check, refuse_rotor

@@ -7,8 +7,8 @@ from typing import ClassVar, NoReturn
 
 from .._checks import FloatArray
 from .base import Body
+from .body_3d import Suslov3D, check_apart
 from .matter import warn_of_I3
-from .three import Suslov3D, check_apart
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.quadratic import QuadraticField
+from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.iterate import equations_of_field
+from .._engine.evaluation import SLAB, by_slabs
 from .._engine.layout import flat_vectors
-from .._engine.states import SLAB, by_slabs
+from .._engine.stepping import equations_of_field
 from .._maps.registry import map_of
-from .nd import jacobian_by
+from .of_nd import jacobian_by
 
 Quantity = Callable[[QuadraticField, FloatArray, FloatArray], FloatArray]
 

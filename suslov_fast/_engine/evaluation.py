@@ -11,9 +11,9 @@ import numpy as np
 
 from .._checks import LARGE, FloatArray, real_array, spell, warn
 from .._jit import Kernel
-from .._kernels import states as kernels
+from .._kernels import quantities_3d as kernels
 from .._kernels.lanes import LANES
-from .._kernels.states_nd import ROWS
+from .._kernels.quantities_nd import ROWS
 from . import threads as _threads
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning

@@ -139,7 +139,7 @@ def sums(b):
 @formula
 def solve(b):
     """Solve for the factors in the increment; return True if it is accurate in all lanes."""
-    left = 0.0
+    left = 0
     for l in range(b.omega.shape[1]):
         square = b.square[l]
         of_omega, of_I, det, size = solve2(
@@ -148,9 +148,9 @@ def solve(b):
         accurate = (det > FAR * FAR * size) & (square < b.longest[l])
         far = select(b.half[l] < b.near[l], 1.0, 0.5)
         accuracy = select(accurate, far, 0.0)
-        left += select(accuracy == 1.0, 0.0, 1.0)
+        left += select(accuracy == 1.0, 0, 1)
         b.of_omega[l], b.of_I[l], b.accurate[l] = of_omega, of_I, accuracy
-    return left == 0.0
+    return left == 0
 
 
 @formula
@@ -317,11 +317,11 @@ def step_gauss(b, count, room):
 @formula
 def units_serve(b, lanes):
     """Return True if the units of all lanes remain valid."""
-    left = 0.0
+    left = 0
     for l in range(lanes):
         square = b.square[l]
-        left += select((square > b.low[l]) & (square < b.high[l]), 0.0, 1.0)
-    return left == 0.0
+        left += select((square > b.low[l]) & (square < b.high[l]), 0, 1)
+    return left == 0
 
 
 @formula

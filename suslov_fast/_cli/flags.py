@@ -195,7 +195,7 @@ _BODY = {
 }
 COMMANDS = {
     "run": Command(
-        "run.run",
+        "run_command.run",
         "Iterate a batch of trajectories and print a summary. The default is "
         f"{TRAJECTORIES:,} random initial states, the body and step size of the paper's picture "
         f"{DEFAULT_PICTURE}, and 1000 steps. For n = 3, the --mass-tensor of a body with the "

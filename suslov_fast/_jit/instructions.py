@@ -60,19 +60,45 @@ _bits_of = _bit_cast(types.int64, types.float64)
 _number_of_bits = _bit_cast(types.float64, types.int64)
 
 
+def _reserved(builder, size):
+    """Return a pointer to doubles on the stack of the calling function, on a cache line."""
+    with builder.goto_entry_block():
+        memory = builder.alloca(ir.ArrayType(_DOUBLE, size))
+        memory.align = 64
+    return builder.bitcast(memory, _DOUBLE.as_pointer())
+
+
 @intrinsic(prefer_literal=True)
 def _stack(typing, size):
-    """A pointer to uninitialised doubles on the stack of the calling function, on a cache line."""
     if not isinstance(size, types.Literal):
         raise RequireLiteralValue("stack: expected a constant size")
 
     def emit(context, builder, signature, arguments):
-        with builder.goto_entry_block():
-            memory = builder.alloca(ir.ArrayType(_DOUBLE, size.literal_value))
-            memory.align = 64
-        return builder.bitcast(memory, _DOUBLE.as_pointer())
+        return _reserved(builder, size.literal_value)
 
     return types.CPointer(types.float64)(size), emit
+
+
+@intrinsic(prefer_literal=True)
+def _rows_of(typing, kind, size):
+    if not isinstance(size, types.Literal):
+        raise RequireLiteralValue("rows_of: expected a constant size")
+    row, count = types.Array(types.float64, 1, "C"), len(kind.instance_class._fields)
+    result, number = types.NamedUniTuple(row, count, kind.instance_class), ir.IntType(64)
+    one_axis = ir.ArrayType(number, 1)
+
+    def emit(context, builder, signature, arguments):
+        rows = []
+        for _ in range(count):
+            zero = ir.Constant(context.get_value_type(row), None)
+            array = context.make_array(row)(context, builder, zero)
+            array.data = _reserved(builder, size.literal_value)
+            array.nitems, array.itemsize = number(size.literal_value), number(8)
+            array.shape, array.strides = one_axis([size.literal_value]), one_axis([8])
+            rows.append(array._getvalue())
+        return context.make_tuple(builder, result, rows)
+
+    return result(kind, size), emit
 
 
 def _place(context, builder, signature, arguments, k):
@@ -190,7 +216,8 @@ def _call(typing, address, arguments):
 # stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
 # expect_store  a store to a line that is not in the caches delays those after it
 # call          a parallel loop calls a kernel by its address, so that Numba compiles it once
-# lane, put     fields of a lane without a line of code for each
+# rows_of, lane, put
+#               fields of a block, and of a lane, without a line of code for each
 # copy_line, subtract_product
 #               elimination of 64 equations in half the time: a loop that LLVM makes for a few
 #               numbers spends half its time on the first and last iterations
@@ -225,6 +252,10 @@ if config.DISABLE_JIT:
     def stack(size):
         """Return uninitialised memory for `size` floats; `carray` converts it to an array."""
         return np.empty(size)
+
+    def rows_of(kind, size):
+        """Return a NamedTuple of arrays of `size` floats each, on the stack."""
+        return kind(*(np.empty(size) for _ in kind._fields))
 
     def carray(memory, shape):
         """Return memory of `stack` as an array."""
@@ -263,7 +294,7 @@ if config.DISABLE_JIT:
 
 else:
     select, bits_of, number_of_bits = _select, _bits_of, _number_of_bits
-    stack, expect_store, call = _stack, _expect_store, _call
+    stack, rows_of, expect_store, call = _stack, _rows_of, _expect_store, _call
     copy_line, stream_line = _copy_line(past_caches=False), _copy_line(past_caches=True)
     subtract_product, lane, put = _subtract_product, _lane, _put
 

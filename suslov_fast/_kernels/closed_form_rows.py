@@ -40,7 +40,7 @@ from .._formulas.closed_form import (
     Steps,
 )
 from .._formulas.elementary import scaled, smaller
-from .._jit import carray, formula, inner, kernel, lane, put, select, share, stack
+from .._jit import carray, formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
 from .lanes import entry, whole
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -140,24 +140,16 @@ def table():
 
 
 @formula
-def forms_of_rows():
-    return Forms(row(), row(), row(), row(), row(), row(), row(), row(), row())
-
-
-@formula
 def block():
     return Block(
-        Problem(row(), row(), row(), row(), row(), row(), row(), row()),
-        Start(
-            row(), row(), row(), row(), row(), row(), row(), row(), row(),
-            row(), row(), row(), row(), row(), row(), row(), row(),
-        ),
-        Levels(row(), row(), row(), row(), row(), row(), row()),
-        Steps(row(), row(), row(), row(), row(), row(), row(), row()),
-        Passage(row(), row(), row(), row(), row(), row(), row(), row(), row(), row()),
-        forms_of_rows(),
-        forms_of_rows(),
-    )  # fmt: skip
+        rows_of(Problem, LANES),
+        rows_of(Start, LANES),
+        rows_of(Levels, LANES),
+        rows_of(Steps, LANES),
+        rows_of(Passage, LANES),
+        rows_of(Forms, LANES),
+        rows_of(Forms, LANES),
+    )
 
 
 @formula

@@ -17,8 +17,8 @@ import numpy as np
 
 from .._formulas import continuous, coordinates, integrals, linearised, section4, units
 from .._formulas.elementary import exponent, larger, scaled
-from .._jit import Kernel, formula, namespace, share
-from .lanes import LANES, row
+from .._jit import Kernel, formula, namespace, rows_of, share
+from .lanes import LANES
 
 # The number of states without a result that are not NaN, the first of them, and 1 if a state is
 # infinite.
@@ -151,9 +151,8 @@ def put_four(r, l, values):
 
 def evaluate(part, parts, parameters, omega, out, period, report):
     """Evaluate a quantity in a part of the tasks."""
-    given = Given(row(), row(), row(), row(), row(), row())
-    own = units.Body(row(), row(), row(), row(), row(), row(), row(), row(), row(), row())
-    s, r = States(row(), row(), row()), Result(row(), row(), row(), row())
+    given, own = rows_of(Given, LANES), rows_of(units.Body, LANES)
+    s, r = rows_of(States, LANES), rows_of(Result, LANES)
     states, results = omega.reshape(omega.size), out.reshape(out.size)
     count, tasks, shared = len(omega), len(report), True
     for k in range(len(parameters)):

@@ -13,7 +13,6 @@ from test_trajectories import RUNS, assert_same_run, same
 import suslov_fast as sf
 from suslov_fast._engine import memory
 from suslov_fast._ensemble import codecs
-from suslov_fast._runs import files
 from suslov_fast._runs import replacing as _replacing
 
 # No body has the I3 of some runs of the scheme in three components.
@@ -83,12 +82,11 @@ def test_bad_names(name):
 
 def test_other_files(tmp_path):
     path = tmp_path / "other.npz"
-    message = r"other\.npz: expected a .*that Trajectories.save"
     refused(path, "other", FileNotFoundError)
     path.write_bytes(b"something else" * 100)
-    refused(path, message)
+    refused(path, r"other\.npz: expected a \.npz file that Trajectories\.save wrote, got")
     np.savez(path, omega=np.ones(3))
-    refused(path, message)
+    refused(path, r"other\.npz: format: expected 4, that of this version, got none")
 
 
 @posix
@@ -101,16 +99,14 @@ def test_pipes_and_devices_are_not_read(tmp_path):
         refused(tmp_path / f"{name}.npz", rf"{name}\.npz: expected a file, got")
 
 
-def test_a_run_larger_than_memory(path, monkeypatch):
+def test_a_run_larger_than_memory(path, tmp_path, monkeypatch):
     """Memory is tested after the headers of the arrays are read, and before the arrays are."""
-    decoded, original = [], files._array_of
-    record = lambda *a: decoded.append(original(*a)) or decoded[-1]  # noqa: E731
-    monkeypatch.setattr(files, "_array_of", record)
-    monkeypatch.setattr(memory, "SMALL", 100)
-    monkeypatch.setattr(memory, "available", lambda: 300)
-    with pytest.raises(MemoryError, match="the run in this file is too large"):
-        sf.Trajectories.load(path)
-    assert all(array.ndim == 0 for array in decoded)
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+        np.save(tmp_path / "bomb.npy", np.zeros(10**7))
+        archive.write(tmp_path / "bomb.npy", "bomb.npy")
+    monkeypatch.setattr(memory, "available", lambda: 2**26 + 10**6)
+    monkeypatch.setattr(np.lib.format, "read_array", None)
+    refused(path, "the run in this file is too large", MemoryError)
 
 
 @pytest.mark.parametrize(("number", "version"), [(1, "0.2.0"), (3, "0.3.0")])
@@ -121,10 +117,10 @@ def test_files_of_older_versions(path, number, version):
 
 ENTRIES = [
     ("omega", lambda run: run.omega[:, :3], "omega: expected shape"),
-    ("omega", lambda run: run.omega.astype(np.float32), "and dtype float64, got"),
+    ("omega", lambda run: run.omega.astype(np.float32), "omega: expected dtype float64, got"),
     ("omega", lambda run: run.omega[..., :1], "expected shape"),
     ("omega", None, "without omega"),
-    ("status", lambda run: run.status.astype(int), "and dtype int8, got"),
+    ("status", lambda run: run.status.astype(int), "status: expected dtype int8, got"),
     (
         "method",
         np.array("rank2"),
@@ -148,8 +144,12 @@ ENTRIES = [
     ("save_every", np.array(0), "steps, save_every: expected at least 0 and 1"),
     ("map", np.array("Euler"), "map: expected suslov3d or .*, got 'Euler'"),
     ("map", np.array("suslov_nd"), "expected a run of the map suslov_nd, got one without J, I"),
-    ("format", np.array(5), "expected a run in format 4, got format 5, of suslov_fast [^:]*$"),
-    ("omega", np.array([print], dtype=object), "omega.npy: an array of objects"),
+    (
+        "format",
+        np.array(5),
+        "format: expected 4, that of this version, got 5, of suslov_fast [^:]*$",
+    ),
+    ("omega", np.array([print], dtype=object), r"omega.npy: \d+ bytes, shape \(1,\) of object"),
 ]
 
 
@@ -159,19 +159,6 @@ def test_inconsistent_entries(name, value, message, tmp_path):
     RUNS["turning"].save(path)
     altered(path, **{name: value(RUNS["turning"]) if callable(value) else value})
     refused(path, rf"run.npz: .*{message}")
-
-
-def test_an_archive_that_would_fill_the_memory(tmp_path, monkeypatch):
-    """Names and headers are checked before any array is decoded."""
-    RUNS["turning"].save(tmp_path / "run.npz")
-    np.save(tmp_path / "bomb.npy", np.zeros(10**7))
-    with zipfile.ZipFile(tmp_path / "run.npz", "a", zipfile.ZIP_DEFLATED) as archive:
-        archive.write(tmp_path / "bomb.npy", "bomb.npy")
-    decoded, original = [], np.lib.format.read_array
-    record = lambda *a, **k: decoded.append(original(*a, **k)) or decoded[-1]  # noqa: E731
-    monkeypatch.setattr(np.lib.format, "read_array", record)
-    refused(tmp_path / "run.npz", "with bomb")
-    assert sum(array.nbytes for array in decoded) < 1000
 
 
 def test_nonstandard_codecs_are_refused():
@@ -264,7 +251,9 @@ def test_other_paths_are_not_replaced(tmp_path):
 
     (tmp_path / "file").touch()
     for folder in (tmp_path / "missing", tmp_path / "file"):
-        unwritable("expected a name in a folder that can be written to", folder / path.name)
+        unwritable(
+            "expected the name of a file in a folder that can be written to", folder / path.name
+        )
     os.mkfifo(path)
     unwritable("neither a file")
     path.unlink()

@@ -106,7 +106,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
                 if seconds > _LONG:
                     break
         if put is not None:
-            put(entries_of(vars(orbits)))
+            put(entries_of(orbits))
     # The closed form takes no steps: steps that iteration would take are comparable.
     jumps = orbits.method == "auto" and orbits.attitude is None and orbits._map.closed_form(body)
     rate = "equivalent_steps_per_second" if jumps else "steps_per_second"

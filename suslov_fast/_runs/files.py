@@ -9,20 +9,16 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from .._checks import wrong
 from .._engine.memory import require
 from .replacing import replacing
-from .schema import HEADER, Entries, check
-
-# Largest size in bytes of a header entry, a number or a name.
-_SHORT = 4096
+from .schema import Entries, run_of
 
 PathLike = str | os.PathLike[str]
-Result = TypeVar("Result")
 
 
 @contextmanager
@@ -41,22 +37,14 @@ def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
         yield write
 
 
-def read(path: PathLike, interpret: Callable[[Entries], Result]) -> Result:
-    """Return the file as converted by `interpret`; ValueErrors get the name of the file."""
+def read(path: PathLike) -> dict[str, Any]:
+    """Return the attributes of the run in a file; ValueErrors get the name of the file."""
     _check_name(path)
     try:
         # Reading a pipe or a device may never end; the system reports a missing file.
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise ValueError("expected a file, got a folder, a pipe or a device")
-        try:
-            entries = _read_npz(path)
-        except MemoryError:
-            raise
-        except Exception as error:  # readers raise various errors for damaged files
-            raise ValueError(
-                f"expected a .npz file that Trajectories.save wrote, got: {error}"
-            ) from error
-        return interpret(entries)
+        return run_of(_entries(path))
     except (ValueError, TypeError) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
@@ -73,40 +61,32 @@ def _check_name(path: PathLike) -> None:
         raise wrong("path", expected, repr(name))
 
 
-def _read_npz(path: PathLike) -> Entries:
-    """Return the entries of a .npz, after a check of names, shapes and types."""
-    with zipfile.ZipFile(path) as archive:
-        shapes = {
-            info.filename.removesuffix(".npy"): _shape_of(archive, info)
-            for info in archive.infolist()
-        }
-        header = {
-            name: _array_of(archive, name)
-            for name, (shape, dtype) in shapes.items()
-            if name in HEADER and shape == () and dtype.itemsize < _SHORT
-        }
-        check(header, shapes)
-        nbytes = sum(math.prod(shape) * dtype.itemsize for shape, dtype in shapes.values())
+def _entries(path: PathLike) -> Entries:
+    """Return the arrays of a .npz, after a check of their sizes."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            nbytes = sum(_size_of(archive, info) for info in archive.infolist())
         require(nbytes, "the run in this file is too large for this machine")
-        return {name: _array_of(archive, name) for name in shapes}
+        with np.load(path, allow_pickle=False) as arrays:
+            return dict(arrays)
+    except MemoryError:
+        raise
+    except Exception as error:  # readers raise various errors for damaged files
+        raise ValueError(
+            f"expected a .npz file that Trajectories.save wrote, got: {error}"
+        ) from error
 
 
-def _shape_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[Any, np.dtype[Any]]:
-    """Return the shape and the dtype of an array without decoding it, after a check of its size."""
+def _size_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> int:
+    """Return the size of an array in memory; ValueError if that of its entry differs.
+
+    Otherwise the entry might not be read to its end, where its checksum is compared.
+    """
     form = np.lib.format
     with archive.open(info) as file:
-        version = form.read_magic(file)
         readers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
-        shape, _, dtype = readers[version](file)
-        if dtype.hasobject:
-            raise ValueError(f"{info.filename}: an array of objects")
-        if file.tell() + math.prod(shape) * dtype.itemsize != info.file_size:
+        shape, _, dtype = readers[form.read_magic(file)](file)
+        size = math.prod(shape) * dtype.itemsize
+        if file.tell() + size != info.file_size:
             raise ValueError(f"{info.filename}: {info.file_size} bytes, shape {shape} of {dtype}")
-    return shape, dtype
-
-
-def _array_of(archive: zipfile.ZipFile, name: str) -> Any:
-    with archive.open(f"{name}.npy") as file:
-        array = np.lib.format.read_array(file, allow_pickle=False)
-        file.read(1)  # reading to the end of the entry verifies its checksum
-    return array
+    return size

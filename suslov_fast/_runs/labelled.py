@@ -81,13 +81,12 @@ def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ..
         return entry.axes(batch, {}), array, attributes
     # Along the axes of length above 1, or with its name. The number of axes is an attribute, from
     # which the shape can be restored.
-    own = entry.dims[1:]
-    axes = array.ndim - len(own)
-    names = batch[len(batch) - axes :]
-    kept = [k for k in range(axes) if array.shape[k] != 1 or names[k] == name]
-    shape = (*(array.shape[k] for k in kept), *array.shape[axes:])
-    attributes["batch_axes"] = axes
-    return (*(names[k] for k in kept), *own), array.reshape(shape), attributes
+    components = entry.dims[1:]
+    axes = attributes["batch_axes"] = array.ndim - len(components)
+    names = (*batch[len(batch) - axes :], *components)
+    along = [k for k, dim in enumerate(names) if k >= axes or array.shape[k] != 1 or dim == name]
+    shape = tuple(array.shape[k] for k in along)
+    return tuple(names[k] for k in along), array.reshape(shape), attributes
 
 
 def batch_names(
@@ -148,18 +147,13 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
         raise wrong("dataset", "an xarray.Dataset", type(dataset).__name__, TypeError)
     header = read_header(dataset.attrs)
     schema = schema_of(map_named(header["map"]))
-    if missing := [n for n, e in schema.items() if not e.optional and n not in dataset.variables]:
-        received = f"one without {', '.join(missing)}"
-        raise wrong("dataset", "one from Trajectories.to_xarray", received)
     entries = {name: np.asarray(value) for name, value in header.items()}
-    batch = tuple(map(str, dataset["status"].dims))
-    for name, entry in schema.items():
-        if name not in dataset.variables or name.startswith(RESUME):
-            continue
-        if entry.varying:
+    batch = tuple(map(str, dataset["status"].dims)) if "status" in dataset else ()
+    for name in filter(dataset.variables.__contains__, schema):
+        if schema[name].varying:
             entries[name] = unvarying(dataset, name, batch)
             continue
-        variable, order = dataset[name], entry.axes(batch, {})
+        variable, order = dataset[name], schema[name].axes(batch, {})
         if set(variable.dims) != set(order):
             received = f"it along {', '.join(map(str, variable.dims)) or 'nothing'}"
             raise wrong("dataset", f"{name} along {', '.join(order) or 'nothing'}", received)
@@ -170,14 +164,14 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
     """Return a parameter in its shape before `dataset_of` dropped axes."""
     variable = dataset[name]
-    own = tuple(dim for dim in COMPONENTS if dim in variable.dims)
-    along = [dim for dim in variable.dims if dim not in own]
+    components = tuple(dim for dim in COMPONENTS if dim in variable.dims)
+    along = [dim for dim in variable.dims if dim not in components]
     if strangers := [str(dim) for dim in along if dim not in batch]:
         raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))
     # A selected part of a batch may lack axes.
     fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
     axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
     names = batch[len(batch) - axes :]
-    order = [*(dim for dim in names if dim in along), *own]
-    shape = [dataset.sizes[dim] if dim in order else 1 for dim in (*names, *own)]
-    return np.asarray(variable.transpose(*order).values.reshape(shape))
+    absent = [dim for dim in names if dim not in along]
+    array: NDArray[Any] = variable.expand_dims(absent).transpose(*names, *components).values
+    return array

@@ -22,20 +22,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     try:
         target = Path(os.path.realpath(path))  # a deleted working directory has no path
-        mode = None
-        with suppress(FileNotFoundError):
-            mode = os.stat(target).st_mode
-            _check_target(target, mode)
-        stem = os.fsencode(f".{target.name}")[:100].decode(errors="ignore")
-        new = target.with_name(f"{stem}.{secrets.token_hex(4)}.part")
+        mode = target.stat().st_mode if target.exists() else None
+        if mode is not None and not stat.S_ISREG(mode):
+            kind = "a folder" if stat.S_ISDIR(mode) else "neither a file nor a folder"
+            raise FileExistsError(errno.EEXIST, kind)
+        new = target.with_name(f".{secrets.token_hex(8)}.part")
         new.touch(exist_ok=False)
-    except FileExistsError:
-        raise
     except OSError as error:
-        message = (
-            "expected a name in a folder that can be written to, "
-            f"got: {error.strerror or type(error).__name__}"
-        )
+        received = error.strerror or type(error).__name__
+        message = f"expected the name of a file in a folder that can be written to, got {received}"
         raise OSError(error.errno or errno.EIO, message, os.fspath(path)) from error
     try:
         yield new
@@ -44,12 +39,4 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.replace(new, target)
     finally:
         with suppress(OSError):
-            os.unlink(new)
-
-
-def _check_target(target: Path, mode: int) -> None:
-    """Raise OSError unless the target is a file."""
-    if not stat.S_ISREG(mode):
-        received = "a folder" if stat.S_ISDIR(mode) else "neither a file nor a folder"
-        message = f"expected the name of a file to write, got {received}"
-        raise OSError(errno.EEXIST, message, os.fspath(target))
+            new.unlink()

@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,18 @@ from .._engine.execution import numbers_of_saved
 from .._maps.record import ENDS, Map
 from .._maps.registry import map_named
 
+if TYPE_CHECKING:
+    from .trajectories import Trajectories
+
 Entries = dict[str, NDArray[Any]]
-Shapes = Mapping[str, tuple[tuple[int, ...], "np.dtype[Any]"]]
 
 # Version of this format.
 FORMAT = 4
 RESUME = "resume/"
-# Entries of one number or one string; the last is absent if only the last state is saved.
-_KINDS = int, str, str, str, int, int, str
-HEADER = "format", "version", "map", "method", "steps", "save_every", "body"
-
-
+# Entries of one number or one string.
+_NUMBERS, _TEXTS = ("format", "steps", "save_every"), ("version", "map", "method", "body")
+HEADER = (*_NUMBERS, *_TEXTS)
+_OPTIONAL = "save_every", "body"
 # Axes of the parameters of a body after those of the batch; the first is also that of states.
 COMPONENTS = "component", "component_j", "component_k"
 
@@ -49,86 +50,82 @@ class Entry(NamedTuple):
     # True if it may be absent.
     optional: bool = False
 
-    def axes(self, batch: tuple[Any, ...], own: Mapping[Any, Any]) -> tuple[Any, ...]:
-        """Return the axes, with those of the batch inserted and others replaced by `own`."""
+    def axes(self, batch: tuple[Any, ...], sizes: Mapping[Any, Any]) -> tuple[Any, ...]:
+        """Return the axes, with those of the batch inserted and others replaced by `sizes`."""
         return tuple(
             each
             for dim in self.dims
-            for each in (batch if dim == "batch" else (own.get(dim, dim),))
+            for each in (batch if dim == "batch" else (sizes.get(dim, dim),))
         )
 
 
-_ENDS = {
+_OF_ALL_MAPS = {
     "n": Entry(("n",), "int64", "number of steps"),
     "eps": Entry(("batch",), meaning="step size", varying=True),
     "status": Entry(("batch",), "int8", "how the trajectory ended"),
     "failed_at": Entry(("batch",), "int64", "first state that does not exist, or -1"),
     "final": Entry(("batch", "component"), meaning="state after the last step", optional=True),
+    RESUME + "omega0": Entry(("flat", "component"), optional=True),
 }
-_ATTITUDE = Entry(
-    ("n", "batch", "space", "body"),
-    meaning="components in space of vectors of the body",
-    optional=True,
-)
+_OF_ORIENTATIONS = {
+    "attitude": Entry(
+        ("n", "batch", "space", "body"),
+        meaning="components in space of vectors of the body",
+        optional=True,
+    ),
+    RESUME + "R0": Entry(("flat", "space", "body"), optional=True),
+}
 
 
 def schema_of(map: Map) -> dict[str, Entry]:
     """Return the possible arrays of runs of a map, by name."""
-    states = Entry(("n", "batch", "component"), meaning=map.meaning)
-    body, entries = map.body, {map.variable: states, **_ENDS}
-    for name in body._names():
-        optional = name in body._optional()
-        dims = ("batch", *COMPONENTS[: body._axes(name)])
-        entries[name] = Entry(dims, "float64", body._meanings[name], True, optional)
-    entries[RESUME + "omega0"] = Entry(("flat", "component"), optional=True)
-    if map.carries_attitude:
-        entries["attitude"] = _ATTITUDE
-        entries[RESUME + "R0"] = Entry(("flat", "space", "body"), optional=True)
-    for kept in map.kept:
-        entries[RESUME + kept.name] = Entry(kept.dims, kept.dtype, optional=True)
-    return entries
+    states, body = Entry(("n", "batch", "component"), meaning=map.meaning), map.body
+    parameters = {
+        name: Entry(
+            ("batch", *COMPONENTS[: body._axes(name)]),
+            meaning=body._meanings[name],
+            varying=True,
+            optional=name in body._optional(),
+        )
+        for name in body._names()
+    }
+    resume = {RESUME + each.name: Entry(each.dims, each.dtype, optional=True) for each in map.kept}
+    orientations = _OF_ORIENTATIONS if map.carries_attitude else {}
+    return {map.variable: states, **_OF_ALL_MAPS, **parameters, **orientations, **resume}
 
 
 def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | None) -> Entries:
     """Return the header of a run, with the body as text if its arrays round it."""
     from .. import __version__
 
-    values = (FORMAT, __version__, map.name, method, steps, save_every, body._text)
-    header = zip(HEADER, values, strict=True)
+    numbers, texts = (FORMAT, steps, save_every), (__version__, map.name, method, body._text)
+    header = zip(HEADER, (*numbers, *texts), strict=True)
     return {name: np.asarray(value) for name, value in header if value is not None}
 
 
-def entries_of(run: Mapping[str, Any]) -> Entries:
-    """Return the entries of a run, given as the attributes of `Trajectories`."""
-    ends = [kept.name for kept in ENDS]
+def entries_of(run: Trajectories) -> Entries:
+    """Return the entries of a run."""
+    results = "eps", *(each.name for each in ENDS), "attitude"
+    last_is_saved = run.save_every is None or run.steps % run.save_every == 0
     arrays = {
-        run["_map"].variable: run["states"],
-        **{name: run[name] for name in ("eps", *ends, "attitude")},
-        "n": numbers_of_saved(run["steps"], run["save_every"]),
-        "final": None if _is_saved(run) else run["final"],
-        **run["body"]._arrays,
-        **{RESUME + name: a for name, a in run["_resume"].items() if name not in ends},
+        run._map.variable: run.states,
+        "n": run.n,
+        **{name: getattr(run, name) for name in results},
+        "final": None if last_is_saved else run.final,
+        **run.body._arrays,
+        **{RESUME + name: a for name, a in run._resume.items() if name not in results},
     }
-    about = (run[name] for name in ("body", "_map", "method", "steps", "save_every"))
-    header = header_of(*about)
+    header = header_of(run.body, run._map, run.method, run.steps, run.save_every)
     return header | {name: np.asarray(a) for name, a in arrays.items() if a is not None}
 
 
-def _is_saved(run: Mapping[str, Any]) -> bool:
-    """Return True if the last state is the last of the saved ones, bit for bit."""
-    last, final = run["states"][-1], run["final"]
-    if run["save_every"] and run["steps"] % run["save_every"]:
-        return False
-    return np.shares_memory(last, final) or last.tobytes() == final.tobytes()
-
-
-def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def run_of(entries: Entries) -> dict[str, Any]:
     """Return the attributes of `Trajectories`; ValueError if the entries do not form a run."""
-    check(entries, {name: (array.shape, array.dtype) for name, array in entries.items()})
     header = read_header(entries)
     map = map_named(header["map"])
-    states, eps, n = np.ascontiguousarray(entries[map.variable]), entries["eps"], entries["n"]
     steps, every = header["steps"], header.get("save_every")
+    _check_arrays(entries, map, 1 if every is None else steps // every + 1)
+    states, eps, n = np.ascontiguousarray(entries[map.variable]), entries["eps"], entries["n"]
     one_of("method", header["method"], map.methods)
     real_array("eps", eps)
     if not np.array_equal(n, numbers_of_saved(steps, every)):
@@ -141,13 +138,13 @@ def run_of(entries: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     start = len(RESUME)
     resume = {name[start:]: each for name, each in entries.items() if name.startswith(RESUME)}
     if "state" in resume:
-        resume |= {kept.name: entries[kept.name].reshape(-1) for kept in ENDS}
+        resume |= {each.name: entries[each.name].reshape(-1) for each in ENDS}
     return {
         **{name: entries[name] for name in ("status", "failed_at")},
         "states": states,
         "eps": float(eps) if eps.ndim == 0 else eps,
         "body": body,
-        "final": entries["final"] if "final" in entries else states[-1],
+        "final": entries.get("final", states[-1]),
         "method": header["method"],
         "steps": steps,
         "save_every": every,
@@ -166,68 +163,56 @@ def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
 
 def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the header as numbers and strings; ValueError if it is of another version."""
-    if "format" not in values:
-        raise ValueError(
-            "expected a run from Trajectories.save or to_xarray, got one without a format"
-        )
-    written = str(values["format"])
+    written = str(values.get("format", "none"))
     if written != str(FORMAT):
-        version = values.get("version", "unknown")
+        of = f", of suslov_fast {values['version']}" if "version" in values else ""
         old = ": runs of older versions cannot be read; recompute them" if written < "4" else ""
-        raise ValueError(
-            f"expected a run in format {FORMAT}, got format {written}, of suslov_fast "
-            f"{version}{old}"
-        )
-    missing = [name for name in HEADER[:-2] if name not in values]
-    if missing:
-        raise ValueError(f"expected a run, got one without {', '.join(missing)}")
-    header: dict[str, Any] = {}
-    for name, kind in zip(HEADER, _KINDS, strict=True):
-        if name in values:
-            value = np.asarray(values[name])
-            if value.ndim or value.dtype.kind != ("U" if kind is str else "i"):
-                raise wrong(name, f"one {kind.__name__}", f"{value.dtype} {value.shape}")
-            header[name] = kind(value)
+        raise wrong("format", f"{FORMAT}, that of this version", f"{written}{of}{old}")
+    header = {name: np.asarray(values[name]).tolist() for name in HEADER if name in values}
+    for name in HEADER:
+        value, kind = header.get(name), int if name in _NUMBERS else str
+        if type(value) is not kind and (name in header or name not in _OPTIONAL):
+            raise wrong(name, f"one {kind.__name__}", f"{value!r:.99}")
     steps, every = header["steps"], header.get("save_every", 1)
     if steps < 0 or every < 1:
         raise wrong("steps, save_every", "at least 0 and 1", f"{steps} and {every}")
     return header
 
 
-def check(values: Mapping[str, Any], shapes: Shapes) -> None:
-    """Raise ValueError if the header and the shapes of the arrays are inconsistent."""
-    header = read_header(values)
-    map = map_named(header["map"])
+def _check_arrays(entries: Entries, map: Map, rows: int) -> None:
+    """Raise ValueError if arrays are absent, unknown or of other shapes; `rows` are saved."""
     schema = schema_of(map)
-    arrays = {name: each for name, each in shapes.items() if name not in HEADER}
-    missing = [name for name, each in schema.items() if not (each.optional or name in arrays)]
+    arrays = {name: each for name, each in entries.items() if name not in HEADER}
+    absent = [name for name, each in schema.items() if not (each.optional or name in arrays)]
     unknown = [name for name in arrays if name not in schema]
-    if missing or unknown:
+    if absent or unknown:
         raise ValueError(
-            f"expected a run of the map {header['map']}, got one "
-            + (f"without {', '.join(missing)}" if missing else f"with {', '.join(unknown)}")
+            f"expected a run of the map {map.name}, got one "
+            + (f"without {', '.join(absent)}" if absent else f"with {', '.join(unknown)}")
         )
     if RESUME + "omega0" in arrays and ("attitude" in arrays) != (RESUME + "R0" in arrays):
         raise ValueError(f"attitude, {RESUME}R0: expected both or none, got one of them")
-    every = header.get("save_every")
-    states, batch = arrays[map.variable][0], arrays["status"][0]
-    components = states[-1] if states else 0
+    batch = arrays["status"].shape
+    components = (arrays[map.variable].shape or (0,))[-1]
     sizes = {
-        "n": 1 if every is None else header["steps"] // every + 1,
+        "n": rows,
         **dict.fromkeys(COMPONENTS, components),
         "space": components + 1,
         "body": components + 1,
         "flat": math.prod(batch),
     }
-    for name, (shape, dtype) in arrays.items():
+    for name, array in arrays.items():
         entry = schema[name]
-        whole, expected = entry.axes(batch, sizes), "shape"
-        fits = shape == whole
-        if entry.varying:
-            own, expected = len(entry.dims) - 1, "a shape that broadcasts to"
-            fits = own <= len(shape) <= len(whole) and all(
-                a == b or (k >= own and a == 1)
-                for k, (a, b) in enumerate(zip(shape[::-1], whole[::-1], strict=False))
-            )
-        if not fits or dtype != np.dtype(entry.dtype):
-            raise wrong(name, f"{expected} {whole} and dtype {entry.dtype}", f"{shape} and {dtype}")
+        whole, shape = entry.axes(batch, sizes), array.shape
+        if shape != whole and not (entry.varying and _broadcast(shape, whole)):
+            relation = "a shape that broadcasts to" if entry.varying else "shape"
+            raise wrong(name, f"{relation} {whole}", shape)
+        if array.dtype != entry.dtype:
+            raise wrong(name, f"dtype {entry.dtype}", array.dtype)
+
+
+def _broadcast(shape: tuple[int, ...], whole: tuple[int, ...]) -> bool:
+    try:
+        return np.broadcast_shapes(shape, whole) == whole
+    except ValueError:
+        return False

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import html
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -235,51 +236,38 @@ class Trajectories:
 
     def first_integral(self) -> FloatArray:
         """Return :func:`suslov_fast.first_integral` of the saved states, shape (n_saved, ...)."""
-        from .._states.conserved import first_integral
-
-        return self._of_states(first_integral, self.eps)
+        return self._of_states("conserved", "first_integral", self.eps)
 
     def energy(self) -> FloatArray:
         """Return :func:`suslov_fast.energy` of the saved states, shape (n_saved, ...)."""
-        from .._states.conserved import energy
-
-        return self._of_states(energy)
+        return self._of_states("conserved", "energy")
 
     def modified_energy(self) -> FloatArray:
         """Return :func:`suslov_fast.modified_energy` of the saved states, shape (n_saved, ...)."""
-        from .._states.conserved import modified_energy
-
-        return self._of_states(modified_energy, self.eps)
+        return self._of_states("conserved", "modified_energy", self.eps)
 
     def criticality(self) -> FloatArray:
         """Return :func:`suslov_fast.criticality` of the saved states, shape (n_saved, ...)."""
-        from .._states.conserved import criticality
-
-        return self._of_states(criticality, self.eps)
+        return self._of_states("conserved", "criticality", self.eps)
 
     def to_xy(self) -> FloatArray:
         """Return :func:`suslov_fast.to_xy` of the saved states, shape (n_saved, ..., 2)."""
-        from .._states.paper_coordinates import to_xy
-
-        return self._of_states(to_xy)
+        return self._of_states("paper_coordinates", "to_xy")
 
     def reaction(self) -> FloatArray:
         """Return the discrete :func:`suslov_fast.reaction` from each saved state to its next.
 
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
         """
-        from .._states.vector_field import reaction
+        return self._of_states("vector_field", "reaction", self.eps)
 
-        return self._of_states(reaction, self.eps)
-
-    def _of_states(
-        self, function: Callable[..., FloatArray], *eps: float | FloatArray
-    ) -> FloatArray:
+    def _of_states(self, module: str, name: str, *eps: float | FloatArray) -> FloatArray:
         """Return a quantity of the saved states; TypeError if the map does not have it."""
-        name = function.__name__
         if name not in self._map.quantities:
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
-        return function(self.body, self.states, *eps)
+        function = getattr(import_module(f"suslov_fast._states.{module}"), name)
+        values: FloatArray = function(self.body, self.states, *eps)
+        return values
 
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
@@ -369,7 +357,7 @@ class Trajectories:
         from .labelled import dataset_of, with_time
         from .schema import entries_of
 
-        return with_time(dataset_of(entries_of(vars(self)), dims, coords))
+        return with_time(dataset_of(entries_of(self), dims, coords))
 
     @classmethod
     @filled
@@ -412,7 +400,7 @@ class Trajectories:
         from .schema import entries_of
 
         with place_for(path) as put:
-            put(entries_of(vars(self)))
+            put(entries_of(self))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
@@ -433,9 +421,8 @@ class Trajectories:
             If the name ends otherwise, or the file holds something else or is damaged.
         """
         from .files import read
-        from .schema import run_of
 
-        return cls(**read(path, run_of))
+        return cls(**read(path))
 
     def __repr__(self) -> str:
         return f"Trajectories({', '.join(f'{name}: {value}' for name, value in self._rows())})"
@@ -492,13 +479,13 @@ def finish(
     if out is not None:
         out = checked_out(out, (span.rows, *problem.batch, problem.omega0.shape[1]))
     output = execute(problem, span, options, progress, resume, out, before)
+    run = Trajectories.of(problem, span, output)
     since = 0 if before is None else start + 1
     if on_singular != "ignore" and (message := failures(output, since)):
-        run = Trajectories.of(problem, span, output)
         if on_singular == "raise":
             raise SingularStepError(message, run)
         warn(message, SingularStepWarning)
-    return Trajectories.of(problem, span, output)
+    return run
 
 
 def one_step(problem: Problem, options: Options) -> FloatArray:

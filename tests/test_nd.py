@@ -7,7 +7,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast._formulas.nd_map import solve_bordered
-from suslov_fast._kernels.elimination import WIDTH, eliminate
+from suslov_fast._kernels.elimination import WIDEST, WIDTH, eliminate
 
 METHODS = ("rank2", "gauss")
 every_method = pytest.mark.parametrize("method", METHODS)
@@ -208,25 +208,24 @@ def test_large_singular_matrices(rng):
 
 
 @pytest.mark.parametrize("m", [1, 2, 3, 8])
-def test_systems_side_by_side(rng, m):
-    """Several right sides, pivots 0 or small, and a singular matrix among others."""
-    matrix, rights = rng.normal(size=(WIDTH, m, m)), rng.normal(size=(WIDTH, m, 3))
+@pytest.mark.parametrize("width", [WIDTH, WIDEST])
+def test_systems_side_by_side(rng, m, width):
+    """Pivots 0 or small, and a singular matrix among others."""
+    matrix, right = rng.normal(size=(width, m, m)), rng.normal(size=(width, m, 1))
     matrix[::2, 0, 0] *= [[0.0], [1e-20]][m % 2]
     matrix[1::2, 0, 0] += 10.0
     if m == 1:
         matrix += 1.0
     matrix[7, m - 1] = matrix[7, 0] * (m > 1)
-    system = np.ascontiguousarray(np.moveaxis(np.concatenate([matrix, rights], axis=2), 0, 2))
+    system = np.ascontiguousarray(np.moveaxis(np.concatenate([matrix, right], axis=2), 0, 2))
     with np.errstate(all="ignore"):
         numba.njit(lambda systems: eliminate(systems))(system)
     solved = np.moveaxis(system[:, m:], 2, 0)
     assert np.isnan(solved[7]).all()
-    for each in np.delete(np.arange(WIDTH), 7):
-        exact = naive.mpmath.lu_solve(
-            naive.mpmath.matrix(matrix[each].tolist()), rights[each, :, 1]
-        )
-        assert naive.relative_error(solved[each, :, 1], list(exact)) < 1e-11
-        np.testing.assert_allclose(matrix[each] @ solved[each], rights[each], atol=1e-11)
+    for each in np.delete(np.arange(width), 7):
+        exact = naive.mpmath.lu_solve(naive.mpmath.matrix(matrix[each].tolist()), right[each, :, 0])
+        assert naive.relative_error(solved[each, :, 0], list(exact)) < 1e-11
+        np.testing.assert_allclose(matrix[each] @ solved[each], right[each], atol=1e-11)
 
 
 def test_elimination_beyond_memory():

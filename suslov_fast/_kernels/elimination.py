@@ -21,26 +21,26 @@ def row():
 @inner
 def exchange_rows(matrix, k):
     """Exchange rows in each system: the largest entry of column k below row k goes to row k."""
-    m, columns, width = matrix.shape
+    m, _, width = matrix.shape
     for l in range(width):
         pivot = k
         for i in range(k + 1, m):
             if abs(matrix[i, k, l]) > abs(matrix[pivot, k, l]):
                 pivot = i
         if pivot != k:
-            for j in range(k, columns):
+            for j in range(k, m + 1):
                 matrix[k, j, l], matrix[pivot, j, l] = matrix[pivot, j, l], matrix[k, j, l]
 
 
 @inner
 def eliminate(matrix):
-    """Solve systems of m equations in place, each with one or more right sides.
+    """Solve systems of m equations in place.
 
-    matrix    (m, m + right sides, width): the coefficients, which are lost, and from column m on
-              the right sides, which become the solutions, NaN if a system is singular to rounding;
-              width is a multiple of LINE up to WIDEST.
+    matrix    (m, m + 1, width): the coefficients, which are lost, and in column m the right sides,
+              which become the solutions, NaN if a system is singular to rounding; width is a
+              multiple of WIDTH up to WIDEST.
     """
-    m, columns, width = matrix.shape
+    m, _, width = matrix.shape
     largest, pivots, inverse, factor = row(), row(), row(), row()
     for l in range(width):
         pivots[l] = 0.0
@@ -65,15 +65,16 @@ def eliminate(matrix):
         for i in range(k + 1, m):
             for l in range(width):
                 factor[l] = matrix[i, k, l] * inverse[l]
-            for j in range(k + 1, columns):
-                for l in range(0, width, LINE):
-                    subtract_product(matrix, (i, j, l), factor, (l,), matrix, (k, j, l))
+            # The loop over WIDTH systems is unrolled, and factors stay in registers: one over all
+            # systems takes 1.4 times as long.
+            for first in range(0, width, WIDTH):
+                for j in range(k + 1, m + 1):
+                    for l in range(first, first + WIDTH, LINE):
+                        subtract_product(matrix, (i, j, l), factor, (l,), matrix, (k, j, l))
     for i in range(m - 1, -1, -1):
-        for right in range(m, columns):
+        for first in range(0, width, WIDTH):
             for j in range(m - 1, i, -1):
-                for l in range(0, width, LINE):
-                    subtract_product(
-                        matrix, (i, right, l), matrix, (i, j, l), matrix, (j, right, l)
-                    )
-            for l in range(width):
-                matrix[i, right, l] *= matrix[i, i, l]
+                for l in range(first, first + WIDTH, LINE):
+                    subtract_product(matrix, (i, m, l), matrix, (i, j, l), matrix, (j, m, l))
+        for l in range(width):
+            matrix[i, m, l] *= matrix[i, i, l]

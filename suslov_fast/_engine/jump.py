@@ -24,7 +24,7 @@ from .execution import (
 )
 from .layout import for_kernel
 from .reduced_runs import Reduced, of_n_3, reduce
-from .stepping import by_elimination, iterate, iterate_nd, with_elimination
+from .stepping import iterate, iterate_nd, with_elimination
 
 # Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32
@@ -74,7 +74,7 @@ def run_nd(problem: Problem, span: Span, resume: Resume, output: Output, options
     """
     drivers: tuple[Driver, ...] = iterate_nd, with_elimination
     if problem.method == "gauss":
-        drivers = (by_elimination,)
+        drivers = (with_elimination,)
     elif _may_jump(problem, span) and _is_short(span):
         # From step 0: the division of a run must not decide where the closed form is used, which
         # is more accurate next to a pole than elimination.

@@ -55,11 +55,11 @@ def iterate_nd(
     resume: Resume,
     output: Output,
     options: Options,
-    kernel: Kernel = map_nd.iterate,
+    eliminates: bool = False,
 ) -> Indices:
-    """Iterate the n-dimensional map, by steps in O(n) unless the kernel is another.
+    """Iterate the n-dimensional map; return the trajectories for which steps in O(n) do not do.
 
-    Return the trajectories for which such steps are inaccurate.
+    If it eliminates, there are none: such steps are taken by elimination, or all of them.
 
     Raises
     ------
@@ -67,11 +67,12 @@ def iterate_nd(
         If there is no room for elimination where that is needed.
     """
     size, m = problem.omega0.shape
-    work, plain = 8.0 * m, kernel is map_nd.iterate
-    if not plain:  # if every step in O(n) needs elimination, the first part takes some 0.3 s
-        by_elimination = kernel is map_nd.iterate_by_elimination
-        work = m**3 / 3.0 if by_elimination else max(work, m**3 / 48.0)
-    tasks, lanes = _tasks_and_lanes(size, options.threads)
+    kernel, work = map_nd.iterate, 8.0 * m
+    if problem.method == "gauss":
+        kernel, work = map_nd.iterate_by_elimination, m**3 / 3.0
+    elif eliminates:  # if every step needs elimination, the first part takes some 0.3 s
+        work = max(work, m**3 / 48.0)
+    tasks, lanes = _tasks_and_lanes(size, options.threads, eliminates)
     state, exponent = _go_on(
         span, resume, output, state=np.empty((size, m)), exponent=np.empty(size)
     )
@@ -83,22 +84,21 @@ def iterate_nd(
     kept = output.status, output.failed_at, state, exponent
     M = m + m % 2
     # A build for a body that all lanes share pays only for the cheapest steps.
-    shared = plain and turning is None and max(map(len, problem.parameters[:2])) <= 1
+    shared = not eliminates and turning is None and max(map(len, problem.parameters[:2])) <= 1
     of_body = () if shared else (lanes,)
-    room = (
-        np.empty((tasks, 2, M, *of_body)),
-        np.empty((tasks, 2, M, lanes)),
-        np.empty((tasks, 0, 1, 1)) if plain else _matrices(tasks, m),
-    )
+    room = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
+    advice = "method='rank2', fewer threads, or shorter steps"
+    matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
     before, width = ((*problem.parameters, problem.omega0),), map_nd.LANES
-    _make_steps(problem, span, output, options, kernel, work, width, before, turning, kept, room)
+    _make_steps(
+        problem, span, output, options, kernel, work, width, before, turning, kept, room, matrices
+    )
     if output.turns is not None and len(output.turns) and not span.rows_saved:
         output.turns[-1] = columns.swapaxes(1, 2)
     return with_status(output.status, NEEDS_ELIMINATION)
 
 
-by_elimination = partial(iterate_nd, kernel=map_nd.iterate_by_elimination)
-with_elimination = partial(iterate_nd, kernel=map_nd.iterate_with_elimination)
+with_elimination = partial(iterate_nd, eliminates=True)
 
 
 def iterate_field(
@@ -171,7 +171,7 @@ def _make_steps(
     before: tuple[Any, ...],
     turning: tuple[FloatArray | None, ...] | None,
     kept: tuple[Any, ...],
-    *room: tuple[FloatArray, ...],
+    *room: Any,
 ) -> None:
     """Call the kernel for each part."""
     whole = work + (_SAVING / span.every if span.rows_saved else 0.0)
@@ -182,19 +182,16 @@ def _make_steps(
         threads.run(kernel, lane_steps, options.threads, *before, numbers, *arguments)
 
 
-def _tasks_and_lanes(size: int, threads: int | None) -> tuple[int, int]:
+def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[int, int]:
     """Return the number of tasks, and the number of lanes of a block."""
-    blocks = max(-(-size // map_nd.LANES), 1)
+    blocks = max(-(-size // (WIDTH if eliminates else map_nd.LANES)), 1)
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
+    if eliminates:
+        return tasks, WIDTH
     # Tasks have equal numbers of blocks, of about equal size.
     blocks = -(-blocks // tasks) * tasks
     lanes = -(-max(size, 1) // (blocks * LINE)) * LINE
     return tasks, lanes
-
-
-def _matrices(tasks: int, m: int) -> FloatArray:
-    """Return memory for elimination."""
-    return _aligned((tasks, m + 4, m + 1, WIDTH), "method='rank2', fewer threads, or shorter steps")
 
 
 def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:

@@ -2,8 +2,7 @@
 
 A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
 A step in O(n) solves for the increment by `solve2`; lanes where this is inaccurate use
-`solve_bordered` or, in `iterate_with_elimination`, elimination. The arithmetic of a lane never
-depends on the other lanes.
+`solve_bordered` or elimination. The arithmetic of a lane never depends on the other lanes.
 
 Lanes store J, I and omega in units, powers of two, in which they are of the order of 1; that of
 omega changes when omega leaves this range. Lanes that have ended have the state 0 in the unit NaN.
@@ -34,9 +33,8 @@ from .._jit import (
     share,
     stack,
 )
-from . import elimination
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import WIDTH, eliminate
+from .elimination import eliminate
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 from .units_nd import unit_of, unit_of_moments
 
@@ -45,6 +43,8 @@ method = namespace("method")  # of steps: `step`
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just
 # written.
 LANES = 64
+# Is the step by `solve2` accurate? If not, it is taken by the bordered system, or remains to be.
+SURE, DEPENDS_ON_D, DONE, NOT_AT_ALL = 3.0, 2.0, 1.0, 0.0
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
 # overlap of written rows with others: the pairs must lie in two halves, not side by side.)
@@ -76,8 +76,7 @@ class Block(NamedTuple):
     gamma: object
     of_omega: object  # factors in delta, see `solve2`
     of_I: object
-    accurate: object  # 1 if the step by `solve2` is accurate, 0.5 if this depends on d, else 0
-    chosen: object  # the indices of lanes that need elimination
+    accurate: object  # of the step by `solve2`: see SURE
 
 
 @formula
@@ -92,7 +91,7 @@ def block(bodies, states):
     return Block(
         bodies[0], bodies[1], states[0], states[1],
         row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(),
     )  # fmt: skip
 
 
@@ -146,10 +145,10 @@ def solve(b):
             b.eps[l], b.p[l], square, b.alpha[l], b.beta[l], b.gamma[l]
         )
         accurate = (det > FAR * FAR * size) & (square < b.longest[l])
-        far = select(b.half[l] < b.near[l], 1.0, 0.5)
-        accuracy = select(accurate, far, 0.0)
-        left += select(accuracy == 1.0, 0, 1)
-        b.of_omega[l], b.of_I[l], b.accurate[l] = of_omega, of_I, accuracy
+        sure = accurate & (b.half[l] < b.near[l])
+        left += select(sure, 0, 1)
+        b.accurate[l] = select(sure, SURE, select(accurate, DEPENDS_ON_D, NOT_AT_ALL))
+        b.of_omega[l], b.of_I[l] = of_omega, of_I
     return left == 0
 
 
@@ -172,9 +171,9 @@ def add(b):
 
 @inner
 def bordered(b, l):
-    """Take the step in a lane by the bordered system; return True if it is accurate.
+    """Take the step in a lane by the bordered system, unless the step by `solve2` is accurate.
 
-    If no d is small, the step by `solve2` remains.
+    Returns what was done: SURE if the step by `solve2` remains, DONE, or NOT_AT_ALL.
     """
     M = b.omega.shape[0]
     eps, half, p, square = b.eps[l], b.half[l], b.p[l], b.square[l]
@@ -185,10 +184,8 @@ def bordered(b, l):
             k, smallest, second = i, ratio, smallest
         else:
             second = min(second, ratio)
-    if b.accurate[l] > 0.0 and smallest > FAR:
-        b.accurate[l] = 1.0
-        return True
-    b.accurate[l] = 0.0
+    if b.accurate[l] == DEPENDS_ON_D and smallest > FAR:
+        return SURE
     alpha, beta, gamma = 0.0, 0.0, 0.0
     for i in range(M):
         if i != k:
@@ -200,118 +197,100 @@ def bordered(b, l):
         at(b.J, k, l), at(b.I, k, l), b.omega[k, l], eps, p, square, alpha, beta, gamma
     )
     if not (regular and second > FAR_ENOUGH and square < b.longest[l]):
-        return False
+        return NOT_AT_ALL
     for i in range(M):
         if i != k:
             b.omega[i, l] += (of_omega * b.omega[i, l] - of_I * at(b.I, i, l)) * b.inverse[i, l]
     b.omega[k, l] += delta_k
-    return True
+    return DONE
 
 
 @inner
-def fill_matrix(J, I, w, others, eps, matrix):
-    """Fill A(omega), whose right side is omega, of several systems.
-
-    J, I, w, others   (m, WIDTH); the last becomes p without the term of a component.
-    eps               (WIDTH,)
-    matrix            (m, m + 1, WIDTH)
-    """
-    m, _, width = matrix.shape
-    c, g, rest = elimination.row(), elimination.row(), elimination.row()
-    for l in range(width):
+def fill_matrix(b, matrix):
+    """Fill A(omega), with omega as the right side."""
+    m, _, lanes = matrix.shape
+    c, g, diagonal, rest = row(), row(), row(), row()
+    for l in range(lanes):
         rest[l] = 0.0
     for i in range(m - 1, -1, -1):
-        for l in range(width):
-            others[i, l] = rest[l]
-            rest[l] = rest[l] + I[i, l] * w[i, l]
-    for l in range(width):
+        for l in range(lanes):
+            matrix[i, m, l] = rest[l]  # terms of p after component i
+            rest[l] = rest[l] + b.I[i, l] * b.omega[i, l]
+    for l in range(lanes):
         rest[l] = 0.0
     for i in range(m):
-        for l in range(width):
-            others[i, l] += rest[l]
-            rest[l] = rest[l] + I[i, l] * w[i, l]
-            c[l], g[l] = matrix_row(J[i, l], I[i, l], w[i, l], eps[l])
+        for l in range(lanes):
+            J_i, I_i, w_i = b.J[i, l], b.I[i, l], b.omega[i, l]
+            c[l], g[l] = matrix_row(J_i, I_i, w_i, b.eps[l])
+            diagonal[l] = matrix_diagonal(J_i, rest[l] + matrix[i, m, l], b.eps[l])
+            rest[l] = rest[l] + I_i * w_i
+            matrix[i, m, l] = w_i
         for j in range(m):
-            for l in range(width):
-                matrix[i, j, l] = -c[l] * w[j, l] - g[l] * I[j, l]
-        for l in range(width):
-            matrix[i, i, l] = matrix_diagonal(J[i, l], others[i, l], eps[l])
-            matrix[i, m, l] = w[i, l]
+            for l in range(lanes):
+                matrix[i, j, l] = -c[l] * b.omega[j, l] - g[l] * b.I[j, l]
+        for l in range(lanes):
+            matrix[i, i, l] = diagonal[l]
 
 
 @inner
-def solve_lanes(b, chosen, room):
-    """Replace omega by the solution of A(omega) omega_next = omega in lanes b.chosen[:chosen].
+def eliminate_lanes(b, matrix):
+    """Take the step by elimination in lanes where it was not taken at all."""
+    m, _, lanes = matrix.shape
+    fill_matrix(b, matrix)
+    eliminate(matrix)
+    for i in range(m):
+        for l in range(lanes):
+            chosen = b.accurate[l] == NOT_AT_ALL
+            b.omega[i, l] = select(chosen, matrix[i, m, l], b.omega[i, l])
 
-    room (m + 4, m + 1, WIDTH) holds A, and from row m on the arguments of `fill_matrix`.
+
+@inner
+def repair(b, matrices, task):
+    """Take the step in lanes where `solve2` is inaccurate, and set its increment to 0.
+
+    Without matrices, trajectories that need elimination end; another run restarts them.
     """
-    m, width = room.shape[1] - 1, room.shape[2]
-    matrix, J, I, w, eps = room[:m], room[m], room[m + 1], room[m + 2], elimination.row()
-    for first in range(0, chosen, WIDTH):
-        last = min(first + WIDTH, chosen) - 1  # repeated in the lanes beyond it
-        for k in range(width):
-            eps[k] = b.eps[int(b.chosen[min(first + k, last)])]
-        for i in range(m):
-            for k in range(width):
-                l = int(b.chosen[min(first + k, last)])
-                J[i, k], I[i, k], w[i, k] = at(b.J, i, l), at(b.I, i, l), b.omega[i, l]
-        fill_matrix(J, I, w, room[m + 3], eps, matrix)
-        eliminate(matrix)
-        for i in range(m):
-            for k in range(last + 1 - first):
-                b.omega[i, int(b.chosen[first + k])] = matrix[i, m, k]
-
-
-@inner
-def leave_out(b, chosen, room):
-    """End trajectories that need elimination; another kernel restarts them."""
-    for k in range(chosen):
-        l = int(b.chosen[k])
-        b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
-
-
-def rank2_step(otherwise):
-    """Build the step in O(n); `otherwise` takes it in the lanes that need elimination."""
-
-    @inner
-    def step_with_care(b, room):
-        """Take the step in lanes where `solve2` is inaccurate; set its increment to 0."""
-        left, (M, lanes) = 0, b.omega.shape
+    M, lanes = b.omega.shape
+    left = False
+    for l in range(lanes):
+        if b.accurate[l] != SURE:
+            b.accurate[l] = bordered(b, l)
+            left |= b.accurate[l] == NOT_AT_ALL
+    if matrices is None:
         for l in range(lanes):
-            if b.accurate[l] < 1.0 and not bordered(b, l):
-                b.chosen[left] = l
-                left += 1
-        otherwise(b, left, room)
-        for l in range(lanes):
-            if b.accurate[l] < 1.0:
-                b.of_omega[l], b.of_I[l] = 0.0, 0.0
-                for i in range(M):
-                    b.inverse[i, l] = 0.0
-
-    @formula
-    def step(b, count, room):
-        sums(b)
-        if not solve(b):
-            step_with_care(b, room)
-        add(b)
-
-    return step
+            if b.accurate[l] == NOT_AT_ALL:
+                b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
+    elif left:
+        eliminate_lanes(b, matrices[task])
+    for l in range(lanes):
+        if b.accurate[l] != SURE:
+            b.of_omega[l], b.of_I[l] = 0.0, 0.0
+            for i in range(M):
+                b.inverse[i, l] = 0.0
 
 
 @formula
-def step_gauss(b, count, room):
-    """Take a step by elimination in lanes up to `count`."""
-    half = b.omega.shape[0] // 2
-    for l in range(count):
-        b.half[l] = 0.5 * b.eps[l] * b.p[l]
-        b.chosen[l] = l
-    solve_lanes(b, count, room)
-    for l in range(count):
-        b.p[l], b.square[l] = 0.0, 0.0
-    for i in range(half):
-        j = half + i
-        for l in range(count):
-            add_pair(b, l, at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l])
+def step_rank2(b, matrices, task):
+    """Take a step in O(n)."""
+    sums(b)
+    if not solve(b):
+        repair(b, matrices, task)
+    add(b)
+
+
+@inner
+def step_gauss(b, matrices, task):
+    """Take a step by elimination; the increment is 0."""
+    M, lanes = b.omega.shape
+    for l in range(lanes):
+        b.half[l], b.accurate[l] = 0.5 * b.eps[l] * b.p[l], NOT_AT_ALL
+    eliminate_lanes(b, matrices[task])
+    for l in range(lanes):
+        b.of_omega[l], b.of_I[l] = 0.0, 0.0
+    for i in range(M):
+        for l in range(lanes):
+            b.inverse[i, l] = 0.0
+    add(b)
 
 
 @formula
@@ -465,7 +444,7 @@ def save_turns(turning, begin, end, row):
                 turns[row, k, r, c] = columns[k, c, r]
 
 
-def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
+def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrices):
     """Iterate the trajectories of a part of the tasks.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
@@ -477,10 +456,12 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
     kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
         exponent (B,). All but `final` are read if start is not 0.
     room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-        (tasks, 2, M, lanes); for elimination (tasks, m + 4, m + 1, WIDTH)
+        (tasks, 2, M, lanes)
+    matrices : (tasks, m, m + 1, lanes), where lanes is WIDTH; None if trajectories
+        that need elimination end with the status NEEDS_ELIMINATION
     """
     first, last, start, stop, every, first_row = span
-    bodies, states, matrices = room
+    bodies, states = room
     initial, failed_at = parameters[3], kept[2]
     tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
@@ -507,21 +488,14 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room):
                     break
                 until = min(next_saved, stop) if turning is None else n + 1
                 while n < until:
-                    method.step(b, end - begin, matrices[task])
+                    method.step(b, matrices, task)
                     n += 1
                     if not units_serve(b, lanes):
                         renew_units(b, begin, end, n, failed_at)
             leave(initial, b, begin, end, stop, kept)
 
 
-# Steps in O(n), where trajectories that need elimination end with NEEDS_ELIMINATION or are
-# eliminated; and steps by elimination only.
-iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=rank2_step(leave_out)))
-iterate_with_elimination = Kernel(
-    run_tasks,
-    "iterate_with_elimination",
-    method=namespace("rank2_with_elimination", step=rank2_step(solve_lanes)),
-)
+iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=step_rank2))
 iterate_by_elimination = Kernel(
     run_tasks, "iterate_by_elimination", method=namespace("gauss", step=step_gauss)
 )

@@ -9,16 +9,17 @@ KERNEL = """
 import sys
 import numpy as np
 from suslov_fast import _jit
+from suslov_fast._formulas import elementary
 
 @_jit.inner
 def fill(x, k, out):
-    rows = _jit.carray(_jit.stack(32), (2, 16))
+    rows = _jit.stack(2, 16)
     for i in range(16):
         product, lost = _jit.two_product(x[i], x[i] + 1.0 / 3.0)
         rows[0, i] = _jit.select(x[i] < 0.5, product, lost)
-        rows[1, i] = _jit.number_of_bits(_jit.bits_of(x[i]) + (i << 52))
+        rows[1, i] = elementary.number_of_bits(elementary.bits_of(x[i]) + (i << 52))
     _jit.expect_store(out, 0)
-    pair = _jit.carray(_jit.stack(32), (2, 16))
+    pair = _jit.stack(2, 16)
     for i in range(0, 16, 8):
         _jit.stream_line(out, i, rows[0], i)
         _jit.copy_line(pair, (1, i), rows, (0, i))

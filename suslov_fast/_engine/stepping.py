@@ -38,7 +38,7 @@ def iterate(
 ) -> Indices:
     """Iterate by a kernel of `map_kernel`; `work` is the cost of a step, in those of the 3D map."""
     size, turning = problem.size if options.continued else 0, None
-    numbers = int(kernel.names["map"].STATE)
+    numbers = len(kernel.names["map"].State._fields)
     state = _go_on(span, resume, output, state=np.empty((size, numbers)))[0]
     if problem.orientation is not None:
         turn = _go_on(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))[0]

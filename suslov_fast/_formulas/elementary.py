@@ -4,7 +4,9 @@ They are accurate to a few ulps on the ranges that the closed form needs. Intege
 with floats are stored as floats.
 """
 
-from .._jit import bits_of, formula, number_of_bits, select
+import numpy as np
+
+from .._jit import formula, select
 
 LOG2_E = 1.4426950408889634
 # log 2 as two numbers; the first has few bits, and its products with integers are exact.
@@ -13,6 +15,18 @@ LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 TO_INTEGER = 1.5 * 2.0**52
 BITS_OF_TO_INTEGER = 0x4338000000000000
 BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
+
+
+@formula
+def bits_of(number):
+    """Return the bits of a float as an integer, without a call to the C library."""
+    return np.float64(number).view(np.int64)
+
+
+@formula
+def number_of_bits(bits):
+    """Return the float that has these bits."""
+    return np.int64(bits).view(np.float64)
 
 
 @formula

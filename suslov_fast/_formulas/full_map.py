@@ -5,13 +5,14 @@ from typing import NamedTuple
 from .._jit import formula, select
 from .canonical_map import nan_at_zero
 from .elementary import exponent, larger, scaled, two_to_the
+from .units import bound_in
 
 
 class Coefficients(NamedTuple):
-    """Coefficients of the scheme, from the body and the step size.
+    """Coefficients of the scheme, from the body and the step size, and the unit of states.
 
     Each equation is divided by its own moment of inertia, and in units of a power of two in which 1
-    is `one1` or `one2` and no coefficient is above 1.
+    is `one1` or `one2` and no coefficient is above 1. States below the bound are finite.
     """
 
     one1: float
@@ -24,6 +25,8 @@ class Coefficients(NamedTuple):
     k4: float
     k6: float
     k8: float
+    unit: float
+    bound: float
 
 
 @formula
@@ -66,7 +69,8 @@ def full_coefficients(I1, I2, I13, I23, eps, I3, W):
     eps, E = eps * two_to_the(-E), E + W
     one1, k1, k3, k5, k7 = row(I1, I13, I23, I3 - I2, eps, E)
     one2, k2, k4, k6, k8 = row(I2, I23, I13, I1 - I3, eps, E)
-    return Coefficients(one1, k1, k3, k5, k7, one2, k2, k4, k6, k8)
+    unit = two_to_the(W)
+    return Coefficients(one1, k1, k3, k5, k7, one2, k2, k4, k6, k8, unit, bound_in(unit))
 
 
 @formula

@@ -19,6 +19,10 @@ APART, LONGEST, NEGLIGIBLE = 400.0, 500.0, 960.0
 # In place of the logarithm of 0, of which no unit is taken.
 NONE = -1e4
 
+# Components of omega up to this are finite: float64 ends at 1.8e308, and a component is a sum of
+# up to three products.
+LARGEST = 1e307
+
 
 class Body(NamedTuple):
     """A body and a step size in their own units, 2**M of moments, 2**P of products of inertia,
@@ -117,6 +121,12 @@ def of_state(body, omega1, omega2):
 def enter(I1, I2, I13, I23, k, eps, omega1, omega2):
     """`of_state` of a body that is not used for other states."""
     return of_state(of_body(I1, I2, I13, I23, k, eps), omega1, omega2)
+
+
+@formula
+def bound_in(unit):
+    """Bound of states in a unit, below which they are finite in the unit of the user."""
+    return LARGEST / larger(unit, 1.0)
 
 
 @formula

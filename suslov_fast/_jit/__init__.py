@@ -3,12 +3,9 @@
 from .cache import compile_timer
 from .instructions import (
     LINE,
-    bits_of,
-    carray,
     copy_line,
     expect_store,
     lane,
-    number_of_bits,
     put,
     rows_of,
     select,
@@ -23,8 +20,6 @@ from .options import formula, inner
 __all__ = [
     "LINE",
     "Kernel",
-    "bits_of",
-    "carray",
     "compile_timer",
     "copy_line",
     "expect_store",
@@ -33,7 +28,6 @@ __all__ = [
     "kernel",
     "lane",
     "namespace",
-    "number_of_bits",
     "put",
     "rows_of",
     "select",

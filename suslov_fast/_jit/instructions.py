@@ -1,17 +1,19 @@
 """LLVM instructions that Numba lacks, each with a Python equivalent for interpreted runs.
 
-Only the documented extension API is used: numba.extending.intrinsic, numba.types, numba.carray.
+Only the documented extension API is used: numba.extending.intrinsic and numba.types.
 """
+
+import math
 
 import numpy as np
 from llvmlite import binding, ir
-from numba import carray, config, types
+from numba import config, types
 from numba.core.errors import RequireLiteralValue
 from numba.extending import intrinsic
 
 from .options import formula
 
-_DOUBLE, _BIT = ir.DoubleType(), ir.IntType(1)
+_DOUBLE, _BIT, _BYTE, _WORD = ir.DoubleType(), ir.IntType(1), ir.IntType(8), ir.IntType(64)
 LINE = 8  # numbers of a cache line, and of the longest vector
 # Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
 # then take 1.4 times as long. On AMD's it saves up to a third where rows share lines, or nothing.
@@ -45,69 +47,88 @@ def _fma(typing, a, b, c):
     return types.float64(types.float64, types.float64, types.float64), emit
 
 
-def _bit_cast(result, argument):
-    @intrinsic
-    def cast(typing, value):
-        def emit(context, builder, signature, arguments):
-            return builder.bitcast(arguments[0], context.get_value_type(result))
-
-        return result(argument), emit
-
-    return cast
-
-
-_bits_of = _bit_cast(types.int64, types.float64)
-_number_of_bits = _bit_cast(types.float64, types.int64)
-
-
-def _reserved(builder, size):
-    """Return a pointer to doubles on the stack of the calling function, on a cache line."""
+def _on_stack(context, builder, shape):
+    """Return an array of uninitialised floats in the calling function, on a cache line."""
+    if not all(isinstance(each, types.Literal) for each in shape):
+        raise RequireLiteralValue("expected constant sizes")
+    shape = [each.literal_value for each in shape]
     with builder.goto_entry_block():
-        memory = builder.alloca(ir.ArrayType(_DOUBLE, size))
+        memory = builder.alloca(ir.ArrayType(_DOUBLE, math.prod(shape)))
         memory.align = 64
-    return builder.bitcast(memory, _DOUBLE.as_pointer())
+    kind, sizes = types.Array(types.float64, len(shape), "C"), ir.ArrayType(_WORD, len(shape))
+    array = context.make_array(kind)(context, builder)
+    array.data = builder.bitcast(memory, _DOUBLE.as_pointer())
+    array.nitems, array.itemsize = _WORD(math.prod(shape)), _WORD(8)
+    array.shape = sizes(shape)
+    array.strides = sizes([8 * math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
+    return array._getvalue()
 
 
 @intrinsic(prefer_literal=True)
-def _stack(typing, size):
-    if not isinstance(size, types.Literal):
-        raise RequireLiteralValue("stack: expected a constant size")
-
+def _stack(typing, *shape):
     def emit(context, builder, signature, arguments):
-        return _reserved(builder, size.literal_value)
+        return _on_stack(context, builder, shape)
 
-    return types.CPointer(types.float64)(size), emit
+    result = types.Array(types.float64, len(shape), "C")
+    return result(types.StarArgTuple.from_types(shape)), emit
 
 
 @intrinsic(prefer_literal=True)
-def _rows_of(typing, kind, size):
-    if not isinstance(size, types.Literal):
-        raise RequireLiteralValue("rows_of: expected a constant size")
-    row, count = types.Array(types.float64, 1, "C"), len(kind.instance_class._fields)
-    result, number = types.NamedUniTuple(row, count, kind.instance_class), ir.IntType(64)
-    one_axis = ir.ArrayType(number, 1)
+def _rows_of(typing, kind, lanes):
+    named = kind.instance_class
+    row = types.Array(types.float64, 1, "C")
+    result = types.NamedUniTuple(row, len(named._fields), named)
 
     def emit(context, builder, signature, arguments):
-        rows = []
-        for _ in range(count):
-            zero = ir.Constant(context.get_value_type(row), None)
-            array = context.make_array(row)(context, builder, zero)
-            array.data = _reserved(builder, size.literal_value)
-            array.nitems, array.itemsize = number(size.literal_value), number(8)
-            array.shape, array.strides = one_axis([size.literal_value]), one_axis([8])
-            rows.append(array._getvalue())
+        rows = [_on_stack(context, builder, (lanes,)) for _ in named._fields]
         return context.make_tuple(builder, result, rows)
 
-    return result(kind, size), emit
+    return result(kind, lanes), emit
 
 
-def _place(context, builder, signature, arguments, k):
+def _places(context, builder, kind, rows, index, count):
+    """Return pointers to number `index` of each row, or to `count` numbers of an array."""
+    if isinstance(kind, types.Array):
+        data = context.make_array(kind)(context, builder, rows).data
+        return [builder.gep(data, [builder.add(index, _WORD(k))]) for k in range(count)]
+    arrays = (builder.extract_value(rows, k) for k in range(count))
+    arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
+    return [builder.gep(each.data, [index], inbounds=True) for each in arrays]
+
+
+@intrinsic
+def _lane(typing, rows, l):
+    result = types.NamedUniTuple(types.float64, len(rows), rows.instance_class)
+
+    def emit(context, builder, signature, arguments):
+        places = _places(context, builder, rows, *arguments, len(rows))
+        return context.make_tuple(builder, result, [builder.load(each) for each in places])
+
+    return result(rows, types.intp), emit
+
+
+@intrinsic
+def _put(typing, rows, l, numbers):
+    kinds = list(numbers) if isinstance(numbers, types.BaseTuple) else [numbers]
+
+    def emit(context, builder, signature, arguments):
+        *where, value = arguments
+        places = _places(context, builder, rows, *where, len(kinds))
+        for k, (place, kind) in enumerate(zip(places, kinds, strict=True)):
+            number = value if kind is numbers else builder.extract_value(value, k)
+            builder.store(context.cast(builder, number, kind, types.float64), place)
+        return context.get_dummy_value()
+
+    return types.void(rows, types.intp, numbers), emit
+
+
+def _line(context, builder, signature, arguments, k):
     """Return a pointer to a vector in array k of the arguments, whose indices follow it."""
     array = context.make_array(signature.args[k])(context, builder, arguments[k])
     number, index = array.data, arguments[k + 1]
     if isinstance(signature.args[k + 1], types.UniTuple):
         *rows, index = (builder.extract_value(index, i) for i in range(len(signature.args[k + 1])))
-        byte = builder.bitcast(number, ir.IntType(8).as_pointer())
+        byte = builder.bitcast(number, _BYTE.as_pointer())
         for axis, row in enumerate(rows):
             byte = builder.gep(byte, [builder.mul(row, builder.extract_value(array.strides, axis))])
         number = builder.bitcast(byte, _DOUBLE.as_pointer())
@@ -118,9 +139,9 @@ def _place(context, builder, signature, arguments, k):
 @intrinsic
 def _subtract_product(typing, target, i, factor, j, source, k):
     def emit(context, builder, signature, arguments):
-        places = [_place(context, builder, signature, arguments, n) for n in (0, 2, 4)]
-        before, v, w = (builder.load(place, align=8) for place in places)
-        builder.store(builder.fsub(before, builder.fmul(v, w)), places[0], align=8)
+        lines = [_line(context, builder, signature, arguments, n) for n in (0, 2, 4)]
+        before, v, w = (builder.load(each, align=8) for each in lines)
+        builder.store(builder.fsub(before, builder.fmul(v, w)), lines[0], align=8)
         return context.get_dummy_value()
 
     return types.void(target, i, factor, j, source, k), emit
@@ -130,7 +151,7 @@ def _copy_line(past_caches):
     @intrinsic
     def copy(typing, target, i, source, j):
         def emit(context, builder, signature, arguments):
-            source, target = (_place(context, builder, signature, arguments, k) for k in (2, 0))
+            source, target = (_line(context, builder, signature, arguments, k) for k in (2, 0))
             store = builder.store(builder.load(source, align=8), target, align=8)
             if past_caches:
                 store.align = 64
@@ -146,78 +167,75 @@ def _copy_line(past_caches):
 @intrinsic
 def _expect_store(typing, target, i):
     def emit(context, builder, signature, arguments):
-        if not _PREFETCHES:
-            return context.get_dummy_value()
-        array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), (byte, word, word, word))
-        prefetch = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
-        place = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
-        builder.call(prefetch, (place, word(1), word(3), word(1)))  # to write, keep, data
+        if _PREFETCHES:
+            array = context.make_array(signature.args[0])(context, builder, arguments[0])
+            byte, word = _BYTE.as_pointer(), ir.IntType(32)
+            kind = ir.FunctionType(ir.VoidType(), (byte, word, word, word))
+            prefetch = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
+            place = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
+            builder.call(prefetch, (place, word(1), word(3), word(1)))  # to write, keep, data
         return context.get_dummy_value()
 
     return types.void(target, types.intp), emit
 
 
-def _of_lane(context, builder, rows, index):
-    """Return pointers to one number of each array of a NamedTuple."""
-    kind, value = rows
-    arrays = (builder.extract_value(value, k) for k in range(len(kind)))
-    arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
-    return [builder.gep(each.data, [index], inbounds=True) for each in arrays]
+def _call_at(context, builder, address, values):
+    """Call the function at an address, which returns None."""
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
-def _lane(typing, rows, l):
-    result = types.NamedUniTuple(types.float64, len(rows), rows.instance_class)
+def call(typing, address, numbers):
+    """Call a compiled function by its address, with a tuple of integers."""
 
     def emit(context, builder, signature, arguments):
-        places = _of_lane(context, builder, (signature.args[0], arguments[0]), arguments[1])
-        return context.make_tuple(builder, result, [builder.load(each) for each in places])
-
-    return result(rows, types.intp), emit
-
-
-@intrinsic
-def _put(typing, rows, l, numbers):
-    def emit(context, builder, signature, arguments):
-        places = _of_lane(context, builder, (signature.args[0], arguments[0]), arguments[1])
-        for k, place in enumerate(places):
-            builder.store(builder.extract_value(arguments[2], k), place)
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        _call_at(context, builder, arguments[0], values)
         return context.get_dummy_value()
 
-    return types.void(rows, types.intp, numbers), emit
+    return types.void(types.int64, numbers), emit
 
 
 @intrinsic
-def _call(typing, address, arguments):
-    """Call a compiled kernel, whose C function takes the values of the arguments."""
-    kinds = list(arguments)
+def pack(typing, arguments):
+    """Return the address of a function, and that of its data, for use while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    """
+    result = types.UniTuple(types.int64, 2)
 
     def emit(context, builder, signature, values):
-        address, packed = values
-        kind = ir.FunctionType(
-            context.get_value_type(types.none), [context.get_value_type(each) for each in kinds]
-        )
-        kernel = builder.inttoptr(address, kind.as_pointer())
-        builder.call(kernel, [builder.extract_value(packed, k) for k in range(len(kinds))])
-        return context.get_dummy_value()
+        (packed,) = values
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(types.none), [_WORD] * 4)
+        function = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        function.linkage = "internal"
+        kernel, data, part, parts = function.args
+        inner = ir.IRBuilder(function.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
+        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        _call_at(context, inner, kernel, [part, parts, *numbers])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(each, _WORD) for each in (function, memory)]
+        return context.make_tuple(builder, result, addresses)
 
-    return types.void(types.int64, arguments), emit
+    return result(arguments), emit
 
 
 # The reasons, measured on AVX2 with the closed form (entering an orbit takes 26 ns):
 #
 # select        a ternary is a branch, which prevents SIMD: 110 ns
 # two_product   the error of a product takes one FMA, or 16 other operations
-# bits_of       exponents and powers of two without calls to the C library, which prevent SIMD
 # stack         LLVM knows that rows on the stack do not overlap; other arrays it compares in pairs
 #               at run time, and does not vectorize with eight: 110 ns
+# rows_of, lane, put
+#               lanes by name, without a line of code for each name
 # stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
 # expect_store  a store to a line that is not in the caches delays those after it
-# call          a parallel loop calls a kernel by its address, so that Numba compiles it once
-# rows_of, lane, put
-#               fields of a block, and of a lane, without a line of code for each
+# call, pack    a parallel loop calls a kernel by its address, so that Numba compiles it once
 # copy_line, subtract_product
 #               elimination of 64 equations in half the time: a loop that LLVM makes for a few
 #               numbers spends half its time on the first and last iterations
@@ -241,25 +259,23 @@ if config.DISABLE_JIT:
         high = c - (c - v)
         return high, v - high
 
-    def bits_of(number):
-        """Return the bits of a float as an integer."""
-        return np.float64(number).view(np.int64)
+    def stack(*shape):
+        """Return an array of uninitialised floats on the stack, of constant size."""
+        return np.empty(shape)
 
-    def number_of_bits(bits):
-        """Return the float that has these bits."""
-        return np.int64(bits).view(np.float64)
+    def rows_of(kind, lanes):
+        """Return a NamedTuple of rows on the stack: arrays with a number for each lane."""
+        return kind(*(np.empty(lanes) for _ in kind._fields))
 
-    def stack(size):
-        """Return uninitialised memory for `size` floats; `carray` converts it to an array."""
-        return np.empty(size)
+    def lane(rows, l):
+        """Return the numbers of lane l of a NamedTuple of rows, as such a NamedTuple."""
+        return type(rows)(*(each[l] for each in rows))
 
-    def rows_of(kind, size):
-        """Return a NamedTuple of arrays of `size` floats each, on the stack."""
-        return kind(*(np.empty(size) for _ in kind._fields))
-
-    def carray(memory, shape):
-        """Return memory of `stack` as an array."""
-        return memory.reshape(shape)
+    def put(rows, l, numbers):
+        """Store a tuple of numbers, or one: in lane l of rows, or from rows[l] on in an array."""
+        for k, number in enumerate(numbers if isinstance(numbers, tuple) else (numbers,)):
+            row, place = (rows, l + k) if isinstance(rows, np.ndarray) else (rows[k], l)
+            row[place] = number
 
     def stream_line(target, i, source, j):
         """Copy source[j:j+8] to the cache line target[i:i+8] with non-temporal stores."""
@@ -267,36 +283,22 @@ if config.DISABLE_JIT:
 
     def copy_line(target, i, source, j):
         """Copy source[j:j+8] to target[i:i+8]."""
-        target[_line(i)] = source[_line(j)]
+        target[_slice(i)] = source[_slice(j)]
 
     def subtract_product(target, i, factor, j, source, k):
         """Subtract from eight numbers, from target[i] on, the products of eight pairs of others."""
-        target[_line(i)] -= factor[_line(j)] * source[_line(k)]
+        target[_slice(i)] -= factor[_slice(j)] * source[_slice(k)]
 
-    def _line(index):
+    def _slice(index):
         return (*index[:-1], slice(index[-1], index[-1] + LINE))
-
-    def lane(rows, l):
-        """Return the numbers of lane l of a NamedTuple of rows, as such a NamedTuple."""
-        return type(rows)(*(each[l] for each in rows))
-
-    def put(rows, l, numbers):
-        """Store the numbers of lane l of a NamedTuple of rows."""
-        for each, number in zip(rows, numbers, strict=True):
-            each[l] = number
 
     def expect_store(target, i):
         """Prefetch the cache line of target[i] for writing, on AMD's processors."""
 
-    def call(kernel, arguments):
-        """Call a kernel by its address, with a tuple of arguments."""
-        kernel(*arguments)
-
 else:
-    select, bits_of, number_of_bits = _select, _bits_of, _number_of_bits
-    stack, rows_of, expect_store, call = _stack, _rows_of, _expect_store, _call
+    select, stack, rows_of, lane, put = _select, _stack, _rows_of, _lane, _put
     copy_line, stream_line = _copy_line(past_caches=False), _copy_line(past_caches=True)
-    subtract_product, lane, put = _subtract_product, _lane, _put
+    subtract_product, expect_store = _subtract_product, _expect_store
 
     @formula
     def two_product(v, w):

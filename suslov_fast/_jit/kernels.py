@@ -1,10 +1,9 @@
 """Kernels: functions called from Python that do a part of the work for a batch.
 
-A parallel call is a loop over the parts. It takes the address of the kernel and calls it: so Numba
-compiles a kernel once, for serial and for parallel calls, and one loop serves all kernels with
-arguments of the same types. (Numba's own `FunctionType` runs Python code in every call, where a
-signal is lost.) `prange` passes no nested tuples to its body, hence one loop for each number of
-arguments.
+A parallel call is a loop over the parts, the same for all kernels. It takes the address of the
+kernel and calls it: so Numba compiles a kernel once, for serial and for parallel calls. (Numba's
+own `FunctionType` runs Python code in every call, where a signal is lost.) It takes the address of
+the arguments too, because `prange` passes no nested tuples to its body.
 """
 
 import functools
@@ -15,7 +14,7 @@ import numpy as np
 from numba import config, prange, types
 
 from .cache import enable_cache
-from .instructions import call
+from .instructions import call, pack
 from .options import called_from_python, formula
 
 
@@ -39,7 +38,7 @@ class Kernel:
         self.function = function
         self.name = name or function.__name__
         self.names = function.__globals__ | names if names else function.__globals__
-        self._loops = {}
+        self._addresses = {}
 
     @functools.cached_property
     def compiled(self):
@@ -56,13 +55,16 @@ class Kernel:
 
     def parallel(self, threads, *arguments):
         """Do the work in several threads."""
-        if config.BOUNDSCHECK:  # an exception does not leave a parallel loop
-            return self.serial(*arguments)
+        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+            for part in range(threads):
+                self.compiled(part, threads, *arguments)
+            return
         kinds = _kinds(arguments)
-        if kinds not in self._loops:
-            self._loops[kinds] = _loop(self.compiled, arguments)
-        loop, address = self._loops[kinds]
-        return loop(address, threads, *arguments)
+        if kinds not in self._addresses:
+            found = map(numba.typeof, (0, 0, *arguments))
+            self._addresses[kinds] = _address(self.compiled, *found)
+        in_parts, loop = _loops()
+        loop(in_parts, self._addresses[kinds], threads, arguments)
 
 
 def kernel(function):
@@ -87,49 +89,14 @@ def share(count, part, parts):
     return count * part // parts, count * (part + 1) // parts
 
 
-def _loop_2(kernel, parts, a, b):
+def _in_parts(function, kernel, data, parts):
     for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b))
+        call(function, (kernel, data, np.int64(part), parts))
 
 
-def _loop_3(kernel, parts, a, b, c):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c))
-
-
-def _loop_4(kernel, parts, a, b, c, d):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d))
-
-
-def _loop_5(kernel, parts, a, b, c, d, e):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d, e))
-
-
-def _loop_6(kernel, parts, a, b, c, d, e, f):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d, e, f))
-
-
-def _loop_7(kernel, parts, a, b, c, d, e, f, g):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g))
-
-
-def _loop_8(kernel, parts, a, b, c, d, e, f, g, h):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g, h))
-
-
-def _loop_9(kernel, parts, a, b, c, d, e, f, g, h, i):
-    for part in prange(parts):
-        call(kernel, (np.int64(part), parts, a, b, c, d, e, f, g, h, i))
-
-
-_LOOPS = {
-    2: _loop_2, 3: _loop_3, 4: _loop_4, 5: _loop_5, 6: _loop_6, 7: _loop_7, 8: _loop_8, 9: _loop_9
-}  # fmt: skip
+def _loop(in_parts, kernel, parts, arguments):
+    function, data = pack(arguments)
+    call(in_parts, (function, kernel, data, parts))
 
 
 def _kinds(argument):
@@ -141,21 +108,15 @@ def _kinds(argument):
     return type(argument)
 
 
-def _loop(compiled, arguments):
-    """Return the compiled loop for arguments of these types, and the address of the kernel."""
-    if config.DISABLE_JIT:
-        return _LOOPS[len(arguments)], compiled
-    kinds = tuple(map(numba.typeof, arguments))
+def _address(compiled, *kinds):
+    """Return the address of a function for arguments of these types."""
     # A tuple, as of a call: the key by which Numba stores code in the cache.
-    signature = types.int64, types.int64, *kinds
-    compiled.compile(signature)
-    result = compiled.get_compile_result(types.void(*signature))
-    return _compiled_loop(*kinds), types.CompileResultWAP(result).address
+    compiled.compile(kinds)
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
 
 
 @functools.cache
-def _compiled_loop(*kinds):
-    """Compile the loop for arguments of these types."""
-    loop = enable_cache(_LOOPS[len(kinds)], functools.partial(called_from_python, parallel=True))
-    loop.compile((types.int64, types.int64, *kinds))
-    return loop
+def _loops():
+    """Return the address of the loop over parts, and the function that starts it."""
+    in_parts = enable_cache(_in_parts, functools.partial(called_from_python, parallel=True))
+    return _address(in_parts, *[types.int64] * 4), enable_cache(_loop, called_from_python)

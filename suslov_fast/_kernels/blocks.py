@@ -2,26 +2,25 @@
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
 inside, and LLVM places lanes side by side in vector registers. `run_blocks` is the loop; a map is a
-module (`canonical`, `printed`, `full`, `gyrostat`) with
+module (`map_canonical`, `map_printed`, `map_full`, `map_gyrostat`) of formulas with
 
-D, STATE                            The numbers of components of omega, and of state variables.
-block()                             The rows of a block, by name; `state`, (STATE, LANES), holds
-                                    what is carried from step to step.
-enter(parameters, omega, i, b, l)   Fill lane l of block b with trajectory i. Return its status, and
-                                    1 if its steps must be guarded, else 0.
-advance(b, l)                       Make one step of a trajectory that cannot meet a pole.
-show(b, l, out, i)                  Write the angular velocity to out[i:].
-cause(b, l)                         Return the status of a trajectory that has no next state.
+D                                 The number of components of omega.
+State, Constants                  NamedTuples of the numbers s that a step changes, and of the
+                                  numbers k that it does not.
+enter(parameters, omega, i)       Return the status of trajectory i, True if its steps must be
+                                  guarded, its State and its Constants.
+advance(k, s)                     Make one step of a trajectory that cannot meet a pole.
+show(k, s)                        Return the angular velocity.
+cause(k, s)                       Return the status of a trajectory that has no next state.
 
-A step makes state[0, l] NaN if there is no next state, and `show` then writes NaN. Lanes that are
-not guarded are not tested for this: without `guarded`, `enter` returns 1 unless no step can fail.
+The first number of a state is NaN if there is none, and `show` then returns NaN. Lanes that are not
+guarded are not tested for this: without `guarded`, `enter` returns True unless no step can fail.
 A map with steps of several kinds also has
 
-careful(b, l)                       Make the same step without slow subnormal numbers.
-guarded(b, l)                       Make one step of any trajectory: NaN where no next state exists,
-                                    else bit-identical to `advance`.
-settle(b, l, rounds)                Return 1 if steps must be careful, else 0. With `rounds`,
-                                    replace negligible numbers by 0.
+guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
+                                  else bit-identical to `advance`.
+is_slow(s), careful(k, s)         Test for subnormal numbers; make the same step without them.
+settle(k, s)                      Replace negligible numbers by 0, every CHECK_EVERY steps.
 
 The arithmetic of a trajectory does not depend on its block or on the division of steps into calls.
 Arguments of a kernel, over a batch of B trajectories:
@@ -34,12 +33,12 @@ span         begin, end, start, stop, every, first_row: trajectories begin to en
 saved        (rows, B, D); no rows if no states are saved
 turning      None, or the arrays of `turning_3d`: results at the saved states, or only the last
 kept         final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
-             fails; state (B, STATE), from which a run is resumed, or (0, STATE)
+             fails; the numbers of State (B, ...), from which a run is resumed, or (0, ...)
 """
 
 import numpy as np
 
-from .._jit import Kernel, carray, formula, namespace, share, stack
+from .._jit import Kernel, formula, lane, namespace, put, rows_of, share, stack
 from . import codes
 from .lanes import LANES, whole
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -47,11 +46,7 @@ from .turning_3d import enter_turns, leave_turns, start_turns, turn_on, turns_bl
 
 map = namespace("map")  # of the map that a kernel iterates
 
-# Components of omega up to this are finite: float64 ends at 1.8e308, and a component is a sum of
-# up to three products.
-LARGEST = 1e307
-_MOST_STATE = 4
-_BEFORE, _TILE = _MOST_STATE * LANES, 3 * LANES
+_TILE = 3 * LANES
 # Number of steps between tests for failure; after a failure the last of them are repeated.
 CHECK_EVERY = 256
 
@@ -64,9 +59,15 @@ def blocks_of(span, saved):
 
 
 @formula
-def nothing_to_settle(b, l, rounds):
-    """`settle` of a map whose states do not become subnormal."""
-    return 0
+def unchanged(k, s):
+    """`settle` of a map whose states do not become negligible."""
+    return s
+
+
+@formula
+def never(s):
+    """`is_slow` of a map whose states do not become subnormal."""
+    return False
 
 
 @formula
@@ -82,9 +83,8 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
     """Take a part of the trajectories of a span from state `start` to state `stop`."""
     begin, end, start, stop, every, first_row = span
     final, status, failed_at, resumed = kept
-    b, r = map.block(), turns_block()
-    state, before = b.state, carray(stack(_BEFORE), (_MOST_STATE, LANES))
-    tile = carray(stack(_TILE), (_TILE,))
+    constants, state = rows_of(map.Constants, LANES), rows_of(map.State, LANES)
+    before, r, tile = rows_of(map.State, LANES), turns_block(), stack(_TILE)
     saves, lead, stride = len(saved) > 0, lead_of(saved), map.D * saved.shape[1]
     flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
     blocks, shift = blocks_of(span, saved)
@@ -96,7 +96,9 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
         to_guard = 0
         for l in range(lanes):  # lanes beyond the last trajectory repeat it
             i = first + min(l, width - 1)
-            code, guards = map.enter(parameters, omega, i, b, l)
+            code, guards, s, k = map.enter(parameters, omega, i)
+            put(state, l, s)
+            put(constants, l, k)
             to_guard += guards
             if start == 0 and l < width:
                 status[i] = code
@@ -105,15 +107,15 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
                     failed_at[i] = 0 if unknown else 1
         if start > 0:
             for l in range(lanes):
-                for k in range(map.STATE):
-                    state[k, l] = resumed[first + min(l, width - 1), k]
+                for j in range(len(state)):
+                    state[j][l] = resumed[first + min(l, width - 1), j]
         elif saves:
             write_starts(omega, flat, first, width)
         if turning is not None:
             enter_turns(turning, omega, first, width, lanes, r)
             if start > 0:
                 for l in range(lanes):
-                    map.show(b, l, tile, 2 * l)
+                    put(tile, 2 * l, map.show(lane(constants, l), lane(state, l)))
                 start_turns(tile, r, lanes)
             elif saves:
                 write_turns(turning, r, 0, first, width)
@@ -122,27 +124,28 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
         place = (next_saved // every - first_row) * stride + map.D * first
         while n < stop:
             since, until = n, min(stop, (n // CHECK_EVERY + 1) * CHECK_EVERY)
-            small = 0
+            slow = 0
             for l in range(lanes):
-                small += map.settle(b, l, n % CHECK_EVERY == 0)
-                for k in range(map.STATE):
-                    before[k, l] = state[k, l]
+                if n % CHECK_EVERY == 0:
+                    put(state, l, map.settle(lane(constants, l), lane(state, l)))
+                slow += map.is_slow(lane(state, l))
+                put(before, l, lane(state, l))
             while n < until:
                 pause = min(until, next_saved) if turning is None else n + 1
                 if to_guard > 0:
                     for _ in range(n, pause):
                         for l in range(lanes):
-                            map.guarded(b, l)
-                elif small > 0:
+                            put(state, l, map.guarded(lane(constants, l), lane(state, l)))
+                elif slow > 0:
                     for _ in range(n, pause):
                         for l in range(lanes):
-                            map.careful(b, l)
+                            put(state, l, map.careful(lane(constants, l), lane(state, l)))
                 else:
                     for _ in range(n, pause):
                         for l in range(lanes):
-                            map.advance(b, l)
+                            put(state, l, map.advance(lane(constants, l), lane(state, l)))
                 for l in range(lanes):
-                    map.show(b, l, tile, map.D * l)
+                    put(tile, map.D * l, map.show(lane(constants, l), lane(state, l)))
                 n = pause
                 if turning is not None:
                     turn_on(tile, r, lanes)
@@ -153,13 +156,13 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
                     next_saved, place = next_saved + every, place + stride
             if to_guard > 0:
                 for l in range(width):
-                    if status[first + l] >= 0 and np.isnan(state[0, l]):
-                        for k in range(map.STATE):
-                            state[k, l] = before[k, l]
+                    if status[first + l] >= 0 and np.isnan(state[0][l]):
+                        put(state, l, lane(before, l))
                         code, failed_at[first + l] = codes.OK, since
-                        while not np.isnan(state[0, l]):
-                            code = map.cause(b, l)
-                            map.guarded(b, l)
+                        while not np.isnan(state[0][l]):
+                            k, s = lane(constants, l), lane(state, l)
+                            code = map.cause(k, s)
+                            put(state, l, map.guarded(k, s))
                             failed_at[first + l] += 1
                         status[first + l] = code
 
@@ -167,11 +170,11 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
             write_starts(omega, flat_final, first, width)
         else:
             for l in range(width):
-                map.show(b, l, flat_final, map.D * (first + l))
+                put(flat_final, map.D * (first + l), map.show(lane(constants, l), lane(state, l)))
         if len(resumed) > 0:
             for l in range(width):
-                for k in range(map.STATE):
-                    resumed[first + l, k] = state[k, l]
+                for j in range(len(state)):
+                    resumed[first + l, j] = state[j][l]
         if turning is not None:
             leave_turns(turning, r, first, width)
             if not saves and len(turning[3]) > 0:
@@ -180,13 +183,11 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
 
 def map_kernel(name, module):
     """Build the kernel of a map from its module."""
-    given = vars(module)
-    assert given["STATE"] <= _MOST_STATE
-    defaults = {
-        "careful": given["advance"],
-        "guarded": given["advance"],
-        "settle": nothing_to_settle,
+    optional = {
+        "careful": module.advance,
+        "guarded": module.advance,
+        "settle": unchanged,
+        "is_slow": never,
     }
-    needed = ("D", "STATE", "block", "enter", "advance", "show", "cause")
-    own = {each: given.get(each, defaults.get(each)) for each in (*needed, *defaults)}
-    return Kernel(run_blocks, name, map=namespace(name, **own))
+    own = {each: value for each, value in vars(module).items() if not each.startswith("_")}
+    return Kernel(run_blocks, name, map=namespace(name, **optional | own))

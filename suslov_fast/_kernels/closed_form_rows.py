@@ -40,7 +40,7 @@ from .._formulas.closed_form import (
     Steps,
 )
 from .._formulas.elementary import scaled, smaller
-from .._jit import carray, formula, inner, kernel, lane, put, rows_of, select, share, stack
+from .._jit import formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
 from .lanes import entry, whole
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -48,7 +48,7 @@ from .tiles import lead_of, missing_of_first_block, write_row
 EIGHT, GROUP = 8, 64
 # A block of 64 orbits takes 65 KB.
 LANES = 64
-_TABLE, _LINE = EIGHT * LANES, 2 * LANES
+_LINE = 2 * LANES
 # States of one task.
 TASK = 2**16
 # A ratio w above 2**this at a multiple of GROUP rows is computed one by one.
@@ -130,13 +130,13 @@ class Block(NamedTuple):
 @formula
 def row():
     """Return a number for each lane, on the stack."""
-    return carray(stack(LANES), (LANES,))
+    return stack(LANES)
 
 
 @formula
 def table():
     """Return a number for each lane and each of eight rows, on the stack."""
-    return carray(stack(_TABLE), (EIGHT, LANES))
+    return stack(EIGHT, LANES)
 
 
 @formula
@@ -505,7 +505,7 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
     low = begin // GROUP * GROUP
     plan = plan_of(lanes, out, end - low, GROUP, GROUP)
     tasks, _, some, abreast, _ = plan
-    b, r, line = block(), rows_of_block(), carray(stack(_LINE), (_LINE,))
+    b, r, line = block(), rows_of_block(), stack(_LINE)
     flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
@@ -563,7 +563,7 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
     plan = plan_of(lanes, out, times.size, 1, min(times.size, LANES))
     tasks, _, some, abreast, _ = plan
-    b, r, line = block(), rows_of_block(), carray(stack(_LINE), (_LINE,))
+    b, r, line = block(), rows_of_block(), stack(_LINE)
     flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):

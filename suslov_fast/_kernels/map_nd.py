@@ -25,7 +25,6 @@ from .._formulas.nd_map import (
 from .._formulas.rotation import mean
 from .._jit import (
     Kernel,
-    carray,
     formula,
     inner,
     namespace,
@@ -82,7 +81,7 @@ class Block(NamedTuple):
 @formula
 def row():
     """Return a number of each lane, on the stack."""
-    return carray(stack(LANES), (LANES,))
+    return stack(LANES)
 
 
 @formula

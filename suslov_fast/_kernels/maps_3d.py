@@ -1,9 +1,9 @@
 """The kernels of the maps in three dimensions."""
 
-from . import lanes_canonical, lanes_full, lanes_gyrostat, lanes_printed
+from . import map_canonical, map_full, map_gyrostat, map_printed
 from .blocks import map_kernel
 
-canonical = map_kernel("canonical", lanes_canonical)
-printed = map_kernel("printed", lanes_printed)
-full = map_kernel("full", lanes_full)
-gyrostat = map_kernel("gyrostat", lanes_gyrostat)
+canonical = map_kernel("canonical", map_canonical)
+printed = map_kernel("printed", map_printed)
+full = map_kernel("full", map_full)
+gyrostat = map_kernel("gyrostat", map_gyrostat)

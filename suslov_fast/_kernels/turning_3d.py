@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import carray, formula, inner, select, stack
+from .._jit import formula, inner, select, stack
 from .lanes import LANES, entry, row
 from .tiles import lead_of, write_row
 
-_TILE, _QUATERNION, _MATRIX = 9 * LANES, 4 * LANES, 9 * LANES
+_TILE = 9 * LANES
 
 
 class Turns(NamedTuple):
@@ -44,7 +44,7 @@ class Turns(NamedTuple):
 
 @formula
 def turns_block():
-    q, R0 = carray(stack(_QUATERNION), (4, LANES)), carray(stack(_MATRIX), (9, LANES))
+    q, R0 = stack(4, LANES), stack(9, LANES)
     return Turns(q, row(), row(), row(), R0)
 
 
@@ -86,7 +86,7 @@ def turn_on(states, r, lanes):
 @inner
 def write_turns(turning, r, place, first, width):
     """Write orientations to row `place` of the results."""
-    turns, tile = turning[3], carray(stack(_TILE), (_TILE,))
+    turns, tile = turning[3], stack(_TILE)
     q, R0 = r.q, r.R0
     for k in range(0, 9, 3):
         for l in range(width):

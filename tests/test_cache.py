@@ -118,7 +118,7 @@ def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
 def test_serial_and_parallel_calls_share_a_kernel(folder):
     assert call(folder, "half", threads=2) == ([HALF], 0)
     assert call(folder, "half", "opposite") == ([HALF, OPPOSITE], 1)
-    assert call(folder, "half", "opposite", threads=2) == ([HALF, OPPOSITE], 3)  # and the loop
+    assert call(folder, "half", "opposite", threads=2) == ([HALF, OPPOSITE], 4)  # and two loops
 
 
 def test_checked_kernels_are_not_cached(folder):

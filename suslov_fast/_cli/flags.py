@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
@@ -39,7 +38,7 @@ class UsageError(CommandError):
 # ------------------------------------------------------------------ values
 
 
-def _reader(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]:
+def _value(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]:
     """Return a converter of values, whose errors state what was expected."""
 
     def read(text: str) -> Any:
@@ -59,7 +58,7 @@ def _integer(low: int, below: int = 2**62) -> Callable[[str], int]:
         return int(value)
 
     limit = "2**62" if below == 2**62 else below
-    return _reader(f"an integer of at least {low} and below {limit}", convert)
+    return _value(f"an integer of at least {low} and below {limit}", convert)
 
 
 def _file(*suffixes: str) -> Callable[[str], Path]:
@@ -68,26 +67,13 @@ def _file(*suffixes: str) -> Callable[[str], Path]:
             raise ValueError
         return Path(text)
 
-    return _reader(f"the name of a {' or '.join(suffixes)} file", convert)
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError
-    return value
-
-
-def _step_size(text: str) -> float:
-    if (value := _finite(text)) == 0:
-        raise ValueError
-    return value
+    return _value(f"the name of a {' or '.join(suffixes)} file", convert)
 
 
 def _split_sweep(text: str) -> tuple[str, float, float, int]:
     name, _, values = text.partition("=")
     low, high, count = values.split(":")
-    return name, _finite(low), _finite(high), _integer(1)(count)
+    return name, float(low), float(high), _integer(1)(count)
 
 
 def _check_address(text: str) -> str:
@@ -95,22 +81,18 @@ def _check_address(text: str) -> str:
     return text
 
 
-_SWEEP = "NAME=LOW:HIGH:COUNT"
-_sweep = _reader(_SWEEP, _split_sweep)
-_address = _reader("an address such as tcp://127.0.0.1:8786", _check_address)
-_number = _reader("a finite number", _finite)
-_list = _reader(
-    "numbers separated by commas without spaces", lambda text: [*map(float, text.split(","))]
-)
-_finite_list = _reader(
-    "a finite number, or several separated by commas",
-    lambda text: [*map(_finite, text.split(","))],
-)
-_table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
-
-
 def _list_or_table(text: str) -> Any:
     return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
+
+
+_SWEEP = "NAME=LOW:HIGH:COUNT"
+_sweep = _value(_SWEEP, _split_sweep)
+_address = _value("an address such as tcp://127.0.0.1:8786", _check_address)
+_number = _value("a number", float)
+_list = _value(
+    "numbers separated by commas without spaces", lambda text: [*map(float, text.split(","))]
+)
+_table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
 
 
 # ------------------------------------------------------------------ options
@@ -125,8 +107,7 @@ def _flag(help: str) -> dict[str, Any]:
 
 
 _repeated = partial(_option, action="append")
-# Settings by name; a default is added to the help. Arguments of `iterate` and `ensemble` have the
-# same names there.
+# Settings by name; arguments of `iterate` and `ensemble` have the same names there.
 OPTIONS: dict[str, dict[str, Any]] = {
     "picture": _option(
         "picture of the paper; parameters given beside it replace its own "
@@ -137,17 +118,15 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
     "mass_tensor": _option("in n dimensions: I of M = I Omega + Omega I", _table, "FILE"),
     "axis": _option("with a tensor: constrained axis, in its basis (last axis)", _list, "A1,..."),
-    "eps": _option(
-        "step size (that of the picture)", _reader("a finite number other than 0", _step_size)
-    ),
+    "eps": _option("step size (that of the picture)", _number),
     "omega0": _repeated("initial state; may be repeated", _list, "OMEGA1,..."),
     "initial": _option("file of initial states, one per row", _table, "FILE"),
     "trajectories": _option(f"number of random initial states ({TRAJECTORIES})", _integer(1), "N"),
     "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", _number),
     "seed": _option("seed of the random initial states (0)", _integer(0)),
     "orientation": _option("rotation vector X,Y,Z in degrees, or a file", _list_or_table, "R0"),
-    "steps": _option("number of steps", _integer(0), "N", default=1000),
-    "method": _option("method of iterate", default="auto"),
+    "steps": _option("number of steps (%(default)s)", _integer(0), "N", default=1000),
+    "method": _option("method of iterate (%(default)s)", default="auto"),
     "threads": _option("number of threads (all)", _integer(1), "N"),
     "save_every": _option("save every K-th state (only the last)", _integer(1), "K"),
     "attitude": _flag("compute the orientation of the body"),
@@ -156,21 +135,22 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
     "scheduler": _option("address of a Dask scheduler", _address, "ADDRESS"),
-    "sweep": _repeated("axis of eps or of a parameter (I13); may be repeated", _sweep, _SWEEP),
+    "sweep": _repeated(
+        "axis of eps or of a parameter (I13); may be repeated", _sweep, _SWEEP, default=[]
+    ),
     "compression": _option("compression of the store", choices=("lz4", "zstd")),
-    "reductions": _repeated("store first_integral_drift, ...; may be repeated", None, "NAME"),
+    "reduce": _repeated("store first_integral_drift, ...; may be repeated", metavar="NAME"),
     "verify": _flag("verify the store and recompute damaged data"),
     "file": _option(".npz or .zarr files", _result, "FILE", nargs="+"),
-    "format": _option("format of the files", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch", _integer(10, 2001), "N", default=160),
+    "format": _option("format (%(default)s)", choices=("png", "pdf", "svg"), default="png"),
+    "dpi": _option("dots per inch (%(default)s)", _integer(10, 2001), "N", default=160),
     "letters": _flag("label the panels (a), (b) ..."),
     "link": _option("link copied from the page", metavar="LINK", nargs="?"),
     "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), default=0),
     "no_browser": _flag("print the address, open no browser"),
 }
-# Names on the command line that differ from those of the table with two dashes.
-_NAMES = {"output": ["-o", "--output"], "reductions": ["--reduce"], "file": ["file"]}
-_NAMES |= {"link": ["link"]}
+# Names on the command line other than those of the table with two dashes.
+_NAMES = {"output": ["-o", "--output"], "file": ["file"], "link": ["link"]}
 
 
 class Command(NamedTuple):
@@ -187,7 +167,7 @@ class Command(NamedTuple):
 
 
 # Options of runs that are larger than memory.
-STORE = "chunk scheduler sweep compression reductions verify"
+STORE = "chunk scheduler sweep compression reduce verify"
 _BODY = {
     "body (a picture, all parameters, a file or a tensor; tables are .npy or .csv)": (
         "picture PARAMETERS body inertia mass_tensor axis eps"
@@ -262,11 +242,7 @@ def body_classes() -> list[Any]:
 
 def flag(name: str) -> str:
     """Return an option in its form on the command line."""
-    return _flags(name)[-1]
-
-
-def _flags(name: str) -> list[str]:
-    return _NAMES.get(name) or [f"--{name.replace('_', '-')}"]
+    return f"--{name.replace('_', '-')}"
 
 
 # ------------------------------------------------------------------ parsing
@@ -275,8 +251,6 @@ def _flags(name: str) -> list[str]:
 class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings, allow_abbrev=False)
-        # The pattern of argparse treats -1e-3 and -1,0.5 as options.
-        self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
@@ -290,40 +264,35 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     parsers = parser.add_subparsers(
-        title="commands, each with a --help of its own", dest="command", metavar="COMMAND"
+        title="commands, each with a --help of its own",
+        dest="command",
+        metavar="COMMAND",
+        required=True,
     )
     for name, command in COMMANDS.items():
         first_sentence = command.text.partition(".")[0]
         _fill(parsers.add_parser(name, help=first_sentence, description=command.text), command)
-    expected = f"expected one of {', '.join(COMMANDS)}"
     if not words:
-        raise UsageError(f"{expected}, got nothing")
-    if words[0] not in (*COMMANDS, "-h", "--help", "-V", "--version"):
-        raise UsageError(f"unknown command {words[0]!r}; {_hint(words[0], COMMANDS, expected)}")
-    options, rest = parser.parse_known_args(words)
-    for word in rest:
-        known = parsers.choices[options.command]._option_string_actions
-        name = word.partition("=")[0]
-        if not name.startswith("-") or re.match(r"-[\d.]", name):
-            _refuse_second_value(words, word, known)
-        otherwise = f"`suslov-fast {options.command} --help` lists the options"
-        raise UsageError(f"unknown option {name}; {_hint(name, known, otherwise)}")
+        parser.error(f"expected one of {', '.join(COMMANDS)}, got nothing")
+    options, rest = parser.parse_known_args(_with_negative_values(words))
+    if rest:
+        known = re.findall(r"--[\w-]+", parsers.choices[options.command].format_usage())
+        close = difflib.get_close_matches(rest[0].partition("=")[0], known, 1, cutoff=0.75)
+        see = f"see `suslov-fast {options.command} --help`; a list is written 1,2 without spaces"
+        hint = f"did you mean {close[0]}?" if close else see
+        parser.error(f"unknown argument {rest[0]}; {hint}")
     return options
 
 
-def _refuse_second_value(words: Sequence[str], word: str, types: dict[str, Any]) -> None:
-    """Raise UsageError if a word follows an option and its value, or is an unknown argument."""
-    option, first = ["", "", *words][words.index(word) :][:2]
-    if option in types and not first.startswith("--"):
-        several = types[option].type in (_list, _finite_list, _list_or_table)
-        hint = f"; write {first.strip(',')},{word.strip(',')}" if several else ""
-        raise UsageError(f"argument {option}: expected one value, got {first} {word}{hint}")
-    raise UsageError(f"expected no argument {word!r}")
-
-
-def _hint(word: str, known: Iterable[str], otherwise: str) -> str:
-    close = difflib.get_close_matches(word, known, 1)
-    return f"did you mean {close[0]}?" if close else otherwise
+def _with_negative_values(words: Sequence[str]) -> list[str]:
+    """Join options and negative values, such as -1,0.5, which argparse takes for options."""
+    joined: list[str] = []
+    for word in words:
+        if re.match(r"-[\d.]", word) and joined and re.fullmatch(r"--[\w-]+", joined[-1]):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
@@ -335,27 +304,17 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
                 _add_parameters(group)
                 continue
             settings = {**OPTIONS[name], **command.changes.get(name, {})}
-            if settings.get("default") and "(" not in settings["help"]:
-                settings["help"] += " (%(default)s)"
-            if _flags(name)[0].startswith("-"):
-                settings["dest"] = name
-            group.add_argument(*_flags(name), **settings)
+            group.add_argument(*_NAMES.get(name, [flag(name)]), **settings)
 
 
 def _add_parameters(group: Any) -> None:
     """Add an option for each name of a parameter; the body decides whether it is a number."""
-    meanings: dict[str, dict[tuple[str, int], list[str]]] = {}
+    classes: dict[str, list[Any]] = {}
     for kind in body_classes():
         for name in kind._names():
-            if (axes := kind._axes(name)) > 1:  # of a file only
-                continue
-            meaning = kind._meanings[name], axes
-            meanings.setdefault(name, {}).setdefault(meaning, []).append(kind.__name__)
-    for name, kinds in meanings.items():
-        forms = {f"{name}1,..." if axes else name.upper() for _, axes in kinds}
-        group.add_argument(
-            f"--{name}",
-            help="; ".join(f"{text} ({', '.join(each)})" for (text, _), each in kinds.items()),
-            type=_finite_list,
-            metavar=" or ".join(sorted(forms)),
-        )
+            classes.setdefault(name, []).append(kind)
+    for name, kinds in classes.items():
+        form = f"{name}1,..." if kinds[0]._axes(name) else name.upper()
+        meanings = "; ".join(dict.fromkeys(kind._meanings[name] for kind in kinds))
+        meanings += f" ({', '.join(kind.__name__ for kind in kinds)})"
+        group.add_argument(f"--{name}", type=_list, metavar=form, help=meanings)

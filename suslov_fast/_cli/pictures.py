@@ -12,7 +12,7 @@ from .._runs.trajectories import SingularStepError
 from .._show import plots
 from .._show.style import style
 from .flags import CommandError
-from .problem import orientation_of, problem_of, start_of
+from .problem import orientation_of, problem_of
 from .terminal import about, progress_bar, require_new
 
 # Files are reproducible, and text in them remains text.
@@ -47,8 +47,7 @@ def pictures(options: argparse.Namespace) -> str:
 def animate(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
     body, eps, _ = problem_of(options, _EPS)
-    start = None if options.omega0 is None else start_of(options.omega0, 2)
-    orientation = orientation_of(options, 3)
+    orientation = orientation_of(options)
     require(_BYTES * options.steps, "lower --steps")
     path = options.output
     with style():  # which raises a helpful error without Matplotlib
@@ -61,7 +60,9 @@ def animate(options: argparse.Namespace) -> str:
     with about(path), replacing(path) as new, progress_bar("drawing") as progress:
         try:
             with about("animate"):
-                moving = plots.animate_body(body, start, eps, options.steps, R0=orientation)
+                moving = plots.animate_body(
+                    body, options.omega0, eps, options.steps, R0=orientation
+                )
         except SingularStepError as error:
             raise CommandError(f"animate: {error}") from error
         part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix

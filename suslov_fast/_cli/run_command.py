@@ -17,15 +17,16 @@ import numpy as np
 
 import suslov_fast as sf
 
+from .._engine.jump import JUMP
 from .._engine.memory import require
 from .._ensemble.workers import client_of
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
-from .flags import STORE, CommandError, UsageError, body_classes, flag
+from .flags import STORE, CommandError, UsageError, flag
 from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
-from .terminal import about, announce, progress_bar, require_new
+from .terminal import about, progress_bar, require_new, require_space
 
 # Duration in seconds, without compilation, above which one-time work such as starting threads is
 # negligible; shorter runs are timed a second time.
@@ -39,18 +40,11 @@ def run(options: argparse.Namespace) -> str:
         if getattr(options, name):
             given = options.output or "none"
             raise UsageError(f"argument {flag(name)}: expected -o FILE.zarr with it, got {given}")
-    _begin_sweeps(options)
     body, eps, rotation = problem_of(options)
     if options.threads is not None:
-        if options.threads > (most := numba.config.NUMBA_NUM_THREADS):
-            expected = f"expected at most {most}, the threads of this process"
-            more = "set the environment variable NUMBA_NUM_THREADS for more"
-            raise UsageError(f"argument --threads: {expected}, got {options.threads}; {more}")
-        numba.set_num_threads(options.threads)
-    if options.save_every is not None and options.save_every > max(options.steps, 1):
-        expected = f"expected at most the {options.steps} of --steps"
-        raise UsageError(f"argument --save-every: {expected}, got {options.save_every}")
-    starts = starts_of(options, body, in_store)
+        with about(f"argument --threads: got {options.threads}"):
+            numba.set_num_threads(options.threads)
+    starts = starts_of(options, body)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
     facts |= {
         "rotation": None if rotation is None else rotation.tolist(),
@@ -61,11 +55,11 @@ def run(options: argparse.Namespace) -> str:
     return text_of(facts, options.json)
 
 
-def _settings(function: Any, options: argparse.Namespace, body: Any) -> Facts:
+def _settings(function: Any, options: argparse.Namespace) -> Facts:
     """Return the arguments of `iterate` or `ensemble` that are options, by name."""
     wanted = signature(function).parameters.keys() - {"body", "omega0", "eps", "threads"}
     settings = {name: value for name, value in vars(options).items() if name in wanted}
-    orientation = orientation_of(options, body.dimension + 1)
+    orientation = orientation_of(options)
     return settings if orientation is None else {**settings, "attitude": orientation}
 
 
@@ -92,11 +86,11 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     require(nbytes + 64 * count * body.dimension, more)
     if isinstance(starts, sf.RandomStarts):
         starts = starts.states(count, 0, body.dimension)
-    settings = {**_settings(sf.iterate, options, body), "on_singular": "ignore"}
+    settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
     # A file that cannot be written is detected before the run.
     with about(path), nullcontext() if path is None else place_for(path) as put:
         if path is not None:
-            announce(path, nbytes)
+            require_space(path, nbytes)
         with about("run"), progress_bar("iterating") as progress:
             for _ in range(2):
                 with compile_timer() as compiling:
@@ -108,7 +102,9 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
         if put is not None:
             put(entries_of(orbits))
     # The closed form takes no steps: steps that iteration would take are comparable.
-    jumps = orbits.method == "auto" and orbits.attitude is None and orbits._map.closed_form(body)
+    long = options.save_every is not None or options.steps >= JUMP
+    jumps = long and orbits.method == "auto" and orbits.attitude is None
+    jumps = jumps and orbits._map.closed_form(body)
     rate = "equivalent_steps_per_second" if jumps else "steps_per_second"
     facts = facts_of(orbits, starts)
     return {**facts, "seconds": seconds, rate: count * options.steps / seconds}
@@ -116,13 +112,14 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
 
 def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Create, complete or extend a store."""
-    path, sweeps = options.output, options.sweep or []
-    settings = {**_settings(sf.ensemble, options, body), "store": path}
+    path, sweeps = options.output, options.sweep
+    settings = {**_settings(sf.ensemble, options), "store": path}
+    settings["reductions"] = options.reduce
     settings["dims"] = (*(name for name, *_ in sweeps), "trajectory")
     body, eps_of_all = _swept(body, eps, sweeps)
-    if not path.exists() and (options.save_every or not options.reductions):
+    if not path.exists() and (options.save_every or not options.reduce):
         count = _count(starts) * math.prod(count for *_, count in sweeps)
-        announce(path, _nbytes(options, body, count))
+        require_space(path, _nbytes(options, body, count))
     begin = time.perf_counter()
     with ExitStack() as stack:
         with about("argument --scheduler"):
@@ -142,16 +139,6 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
     seconds = time.perf_counter() - begin
     # Part of a store may be older: the rate of the whole is unknown.
     return {**facts_of_store(path), "seconds": seconds}
-
-
-def _begin_sweeps(options: argparse.Namespace) -> None:
-    """Set each swept parameter to its first value; UsageError if it has a value."""
-    names = {name for kind in body_classes() for name in kind._names() if not kind._axes(name)}
-    for name, low, *_ in options.sweep or []:
-        if name in {"eps", *names}:
-            if getattr(options, name) is not None:
-                raise UsageError(f"argument --sweep: expected {name} given once, got it twice")
-            setattr(options, name, low if name == "eps" else [low])
 
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:

@@ -21,8 +21,7 @@ from .._ensemble.store import open_dataset, resolved
 from .._maps.registry import map_named
 from .._runs.labelled import unvarying
 from .._runs.schema import body_of
-from .flags import CommandError
-from .terminal import about, progress_bar, require_file
+from .terminal import about, progress_bar
 
 Facts = dict[str, Any]
 
@@ -33,24 +32,11 @@ _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
 def info(options: argparse.Namespace) -> str:
-    """Return the summaries of saved runs, for the command `suslov-fast info`.
-
-    Of several runs each begins with its file, and a line of JSON is a run.
-    """
-    texts, errors = [], []
+    """Return the summaries of saved runs; of several, each has the name of its file."""
+    texts = []
     for path in options.file:
-        try:
-            facts = _facts_of_file(path)
-        except CommandError as error:
-            errors.append(str(error))
-            continue
-        if len(options.file) > 1:
-            facts = {"file": str(path), **facts}
-        texts.append(text_of(facts, options.json))
-    if errors and texts:
-        print(*texts, sep="\n" if options.json else "\n\n")
-    if errors:
-        raise CommandError("; ".join(errors))
+        name = {"file": str(path)} if len(options.file) > 1 else {}
+        texts.append(text_of({**name, **_facts_of_file(path)}, options.json))
     return ("\n" if options.json else "\n\n").join(texts)
 
 
@@ -58,7 +44,6 @@ def _facts_of_file(path: Path) -> Facts:
     if path.suffix.lower() == ".zarr":
         with about(path):
             return facts_of_store(path)
-    require_file(path)
     with about(path):
         return facts_of(sf.Trajectories.load(path))
 
@@ -119,7 +104,7 @@ def _header(run: Any) -> Facts:
         "eps": _brief(run.eps),
         "trajectories": run.status.size,
         "steps": run.steps,
-        "save_every": None if run.save_every is None else int(run.save_every),
+        "save_every": run.save_every and int(run.save_every),
         "saved_states": len(run.states),
         "attitude": run.attitude is not None,
         "method": run.method,

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from .flags import CommandError, UsageError
 
-# Size in bytes above which an output is announced; seconds between updates of the bar.
-_LARGE, _INTERVAL = 10**8, 0.1
+# Seconds between updates of the bar.
+_INTERVAL = 0.1
 
 
 @contextmanager
@@ -47,19 +47,10 @@ def about(what: Path | str | None) -> Iterator[None]:
     except OSError as error:
         name = what if error.filename is None else error.filename
         raise CommandError(f"{name}: {error.strerror or error}") from error
-    except (ValueError, TypeError, EOFError) as error:
+    except (ValueError, TypeError, EOFError, RecursionError) as error:
         text = str(error)
         kind = UsageError if isinstance(what, str) else CommandError
         raise kind(text if text.startswith(f"{what}:") else f"{what}: {text}") from error
-
-
-def require_file(path: Path) -> None:
-    """Raise CommandError unless a file exists that ends: a pipe or a device may not."""
-    with about(path):
-        path.stat()  # the system reports what is missing
-        if not path.is_file():
-            kind = "a folder" if path.is_dir() else "a pipe or a device"
-            raise CommandError(f"{path}: expected a file, got {kind}")
 
 
 def require_new(path: Path, force: bool) -> None:
@@ -68,13 +59,10 @@ def require_new(path: Path, force: bool) -> None:
         raise CommandError(f"{path}: expected a new name, got one that exists; --force replaces it")
 
 
-def announce(path: Path, nbytes: int) -> None:
-    """Announce the size of a large output; raise CommandError if the disk has too little space."""
-    if nbytes <= _LARGE:
-        return
+def require_space(path: Path, nbytes: int) -> None:
+    """Raise CommandError if the disk has too little space for a file."""
     with about(path):
         free = shutil.disk_usage(path.absolute().parent).free
-    size = f"{nbytes / 1e9:,.1f} GB"
     if nbytes > free:
-        raise CommandError(f"{path}: expected {size} of free space, got {free / 1e9:,.1f} GB")
-    print(f"suslov-fast: {path} will take {size}", file=sys.stderr, flush=True)
+        expected = f"expected {nbytes / 1e9:,.1f} GB of free space"
+        raise CommandError(f"{path}: {expected}, got {free / 1e9:,.1f} GB")

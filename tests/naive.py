@@ -1,7 +1,8 @@
 """The paper's equations as printed, in arithmetic of 60 digits or in fractions.
 
 The module shares no code with the package. Implicit equations are solved as linear systems, whose
-coefficients are found by evaluating the equations. Equation numbers are those of the paper.
+coefficients are found by evaluating the equations. Equation numbers are those of the paper; k is
+the momentum of a rotor along the axis, which the paper does not have.
 """
 
 from fractions import Fraction
@@ -32,9 +33,11 @@ def ds(I1, I2, I13, I23, eps, I3, omega, following):
     ]
 
 
-def ds1(I1, I2, I13, I23, eps, omega, following):
-    """Residuals of the two equations (4), which are equations (3) with Omega3 = 0."""
-    return ds(I1, I2, I13, I23, eps, 0, [*omega, 0], [*following, 0])[:2]
+def ds1(I1, I2, I13, I23, eps, omega, following, k=0):
+    """Residuals of equations (4), which are (3) with Omega3 = 0, and the averaged terms in k."""
+    first, second, _ = ds(I1, I2, I13, I23, eps, 0, [*omega, 0], [*following, 0])
+    turn1, turn2 = (eps * k * (w + v) / 2 for w, v in zip(omega, following, strict=True))
+    return [first + turn2, second - turn1]
 
 
 def solve_affine(residual, dimension, number=mpf):
@@ -55,9 +58,9 @@ def solve_affine(residual, dimension, number=mpf):
     return [row[-1] / row[k] for k, row in enumerate(rows)]
 
 
-def step(I1, I2, I13, I23, eps, omega):
-    parameters, state = exactly(I1, I2, I13, I23, eps), exactly(*omega)
-    return solve_affine(lambda v: ds1(*parameters, state, v), 2)
+def step(I1, I2, I13, I23, eps, omega, k=0):
+    parameters, state, (k,) = exactly(I1, I2, I13, I23, eps), exactly(*omega), exactly(k)
+    return solve_affine(lambda v: ds1(*parameters, state, v, k), 2)
 
 
 def rational_step(I1, I2, I13, I23, eps, omega):
@@ -66,9 +69,9 @@ def rational_step(I1, I2, I13, I23, eps, omega):
     return solve_affine(lambda v: ds1(*parameters, state, v), 2, Fraction)
 
 
-def orbit(I1, I2, I13, I23, eps, omega, steps):
+def orbit(I1, I2, I13, I23, eps, omega, steps, k=0):
     """States 0 to `steps`."""
-    return iterated(partial(step, I1, I2, I13, I23, eps), omega, steps)
+    return iterated(partial(step, I1, I2, I13, I23, eps, k=k), omega, steps)
 
 
 def iterated(step, omega, steps):
@@ -83,54 +86,56 @@ def step_full(I1, I2, I13, I23, eps, I3, omega):
     return solve_affine(lambda v: ds(*parameters, state, v), 3)
 
 
-def first_integral(I1, I2, I13, I23, eps, omega):
-    """F of Lemma 1."""
-    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
-    w1, w2 = exactly(*omega)
-    return (I1 * w1**2 + I2 * w2**2) / (4 * I1 * I2 + eps**2 * (I13 * w1 + I23 * w2) ** 2)
+def rotor(I13, I23, omega, k=0):
+    """l = I13 Omega1 + I23 Omega2 + k, which is x of equation (7) for k = 0."""
+    return mpmath.fdot(exactly(I13, I23), exactly(*omega)) + k
 
 
 def xy(I1, I2, I13, I23, omega):
     """x and y of equation (7)."""
+    (w1, w2), (I1, I2, I13, I23) = exactly(*omega), exactly(I1, I2, I13, I23)
+    return rotor(I13, I23, omega), I23 * I1 * w1 - I13 * I2 * w2
+
+
+def first_integral(I1, I2, I13, I23, eps, omega, k=0):
+    """F of Lemma 1."""
+    l, (I1, I2, eps) = rotor(I13, I23, omega, k), exactly(I1, I2, eps)
+    return 2 * energy_nd([I1, I2], omega) / (4 * I1 * I2 + (eps * l) ** 2)
+
+
+def level(I1, I2, I13, I23, eps, omega, k=0):
+    """h / (I1 I2), with h = D F and D = I13**2 I2 + I23**2 I1."""
+    F = first_integral(I1, I2, I13, I23, eps, omega, k)
     I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
-    w1, w2 = exactly(*omega)
-    return I13 * w1 + I23 * w2, I23 * I1 * w1 - I13 * I2 * w2
+    return (I13**2 / I1 + I23**2 / I2) * F
 
 
-def in_xy(I1, I2, I13, I23, eps, omega):
-    """x, y, I1 I2, eps, and h = D F with D = I13**2 I2 + I23**2 I1."""
-    x, y = xy(I1, I2, I13, I23, omega)
-    I1, I2, eps = exactly(I1, I2, eps)
-    a = I1 * I2
-    return x, y, a, eps, (a * x**2 + y**2) / (4 * a + eps**2 * x**2)
-
-
-def criticality(*problem):
-    """eps sqrt(h / (I1 I2))."""
-    _, _, a, eps, h = in_xy(*problem)
-    return eps * mpmath.sqrt(h / a)
+def criticality(*problem, k=0):
+    return problem[4] * mpmath.sqrt(level(*problem, k))
 
 
 def closed_form(*problem):
     """h, k1 with its sign, and k2 of y = 2 sqrt(h I1 I2) tanh(k2), for t < 1 (Section 4)."""
-    _, y, a, eps, h = in_xy(*problem)
+    I1, I2, _, _, eps = exactly(*problem[:5])
+    a, y = I1 * I2, xy(*problem[:4], problem[5])[1]
+    h = a * level(*problem)
     k1 = -mpmath.asinh(2 * eps * mpmath.sqrt(a * h) / (a - h * eps**2)) / eps
     return h, k1, mpmath.atanh(y / (2 * mpmath.sqrt(a * h)))
 
 
-def invariant_density(*problem):
+def invariant_density(I1, I2, I13, I23, eps, omega, k=0):
     """Density of the invariant measure dx dy / (x (4 I1 I2 + eps**2 x**2))."""
-    x, _, a, eps, _ = in_xy(*problem)
-    return 1 / (x * (4 * a + eps**2 * x**2))
+    l, (I1, I2, eps) = rotor(I13, I23, omega, k), exactly(I1, I2, eps)
+    return 1 / (l * (4 * I1 * I2 + (eps * l) ** 2))
 
 
-def matrix(I1, I2, I13, I23, eps, omega):
-    """The matrix above equation (5), as printed."""
+def matrix(I1, I2, I13, I23, eps, omega, k=0):
+    """The matrix above equation (5), as printed, and the terms in k."""
     I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
     w1, w2 = exactly(*omega)
     return [
-        [1 + eps * I13 / (2 * I1) * w2, eps * I13 / (2 * I1) * w1 + eps * I23 / I1 * w2],
-        [-eps * I13 / I2 * w1 - eps * I23 / (2 * I2) * w2, 1 - eps * I23 / (2 * I2) * w1],
+        [1 + eps * I13 / (2 * I1) * w2, eps * (I13 * w1 + 2 * I23 * w2 + k) / (2 * I1)],
+        [-eps * (2 * I13 * w1 + I23 * w2 + k) / (2 * I2), 1 - eps * I23 / (2 * I2) * w1],
     ]
 
 
@@ -175,10 +180,10 @@ def energy_error(J, computed, exact):
     return float(mpmath.sqrt(energy_nd(J, difference) / energy_nd(J, exact)))
 
 
-def vector_field(I1, I2, I13, I23, omega):
+def vector_field(I1, I2, I13, I23, omega, k=0):
     """The first two equations (2), solved for the derivative."""
-    (w1, w2), (I1, I2, I13, I23) = exactly(*omega), exactly(I1, I2, I13, I23)
-    return (-I13 * w1 * w2 - I23 * w2 * w2) / I1, (I13 * w1 * w1 + I23 * w1 * w2) / I2
+    l, (w1, w2), (I1, I2) = rotor(I13, I23, omega, k), exactly(*omega), exactly(I1, I2)
+    return -l * w2 / I1, l * w1 / I2
 
 
 def taylor(rates, state, time, steps, order):

@@ -17,29 +17,45 @@ def random_problem(rng, size=0.0):
     return parameters, rng.uniform(-0.5, 0.5), rng.normal(size=2) * 10 ** rng.uniform(-size, size)
 
 
-def exact_modified_energy(*problem):
-    """E**2 / (E + eps**2 f.Jf / 8), of (I1, I2, I13, I23, eps, omega) or (J, I, eps, omega)."""
-    *parameters, eps, omega = problem
-    if len(parameters) == 4:
-        J, slope = parameters[:2], naive.vector_field(*parameters, omega)
-    else:
-        J, slope = parameters[0], naive.vector_field_nd(*parameters, omega)
+def exact_modified_energy(J, slope, eps, omega):
+    """E**2 / (E + eps**2 f.Jf / 8)."""
     E = naive.energy_nd(J, omega)
     return E**2 / (E + naive.mpf(eps) ** 2 / 4 * naive.energy_nd(J, slope))
+
+
+def modified_energy_in_3d(*problem, k):
+    slope = naive.vector_field(*problem[:4], problem[5], k)
+    return exact_modified_energy(problem[:2], slope, *problem[4:])
+
+
+def momentum_in_3d(I1, I2, I13, I23, eps, omega, k):
+    (w1, w2), (I1, I2) = naive.exactly(*omega), naive.exactly(I1, I2)
+    return I1 * w1, I2 * w2, naive.rotor(I13, I23, omega, k)
+
+
+def rotation_number(I1, I2, I13, I23, eps, omega, k):
+    """Turns per step, where k**2 is above its value at the onset."""
+    I1, I2, k = naive.exactly(I1, I2, k)
+    square = k**2 - 4 * I1 * I2 * naive.level(I1, I2, I13, I23, eps, omega, k)
+    e = eps / (2 * mpmath.sqrt(I1 * I2))
+    turns = mpmath.atan(e * mpmath.sqrt(max(square, 0))) / mpmath.pi
+    return turns * mpmath.sign(k)
 
 
 # Errors relative to the size of the exact numbers.
 IN_3D = {
     "first_integral": (naive.first_integral, 2e-15),
-    "modified_energy": (exact_modified_energy, 3e-15),
+    "modified_energy": (modified_energy_in_3d, 3e-15),
     "criticality": (naive.criticality, 3e-15),
     "invariant_density": (naive.invariant_density, 3e-15),
     "matrix": (naive.matrix, 1e-15),
-    "energy": (lambda *p: naive.energy_nd(p[:2], p[5]), 5e-16),
-    "to_xy": (lambda *p: naive.xy(*p[:4], p[5]), 1e-15),
-    "vector_field": (lambda *p: naive.vector_field(*p[:4], p[5]), 1e-15),
+    "rotation_number": (rotation_number, 1e-15),
+    "energy": (lambda *p, k: naive.energy_nd(p[:2], p[5]), 5e-16),
+    "to_xy": (lambda *p, k: naive.xy(*p[:4], p[5]), 1e-15),
+    "vector_field": (lambda *p, k: naive.vector_field(*p[:4], p[5], k), 1e-15),
+    "momentum": (momentum_in_3d, 1e-15),
 }
-WITHOUT_STEP = {"energy", "to_xy", "vector_field"}
+WITHOUT_STEP = {"energy", "to_xy", "vector_field", "momentum"}
 
 
 def error(computed, exact):
@@ -48,18 +64,24 @@ def error(computed, exact):
 
 
 @pytest.mark.parametrize("name", IN_3D)
+@pytest.mark.parametrize("k", [0.0, 1e-3, 0.9, -20.0])
 @pytest.mark.parametrize("near", [False, True])
-def test_in_three_dimensions(rng, name, near):
-    """Quantities in 60 digits, also next to the steady states, where x is a small difference."""
+def test_in_three_dimensions(rng, name, k, near):
+    """Quantities in 60 digits, also next to the steady states, where l is a small difference."""
     exact, tolerance = IN_3D[name]
+    if k and name == "to_xy":
+        return
     for _ in range(40):
         parameters, eps, omega = random_problem(rng, 2.0)
         if near and name not in ("matrix", "vector_field"):
-            omega = np.array([parameters[3], -parameters[2]]) * (1 + 1e-12 * rng.normal(size=2))
+            products = np.array(parameters[2:])
+            omega = products[::-1] * [1, -1] - k * products / (products @ products)
+            omega *= 1 + 1e-12 * rng.normal(size=2)
             eps = 1e7 * eps if name == "first_integral" else eps
         arguments = () if name in WITHOUT_STEP else (eps,)
-        computed = getattr(sf, name)(sf.Suslov3D(*parameters), omega, *arguments)
-        expected = exact(*parameters, eps, omega)
+        body = sf.SuslovGyrostat(*parameters, k) if k else sf.Suslov3D(*parameters)
+        computed = getattr(sf, name)(body, omega, *arguments)
+        expected = exact(*parameters, eps, omega, k=k)
         assert error(computed, expected) < tolerance
         if name == "to_xy":
             assert abs(computed[0] / expected[0] - 1) < 3e-16
@@ -72,7 +94,7 @@ def test_in_n_dimensions(rng, m):
         body, eps = sf.SuslovND(J, I), rng.uniform(-1, 1)
         assert error(sf.energy(body, omega), naive.energy_nd(J, omega)) < 3e-15
         # f.Jf may be small beside its terms.
-        exact = exact_modified_energy(J, I, eps, omega)
+        exact = exact_modified_energy(J, naive.vector_field_nd(J, I, omega), eps, omega)
         assert error(sf.modified_energy(body, omega, eps), exact) < 1e-13
         exact = np.array(naive.vector_field_nd(J, I, omega), float)
         size = np.linalg.norm(I) * np.linalg.norm(omega) ** 2 / J.min()
@@ -182,8 +204,8 @@ def test_out_of_range_there_is_a_warning_and_no_number(name):
         *([(sf.Suslov3D(2, 3, 0.5, 0.5), 1e200)] if eps else []),
     ]
     for body, *eps in calls:
-        if name == "energy":  # needs no square of a product
-            assert sf.energy(body, [0.0, 2.0]) == 2 * body.I2
+        if name in ("energy", "momentum"):  # need no square of a product
+            assert sf.energy(body, [0.0, 2.0]) == sf.momentum(body, [0.0, 2.0])[1] == 2 * body.I2
             continue
         with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
             assert np.isnan(function(body, [1.0, 2.0], *eps)).all()

@@ -4,7 +4,6 @@ import os
 import signal
 import sys
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from ensemble_runs import (
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
-from suslov_fast._maps.registry import map_of
 
 xarray = pytest.importorskip("xarray")
 zarr = pytest.importorskip("zarr")
@@ -235,16 +233,6 @@ BAD = [
     ({"attitude": np.ones((3, 3))}, ValueError, "attitude"),
     ({"body": "rigid"}, TypeError, "body"),
 ]
-
-
-def test_maps_without_orientations_refuse_them(store, monkeypatch):
-    record = replace(map_of(BODY), carries_attitude=False)
-    monkeypatch.setattr("suslov_fast._ensemble.api.map_of", lambda body: record)
-    for attitude in (True, np.True_, np.eye(3)):
-        with pytest.raises(TypeError, match="attitude: expected False, as states of Suslov3D"):
-            ensemble(**ASKED, attitude=attitude, store=store)
-    assert list(store.parent.iterdir()) == []
-    assert "attitude" not in ensemble(**ASKED, attitude=np.False_, store=store)
 
 
 def test_bad_arguments_leave_nothing_behind(store):

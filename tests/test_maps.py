@@ -170,9 +170,11 @@ def test_ensembles(record, problem, tmp_path):
     run = iterate(body, starts, 0.1, 6, save_every=2)
     np.testing.assert_array_equal(data[record.variable].values, run.states)
     if not record.carries_attitude:
-        with pytest.raises(TypeError, match=r"attitude: expected False, .* have no orientation"):
-            sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=True)
+        for attitude in (True, np.True_, np.eye(3)):
+            with pytest.raises(TypeError, match="attitude: expected False, as states"):
+                sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=attitude)
         assert not (tmp_path / "b.zarr").exists()
+        sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=np.False_)
 
 
 def test_the_command(record, problem, tmp_path, capsys, monkeypatch):

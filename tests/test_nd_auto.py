@@ -93,7 +93,8 @@ AFTER_2 = np.nextafter(2.0, 3.0)
 def test_iterated_bodies(rng, J, I, solved):
     """J and I are compared exactly; few steps and orientations are iterated for any body."""
     body, omega = sf.SuslovND(J, I), rng.normal(size=(9, 3))
-    for steps, save_every, attitude in ((100, 1, False), (20, None, False), (20, 1, True)):
+    runs = (100, 1, False), (32, None, False), (20, None, False), (20, 1, True)
+    for steps, save_every, attitude in runs:
         options = {"save_every": save_every, "attitude": attitude}
         auto = sf.iterate(body, omega, 0.3, steps, **options)
         rank2 = sf.iterate(body, omega, 0.3, steps, method="rank2", **options)

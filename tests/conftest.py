@@ -47,10 +47,9 @@ def rng():
 @pytest.fixture
 def small_parts(monkeypatch):
     """Divide runs into many parts, along the batch and along time."""
-    monkeypatch.setattr(engine, "_PART", 2**12)
+    monkeypatch.setattr(engine, "_PART", 2**9)
     monkeypatch.setattr(engine, "_ABREAST", 1)
     monkeypatch.setattr(engine, "_LENGTH", 1)
-    monkeypatch.setattr(engine, "_SHORT", -1.0)  # parts do not grow
 
 
 @pytest.fixture

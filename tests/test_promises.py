@@ -438,8 +438,8 @@ HARD = [
 def cut_further(monkeypatch):
     """Divide runs by the closed form into parts, too."""
     monkeypatch.setattr(closed_form_runs, "SLICE", 2**12)
-    monkeypatch.setattr(jump, "_TOGETHER", 2**11)
-    monkeypatch.setattr(engine, "_TOGETHER", 2**12)
+    monkeypatch.setattr(jump, "_EXPANDED", 2**11)
+    monkeypatch.setattr(engine, "_COPIED", 2**12)
 
 
 every_hard_problem = pytest.mark.parametrize(("make", "method", "m"), HARD)

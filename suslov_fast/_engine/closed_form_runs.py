@@ -17,7 +17,7 @@ from .._jit import Kernel
 from .._kernels import closed_form_rows as kernels
 from .._kernels.lanes import LANES
 from . import threads as _threads
-from .layout import flat_vectors, for_loops
+from .layout import flat_arrays, for_loops
 from .memory import require
 from .parts import alike
 
@@ -93,7 +93,7 @@ def states_at(
     """Return states at times () or (N,), and the numbers of missing states: at steps of the map,
     between two, and out of the range of float64.
     """
-    parameters, omega = for_loops(body, eps, batch), flat_vectors(state, batch)
+    parameters, omega = for_loops(body, eps, batch), flat_arrays(state, batch)
     orbits = Orbits(with_rotor(parameters), omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
 from .arguments import BodyOrField
-from .layout import flat_parameter
+from .layout import flat_arrays
 from .memory import require
-from .parts import Report
 from .progress import Progress, reporter
+from .threads import thread_count
 
 if TYPE_CHECKING:
     from .._maps.record import Map
@@ -23,30 +23,29 @@ if TYPE_CHECKING:
 Indices = NDArray[np.intp]
 Resume = Mapping[str, NDArray[Any]]
 # Numbers of states that `in_turn` copies at a time.
-_TOGETHER = 2**20
-# Copying an array is faster than filling a new one.
-_ONE_NOT_COMPUTED = np.full(1, codes.NOT_COMPUTED, np.int8)
+_COPIED = 2**20
 NONE: Indices = np.empty(0, np.intp)
 
 
 class Problem(NamedTuple):
-    """A batch of B trajectories of a map.
+    """A batch of B trajectories of a map, and how to compute them.
 
     Attributes
     ----------
     batch
         The shape of the batch.
     omega0
-        (B, D), the states at step 0; of a run that may be continued, in memory not shared
-        with the caller.
+        (B, D), the states at step 0.
     eps
         The step size, a number or of a shape that broadcasts to the batch.
-    orientation
-        (B, n, n), the orientations at step 0, or None.
     parameters
         What `Map.parameters` returns: parameters of the body and eps, (B, ...) or (1, ...).
-    time_step
-        eps in the unit of time of omega, (B,) or (1,); None without an orientation.
+    orientation
+        (B, n, n), the orientations at step 0, or None.
+    continued
+        False for a single step that no other follows.
+    progress
+        Called with the number of steps done so far, or None.
     """
 
     map: Map
@@ -54,10 +53,12 @@ class Problem(NamedTuple):
     batch: tuple[int, ...]
     omega0: FloatArray
     eps: float | FloatArray
+    parameters: tuple[Any, ...]
     method: str
     orientation: FloatArray | None
-    parameters: tuple[Any, ...]
-    time_step: FloatArray | None
+    threads: int | None
+    continued: bool
+    progress: Callable[[int], object] | None = None
 
     @property
     def size(self) -> int:
@@ -67,15 +68,15 @@ class Problem(NamedTuple):
     def take(self, chosen: Indices) -> Problem:
         """Return the problem of some of the trajectories."""
 
-        def of(array: FloatArray | None) -> FloatArray | None:
-            return array if array is None or len(array) == 1 else array[chosen]
+        def of(array: FloatArray) -> FloatArray:
+            return array if len(array) == 1 else array[chosen]
 
         return self._replace(
             batch=chosen.shape,
             omega0=self.omega0[chosen],
-            orientation=None if self.orientation is None else self.orientation[chosen],
             parameters=tuple(map(of, self.parameters)),
-            time_step=of(self.time_step),
+            orientation=None if self.orientation is None else self.orientation[chosen],
+            progress=None,
         )
 
 
@@ -87,58 +88,54 @@ def problem_of(
     eps: float | FloatArray,
     method: str = "auto",
     orientation: FloatArray | None = None,
+    threads: int | None = None,
+    continued: bool = True,
 ) -> Problem:
-    """Return a problem, with the parameters for kernels."""
-    time_step = None if orientation is None else flat_parameter(eps, batch)
-    parameters = map.parameters(body, eps, batch)
-    return Problem(map, body, batch, omega0, eps, method, orientation, parameters, time_step)
+    """Return the problem of checked arguments that broadcast to the batch.
+
+    If it may be continued, it shares no memory with the caller.
+    """
+    omega0, parameters = flat_arrays(omega0, batch), map.parameters(body, eps, batch)
+    if orientation is not None:
+        orientation = flat_arrays(orientation, batch, 2).copy()
+    if continued:
+        omega0, eps = omega0.copy(), eps if type(eps) is float else np.array(eps)
+    threads = thread_count(threads)
+    return Problem(
+        map, body, batch, omega0, eps, parameters, method, orientation, threads, continued
+    )
 
 
 class Span(NamedTuple):
-    """Steps after state `start`, up to state `steps`; every so many states are saved, or none."""
+    """Steps after state `start`, up to state `steps`; every so many states are saved, or none.
+
+    Attributes
+    ----------
+    every
+        The number of steps between saved states, more than `steps` if none are saved.
+    rows_before, rows
+        The numbers of states saved before this span, and in it, with state 0 if it starts there.
+    """
 
     start: int
     steps: int
     save_every: int | None
-
-    @property
-    def every(self) -> int:
-        """The number of steps between saved states, more than `steps` if none are saved."""
-        return self.save_every or self.steps + 1
-
-    @property
-    def rows(self) -> int:
-        """The number of saved states of a trajectory since state 0; if none are saved, the last."""
-        return 1 if self.save_every is None else self.steps // self.save_every + 1
-
-    @property
-    def rows_before(self) -> int:
-        """The number of states saved before this span."""
-        return self.start // self.save_every + 1 if self.save_every and self.start else 0
-
-    @property
-    def rows_saved(self) -> int:
-        """The number of states saved in this span, with state 0 if it starts there."""
-        return 0 if self.save_every is None else self.rows - self.rows_before
+    every: int
+    rows_before: int
+    rows: int
 
     @property
     def saves_last(self) -> bool:
         """True if the last state is one of the saved ones."""
-        return self.rows_saved > 0 and self.steps % self.every == 0
+        return self.rows > 0 and self.steps % self.every == 0
 
 
-class Options(NamedTuple):
-    """Options of a computation; `report` takes the number of steps done so far.
-
-    Attributes
-    ----------
-    continued
-        False for a single step that no other follows.
-    """
-
-    threads: int | None = None
-    report: Report | None = None
-    continued: bool = True
+def span_of(start: int, steps: int, save_every: int | None) -> Span:
+    """Return a span."""
+    if save_every is None:
+        return Span(start, steps, None, steps + 1, 0, 0)
+    before = start // save_every + 1 if start else 0
+    return Span(start, steps, save_every, save_every, before, steps // save_every + 1 - before)
 
 
 class Output(NamedTuple):
@@ -179,12 +176,7 @@ class Output(NamedTuple):
 
 
 # Fills the output of a problem; returns the indices of the trajectories that it cannot compute.
-Driver = Callable[[Problem, Span, Resume, Output, Options], Indices]
-
-
-def not_computed(size: int) -> NDArray[np.int8]:
-    """Return the initial statuses for a kernel."""
-    return _ONE_NOT_COMPUTED.copy() if size == 1 else np.full(size, codes.NOT_COMPUTED, np.int8)
+Driver = Callable[[Problem, Span, Resume, Output], Indices]
 
 
 @lru_cache
@@ -208,7 +200,7 @@ def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     return np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
 
 
-def _output(
+def _empty_output(
     problem: Problem,
     span: Span,
     saved: FloatArray,
@@ -219,7 +211,9 @@ def _output(
     size = problem.size
     if final is None:
         final = saved[-1] if span.saves_last else np.empty(problem.omega0.shape)
-    return Output(saved, turns, final, not_computed(size), np.empty(size, np.int64), {})
+    status = np.empty(size, np.int8)
+    status.fill(codes.NOT_COMPUTED)
+    return Output(saved, turns, final, status, np.empty(size, np.int64), {})
 
 
 def in_turn(
@@ -228,7 +222,6 @@ def in_turn(
     span: Span,
     resume: Resume,
     output: Output,
-    options: Options,
     from_0: bool = False,
 ) -> None:
     """Let each driver compute the trajectories that those before it left.
@@ -237,23 +230,22 @@ def in_turn(
     are not continued.
     """
     first, *others = drivers
-    left = first(problem, span, resume, output, options)
+    left = first(problem, span, resume, output)
     if not left.size:
         return
     if from_0:
-        span, resume = span._replace(start=0), {}
-    options, rows = options._replace(report=None), span.rows_saved
-    together = max(_TOGETHER // (problem.omega0.shape[1] * (rows + 1)), 1)
+        span, resume = span_of(0, span.steps, span.save_every), {}
+    together = max(_COPIED // (problem.omega0.shape[1] * (span.rows + 1)), 1)
     for driver in others:
         computing, left = left, NONE
         for begin in range(0, computing.size, together):
             some = computing[begin : begin + together]
             chosen = problem.take(some)
-            saved, turned = np.empty((rows, *chosen.omega0.shape)), chosen.orientation
-            turns = None if turned is None else np.empty((rows or 1, *turned.shape))
-            part = _output(chosen, span, saved, turns)
+            saved, turned = np.empty((span.rows, *chosen.omega0.shape)), chosen.orientation
+            turns = None if turned is None else np.empty((span.rows or 1, *turned.shape))
+            part = _empty_output(chosen, span, saved, turns)
             known = {name: array[some] for name, array in resume.items()}
-            missing = driver(chosen, span, known, part, options)
+            missing = driver(chosen, span, known, part)
             if from_0:
                 part.resume.clear()
             output.put(some, part)
@@ -263,7 +255,6 @@ def in_turn(
 def execute(
     problem: Problem,
     span: Span,
-    options: Options = Options(),  # noqa: B008  (it is not mutable)
     progress: Progress = None,
     resume: Resume | None = None,
     out: FloatArray | None = None,
@@ -274,64 +265,47 @@ def execute(
     Saved states are written to `out` if given. Those saved earlier are copied from `before`;
     without it, only those of the span are returned.
     """
-    whole = before is not None or not span.start
-    begin = span.rows_before if whole else 0
-    states, turns = _room(problem, span, begin, out)
+    (size, D), batch, orientation = problem.omega0.shape, problem.batch, problem.orientation
+    earlier = 0 if before is None else span.rows_before
+    rows = earlier + span.rows if span.save_every else 1
+    shape, of_turns = (rows, *batch, D), (rows, *batch, D + 1, D + 1)
+    numbers = (4 + rows * (out is None and span.save_every is not None)) * size * D
+    if orientation is not None:
+        numbers += rows * orientation.size
+    require(8 * numbers, "the saved states are {}: raise save_every or divide the batch", shape)
     if span.steps > EXACT:  # numbers of steps are floats in the closed form
         raise wrong("steps", "at most 2**53", span.steps)
-    if before is not None:
-        for earlier, array in zip(before, (states, turns), strict=True):
-            if earlier is not None and array is not None:
-                array[:begin] = earlier[:begin]
-    (size, D), total = problem.omega0.shape, span.steps - span.start
-    flat, last = states.reshape(len(states), size, D), None
-    if span.save_every is None:
-        flat, last = flat[:0], flat[0]
-    flat_turns = None if turns is None else turns.reshape(len(turns), size, D + 1, D + 1)[begin:]
-    output = _output(problem, span, flat[begin:], flat_turns, last)
+    states = np.empty(shape) if out is None else out
+    turns = None if orientation is None else np.empty(of_turns)
+    for old, new in zip(before or (), (states, turns), strict=False):
+        if old is not None and new is not None:
+            new[:earlier] = old[:earlier]
+
+    flat = states.reshape(rows, size, D)
+    saved, final = (flat[earlier:], None) if span.save_every else (flat[:0], flat[0])
+    flat_turns = None if turns is None else turns.reshape(rows, size, D + 1, D + 1)[earlier:]
+    output = _empty_output(problem, span, saved, flat_turns, final)
+    resume, run = resume or {}, problem.map.run
     if progress:
-        with reporter(progress, total) as report:
-            options = options._replace(report=report)
-            problem.map.run(problem, span, resume or {}, output, options)
-            report(total)
+        with reporter(progress, span.steps - span.start) as report:
+            run(problem._replace(progress=report), span, resume, output)
     else:
-        problem.map.run(problem, span, resume or {}, output, options)
-    return _shaped(problem, span, output, states, turns)
+        run(problem, span, resume, output)
 
-
-def _room(
-    problem: Problem, span: Span, begin: int, out: FloatArray | None
-) -> tuple[FloatArray, FloatArray | None]:
-    """Return arrays for saved states and orientations; MemoryError if they do not fit."""
-    size, D = problem.omega0.shape
-    rows = begin + span.rows_saved if span.save_every else 1
-    shape, turned = (rows, *problem.batch, D), problem.orientation
-    numbers = (4 + rows * (out is None and span.save_every is not None)) * size * D
-    if turned is not None:
-        numbers += rows * turned.size
-    require(8 * numbers, "the saved states are {}: raise save_every or divide the batch", shape)
-    turns = None if turned is None else np.empty((*shape[:-1], *turned.shape[1:]))
-    return np.empty(shape) if out is None else out, turns
-
-
-def _shaped(
-    problem: Problem, span: Span, output: Output, states: FloatArray, turns: FloatArray | None
-) -> Output:
-    """Return the results in the shape of the batch, with what is needed to go on."""
-    _, _, final, status, failed_at, resume = output
-    least, batch = worst(status), problem.batch
+    _, _, final, status, failed_at, kept = output
+    least = worst(status)
     if least == codes.NOT_COMPUTED:
         raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
     if least < 0:
         failed_at[status >= 0] = -1
     else:
-        failed_at = _no_failures(problem.size)
-    if resume:
-        resume["status"], resume["failed_at"] = status, failed_at
-    resume["omega0"] = problem.omega0
-    if problem.orientation is not None:
-        resume["R0"] = problem.orientation
-    final = final.reshape((*batch, problem.omega0.shape[1]))
-    if len(states) and span.steps % span.every == 0:
-        final = states[-1]
-    return Output(states, turns, final, status.reshape(batch), failed_at.reshape(batch), resume)
+        failed_at = _no_failures(size)
+    if kept:
+        kept |= {"status": status, "failed_at": failed_at}
+    kept["omega0"] = problem.omega0
+    if orientation is not None:
+        kept["R0"] = orientation
+    # The last state is that saved, also if a span of no steps follows.
+    saves_last = rows > 0 and span.steps % span.every == 0
+    final = states[-1] if saves_last else final.reshape(shape[1:])
+    return Output(states, turns, final, status.reshape(batch), failed_at.reshape(batch), kept)

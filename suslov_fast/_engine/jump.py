@@ -14,12 +14,12 @@ from .execution import (
     NONE,
     Driver,
     Indices,
-    Options,
     Output,
     Problem,
     Resume,
     Span,
     in_turn,
+    span_of,
     with_status,
 )
 from .layout import for_kernel
@@ -29,26 +29,22 @@ from .stepping import iterate, iterate_nd, with_elimination
 # Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
-_TOGETHER = 2**19
+_EXPANDED = 2**19
 
 canonical = partial(iterate, kernel=maps_3d.canonical)
 printed = partial(iterate, kernel=maps_3d.printed)
-gyrostat = partial(iterate, kernel=maps_3d.gyrostat, work=2.0)
+gyrostat = partial(iterate, kernel=maps_3d.gyrostat, step=2.0)
 
 
-def run_suslov(
-    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
-) -> None:
+def run_suslov(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
     """Compute a run of a body in three dimensions without a rotor."""
     by_steps = printed if problem.method == "ds2" else canonical
-    run_3d(problem, span, resume, output, options, by_steps)
+    run_3d(problem, span, resume, output, by_steps)
 
 
-def run_gyrostat(
-    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
-) -> None:
+def run_gyrostat(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
     """Compute a run of a gyrostat."""
-    run_3d(problem, span, resume, output, options, gyrostat)
+    run_3d(problem, span, resume, output, gyrostat)
 
 
 def run_3d(
@@ -56,18 +52,17 @@ def run_3d(
     span: Span,
     resume: Resume,
     output: Output,
-    options: Options,
     by_steps: Driver,
 ) -> None:
     """Evaluate the closed form, and iterate the orbits that it leaves; or iterate all."""
     if _may_jump(problem, span) and not _is_short(span):
         drivers = closed_form, by_steps
-        in_turn(drivers, problem, span, resume, output, options, from_0=True)
+        in_turn(drivers, problem, span, resume, output, from_0=True)
     else:
-        by_steps(problem, span, resume, output, options)
+        by_steps(problem, span, resume, output)
 
 
-def run_nd(problem: Problem, span: Span, resume: Resume, output: Output, options: Options) -> None:
+def run_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
     """Compute a run in n dimensions: by the closed form, by steps in O(n), by elimination.
 
     The choice for a trajectory does not depend on the others.
@@ -78,11 +73,11 @@ def run_nd(problem: Problem, span: Span, resume: Resume, output: Output, options
     elif _may_jump(problem, span) and _is_short(span):
         # From step 0: the division of a run must not decide where the closed form is used, which
         # is more accurate next to a pole than elimination.
-        span, resume = span._replace(start=0), {}
+        span, resume = span_of(0, span.steps, span.save_every), {}
         drivers = iterate_nd, closed_form_nd, with_elimination
     elif _may_jump(problem, span):
         drivers = closed_form_nd, iterate_nd, with_elimination
-    in_turn(drivers, problem, span, resume, output, options)
+    in_turn(drivers, problem, span, resume, output)
 
 
 def _may_jump(problem: Problem, span: Span) -> bool:
@@ -99,13 +94,11 @@ def _is_short(span: Span) -> bool:
     return span.save_every is None and span.steps < JUMP
 
 
-def closed_form(
-    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
-) -> Indices:
+def closed_form(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
     """Evaluate all states; return the orbits that must be iterated."""
     ends = output.status, output.failed_at, float(span.steps)
     parameters, missing = with_rotor(problem.parameters), none_missing()
-    orbits = Orbits(parameters, problem.omega0, False, ends, options.threads)
+    orbits = Orbits(parameters, problem.omega0, False, ends, problem.threads)
     if len(output.saved):
         first = span.rows_before
         rows = Rows(1.0, 0.0, float(span.every), first, first + len(output.saved), -first, 1)
@@ -116,9 +109,7 @@ def closed_form(
     return with_status(output.status, NOT_FOUND)
 
 
-def closed_form_nd(
-    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
-) -> Indices:
+def closed_form_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
     """Evaluate all states of solved bodies from those in three dimensions; return the others."""
     J, I, eps = problem.parameters
     size, m = problem.omega0.shape
@@ -126,16 +117,16 @@ def closed_form_nd(
         return np.arange(size)
     if m == 2:
         three = problem._replace(parameters=(*map(for_kernel, of_n_3(J, I)), eps))
-        in_turn((closed_form, canonical), three, span, {}, output, options, from_0=True)
+        in_turn((closed_form, canonical), three, span, {}, output, from_0=True)
         left = NONE
     else:
-        reduced = reduce(problem.parameters, problem.omega0, options.threads)
+        reduced = reduce(problem.parameters, problem.omega0, problem.threads)
         jumps = reduced.fits & solved
         left = np.flatnonzero(~jumps)
         if left.size == size:
             return left
-        for lanes, rows in slices(size, max(len(output.saved), 1), _TOGETHER):
-            _expand(problem, span, output, options, reduced, lanes, rows)
+        for lanes, rows in slices(size, max(len(output.saved), 1), _EXPANDED):
+            _expand(problem, span, output, reduced, lanes, rows)
         if len(output.saved) and span.start == 0:  # a copy of the input
             exists = (output.status >= 0) | (output.failed_at != 0)
             np.copyto(output.saved[0], problem.omega0, where=exists[:, np.newaxis])
@@ -148,7 +139,6 @@ def _expand(
     problem: Problem,
     span: Span,
     output: Output,
-    options: Options,
     reduced: Reduced,
     lanes: tuple[int, int],
     rows: tuple[int, int],
@@ -166,12 +156,12 @@ def _expand(
         omega0=reduced.state[begin:end],
         parameters=tuple(for_kernel(each) for each in reduced.three[begin:end].T),
     )
-    part = span._replace(start=start, steps=steps)
+    part = span_of(start, steps, span.save_every)
     status, failed_at = output.status[begin:end], output.failed_at[begin:end]
     if part.saves_last:
         final = states[-1]
     found = Output(states, None, final, status, failed_at, {})
-    in_turn((closed_form, canonical), three, part, {}, found, options, from_0=True)
+    in_turn((closed_form, canonical), three, part, {}, found, from_0=True)
     if len(states):
-        reduced.expand(states, output.saved[row:stop], begin, options.threads)
-    reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, options.threads)
+        reduced.expand(states, output.saved[row:stop], begin, problem.threads)
+    reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, problem.threads)

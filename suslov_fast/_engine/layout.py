@@ -16,18 +16,13 @@ def for_kernel(array: FloatArray) -> FloatArray:
     return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
 
 
-def flat_vectors(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return vectors, or arrays with `axes` axes, as (B, D): one for each trajectory."""
+def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
+    """Return arrays (..., D), or with `axes` axes each, as (B, D): one for each trajectory."""
     split = array.ndim - axes
     own = array.shape[split:]
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *own))
     return for_kernel(array.reshape((-1, *own)))
-
-
-def flat_matrices(array: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return matrices as a (B, n, n) array."""
-    return flat_vectors(array, batch, 2)
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
@@ -41,7 +36,7 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
     own = array.shape[array.ndim - axes :]
     if array.size == math.prod(own):
         return for_kernel(array.reshape((1, *own)))
-    return flat_vectors(array, batch, axes)
+    return flat_arrays(array, batch, axes)
 
 
 def flat_body(body: Body, batch: tuple[int, ...]) -> tuple[FloatArray, ...]:
@@ -56,16 +51,6 @@ def for_loops(
 ) -> tuple[FloatArray, ...]:
     """Return the parameters of a body and eps."""
     return *flat_body(body, batch), flat_parameter(eps, batch)
-
-
-def own_parameter(value: float | FloatArray) -> float | FloatArray:
-    """Return a parameter in memory not shared with the caller."""
-    return value if type(value) is float else np.array(value)
-
-
-def own_states(state: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return states (B, D) in memory not shared with the caller."""
-    return flat_vectors(state, batch).copy()
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -37,6 +37,7 @@ def reporter(progress: Progress, total: int) -> Iterator[Callable[[int], object]
     bar = _tqdm()(total=total, unit="step", unit_scale=True) if progress is True else None
     with bar or nullcontext():
         yield report
+        report(total)
 
 
 def _tqdm() -> Any:

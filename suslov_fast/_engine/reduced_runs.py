@@ -12,7 +12,7 @@ from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray
 from .._kernels import reduced_states
 from . import threads as _threads
-from .layout import flat_vectors, for_kernel, for_loops
+from .layout import flat_arrays, for_kernel, for_loops
 
 # Cost of the reduction of a trajectory, in steps of the 3D map.
 _REDUCING = 30
@@ -60,7 +60,7 @@ def of_batch(
     threads: int | None,
 ) -> Reduced:
     """Reduce a batch."""
-    return reduce(for_loops(body, eps, batch), flat_vectors(omega, batch), threads)
+    return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 
 def of_n_3(J: FloatArray, I: FloatArray) -> tuple[FloatArray, ...]:

@@ -16,15 +16,13 @@ from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from . import threads
-from .execution import NONE, Indices, Options, Output, Problem, Resume, Span, with_status
+from .execution import NONE, Indices, Output, Problem, Resume, Span, with_status
 from .memory import require
 from .parts import parts_of
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
 _FEW = 12
-# Cost of saving a state, in steps.
-_SAVING = 8
 
 
 def iterate(
@@ -32,30 +30,25 @@ def iterate(
     span: Span,
     resume: Resume,
     output: Output,
-    options: Options,
     kernel: Kernel,
-    work: float = 1.0,
+    step: float = 1.0,
 ) -> Indices:
-    """Iterate by a kernel of `map_kernel`; `work` is the cost of a step, in those of the 3D map."""
-    size, turning = problem.size if options.continued else 0, None
-    numbers = len(kernel.names["map"].State._fields)
-    state = _go_on(span, resume, output, state=np.empty((size, numbers)))[0]
+    """Iterate by a kernel of `map_kernel`; `step` is the cost of a step, in those of the 3D map."""
+    shape = problem.size if problem.continued else 0, len(kernel.names["map"].State._fields)
+    (state,) = _carried(span, resume, output, state=np.empty(shape))
+    turning = None
     if problem.orientation is not None:
-        turn = _go_on(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))[0]
-        turning = problem.time_step, problem.orientation, turn, output.turns
-    kept = output.status, output.failed_at, state
+        (turn,) = _carried(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))
+        turning = problem.parameters[-1], problem.orientation, turn, output.turns
+    kept = output.final, output.status, output.failed_at, state
     before = problem.parameters, problem.omega0
-    _make_steps(problem, span, output, options, kernel, work, LANES, before, turning, kept)
+    for part, work in parts_of(problem, span, step, LANES):
+        threads.run(kernel, work, problem.threads, *before, part, output.saved, turning, kept)
     return NONE
 
 
 def iterate_nd(
-    problem: Problem,
-    span: Span,
-    resume: Resume,
-    output: Output,
-    options: Options,
-    eliminates: bool = False,
+    problem: Problem, span: Span, resume: Resume, output: Output, eliminates: bool = False
 ) -> Indices:
     """Iterate the n-dimensional map; return the trajectories for which steps in O(n) do not do.
 
@@ -67,33 +60,33 @@ def iterate_nd(
         If there is no room for elimination where that is needed.
     """
     size, m = problem.omega0.shape
-    kernel, work = map_nd.iterate, 8.0 * m
+    kernel, step = map_nd.iterate, 8.0 * m
     if problem.method == "gauss":
-        kernel, work = map_nd.iterate_by_elimination, m**3 / 3.0
-    elif eliminates:  # if every step needs elimination, the first part takes some 0.3 s
-        work = max(work, m**3 / 48.0)
-    tasks, lanes = _tasks_and_lanes(size, options.threads, eliminates)
-    state, exponent = _go_on(
+        kernel, step = map_nd.iterate_by_elimination, m**3 / 3.0
+    elif eliminates:  # if every step needs elimination, a part takes some 0.3 s
+        step = max(step, m**3 / 48.0)
+    tasks, lanes = _tasks_and_lanes(size, problem.threads, eliminates)
+    state, exponent = _carried(
         span, resume, output, state=np.empty((size, m)), exponent=np.empty(size)
     )
     turned, turning = problem.orientation, None
     if turned is not None:  # transposed, and rotated in place
-        columns = _go_on(span, resume, output, columns=turned.swapaxes(1, 2).copy())[0]
-        room_of_turns = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
-        turning = problem.time_step, columns, output.turns, *room_of_turns
-    kept = output.status, output.failed_at, state, exponent
+        (columns,) = _carried(span, resume, output, columns=turned.swapaxes(1, 2).copy())
+        scratch = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
+        turning = problem.parameters[-1], columns, output.turns, *scratch
+    kept = output.final, output.status, output.failed_at, state, exponent
     M = m + m % 2
     # A build for a body that all lanes share pays only for the cheapest steps.
     shared = not eliminates and turning is None and max(map(len, problem.parameters[:2])) <= 1
     of_body = () if shared else (lanes,)
-    room = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
+    memory = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
     advice = "method='rank2', fewer threads, or shorter steps"
     matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
-    before, width = ((*problem.parameters, problem.omega0),), map_nd.LANES
-    _make_steps(
-        problem, span, output, options, kernel, work, width, before, turning, kept, room, matrices
-    )
-    if output.turns is not None and len(output.turns) and not span.rows_saved:
+    before = (*problem.parameters, problem.omega0)
+    after = output.saved, turning, kept, memory, matrices
+    for part, work in parts_of(problem, span, step, map_nd.LANES):
+        threads.run(kernel, work, problem.threads, before, part, *after)
+    if output.turns is not None and len(output.turns) and not span.rows:
         output.turns[-1] = columns.swapaxes(1, 2)
     return with_status(output.status, NEEDS_ELIMINATION)
 
@@ -101,19 +94,18 @@ def iterate_nd(
 with_elimination = partial(iterate_nd, eliminates=True)
 
 
-def iterate_field(
-    problem: Problem, span: Span, resume: Resume, output: Output, options: Options
-) -> Indices:
+def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
     """Iterate Kahan's map of a quadratic field."""
     size, D = problem.omega0.shape
-    state = _go_on(span, resume, output, state=np.empty((size, D)))[0]
-    kept = output.status, output.failed_at, state
+    (state,) = _carried(span, resume, output, state=np.empty((size, D)))
+    kept = output.final, output.status, output.failed_at, state
     indices, values, parameters = problem.parameters
-    work = D**3 / 3.0 + sum(each.shape[1] for each in indices)
-    room = _room_of_field(size, D, indices, options.threads)
-    before, kernel = (indices, values, (*parameters, problem.omega0)), map_field.iterate_field
-    lanes = room[1].shape[3]
-    _make_steps(problem, span, output, options, kernel, work, lanes, before, None, kept, room)
+    step = D**3 / 3.0 + sum(each.shape[1] for each in indices)
+    memory = _room_of_field(size, D, indices, problem.threads)
+    before, lanes = (indices, values, (*parameters, problem.omega0)), memory[1].shape[3]
+    after = output.saved, None, kept, memory
+    for part, work in parts_of(problem, span, step, lanes):
+        threads.run(map_field.iterate_field, work, problem.threads, *before, part, *after)
     return NONE
 
 
@@ -148,38 +140,16 @@ def _room_of_field(
     )
 
 
-def _go_on(span: Span, resume: Resume, output: Output, **starts: FloatArray) -> list[FloatArray]:
-    """Return arrays that kernels update: at the start, or copies of those of a resumed run.
+def _carried(span: Span, resume: Resume, output: Output, **starts: FloatArray) -> list[FloatArray]:
+    """Return arrays that kernels carry from step to step, and the output keeps, by name.
 
-    The output keeps them, and its statuses start from those of the resumed run.
+    A resumed run continues with copies of its own, and from its own statuses.
     """
     if span.start:
         output.status[:], output.failed_at[:] = resume["status"], resume["failed_at"]
-    for name, start in starts.items():
-        output.resume[name] = resume[name].copy() if span.start else start
-    return [output.resume[name] for name in starts]
-
-
-def _make_steps(
-    problem: Problem,
-    span: Span,
-    output: Output,
-    options: Options,
-    kernel: Kernel,
-    work: float,
-    lanes: int,
-    before: tuple[Any, ...],
-    turning: tuple[FloatArray | None, ...] | None,
-    kept: tuple[Any, ...],
-    *room: Any,
-) -> None:
-    """Call the kernel for each part."""
-    whole = work + (_SAVING / span.every if span.rows_saved else 0.0)
-    arguments = output.saved, turning, (output.final, *kept), *room
-    for part in parts_of(problem.size, span.start, span.steps, whole, lanes, options.report):
-        numbers = *part, span.every, span.rows_before
-        lane_steps = part.work(lanes, work)
-        threads.run(kernel, lane_steps, options.threads, *before, numbers, *arguments)
+        starts = {name: resume[name].copy() for name in starts}
+    output.resume.update(starts)
+    return list(starts.values())
 
 
 def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[int, int]:

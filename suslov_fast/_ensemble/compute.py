@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray
-from .._engine.execution import Options, Output, Span, execute, problem_of
-from .._engine.layout import flat_matrices, own_states
+from .._engine.execution import Output, Span, execute, problem_of, span_of
 from .job import Job, step_work
 from .reductions import reductions_of
 from .store import RECORDS, Arrays, advice
@@ -48,10 +47,11 @@ def pieces(
     """
     shape, D, every = job.shape(tile), job.body.dimension, job.every
     start, resume, reduced = _left(job, tile, arrays)
-    omega0 = own_states(starts, shape)
-    omega0[np.isnan(omega0).any(axis=-1)] = np.nan
-    orientation = None if job.orientation is None else flat_matrices(job.orientation, shape)
-    problem = problem_of(job.map, job.body, shape, omega0, job.eps, job.method, orientation)
+    omega0 = np.where(np.isnan(starts).any(axis=-1, keepdims=True), np.nan, starts)
+    problem = problem_of(
+        job.map, job.body, shape, omega0, job.eps, job.method, job.orientation, threads
+    )
+    omega0 = problem.omega0.reshape(*shape, D)
     known = reductions_of(job.map)
     most = int(_FIRST / (math.prod(shape) * step_work(D)))
     stop = -1
@@ -60,16 +60,16 @@ def pieces(
         if every is not None:  # the states of a piece fill one chunk at most
             row = start // every + 1 if start else 0
             stop = min(stop, max((row // job.rows + 1) * job.rows * every - every, start + 1))
-        span = Span(start, stop, every)
+        span = span_of(start, stop, every)
         begin = time.perf_counter()
-        output = execute(problem, span, Options(threads), resume=resume)
+        output = execute(problem, span, resume=resume)
         # With the closed form steps are free, and one piece soon contains them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         most, resume = int(speed * _DURATION), output.resume
         if len(output.saved):
-            before, first = reduced, omega0.reshape(*shape, D)
+            before = reduced
             reduced = {
-                name: known[name].reduce(job.body, job.eps, output.saved, first)
+                name: known[name].reduce(job.body, job.eps, output.saved, omega0)
                 for name in job.reductions
             }
             for name in before:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
-    from .._engine.execution import Options, Output, Problem, Resume, Span
+    from .._engine.execution import Output, Problem, Resume, Span
 
 
 class Kept(NamedTuple):
@@ -76,7 +76,7 @@ class Map:
     title: str
     methods: tuple[str, ...]
     parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
-    run: Callable[[Problem, Span, Resume, Output, Options], object]
+    run: Callable[[Problem, Span, Resume, Output], object]
     kept: tuple[Kept, ...]
     quantities: frozenset[str]
     samples: tuple[tuple[Any, tuple[float, ...]], ...]

@@ -26,7 +26,7 @@ MAP = Map(
     title="Suslov problem in three components",
     methods=("auto",),
     parameters=_parameters,
-    run=partial(iterate, kernel=full, work=2.0),
+    run=partial(iterate, kernel=full, step=2.0),
     kept=(Kept("state", ("flat", 3)),),
     quantities=frozenset(),
     samples=((Suslov3D(1, 1, 0.25, 0, 1), (4.0, -12.0, 0.5)),),

@@ -10,8 +10,7 @@ from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance
 from .._docs import filled
 from .._engine.arguments import check, refuse_rotor
-from .._engine.execution import Options, Problem, Span, problem_of
-from .._engine.layout import own_parameter, own_states
+from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
 from .._maps.registry import map_named
 from .trajectories import OnSingular, Trajectories, finish, one_step
@@ -50,7 +49,7 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    return one_step(_problem(body, "omega", omega, eps, I3), Options(continued=False))
+    return one_step(_problem(body, "omega", omega, eps, I3))
 
 
 @filled
@@ -122,12 +121,17 @@ def iterate_full(
     >>> orbit.omega[:4, 2]
     array([ 0.1, -0.1,  0.1, -0.1])
     """
-    problem, span = _problem(body, "omega0", omega0, eps, I3), Span(0, steps, save_every)
-    return finish(problem, span, on_singular, threads, progress, out)
+    problem = _problem(body, "omega0", omega0, eps, I3, threads)
+    return finish(problem, 0, steps, save_every, on_singular, progress, out)
 
 
 def _problem(
-    body: Suslov3D, name: str, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None
+    body: Suslov3D,
+    name: str,
+    omega: ArrayLike,
+    eps: ArrayLike,
+    I3: ArrayLike | None,
+    threads: int | None = None,
 ) -> Problem:
     refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
@@ -137,6 +141,5 @@ def _problem(
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     map = map_named("suslov3d_full")
     components = map.components(body)
-    arrays, batch = check(body, {name: omega}, {"eps": eps}, components, kinds=Suslov3D)
-    states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    return problem_of(map, body, batch, states, own_eps)
+    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, components, kinds=Suslov3D)
+    return problem_of(map, body, batch, state, step_size, threads=threads)

@@ -10,10 +10,8 @@ from numpy.typing import ArrayLike
 from .._checks import FloatArray, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, refuse_attitude
-from .._engine.execution import Options, Span, problem_of
-from .._engine.layout import flat_matrices, flat_vectors, own_parameter, own_states
+from .._engine.execution import problem_of
 from .._engine.progress import Progress
-from .._engine.threads import thread_count
 from .._maps.registry import map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step
 
@@ -57,13 +55,10 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    arrays, batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
-    states = flat_vectors(arrays[0], batch)
-    problem, options = (
-        problem_of(map, body, batch, states, arrays[1]),
-        Options(thread_count(threads)),
+    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
+    return one_step(
+        problem_of(map, body, batch, state, step_size, threads=threads, continued=False)
     )
-    return one_step(problem, options._replace(continued=False))
 
 
 @filled
@@ -152,7 +147,6 @@ def iterate(
     one_of("method", method, map.methods)
     if attitude is True or attitude is np.True_:
         arrays.append(np.eye(body.dimension + 1))
-    states, own_eps = own_states(arrays[0], batch), own_parameter(arrays[1])
-    orientation = flat_matrices(arrays[2], batch) if len(arrays) > 2 else None
-    problem = problem_of(map, body, batch, states, own_eps, method, orientation)
-    return finish(problem, Span(0, steps, save_every), on_singular, threads, progress, out)
+    state, step_size, orientation = (*arrays, None)[:3]
+    problem = problem_of(map, body, batch, state, step_size, method, orientation, threads)
+    return finish(problem, 0, steps, save_every, on_singular, progress, out)

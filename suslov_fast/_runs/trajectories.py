@@ -17,7 +17,6 @@ from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
 from .._engine.arguments import BodyOrField
 from .._engine.execution import (
-    Options,
     Output,
     Problem,
     Resume,
@@ -25,12 +24,12 @@ from .._engine.execution import (
     execute,
     numbers_of_saved,
     problem_of,
+    span_of,
     worst,
 )
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
-from .._engine.threads import thread_count
 from .._maps.record import Map
 
 if TYPE_CHECKING:
@@ -179,11 +178,24 @@ class Trajectories:
             )
         resume = dict(self._resume)
         omega0, R0 = resume.pop("omega0"), resume.pop("R0", None)
-        batch, method = self.status.shape, self.method
-        problem = problem_of(self._map, self.body, batch, omega0, self.eps, method, R0)
-        span = Span(self.steps, self.steps + integer("steps", steps, 0), self.save_every)
-        before = self.states, self.attitude
-        return finish(problem, span, on_singular, threads, progress, None, resume, before)
+        batch, before = self.status.shape, (self.states, self.attitude)
+        omega0 = omega0.reshape(self.final.shape)
+        if R0 is not None:
+            R0 = R0.reshape((*batch, *R0.shape[1:]))
+        problem = problem_of(
+            self._map, self.body, batch, omega0, self.eps, self.method, R0, threads
+        )
+        return finish(
+            problem,
+            self.steps,
+            steps,
+            self.save_every,
+            on_singular,
+            progress,
+            None,
+            resume,
+            before,
+        )
 
     @property
     def omega(self) -> FloatArray:
@@ -460,9 +472,10 @@ def _range(eps: float | FloatArray) -> str:
 
 def finish(
     problem: Problem,
-    span: Span,
+    start: int,
+    steps: int,
+    save_every: int | None,
     on_singular: OnSingular,
-    threads: int | None,
     progress: Progress,
     out: FloatArray | None = None,
     resume: Resume | None = None,
@@ -470,15 +483,14 @@ def finish(
 ) -> Trajectories:
     """Check the other arguments of `iterate`, compute the run, and warn."""
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
-    start, steps, save_every = span
     steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    span, options = Span(start, steps, save_every), Options(thread_count(threads))
     check_progress(progress)
+    span = span_of(start, start + steps, save_every)
     if out is not None:
-        out = checked_out(out, (span.rows, *problem.batch, problem.omega0.shape[1]))
-    output = execute(problem, span, options, progress, resume, out, before)
+        out = checked_out(out, (span.rows or 1, *problem.batch, problem.omega0.shape[1]))
+    output = execute(problem, span, progress, resume, out, before)
     run = Trajectories.of(problem, span, output)
     since = 0 if before is None else start + 1
     if on_singular != "ignore" and (message := failures(output, since)):
@@ -488,9 +500,9 @@ def finish(
     return run
 
 
-def one_step(problem: Problem, options: Options) -> FloatArray:
+def one_step(problem: Problem) -> FloatArray:
     """Return the next states, and warn of those that do not exist."""
-    output = execute(problem, Span(0, 1, None), options)
+    output = execute(problem, span_of(0, 1, None))
     # Failures at step 0 are NaN in the input, which are not reported.
     if message := failures(output, 1):
         warn(message, SingularStepWarning)

@@ -15,8 +15,7 @@ from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import check
-from .._engine.execution import Options, Problem, Span, execute, problem_of
-from .._engine.layout import own_parameter, own_states
+from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
 from .._maps.registry import map_of
 from .table import TABLE
@@ -113,8 +112,8 @@ def _sums(
     frame, lengths, of_det = np.eye(D), np.zeros((*batch, D)), np.zeros(batch)
     log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_matrix
     invariant = None
-    problem = problem_of(map_of(body), body, batch, own_states(state, batch), own_parameter(eps))
-    for omega in _slabs(problem, steps, Options(threads)):
+    problem = problem_of(map_of(body), body, batch, state, eps, threads=threads)
+    for omega in _slabs(problem, steps):
         # A state without a next one has no derivative either.
         before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
         of_step = quantity(body, before, eps, before.shape[:-1], threads, "omega")
@@ -147,15 +146,15 @@ def _orthonormalised(frame: FloatArray) -> tuple[FloatArray, FloatArray]:
     return frame, diagonal
 
 
-def _slabs(problem: Problem, steps: int, options: Options) -> Iterator[FloatArray]:
+def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
     """Yield all states (..., D) of a run in parts; the first state of a part is the last before."""
     size = max(problem.omega0.size * problem.omega0.shape[1], 1)
     length = max(_SLAB // size, 1)
-    found = execute(problem, Span(0, min(length, steps), 1), options)
+    found = execute(problem, span_of(0, min(length, steps), 1))
     yield found.saved
     for start in range(length, steps, length):
-        span, last = Span(start, min(start + length, steps), 1), found.saved[-1:]
-        found = execute(problem, span, options, resume=found.resume)
+        span, last = span_of(start, min(start + length, steps), 1), found.saved[-1:]
+        found = execute(problem, span, resume=found.resume)
         yield np.concatenate([last, found.saved])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._engine.evaluation import SLAB, by_slabs
-from .._engine.layout import flat_vectors
+from .._engine.layout import flat_arrays
 from .._engine.stepping import equations_of_field
 from .._maps.registry import map_of
 from .of_nd import jacobian_by
@@ -25,7 +25,7 @@ def _equations(
     """Return A and minus half the step size times f, or A**-1 f, as (..., D, D + 1)."""
     batch = x.shape[:-1]
     flat = map_of(body).parameters(body, eps, batch)
-    found = equations_of_field(flat, flat_vectors(x, batch), threads, solves)
+    found = equations_of_field(flat, flat_arrays(x, batch), threads, solves)
     return found.reshape((*batch, *found.shape[1:]))
 
 

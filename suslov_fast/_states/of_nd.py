@@ -14,8 +14,7 @@ from .._bodies.integrable import check_solved
 from .._checks import FloatArray
 from .._engine import reduced_runs
 from .._engine.evaluation import by_slabs, of_state, of_state_nd
-from .._engine.execution import Options, Span, execute, problem_of
-from .._engine.layout import flat_vectors
+from .._engine.execution import execute, problem_of, span_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
@@ -112,10 +111,8 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 
 def _next(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    batch = omega.shape[:-1]
-    states = flat_vectors(omega, batch)
-    problem = problem_of(map_of(body), body, batch, states, eps)
-    return execute(problem, Span(0, 1, None), Options(continued=False)).final
+    problem = problem_of(map_of(body), body, omega.shape[:-1], omega, eps, continued=False)
+    return execute(problem, span_of(0, 1, None)).final
 
 
 QUANTITIES: dict[str, Callable[..., FloatArray]] = {

@@ -39,7 +39,7 @@ class Growth(Body):
         return "x1", "x2"
 
 
-def grow(problem, span, resume, output, options):
+def grow(problem, span, resume, output):
     a, eps = problem.parameters
     state = resume["state"] if span.start else problem.omega0
     for n in range(span.start, span.steps + 1):

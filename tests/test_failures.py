@@ -204,6 +204,17 @@ def test_overflow_of_an_intermediate_state(unit, method, save_every):
         assert np.isnan(result.final).all()
 
 
+def test_the_first_of_several_states_beyond_float64(unit):
+    omega, unit_of_omega = np.array([0.5, -9.0]), 2.0**1019
+    exact = naive.orbit(1, 1, 1, 0, 1, omega, 9)
+    beyond = [max(map(abs, state)) * unit_of_omega > 2**1024 for state in exact]
+    options = {"save_every": None, "on_singular": "ignore"}
+    run = sf.iterate(unit, omega * unit_of_omega, 1 / unit_of_omega, 60, **options)
+    assert run.status == sf.Status.NONFINITE
+    assert run.failed_at == beyond.index(True)
+    assert sum(beyond) > 1
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_as_large_as_float64_allows(unit, method):
     """An orbit through states of 1e306 equals the orbit in smaller units, bit for bit."""

@@ -288,3 +288,12 @@ def test_times_almost_at_equal_steps(body, jitter):
     states = sf.exact(body, [1.0, 0.5], 0.2, n)
     alone = [sf.exact(body, [1.0, 0.5], 0.2, each) for each in n]
     np.testing.assert_allclose(states, alone, rtol=0, atol=4e-15)
+
+
+@pytest.mark.filterwarnings("ignore:.* no state between two steps")
+@pytest.mark.parametrize(("start", "every"), [(0.5, 0.1), (100.5, 0.3), (3.0, 0.1), (100.7, 1.0)])
+def test_equal_steps_beyond_t_1(unit, start, every):
+    """Some n are whole, or are one rounding error beside a whole number."""
+    n = start + every * np.arange(100)
+    alone = [sf.exact(unit, [0.5, -9.0], 1, each) for each in n]
+    np.testing.assert_array_equal(sf.exact(unit, [0.5, -9.0], 1, n), alone)

@@ -173,8 +173,8 @@ def _call(
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
     """Return the rows of equal steps that times consist of, for each sign, or none.
 
-    Rows of steps of the map begin at n below the step, so that a state does not depend on the other
-    times.
+    A state of the map does not depend on the other times: beyond t = 1 the next float after a whole
+    number of steps has no state. So steps are equal without rounding, and begin below every.
     """
     size = times.size
     if size < SHORTEST:
@@ -197,11 +197,10 @@ def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
     ):
         if outward.size:
             expected = outward[0] + every * np.arange(outward.size)
-            if (abs(outward - expected) > outward * 2.0**-52).any():
+            if (abs(outward - expected) > outward * (2.0**-52 if flow else 0.0)).any():
                 return []
             nearest = float(outward[0])
-            whole = not flow and nearest == math.floor(nearest)
-            skipped = int(nearest // every) if whole else 0
+            skipped = 0 if flow or not every.is_integer() else int(nearest // every)
             first, end = nearest - skipped * every, skipped + outward.size
             place = origin - sign * skipped
             found.append(Rows(float(sign), first, every, skipped, end, place, sign))

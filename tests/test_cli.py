@@ -388,7 +388,7 @@ MISTAKES = """
 1 | info missing.npz | missing.npz: No such file or directory
 1 | info pipe.npz | pipe.npz: expected a file, got a folder, a pipe or a device
 2 | animate -o a.gif --steps 0 | --steps: expected an integer of at least 1 and below 2**62, got '0'
-1 | info other.npz | other.npz: expected a .npz file that Trajectories.save wrote
+1 | info other.npz | other.npz: format: expected 4, that of this version, got none
 1 | pictures -o good.npy | good.npy: File exists
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'

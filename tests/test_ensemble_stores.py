@@ -175,6 +175,24 @@ def test_a_store_without_parameters_is_refused(store, name, harm):
         ensemble(**ASKED, steps=20, store=store)
 
 
+def test_coordinates_of_a_longer_run(tmp_path):
+    """Coordinates given first, or added later, stay if a call does not repeat them."""
+    small = {**ASKED, "store": tmp_path / "run.zarr"}
+    ensemble(**small, steps=4)
+    colours = {"colour": ("trajectory", [f"c{k}" for k in range(20)])}
+    longer = ensemble(**{**small, "coords": colours}, steps=8)
+    assert longer.step_size.values.tolist() == ["a", "b"]
+    del small["coords"]
+    for verify in (False, True):
+        again = ensemble(**small, steps=9, verify=verify)
+        assert again.step_size.values.tolist() == ["a", "b"]
+        assert again.colour.values.tolist() == colours["colour"][1]
+    shutil.rmtree(tmp_path / "run.zarr" / "colour" / "c")
+    (tmp_path / "run.zarr" / "step_size" / "zarr.json").unlink()
+    with pytest.raises(ValueError, match=r"coords: expected step_size, which .* has lost"):
+        ensemble(**small, steps=9, verify=True)
+
+
 def test_complete_tiles_are_not_recomputed(store, finished, monkeypatch):
     pieces = made(monkeypatch)
     ensemble(**ASKED, steps=20, store=store, verify=True)

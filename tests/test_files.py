@@ -167,10 +167,15 @@ def test_nonstandard_codecs_are_refused():
         {"name": "sharding_indexed", "configuration": {key: [standard, other]}}
         for key in ("codecs", "index_codecs")
     ]
+
+    def checked(*used):
+        metadata = SimpleNamespace(to_dict=lambda: {"codecs": used})
+        return codecs.checked("omega", SimpleNamespace(metadata=metadata))
+
     for wrong in (other, *nested):
         with pytest.raises(ValueError, match=r"omega: .* got codecs numcodecs\.pickle"):
-            codecs.check("omega", [standard, wrong])
-    codecs.check("omega", [standard, {"name": "zstd"}])
+            checked(standard, wrong)
+    checked(standard, {"name": "zstd"})
 
 
 def test_damage_is_found_or_harmless(path):
@@ -251,9 +256,7 @@ def test_other_paths_are_not_replaced(tmp_path):
 
     (tmp_path / "file").touch()
     for folder in (tmp_path / "missing", tmp_path / "file"):
-        unwritable(
-            "expected the name of a file in a folder that can be written to", folder / path.name
-        )
+        unwritable("expected a name in a folder that can be written to", folder / path.name)
     os.mkfifo(path)
     unwritable("neither a file")
     path.unlink()

@@ -55,7 +55,7 @@ def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
 
 def facts_of_store(path: Path) -> Facts:
     """Return the summary of a store of `ensemble`, finished or not, read tile by tile."""
-    dataset = open_dataset(resolved(path), chunks=None)
+    dataset = open_dataset(resolved(path), with_dask=False)
     done = {"tiles_done": dataset.attrs["tiles_done"]}
     return {**_header(_view(dataset)), **done, **_outcome(_tiles(dataset))}
 

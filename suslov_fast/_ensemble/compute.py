@@ -89,7 +89,7 @@ def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
         for name in job.states:
             arrays[name][(rows, *where)] = states[name]
     if last:
-        for name in job.ends:
+        for name in job.results:
             arrays[name][where] = reduced[name] if name in reduced else getattr(output, name)
     records = np.zeros(output.status.shape, job.record)
     records["steps"] = span.steps
@@ -131,7 +131,7 @@ def steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
         whole = bool((records["steps"] == steps).all())
         if steps == job.steps:
             whole &= np.array_equal(np.isnan(arrays["final"][where]).any(axis=-1), failed)
-            for name in job.ends[1:]:
+            for name in job.results[1:]:
                 whole &= np.asarray(arrays[name][where]).tobytes() == records[name].tobytes()
         numbers = job.numbers[job.numbers <= steps] if job.states else ()
         for first in range(0, len(numbers), job.rows):

@@ -74,7 +74,7 @@ class Job:
         ) * self.keeps_states
 
     @property
-    def ends(self) -> tuple[str, ...]:
+    def results(self) -> tuple[str, ...]:
         """Stored arrays written with the last step."""
         return ("final", "status", "failed_at", *self.reductions)
 

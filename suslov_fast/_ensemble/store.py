@@ -7,9 +7,9 @@ group "progress" holds the data for resumption; its attributes describe the run,
     record        for each trajectory the data from which the next piece starts, as `Job.record`
 
 An absent chunk reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
-which Zarr verifies when it reads. The root group holds a copy of all metadata ("consolidated"),
-in one object: readers see either all old or all new shapes while a run is extended, and each
-file of metadata is compared with its copy.
+which Zarr verifies when it reads. The root group holds a copy of all metadata ("consolidated") and
+is written last, as one object: readers see either all old or all new shapes while a run is
+extended, and each file of metadata is compared with its copy.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from .._kernels.codes import NOT_COMPUTED
 from .._maps.registry import map_named
 from .._runs import labelled
 from .._runs.schema import header_of, schema_of
-from .codecs import refuse_codecs
+from .codecs import checked
 from .job import Job, require_same
 from .reductions import reductions_of
 
@@ -98,18 +98,6 @@ def only_writer(store: Any) -> Iterator[None]:
         yield
 
 
-class Found(NamedTuple):
-    """Contents of a store."""
-
-    # The description of the run.
-    notes: dict[str, Any]
-    # Number of steps that readers see, and for each tile the number for which it was finished.
-    steps: int = -1
-    done: Any = None
-    # What is damaged, if anything is.
-    damage: Exception | None = None
-
-
 def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") -> Any:
     """Open a group, with `copies` by the metadata in the root; None if it cannot be read."""
     import zarr
@@ -122,95 +110,87 @@ def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") ->
     return group if group.metadata.zarr_format == 3 else None  # not that of a damaged one
 
 
-def _member(group: Any, name: str) -> Any:
-    """Return an array or a group; None if it cannot be read."""
+def _metadata(group: Any, name: str) -> dict[str, Any]:
+    """Return the metadata of a member of a group; empty if they are damaged or absent."""
     try:
-        return None if group is None else group[name]
+        return dict(group[name].metadata.to_dict())
     except _DAMAGE:
-        return None
+        return {}
 
 
 def _digest(notes: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(notes, sort_keys=True).encode()).hexdigest()
 
 
-def _notes(group: Any) -> dict[str, Any]:
-    """Return the description of the run in a group; empty if it is damaged or absent."""
-    notes = {} if group is None else dict(group.attrs)
-    return notes if notes.pop("digest", None) == _digest(notes) else {}
+def _notes(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Return the description of the run in attributes; empty if it is damaged or absent."""
+    notes = {name: value for name, value in attributes.items() if name != "digest"}
+    return notes if attributes.get("digest") == _digest(notes) else {}
 
 
-def look(store: Any, run: str | None = None) -> Found | None:
-    """Return what a store holds, and what is damaged; None if there is no store.
-
-    If the two descriptions in a store differ, that of `run` counts. Raises ValueError if the store
-    is of another program or version.
-    """
-    # The copies first: while a run is extended, the originals are newer.
-    copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
-    attributes = next((dict(each.attrs) for each in (copies, root) if each is not None), {})
-    if attributes == _UNFINISHED or (own is None and not attributes and _is_free(store, root)):
-        return None
-    new, old = _notes(own), _notes(_member(copies, PROGRESS))
-    notes = new if new and run in (None, new["run"]) else old or new
-    if not notes:
-        stored = {} if own is None else dict(own.attrs)
-        received = f"another: {store}"
-        if "run" in stored:
-            of = attributes.get("source", f"suslov_fast {attributes.get('version', 'unknown')}")
-            received = f"format {stored.get('layout', 1)} of {of}: compute {store} anew"
-        raise wrong("store", f"a new name or a store in format {_LAYOUT}", received)
-    try:
-        _compare(store, root, copies, new, old)
-        refuse_codecs(store)
-        needed = ("eps", "component", *map_named(attributes["map"]).body._names())
-        for name in new["known"]:
-            values = np.asarray(root[name][...])  # raises an error if its checksum differs
-            lost = values == "" if values.dtype.kind in "OT" else values != values
-            if name in needed and lost.any():
-                raise ValueError(f"a chunk of {name} is missing")
-        done = np.asarray(root[MARKS][...])
-        shown = attributes["steps"]
-        if done.max(initial=-1) > shown < old["steps"] and _group(store).attrs["steps"] == shown:
-            raise ValueError("zarr.json is damaged")
-    except _DAMAGE as damage:
-        return Found(notes, damage=damage)
-    return Found(notes, shown, done)
+def _notes_in(root: Any) -> dict[str, Any]:
+    """Return the description of the run in the group "progress", or in its copy."""
+    return _notes(_metadata(root, PROGRESS).get("attributes", {}))
 
 
-def _is_free(store: Any, root: Any) -> bool:
+def _is_free(store: Any) -> bool:
     """Return True if a store can be created in a place without metadata."""
-    if root is not None or not _is_folder(store) or not os.path.lexists(store):
-        return root is None or not list(root)
+    if not _is_folder(store) or not os.path.lexists(store):
+        return True
     return os.path.isdir(store) and all(name.endswith(".partial") for name in os.listdir(store))
 
 
-def _compare(store: Any, root: Any, copies: Any, new: dict[str, Any], old: dict[str, Any]) -> None:
-    """Raise an error that names metadata that are lost or differ from their copy.
+def _described(store: Any) -> dict[str, Any]:
+    """Return the description of the run in a store; empty if there is no store, or one just begun.
 
-    While a run is extended, it has more steps than its copy, and axes of time may be longer.
+    Raises ValueError if the store is of another program or version.
     """
-    if not new:
-        raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
-    about = new["attributes"]
-    if (
-        root is None
-        or not old
-        or old != {**new, "steps": old["steps"]}
-        or about != {name: copies.attrs[name] for name in about}
-        or not 0 <= copies.attrs["steps"] <= old["steps"] <= new["steps"]
-    ):
+    copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
+    about, stored = ({} if each is None else dict(each.attrs) for each in (root, own))
+    if about == _UNFINISHED or (root is own is None and _is_free(store)):
+        return {}
+    if notes := _notes(stored) or _notes_in(copies):
+        return notes
+    received = f"another: {store}"
+    if "run" in stored:
+        of = about.get("source", f"suslov_fast {about.get('version', 'unknown')}")
+        received = f"format {stored.get('layout', 1)} of {of}: compute {store} anew"
+    raise wrong("store", f"a new name or a store in format {_LAYOUT}", received)
+
+
+def _progress(store: Any) -> tuple[int, Any]:
+    """Return the number of steps that readers see, and for each tile the number done.
+
+    Raises an error that names what is damaged. While a run is extended, files of metadata may have
+    more steps than their copies: at most those in "progress", which is written first and read last.
+    """
+    copies, root = _group(store, copies=True), _group(store)
+    notes = _notes_in(copies)
+    if not notes or dict(copies.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
         raise ValueError("zarr.json is damaged or missing")
-    for name in (*new["known"], *new["computed"], MARKS, RECORDS):
-        node, member = copies[name].metadata.to_dict(), _member(root, name)
-        found = {} if member is None else member.metadata.to_dict()
-        if found and (node.get("dimension_names") or ("",))[0] == "n":
-            rows, *others = found["shape"]
-            latest = _notes(_group(store, PROGRESS))["steps"]
-            if node["shape"][0] <= rows <= len(numbers_of_saved(latest, about.get("save_every"))):
-                found["shape"] = (node["shape"][0], *others)
-        if found != node:
+    for name, member in copies.members(max_depth=None):
+        checked(name, member)
+    names = (*notes["known"], *notes["computed"], MARKS, RECORDS)
+    arrays = {name: _metadata(root, name) for name in names}
+    latest = _notes_in(root)
+    growing = {"steps": 0, "known": []}
+    if not latest or latest | growing != notes | growing or latest["steps"] < notes["steps"]:
+        raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
+    most = len(numbers_of_saved(latest["steps"], notes["attributes"].get("save_every")))
+    for name, found in arrays.items():
+        expected = _metadata(copies, name)
+        if "shape" in found and expected.get("dimension_names", ())[:1] == ("n",):
+            rows, *shape = expected["shape"]
+            expected["shape"] = (min(max(rows, found["shape"][0]), most), *shape)
+        if found != expected:
             raise ValueError(f"{name}/zarr.json is damaged or missing")
+    needed = ("eps", "component", *map_named(notes["attributes"]["map"]).body._names())
+    for name in notes["known"]:
+        values = np.asarray(root[name][...])  # raises an error if its checksum differs
+        lost = values == "" if values.dtype.kind in "OT" else values != values
+        if name in needed and lost.any():
+            raise ValueError(f"a chunk of {name} is missing")
+    return notes["steps"], np.asarray(root[MARKS][...])
 
 
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
@@ -221,116 +201,113 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
     """
     import zarr
 
-    store, run = job.store, json.dumps(identity)
-    if _group(store) is None and _group(store, PROGRESS) is None and not _is_free(store, None):
+    store = job.store
+    if _group(store) is _group(store, PROGRESS) is None and not _is_free(store):
         received = "another folder" if os.path.isdir(store) else "a file"
         message = f"expected the name of a Zarr store to write, got {received}"
         raise OSError(errno.EEXIST, message, store)
-    found = look(store, run)
-    if found is None:
-        group = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False)
-        group.attrs.put(_UNFINISHED)
+    notes = _described(store)
+    if not notes:
+        options = {"zarr_format": 3, "use_consolidated": False, "attributes": _UNFINISHED}
+        group = zarr.open_group(store, mode="a", **options)
         for name in list(group):
             del group[name]
-        about = {name: value for name, value in dataset.attrs.items() if name != "steps"}
-        notes: dict[str, Any] = {"layout": _LAYOUT, "run": run, "attributes": about, "known": []}
-        notes |= {"tile": job.tile, "rows": job.rows, "compression": job.compression}
-        _write(job, dataset, notes, True)
+        notes = {"layout": _LAYOUT, "run": identity, "known": [], "tile": list(job.tile)}
+        _write(job, dataset, notes | {"rows": job.rows, "compression": job.compression})
         return job
-    notes = found.notes
-    require_same(identity, json.loads(notes["run"]), store)
+    require_same(identity, notes["run"], store)
     if notes["steps"] > job.steps:
         raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
     tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
-    job = replace(job, tile=tile, rows=rows, compression=compression)
+    job, shown = replace(job, tile=tile, rows=rows, compression=compression), -1
     if not verify:
         with advice(store):
-            if found.damage:
-                raise found.damage
+            shown, done = _progress(store)
             records = _group(store)[RECORDS]
-            for each in np.flatnonzero(found.done != job.steps).tolist():
+            for each in np.flatnonzero(done != job.steps).tolist():
                 records[job.where(each)]  # raises an error if its checksum differs
-    if verify or found.steps != job.steps:
-        _write(job, dataset, notes, verify)
+    if shown != job.steps:
+        _write(job, dataset, notes)
     return job
 
 
-def _write(job: Job, dataset: Any, notes: dict[str, Any], all_values: bool) -> None:
-    """Write the metadata of all arrays, and the known values; existing chunks remain."""
+def _write(job: Job, dataset: Any, notes: dict[str, Any]) -> None:
+    """Write all metadata, and all values that are not computed; chunks of results remain."""
     import zarr
-    from zarr.codecs import BloscCodec, Crc32cCodec
 
     groups = (_group(job.store, path, mode="r+") for path in ("", PROGRESS))
     group = next(each for each in groups if each is not None)
     place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
-    # Metadata are made in memory, since Zarr removes the chunks of an array that it creates.
-    memory = zarr.create_group(zarr.storage.MemoryStore(), zarr_format=3)
+    for name in sorted(set(notes["known"]) - set(dataset.variables)):
+        try:
+            array = checked(name, zarr.open_array(place / name, mode="r", zarr_format=3))
+            variable = array.metadata.dimension_names, array[...], dict(array.attrs)
+        except (FileNotFoundError, *_DAMAGE) as error:
+            raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error
+        dataset = dataset.assign_coords({name: variable})
+    # All is made in memory first, since Zarr removes the chunks of an array that it creates.
+    made = _in_memory(job, dataset, notes)
+    nodes = sorted(made.members(max_depth=None), key=lambda node: node[0] != PROGRESS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
+        nodes.append(("", zarr.consolidate_metadata(made.store, zarr_format=3)))
+    known = made[PROGRESS].attrs["known"]
+    for name, node in nodes:
+        if isinstance(node, zarr.Group):
+            zarr.Group(zarr.AsyncGroup(node.metadata, place / name)).update_attributes({})
+        else:
+            array = zarr.Array(zarr.AsyncArray(node.metadata, place / name))
+            array.update_attributes({})
+            if name in known:
+                array[...] = node[...]
 
-    def put_group(path: str, attributes: dict[str, Any]) -> None:
-        made = zarr.AsyncGroup(memory.metadata, place / path)
-        zarr.Group(made).update_attributes(attributes)
-        memory.attrs.put({})
 
-    def put(name: str, shape: Any, chunks: Any, **options: Any) -> None:
-        made = memory.create_array(name, shape=shape, chunks=chunks, **options)
-        zarr.Array(zarr.AsyncArray(made.metadata, place / name)).update_attributes({})
+def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
+    """Return a group in memory, with all metadata and the values that are not computed."""
+    import zarr
+    from zarr.codecs import BloscCodec, Crc32cCodec
 
-    if _group(job.store) is None:
-        put_group("", notes["attributes"])
-    group = zarr.open_group(job.store, mode="r+", use_consolidated=False)
-    computed: list[Any] = [*job.states, *job.ends, *("n",) * job.keeps_states]
-    known = dataset.drop_vars(computed).drop_attrs(deep=False)
-    for name in notes["known"]:
-        if name not in known.variables and _member(group, name) is None:
-            raise wrong("coords", f"{name}, which {job.store} has lost", "none")
-    names = sorted({*notes["known"], *map(str, known.variables)})
-    notes = {**notes, "known": names, "computed": computed, "steps": job.steps}
-    put_group(PROGRESS, {**notes, "digest": _digest(notes)})
-    codecs: list[Any] = [Crc32cCodec()]
-    size, tiles = job.record.itemsize, math.prod(job.grid)
-    put(MARKS, (tiles,), (_TOGETHER,), dtype="int64", fill_value=-1, compressors=codecs)
-    chunks = (*job.tile, size)
-    put(RECORDS, (*job.batch, size), chunks, dtype="uint8", fill_value=255, compressors=codecs)
-    packed = list(codecs)
+    checksum: list[Any] = [Crc32cCodec()]
+    packed = list(checksum)
     if job.compression:
         packed.insert(0, BloscCodec(cname=job.compression, clevel=1, shuffle="shuffle"))
     lengths = {"n": job.rows, **dict(zip(job.dims, job.tile, strict=True))}
-    for name in computed:
-        variable = dataset[name].variable
-        chunks = tuple(lengths.get(dim, length) for dim, length in variable.sizes.items())
-        put(
-            name,
-            variable.shape,
-            # A chunk of n does not depend on the number of steps: it serves old and new metadata.
-            (_TOGETHER,) if name == "n" else chunks,
-            dtype=variable.dtype,
-            fill_value=np.nan if variable.dtype.kind == "f" else NOT_COMPUTED,
-            compressors=packed,
-            dimension_names=variable.dims,
-            attributes={key: np.asarray(each).tolist() for key, each in variable.attrs.items()},
+    computed = [*job.states, *job.results]
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        options = encoding[name] = {"compressors": packed if name in computed else checksum}
+        if variable.dtype.kind == "f":  # an absent chunk is recognised by its NaN
+            options |= {"fill_value": np.nan, "_FillValue": None}
+        elif name in computed:
+            options["fill_value"] = NOT_COMPUTED
+        if name in computed:
+            sizes = variable.sizes.items()
+            options["chunks"] = tuple(lengths.get(dim, length) for dim, length in sizes)
+        elif name == "n":  # the same chunks for any number of steps
+            options["chunks"] = (_TOGETHER,)
+    store = zarr.storage.MemoryStore()
+    dataset.to_zarr(store, compute=False, consolidated=False, encoding=encoding, zarr_format=3)
+    group = zarr.open_group(store, mode="r+", use_consolidated=False)
+    attributes = {name: value for name, value in group.attrs.items() if name != "steps"}
+    known = sorted(set(map(str, dataset.variables)) - set(computed))
+    notes = {**notes, "attributes": attributes, "known": known, "computed": computed}
+    notes["steps"] = job.steps
+    group.create_group(PROGRESS, attributes={**notes, "digest": _digest(notes)})
+    size, tiles = job.record.itemsize, math.prod(job.grid)
+    for name, shape, chunks, dtype, fill in (
+        (MARKS, (tiles,), (_TOGETHER,), "int64", -1),
+        (RECORDS, (*job.batch, size), (*job.tile, size), "uint8", 255),
+    ):
+        group.create_array(
+            name, shape=shape, chunks=chunks, dtype=dtype, fill_value=fill, compressors=checksum
         )
-    if job.keeps_states:
-        group["n"][...] = job.numbers
-    if all_values:
-        encoding: dict[Any, Any] = {}
-        for name, variable in known.variables.items():
-            del group[name]
-            encoding[name] = {"compressors": codecs}
-            if variable.dtype.kind == "f":  # an absent chunk is recognised by its NaN
-                encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
-        known.attrs = dict(group.attrs)
-        known.to_zarr(job.store, mode="a", consolidated=False, encoding=encoding, zarr_format=3)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
-        zarr.consolidate_metadata(job.store, zarr_format=3)
-    # Last of all the number of steps, in one object with the copies.
-    group = zarr.open_group(job.store, mode="r+", use_consolidated=True)
-    others = {name: each for name, each in group.attrs.items() if name not in _UNFINISHED}
-    group.attrs.put({**others, **notes["attributes"], "steps": job.steps})
+    return group
 
 
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with placeholders without memory for results."""
+    from dask.array import zeros
+
     batch, D = job.batch, job.body.dimension
     entries = header_of(job.body, job.map, job.method, job.steps, job.save_every)
     entries |= {"eps": job.eps, **job.parameters}
@@ -338,14 +315,13 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         entries["n"] = job.numbers
     sizes = {"n": len(job.numbers), "component": D, "space": D + 1, "body": D + 1}
     for name, entry in schema_of(job.map).items():
-        if name in (*job.states, *job.ends):
-            shape = entry.axes(batch, sizes)
-            entries[name] = np.broadcast_to(np.zeros((), entry.dtype), shape)
+        if name in (*job.states, *job.results):
+            entries[name] = zeros(entry.axes(batch, sizes), dtype=entry.dtype, chunks=-1)
     dataset = labelled.dataset_of(entries, job.dims, coords)
     for name in job.reductions:
         meaning, *_, of_components = reductions_of(job.map)[name]
         own = {"component": D} if of_components else {}
-        nothing = np.broadcast_to(0.0, (*batch, *own.values()))
+        nothing = zeros((*batch, *own.values()), chunks=-1)
         dataset[name] = ((*job.dims, *own), nothing, {"long_name": meaning})
     status = dataset["status"].attrs
     status["flag_values"] = np.append(status["flag_values"], np.int8(NOT_COMPUTED))
@@ -362,14 +338,14 @@ def open_arrays(job: Job) -> Arrays:
     # Chunks of NaN are written like others: testing for them takes longer.
     return {
         name: group[name].with_config({"write_empty_chunks": True})
-        for name in (MARKS, RECORDS, *job.states, *job.ends)
+        for name in (MARKS, RECORDS, *job.states, *job.results)
     }
 
 
 def withdraw(job: Job, arrays: Arrays, tile: int, record: bool = False) -> None:
     """Remove the data of a tile written with its last step, or all its data if `record`."""
     where = job.where(tile)
-    parts = dict.fromkeys((*job.ends, *((RECORDS,) * record)), where)
+    parts = dict.fromkeys((*job.results, *((RECORDS,) * record)), where)
     if record or job.save_every is None:
         parts |= {name: (slice(None), *where) for name in job.states}
     for name, part in parts.items():
@@ -378,30 +354,22 @@ def withdraw(job: Job, arrays: Arrays, tile: int, record: bool = False) -> None:
         array[part] = array.fill_value
 
 
-def open_dataset(store: Any, chunks: Any = "auto") -> Any:
+def open_dataset(store: Any, with_dask: bool = True) -> Any:
     """Return the dataset of a store, lazy."""
     import xarray
 
-    found = look(store)
-    if found is None:
+    if not _described(store):
         received = f"none at {store}"
         raise wrong("store", "a store written by ensemble", received, FileNotFoundError)
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
-        if found.damage:
-            raise found.damage
+        _, done = _progress(store)
         # The copies agree with each other while the arrays are extended.
-        options: dict[str, Any] = {"zarr_format": 3, "chunks": chunks, "drop_variables": ["n"]}
-        dataset = xarray.open_zarr(store, consolidated=True, **options)
-        done, steps = found.done, found.steps
-        dataset.attrs["steps"] = steps
-        dataset.attrs["tiles_done"] = f"{int((done == steps).sum())} of {done.size}"
-        if "n" in dataset.dims:
-            numbers = numbers_of_saved(steps, dataset.attrs.get("save_every"))
-            dataset = dataset.isel(n=slice(0, len(numbers)))
-            dataset = dataset.assign_coords(n=("n", numbers, dict(_group(store)["n"].attrs)))
-            dataset = labelled.with_time(dataset)
-    return dataset
+        options: dict[str, Any] = {"consolidated": True, "zarr_format": 3}
+        dataset = xarray.open_zarr(store, chunks={} if with_dask else None, **options)
+    finished = np.count_nonzero(done == dataset.attrs["steps"])
+    dataset.attrs["tiles_done"] = f"{finished} of {done.size}"
+    return labelled.with_time(dataset) if "n" in dataset.dims else dataset
 
 
 @contextmanager

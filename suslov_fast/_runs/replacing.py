@@ -30,7 +30,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         new.touch(exist_ok=False)
     except OSError as error:
         received = error.strerror or type(error).__name__
-        message = f"expected the name of a file in a folder that can be written to, got {received}"
+        message = f"expected a name in a folder that can be written to, got {received}"
         raise OSError(error.errno or errno.EIO, message, os.fspath(path)) from error
     try:
         yield new

@@ -202,15 +202,15 @@ def taylor(rates, state, time, steps, order):
 
 
 @mp.workdps(30)
-def flow(I1, I2, I13, I23, omega, time, steps=40):
-    """Solution of equations (2) at a time, in 30 digits."""
+def flow(I1, I2, I13, I23, omega, time, steps=40, k=0):
+    """Solution of equations (2) at a time, in 30 digits; k is a third component."""
     I1, I2, I13, I23, time = exactly(I1, I2, I13, I23, time)
 
     def rates(product):
-        w11, w12, w22 = product(0, 0), product(0, 1), product(1, 1)
-        return (-I13 * w12 - I23 * w22) / I1, (I13 * w11 + I23 * w12) / I2
+        l1, l2 = (I13 * product(0, i) + I23 * product(1, i) + product(2, i) for i in (0, 1))
+        return -l2 / I1, l1 / I2, 0
 
-    return taylor(rates, exactly(*omega), time, steps, order=30)
+    return taylor(rates, exactly(*omega, k), time, steps, order=30)[:2]
 
 
 def derivative(function, state, digits=20):

@@ -211,8 +211,12 @@ def test_progress(body, capsys, small_parts):
     sf.iterate(body, omega, 0.2, 700, method="ds2", progress=lambda *n: seen.append(n))
     assert len(seen) > 4
     assert seen == sorted(seen)
+    seen.clear()
+    sf.iterate(body, omega, 0.2, 500, method="ds2").extend(300, progress=lambda *n: seen.append(n))
+    assert len(seen) > 4
+    assert max(seen) == seen[-1] == (300, 300)
     sf.iterate(body, omega, 0.2, 700, progress=lambda *n: seen.append(n))  # the closed form
-    assert seen[-2:] == [(700, 700)] * 2
+    assert seen[-1] == (700, 700)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
 
@@ -256,12 +260,3 @@ def test_threads_that_cannot_be_started(error, monkeypatch):
     assert calls == ["serial"]
     assert len(started) == 2
     assert threading.active_count() == threads_before
-
-
-def test_progress_of_a_run_that_goes_on(body, small_parts):
-    seen = []
-    run = sf.iterate(body, np.ones((70, 2)), 0.2, 500, method="ds2")
-    run.extend(300, progress=lambda *n: seen.append(n))
-    assert len(seen) > 4
-    assert seen[-1] == (300, 300)
-    assert max(seen) == (300, 300)

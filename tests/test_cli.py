@@ -394,9 +394,9 @@ MISTAKES = """
 2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 10 and below 2001, got '1e9'
 2 | animate -o body.png | --output: expected the name of a .gif or .mp4 file, got 'body.png'
 2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | animate: body: expected Suslov3D
-1 | animate -o a.gif --steps 1e12 | got 112,000,000,000,000 bytes; lower --steps
+1 | animate -o a.gif --steps 1e12 | expected arrays that fit in memory, of which
 1 | animate -o a.gif --I1 2 --I2 2 --I13 .5 --I23 0 --eps 1 --omega0 2,-9 | animate: 1 of 1
-2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: expected each of I1, I2
+2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: parameters: expected each of I1, I2
 2 | explore --port 65536 | --port: expected an integer of at least 0 and below 65536, got '65536'
 """
 

@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from .._bodies.paper import PICTURES
-from .._engine.memory import require
 from .._runs.replacing import replacing
 from .._runs.trajectories import SingularStepError
 from .._show import plots
@@ -20,8 +19,6 @@ _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
 _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 # Step size of animated pictures: those of the paper are too long for a smooth animation.
 _EPS = 0.05
-# Size of a step: angular velocity, orientation, and a point of the path.
-_BYTES = 8 * (2 + 9 + 3)
 
 
 def pictures(options: argparse.Namespace) -> str:
@@ -48,7 +45,6 @@ def animate(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
     body, eps, _ = problem_of(options, _EPS)
     orientation = orientation_of(options)
-    require(_BYTES * options.steps, "lower --steps")
     path = options.output
     with style():  # which raises a helpful error without Matplotlib
         from matplotlib import animation

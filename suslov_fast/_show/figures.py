@@ -1,4 +1,4 @@
-"""Axes, legends and panel letters of all pictures, and curves around bodies."""
+"""Axes and panel letters of all pictures, and orbits in a plane."""
 
 from __future__ import annotations
 
@@ -6,18 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import FloatArray, real_number, wrong
-
-# Distance of a legend from the axes, in units of its font size: the label of the axis is between.
-_BELOW = 4.2
-
-
-def positive(name: str, value: Any) -> float:
-    """Return a positive number."""
-    number = real_number(name, value)
-    if not isinstance(number, float) or number <= 0:
-        raise wrong(name, "a positive number", value)
-    return number
+from .._checks import FloatArray
 
 
 def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> Any:
@@ -28,41 +17,15 @@ def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> A
     """
     from matplotlib.axes import Axes
 
-    from .picture import Picture
+    from .styled_figure import StyledFigure
 
     if ax is None:
-        ax = Picture(figsize=size, layout="constrained").add_subplot()
+        ax = StyledFigure(figsize=size, layout="constrained").add_subplot()
     elif not isinstance(ax, Axes) or ax.name == "3d":
         raise TypeError(f"ax: expected plane axes of Matplotlib, got {ax!r}")
     if letter:
         ax.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
     return ax
-
-
-def legend_below(axes: Any, columns: int) -> None:
-    """Draw the legend below the label of the horizontal axis."""
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": _BELOW}
-    axes.legend(**place, ncols=columns, frameon=False, fontsize="small")
-
-
-def towards_eye(axes: Any) -> FloatArray:
-    """Return the unit vector from axes in three dimensions to the eye."""
-    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
-    flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-
-
-def plot_around(axes: Any, points: FloatArray, in_front: Any, alpha: float, **look: Any) -> None:
-    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it with `alpha`.
-
-    The part behind ends at the first point of the part in front, so that there is no gap.
-    """
-    behind = ~in_front
-    behind[1:] |= ~in_front[:-1]
-    behind[:-1] |= ~in_front[1:]
-    for order, shown, opacity in ((1, behind, alpha), (3, in_front, 1.0)):
-        part = np.where(shown[:, np.newaxis], points, np.nan)
-        axes.plot(*part.T, zorder=order, alpha=opacity, **look)
 
 
 def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> None:

@@ -8,7 +8,9 @@ from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, instance
 from .._states.conserved import energy
-from .._states.paper_coordinates import from_xy
+
+# Relative distance from t = 1 of levels drawn in place of nearer ones.
+_NEAR_1 = 1e-6
 
 
 def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
@@ -34,27 +36,45 @@ def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatAr
     return np.stack([z.real / np.sqrt(body.I1), z.imag / np.sqrt(body.I2)], axis=-1)
 
 
-def level_curves(body: Suslov3D, eps: float, t: float, reach: float = 3.0) -> list[FloatArray]:
-    """Branches, as states (N, 2), of the curve of criticality t."""
-    a = body.I1 * body.I2
-    units = np.array([np.sqrt(2.0 * a), 2.0 * a]) / eps
-    return [from_xy(body, np.stack(branch, axis=-1) * units) for branch in conic(t, reach)]
-
-
-def conic(t: float, reach: float = 3.0) -> list[tuple[FloatArray, FloatArray]]:
-    """Branches of X**2 (1 - t**2) / 2 + Y**2 = t**2.
+def level(
+    body: Suslov3D | SuslovGyrostat, eps: float, R: float, reach: float = 3.0
+) -> list[FloatArray]:
+    """Branches, as states (N, 2), of the level R, a conic.
 
     Unbounded branches are cut off at sinh(reach) times their width.
     """
-    if t == 1.0:
-        x = np.sinh(reach) * np.array([-1.0, 1.0])
-        return [(x, np.full(2, y)) for y in (-1.0, 1.0)]
-    width = t * np.sqrt(2.0 / abs(1.0 - t * t))
+    g, _ = half_angle(body)
+    t = float(0.5 * abs(eps) * R * abs(g) / np.sqrt(body.I1 * body.I2))
+    if abs(t - 1.0) < _NEAR_1:  # two lines, which have no phases: draw the hyperbola next to them
+        R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
+    # With u = tan(phase / 2 - pi / 4) the curve is a quotient of quadratic polynomials, of which
+    # the denominator is proportional to u**2 - v**2 or, where t < 1, u**2 + v**2.
+    v = float(np.sqrt(abs((1.0 - t) / (1.0 + t))))
     if t < 1.0:
-        angle = np.linspace(0.0, 2.0 * np.pi, 300)
-        return [(width * np.cos(angle), t * np.sin(angle))]
-    s = np.linspace(-reach, reach, 300)
-    return [(width * np.sinh(s), sign * t * np.cosh(s)) for sign in (-1.0, 1.0)]
+        branches = [v * np.tan(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 300))]
+    else:
+        s = np.tanh(np.linspace(-0.5 * reach, 0.5 * reach, 300))
+        branches = [v * s, v / s]
+    middle = np.copysign(0.5 * np.pi, eps)
+    return [on_level(body, eps, R, middle + 2.0 * np.arctan(u)) for u in branches]
+
+
+def meeting_phase(A: float, k: float) -> float:
+    """The phase, up to its sign, where a level with A = R abs(g) meets the line l = 0.
+
+    Where it does not, that of the least abs(l).
+    """
+    return float(np.arccos(np.clip(-k / A, -1.0, 1.0))) if A else 0.0
+
+
+def steady_line(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray]:
+    """The state of least energy on the line of steady states, and the direction of the line.
+
+    With a positive step size the half in this direction repels.
+    """
+    g, k = half_angle(body)
+    middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2]) + 0.0
+    return middle, np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
 
 
 def energy_level(body: Suslov3D, omega: FloatArray) -> FloatArray:

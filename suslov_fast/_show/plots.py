@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
-from .._checks import FloatArray, integer, vectors, wrong
+from .._checks import FloatArray, integer, real_number, wrong
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
 from .._states.vector_field import vector_field
-from .figures import axes_for, legend_below, positive
-from .plane import half_angle, on_level
+from .figures import axes_for
+from .plane import half_angle, level, meeting_phase, on_level, steady_line
 from .style import styled
 from .turning import turning_body
 
@@ -74,8 +74,10 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
+    from matplotlib import colormaps
+
     g, k = half_angle(body)
-    eps, extent = positive("eps", eps), positive("extent", extent)
+    eps, extent = _positive("eps", eps), _positive("extent", extent)
     levels = integer("levels", levels, 1)
     e = 0.5 * eps / float(np.sqrt(body.I1 * body.I2))
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
@@ -83,24 +85,25 @@ def plot_phase(
         expected = "a criticality below 1 in the corners of the picture"
         raise wrong("extent", expected, f"{e * largest * abs(g):.3g}")
     axes = axes_for(ax, (5.2, 5.6), letter)
-    colours, turn = _colours(levels), np.linspace(0.0, 2.0 * np.pi, 300)
-    for level, colour in zip(np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
-        R = float(level) * largest
-        axes.plot(*on_level(body, eps, R, turn).T, "-", color=colour, linewidth=0.8, alpha=0.7)
+    colours = colormaps["viridis"](np.linspace(0.1, 0.8, levels))
+    for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
+        (curve,) = level(body, eps, R)
+        axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
         for psi, steps in _orbits(e, R * abs(g), k):
             orbit = iterate(body, on_level(body, eps, R, np.array(psi)), eps, steps).omega
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
     if g:
-        _steady_states(axes, body, g, k, 4.0 * extent)
+        _steady_states(axes, body, 4.0 * extent)
     colour, name = colours[levels // 2], "levels of $F$, one colour each"
     axes.plot([], [], "-", color=colour, linewidth=0.8, label=name)
     axes.plot([], [], ".", color=colour, markersize=6, label="states of the map")
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    if legend:
-        legend_below(axes, 2)
+    if legend:  # below the label of the axis, in units of the font size
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
+        axes.legend(**place, ncols=2, frameon=False, fontsize="small")
     return axes
 
 
@@ -159,16 +162,15 @@ def animate_body(
 
     if np.ndim(eps):
         raise wrong("eps", "a single number", eps)
-    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
+    every, interval = integer("every", every, 1), 1000.0 / _positive("fps", fps)
     body = _BODY if body is None else body
     g, k = half_angle(body)
     if omega0 is None:  # near the repelling steady rotation, where there is one
-        along = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23) if g else [1.0, 0.0]
-        R = 2.0 * float(np.sqrt(2.0 * energy(body, along)))
-        A = R * abs(g)
-        end = 2.0 * np.arctan2(np.sqrt(A + k), np.sqrt(A - k)) if abs(k) < A else 0.0
-        omega0 = on_level(body, eps, R, np.array(0.15 - end))
-    omega = iterate(body, _state(omega0), eps, steps, on_singular="raise").omega
+        R = 2.0 * float(np.sqrt(2.0 * energy(body, steady_line(body)[1] if g else [1.0, 0.0])))
+        omega0 = on_level(body, eps, R, np.array(0.15 - meeting_phase(R * abs(g), k)))
+    omega = iterate(body, omega0, eps, steps, on_singular="raise").omega
+    if omega.ndim != 2:
+        raise wrong("omega0", "shape (2,)", np.shape(omega0))
     rotations = attitude(body, omega, eps, R0)
     if rotations.ndim != 3:
         raise wrong("R0", "shape (3, 3)", rotations.shape[1:])
@@ -176,18 +178,12 @@ def animate_body(
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 
-def _state(omega0: ArrayLike) -> FloatArray:
-    """Return a single state."""
-    state = vectors("omega0", omega0, 2)
-    if state.ndim != 1:
-        raise wrong("omega0", "shape (2,)", state.shape)
-    return state
-
-
-def _colours(count: int) -> Any:
-    from matplotlib import colormaps
-
-    return colormaps["viridis"](np.linspace(0.1, 0.8, count))
+def _positive(name: str, value: Any) -> float:
+    """Return a positive number."""
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0:
+        raise wrong(name, "a positive number", value)
+    return number
 
 
 def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
@@ -196,20 +192,20 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
         steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
         return [(0.0, int(min(np.ceil(steps), _LONGEST)))]
     # From the steady state at -end to that at end, on either side.
-    end, rate = 2.0 * np.arctan2(np.sqrt(A + k), np.sqrt(A - k)), e * np.sqrt(A * A - k * k)
-    found = []
+    end, rate = meeting_phase(A, k), e * np.sqrt(A * A - k * k)
+    orbits = []
     for side, half in ((1.0, end), (-1.0, np.pi - end)):
         psi = -end + side * 2.0 / np.pi * half * _NEAR
         p, q = np.sin(0.5 * psi) / np.sqrt(A + k), np.cos(0.5 * psi) / np.sqrt(A - k)
         steps = np.log(abs((p - q) / (p + q))) / np.arctanh(rate)
-        found.append((psi, int(min(np.ceil(steps), _LONGEST))))
-    return found
+        orbits.append((psi, int(min(np.ceil(steps), _LONGEST))))
+    return orbits
 
 
-def _steady_states(axes: Any, body: Any, g: complex, k: float, reach: float) -> None:
+def _steady_states(axes: Any, body: Any, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
-    middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2])
-    direction = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+    middle, direction = steady_line(body)
+    k = half_angle(body)[1]
     line = _STEADY + (r" + k = 0$" if k else " = 0$")
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)

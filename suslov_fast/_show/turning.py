@@ -11,7 +11,6 @@ from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
 from .ellipsoid import ellipsoid, sphere
-from .figures import plot_around, towards_eye
 from .style import styled
 
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
@@ -23,13 +22,13 @@ def turning_body(
     body: Suslov3D | SuslovGyrostat, rotations: FloatArray, eps: float
 ) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
-    from .picture import Picture
+    from .styled_figure import StyledFigure
 
     radii, principal, I3, _ = ellipsoid(body)
     radii = _BODY * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere())
     path = _PATH * rotations[:, :, 2]
-    axes = Picture(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
+    axes = StyledFigure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
 
@@ -39,7 +38,7 @@ def turning_body(
         from matplotlib.patheffects import withStroke
 
         axes.clear()
-        R, eye, light = rotations[number], towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
+        R, eye, light = rotations[number], _towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
         # A convex body hides an axis that leaves it through the side turned away, and, of a curve
         # outside its sphere, the part behind its centre.
         look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
@@ -55,7 +54,7 @@ def turning_body(
             outline = [withStroke(linewidth=3.0, foreground="white")]
             axes.text(*(_NAME * R[:, k]), name, path_effects=outline, **look)
         past = path[: number + 1]
-        plot_around(axes, past, past @ eye >= 0, 0.45, color="crimson", linewidth=1.2)
+        _plot_around(axes, past, past @ eye >= 0, 0.45, color="crimson", linewidth=1.2)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
@@ -64,3 +63,23 @@ def turning_body(
         return []
 
     return axes.figure, draw
+
+
+def _towards_eye(axes: Any) -> FloatArray:
+    """Return the unit vector from axes in three dimensions to the eye."""
+    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+
+
+def _plot_around(axes: Any, points: FloatArray, in_front: Any, alpha: float, **look: Any) -> None:
+    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it with `alpha`.
+
+    The part behind ends at the first point of the part in front, so that there is no gap.
+    """
+    behind = ~in_front
+    behind[1:] |= ~in_front[:-1]
+    behind[:-1] |= ~in_front[1:]
+    for order, shown, opacity in ((1, behind, alpha), (3, in_front, 1.0)):
+        part = np.where(shown[:, np.newaxis], points, np.nan)
+        axes.plot(*part.T, zorder=order, alpha=opacity, **look)

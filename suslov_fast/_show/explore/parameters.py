@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -13,7 +12,6 @@ from ..._bodies.paper import PICTURES
 from ..._checks import vectors, wrong
 
 STEPS = 5000
-_LINK = 2000
 
 
 class Parameters(NamedTuple):
@@ -47,47 +45,32 @@ class Parameters(NamedTuple):
         return [self.Omega1, self.Omega2]
 
 
-def read(texts: Mapping[str, str]) -> Parameters:
-    """Read parameters from the text of the fields."""
+def read(query: str) -> Parameters:
+    """Return the parameters in a query; each is there once, or has a default."""
+    pairs = parse_qsl(query, keep_blank_values=True)
+    needed = [name for name in Parameters._fields if name not in Parameters._field_defaults]
     values: dict[str, Any] = {}
-    for name, text in texts.items():
+    for name, text in pairs:
         try:
             values[name] = float(text)
         except ValueError:
             values[name] = math.nan
         if not math.isfinite(values[name]):
-            raise ValueError(f"{name}: expected a number, got {text!r}")
-    for name in ("I1", "I2", "extent"):
-        if not values.get(name, 1.0) > 0:
-            raise ValueError(f"{name}: expected a positive number, got {texts[name]}")
-    steps = values["steps"]
-    if not (steps == int(steps) and 1 <= steps <= STEPS):
-        raise ValueError(f"steps: expected an integer from 1 to {STEPS}, got {texts['steps']}")
-    whole = {"steps": int(steps), "portrait": int(bool(values.get("portrait", 0)))}
+            raise wrong(name, "a number", repr(text))
+    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        got = ", ".join(name for name, _ in pairs) or "none"
+        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
+    if values["steps"] not in range(1, STEPS + 1):
+        raise wrong("steps", f"an integer from 1 to {STEPS}", f"{values['steps']:g}")
+    whole = {name: int(values.get(name, 0)) for name in ("steps", "portrait")}
     return Parameters(**values | whole)
 
 
-def split(query: str) -> dict[str, str]:
-    """Return the fields of a query; ValueError unless each is there once, or has a default."""
-    pairs = parse_qsl(query, keep_blank_values=True, max_num_fields=len(Parameters._fields))
-    texts = dict(pairs)
-    needed = set(Parameters._fields) - set(Parameters._field_defaults)
-    if len(texts) < len(pairs) or not needed <= set(texts) <= set(Parameters._fields):
-        names = ", ".join(name for name in Parameters._fields if name in needed)
-        got = ", ".join(name for name, _ in pairs) or "none"
-        raise ValueError(f"expected each of {names} once, got {got}")
-    return texts
-
-
 def query_of_link(link: str) -> str:
-    """Return the checked query of an address copied from the page."""
-    pairs = dict(parse_qsl(urlsplit(link).query))
-    view = {"show": pairs.pop("show")} if "show" in pairs else {}
-    if len(link) > _LINK:
-        raise ValueError(f"expected at most {_LINK} characters, got {len(link)}")
-    parameters = read(split(urlencode(pairs)))
-    values = {name: f"{value}".removesuffix(".0") for name, value in parameters._asdict().items()}
-    return urlencode(values | view)
+    """Return the query of an address copied from the page; ValueError if it is not one."""
+    query = urlsplit(link).query
+    read("&".join(each for each in query.split("&") if not each.startswith("show=")))
+    return query
 
 
 def query_of(body: Suslov3D | SuslovGyrostat, eps: float, omega0: Any, steps: int) -> str:
@@ -100,8 +83,9 @@ def query_of(body: Suslov3D | SuslovGyrostat, eps: float, omega0: Any, steps: in
     k = float(getattr(body, "k", 0.0))
     Omega1, Omega2 = state.tolist()
     numbers = Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent, k=k)
-    texts = {name: f"{value!r}" for name, value in numbers._asdict().items()}
-    return urlencode(read(texts)._asdict())
+    query = urlencode(numbers._asdict())
+    read(query)
+    return query
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:

@@ -19,14 +19,12 @@ from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.vector_field import vector_field
 from ..ellipsoid import ellipsoid
-from ..plane import energy_level, half_angle, level_curves, on_level
+from ..plane import energy_level, half_angle, level, meeting_phase, on_level, steady_line
 from .parameters import Parameters
 
 Body = Suslov3D | SuslovGyrostat
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
-# Levels of a larger criticality are not drawn: their states overflow.
-_LARGEST = 1e100
 # Orbits of a portrait: levels, steps, angle from the line of steady states, significant digits.
 _LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.07, 6
 
@@ -82,7 +80,12 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     R = 2.0 * float(np.sqrt(body.I1 * body.I2 * first_integral(body, start, eps)))
     regime = _regime(parameters, t, status)
     ahead = math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else 1.0
-    repelling = _repelling(body, eps)
+    line = None
+    if body.I13 or body.I23:
+        middle, direction = steady_line(body)
+        repelling = math.copysign(1.0, eps) * direction
+        line = {"middle": middle, "repelling": repelling, "attracting": -repelling}
+        line = {name: each.tolist() for name, each in line.items()}
     minus, plus = limits(body, start, eps)
     within = np.isfinite(run.time)
     of_flow = np.full_like(run.omega, np.nan)
@@ -95,14 +98,9 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "flow": _finite(of_flow),
         "attitude": _finite(run.attitude.reshape(-1, 9)),
         "spatial": _finite(to_vector(without_rotor, run.omega, attitude=run.attitude)),
-        "line": repelling
-        and {
-            "middle": _middle(body),
-            "repelling": repelling,
-            "attracting": [-each for each in repelling],
-        },
+        "line": line,
         "levels": {
-            "F": [_finite(branch) for branch in _levels(body, eps, t, R)] if R > 0 else [],
+            "F": [_finite(branch) for branch in _levels(body, eps, R)],
             "energy": _finite(energy_level(without_rotor, start)),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
@@ -151,32 +149,10 @@ def _regime(parameters: Parameters, t: float, status: Status) -> str:
     return "above" if abs(t) > 1 else "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _repelling(body: Body, eps: float) -> list[float] | None:
-    """Direction of the repelling half of the line of steady states, if they are a line."""
-    if body.I13 == 0 and body.I23 == 0:
-        return None
-    along = np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
-    return list((math.copysign(1.0, eps) * along).tolist())
-
-
-def _middle(body: Body) -> list[float]:
-    """State of least energy on the line of steady states, where its halves meet."""
-    g, k = half_angle(body)
-    towards = np.array([body.I13 / body.I1, body.I23 / body.I2])
-    return list((-k / abs(g) ** 2 * towards + 0.0).tolist())
-
-
-def _levels(body: Body, eps: float, t: float, R: float = math.nan) -> list[FloatArray]:
-    """Level curves of F of a criticality, or of a gyrostat of R; none if the level is a point."""
-    if isinstance(body, Suslov3D):
-        return level_curves(body, eps, abs(t), _REACH) if 0 < abs(t) < _LARGEST else []
-    psi = np.linspace(-0.5 * np.pi, 1.5 * np.pi, 400)
-    curve = on_level(body, eps, R, psi)
-    # An unbounded level has two branches, between the phases with t sin(psi) = 1.
-    beyond = t * np.sin(psi) > 1.0
-    return [
-        np.where(mask[:, np.newaxis], curve, np.nan) for mask in (beyond, ~beyond) if mask.any()
-    ]
+def _levels(body: Body, eps: float, R: float) -> list[FloatArray]:
+    """Branches of a level curve of F; none if it is a point, or all states are steady."""
+    moves = body.I13 or body.I23 or isinstance(body, SuslovGyrostat)
+    return level(body, eps, R, _REACH) if R > 0 and moves else []
 
 
 def _portrait(parameters: Parameters) -> dict[str, Any] | None:
@@ -189,12 +165,9 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
     starts, levels = [], []
     for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        A = float(R * abs(g))
-        t = 0.5 * eps * A / math.sqrt(body.I1 * body.I2)
-        sine = math.copysign(min(abs(k) / A, 1.0), k) if A else 1.0
-        end = math.acos(-sine) if eps > 0 else -math.acos(-sine)
-        starts.append(on_level(body, eps, float(R), np.array([_NEAR - end, -_NEAR - end])))
-        levels += _levels(body, eps, t, float(R))
+        start = -math.copysign(meeting_phase(R * abs(g), k), eps)
+        starts.append(on_level(body, eps, R, np.array([start + _NEAR, start - _NEAR])))
+        levels += level(body, eps, R, _REACH)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {
         "levels": [_short(branch) for branch in levels],

@@ -4,31 +4,24 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import sys
-import threading
-from contextlib import suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from importlib import resources
-from socketserver import TCPServer
+from socketserver import ThreadingTCPServer
 from typing import Any
 
 from ... import __version__
-from .parameters import PRESETS, STEPS, Parameters, read, split
+from .parameters import PRESETS, STEPS, Parameters, read
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
-# Timeout in seconds; browsers open connections that they may never use.
-_PATIENCE = 10.0
-# Time in seconds in which a client sends a request, and that in which it takes the answer.
-_TOTAL = 20.0
 _ASSETS = {"index.html": "html", "style.css": "css", "explore.js": "javascript"}
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors"
+)
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
-    ),
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
@@ -40,21 +33,21 @@ _SETTINGS = {
 }
 
 
-class Server(ThreadingHTTPServer):
+class Server(ThreadingTCPServer):
     """HTTP server of the page on a local port; 0 selects a free one."""
 
     daemon_threads = True
     block_on_close = False
-    # A second server on the same port is an error.
-    allow_reuse_port = False
+    # On POSIX a second server on the same port is an error nevertheless.
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int, parents: str = "'none'") -> None:
         super().__init__((_ADDRESS, port), _Handler)
         # The pages that may show this one in a frame.
-        policy = f"{_HEADERS['Content-Security-Policy']}; frame-ancestors {parents}"
-        self.headers = {**_HEADERS, "Content-Security-Policy": policy}
-        self.hosts = {f"{name}:{self.server_port}" for name in (_ADDRESS, "localhost")}
+        self.headers = {**_HEADERS, "Content-Security-Policy": f"{_POLICY} {parents}"}
+        self.port = self.server_address[1]
+        self.url = f"http://{_ADDRESS}:{self.port}/"
+        self.hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
         folder = resources.files(__package__) / "page"
         self.assets = {
             "/" + name: ((folder / name).read_bytes(), f"text/{kind}; charset=utf-8")
@@ -62,76 +55,32 @@ class Server(ThreadingHTTPServer):
         }
         self.assets["/"] = self.assets.pop("/index.html")
 
-    def server_bind(self) -> None:
-        """Bind without a DNS lookup of the name of the address."""
-        TCPServer.server_bind(self)
-        self.server_name, self.server_port = _ADDRESS, self.socket.getsockname()[1]
-
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
         if not isinstance(sys.exc_info()[1], ConnectionError):
             super().handle_error(request, client_address)
 
-    @property
-    def url(self) -> str:
-        """The address of the page."""
-        return f"http://{_ADDRESS}:{self.server_port}/"
-
 
 class _Handler(BaseHTTPRequestHandler):
     server: Server
-    protocol_version = "HTTP/1.1"
     server_version = f"suslov-fast/{__version__}"
     sys_version = ""
-    timeout = _PATIENCE
-    # Header and body are sent immediately in one packet.
-    wbufsize = -1
-    disable_nagle_algorithm = True
-
-    def handle_one_request(self) -> None:
-        """Answer a request, unless the client is too slow."""
-        self._clock = self._limit()
-        try:
-            super().handle_one_request()
-        finally:
-            self._clock.cancel()
-
-    def finish(self) -> None:
-        """Close the connection, also one that was cut off with an answer in the buffer."""
-        try:
-            super().finish()
-        except OSError:
-            self.rfile.close()
-
-    def _limit(self) -> threading.Timer:
-        """Close the connection after a time: each byte may come in time, and all of them never."""
-
-        def end() -> None:
-            with suppress(OSError):  # it is closed already
-                self.connection.shutdown(socket.SHUT_RDWR)
-
-        clock = threading.Timer(_TOTAL, end)
-        clock.daemon = True
-        clock.start()
-        return clock
+    # Seconds; browsers open connections that they may never use.
+    timeout = 10.0
 
     def do_GET(self) -> None:
         """Send a file of the page or numbers for it."""
-        self._clock.cancel()  # the first numbers may wait for the compiler
+        path, _, query = self.path.partition("?")
         if not self._from_own_page():
             self._send(403, b"suslov-fast: requests of other pages are refused\n")
-            return
-        path, _, query = self.path.partition("?")
-        if path in self.server.assets:
+        elif path in self.server.assets:
             self._send(200, *self.server.assets[path])
         elif path in ("/settings", "/scene"):
-            status, value = (200, _SETTINGS) if path == "/settings" else answer(query)
+            value = _SETTINGS if path == "/settings" else answer(query)
             text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-            self._send(status, text.encode(), "application/json")
+            self._send(200, text.encode(), "application/json")
         else:
             self._send(404, b"suslov-fast: no such page\n")
-
-    do_HEAD = do_GET
 
     def _from_own_page(self) -> bool:
         """Return False for requests from pages of other sites.
@@ -144,28 +93,24 @@ class _Handler(BaseHTTPRequestHandler):
         return origin is None or origin in {f"http://{host}" for host in self.server.hosts}
 
     def _send(self, status: int, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
-        self._clock = self._limit()
         self.send_response(status)
         for name, value in self.server.headers.items():
             self.send_header(name, value)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
+        self.wfile.write(body)
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
 
 
-def answer(query: str) -> tuple[int, dict[str, Any]]:
-    """Return the HTTP status and the numbers for a query, or a message that the page shows."""
-    status = 400
+def answer(query: str) -> dict[str, Any]:
+    """Return the numbers for a query, or a message that the page shows."""
     try:
-        texts, status = split(query), 200
-        return status, scene(read(texts))
+        return scene(read(query))
     except ValueError as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
-        return status, {"error": str(error), "fields": fields}
+        return {"error": str(error), "fields": fields}

@@ -1,4 +1,4 @@
-"""The figure class of all pictures; importing it imports Matplotlib."""
+"""The class of all figures; importing it imports Matplotlib."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from .style import style
 
 
-class Picture(Figure):
+class StyledFigure(Figure):
     """A figure that is saved in the style it was drawn in."""
 
     def savefig(self, *arguments: Any, **keywords: Any) -> None:

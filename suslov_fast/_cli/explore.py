@@ -19,8 +19,8 @@ def explore(options: argparse.Namespace) -> None:
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""
     try:
         server = Server(options.port)
-    except OSError as error:
-        expected = f"expected a free port, got {options.port}: {error.strerror}"
+    except (OSError, OverflowError) as error:
+        expected = f"expected a free port, got {options.port}: {error}"
         raise CommandError(f"argument --port: {expected}") from error
     try:
         with server:

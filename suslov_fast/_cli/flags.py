@@ -50,15 +50,14 @@ def _value(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]
     return read
 
 
-def _integer(low: int, below: int = 2**62) -> Callable[[str], int]:
+def _integer(low: int) -> Callable[[str], int]:
     def convert(text: str) -> int:
         value = int(text) if re.fullmatch(r"[+-]?\d{1,99}", text) else float(text)
-        if not (low <= value < below and value == int(value)):
+        if not (low <= value < 2**62 and value == int(value)):
             raise ValueError
         return int(value)
 
-    limit = "2**62" if below == 2**62 else below
-    return _value(f"an integer of at least {low} and below {limit}", convert)
+    return _value(f"an integer of at least {low} and below 2**62", convert)
 
 
 def _file(*suffixes: str) -> Callable[[str], Path]:
@@ -143,10 +142,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "verify": _flag("verify the store and recompute damaged data"),
     "file": _option(".npz or .zarr files", _result, "FILE", nargs="+"),
     "format": _option("format (%(default)s)", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch (%(default)s)", _integer(10, 2001), "N", default=160),
+    "dpi": _option("dots per inch (%(default)s)", _integer(1), "N", default=160),
     "letters": _flag("label the panels (a), (b) ..."),
     "link": _option("link copied from the page", metavar="LINK", nargs="?"),
-    "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 2**16), default=0),
+    "port": _option("port of 127.0.0.1 (a free one)", _integer(0), default=0),
     "no_browser": _flag("print the address, open no browser"),
 }
 # Names on the command line other than those of the table with two dashes.
@@ -213,7 +212,7 @@ COMMANDS = {
         "rotation to the opposite one. FILE ends in .gif, or in .mp4 if ffmpeg is installed.",
         {**_BODY, "motion": "omega0 orientation steps", "output": "output dpi force"},
         {
-            "eps": {"help": "step size (0.05 with a picture)"},
+            "eps": {"default": 0.05, "help": "step size (%(default)s)"},
             "omega0": {"action": "store", "help": "initial state (near a steady rotation)"},
             "steps": {"default": 440, "type": _integer(1)},
             "output": {"required": True, "type": _file(".gif", ".mp4")},

@@ -7,7 +7,6 @@ from typing import Any
 
 from .._bodies.paper import PICTURES
 from .._runs.replacing import replacing
-from .._runs.trajectories import SingularStepError
 from .._show import plots
 from .._show.style import style
 from .flags import CommandError
@@ -17,8 +16,6 @@ from .terminal import about, progress_bar, require_new
 # Files are reproducible, and text in them remains text.
 _SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
 _DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-# Step size of animated pictures: those of the paper are too long for a smooth animation.
-_EPS = 0.05
 
 
 def pictures(options: argparse.Namespace) -> str:
@@ -43,7 +40,7 @@ def pictures(options: argparse.Namespace) -> str:
 
 def animate(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
-    body, eps, _ = problem_of(options, _EPS)
+    body, eps, _ = problem_of(options)
     orientation = orientation_of(options)
     path = options.output
     with style():  # which raises a helpful error without Matplotlib
@@ -54,13 +51,8 @@ def animate(options: argparse.Namespace) -> str:
         raise CommandError(f"{path}: expected ffmpeg on the PATH, got none; use .gif")
     require_new(path, options.force)
     with about(path), replacing(path) as new, progress_bar("drawing") as progress:
-        try:
-            with about("animate"):
-                moving = plots.animate_body(
-                    body, options.omega0, eps, options.steps, R0=orientation
-                )
-        except SingularStepError as error:
-            raise CommandError(f"animate: {error}") from error
+        with about("animate"):
+            moving = plots.animate_body(body, options.omega0, eps, options.steps, R0=orientation)
         part = new.with_suffix(suffix)  # Matplotlib chooses the format by the suffix
         moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=progress)
         part.rename(new)

@@ -18,12 +18,9 @@ from .flags import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, b
 from .terminal import about
 
 
-def problem_of(
-    options: argparse.Namespace, eps_of_pictures: float | None = None
-) -> tuple[Any, float, FloatArray | None]:
+def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
     """Return the body, the step size, and the rotation to the adapted basis of a tensor.
 
-    The default step size is that of the picture, or `eps_of_pictures`; other bodies have none.
     Parameters of a sweep have their first value.
     """
     names = {name for kind in body_classes() for name in kind._names()}
@@ -43,7 +40,7 @@ def problem_of(
             body = body_from_dict(json.loads(options.body.read_text(encoding="utf-8-sig")))
     elif sources == ["picture"] or not (sources or given):
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
-        body, eps = picture.body, eps if eps is not None else eps_of_pictures or picture.eps
+        body, eps = picture.body, picture.eps if eps is None else eps
     elif sources:
         body, rotation = _of_tensor(options)
     given |= {name: [low] for name, low in swept.items() if name in names}

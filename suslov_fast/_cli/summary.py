@@ -27,7 +27,7 @@ Facts = dict[str, Any]
 
 # Size of the states compared at a time, that of a chunk of a store.
 _SLAB = 2**21
-# Short names of quantities whose relative changes are reported.
+# Short names of quantities whose relative changes are printed.
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
@@ -179,12 +179,10 @@ def text_of(facts: Facts, as_json: bool) -> str:
         lines += [("threads", facts["threads"]), ("wall time", f"{facts['seconds']:.4g} s")]
     else:
         lines += [("saved states", f"{facts['saved_states']:,}"), ("method", facts["method"])]
-    for unit, how in (
-        ("equivalent steps", ", by the closed form where it is faster"),
-        ("steps", ""),
-    ):
-        if (rate := facts.get(f"{unit.replace(' ', '_')}_per_second")) is not None:
-            lines.append(("speed", f"{rate:.3g} {unit}/s{how}"))
+    equivalent = "equivalent steps/s, by the closed form where it is faster"
+    for key, unit in (("equivalent_steps", equivalent), ("steps", "steps/s")):
+        if (rate := facts.get(f"{key}_per_second")) is not None:
+            lines.append(("speed", f"{rate:.3g} {unit}"))
     for name, change in facts["drift"].items():
         lines.append((f"drift of {name}", f"{change:.2g}, largest relative"))
     for name, count in facts["status"].items():

@@ -47,7 +47,7 @@ def about(what: Path | str | None) -> Iterator[None]:
     except OSError as error:
         name = what if error.filename is None else error.filename
         raise CommandError(f"{name}: {error.strerror or error}") from error
-    except (ValueError, TypeError, EOFError, RecursionError) as error:
+    except (ValueError, TypeError, ArithmeticError, EOFError, RecursionError) as error:
         text = str(error)
         kind = UsageError if isinstance(what, str) else CommandError
         raise kind(text if text.startswith(f"{what}:") else f"{what}: {text}") from error

@@ -28,7 +28,7 @@ _WITHOUT = ("plot", "animate", "ensemble", "open", "explore")
 
 
 def warm_up(options: argparse.Namespace) -> str:
-    """Call all functions, and report the time."""
+    """Call all functions, and return the time that it took."""
     begin = time.perf_counter()
     jobs = list(_jobs())
     with progress_bar("compiling") as progress, warnings.catch_warnings():

@@ -532,6 +532,12 @@ def test_a_grid_of_parameters(stores):
     assert summary(succeed("info run.zarr"))["tiles done"] == ["24 of 24"]
 
 
+def test_a_sweep_alone_is_of_the_default_body(stores):
+    facts = facts_of("run --trajectories 5 --steps 3 --sweep I13=-0.5:0.5:3 -o o.zarr")
+    swept = {"min": -0.5, "max": 0.5, "shape": [3, 1]}
+    assert facts["body"] == {**sf.Suslov3D(4, 3, -0.4, -0.2).to_dict(), "I13": swept}
+
+
 def test_a_sweep_in_n_dimensions(stores):
     line = "run --J 1,2,4 --I .4,-.7,.5 --omega0 1,2,3 --steps 9 -o nd.zarr"
     reduced = "--reduce omega_max --reduce energy_drift"

@@ -94,8 +94,11 @@ def solve_bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
 
 
 @formula
-def bounds(smallest_J, I_square, eps, square, unit):
-    """Bounds of |omega|**2: the upper one of small steps, and both of a valid unit."""
-    longest, largest = SMALL * smallest_J / eps, LARGEST / unit
-    low = select(square > 0.0, 1.0 / SPREAD, -1.0)
-    return longest * longest / I_square, low, smaller(largest * largest, SPREAD)
+def bounds(reach, eps, largest, unit):
+    """Bounds of |omega|**2: the upper one of small steps, and both of a valid unit.
+
+    reach = SMALL min J / |I|; largest = max |omega_i|; any unit is valid if omega = 0.
+    """
+    longest, finite = reach / eps, LARGEST / unit
+    low = select(largest > 0.0, 1.0 / SPREAD, -1.0)
+    return longest * longest, low, smaller(finite * finite, SPREAD)

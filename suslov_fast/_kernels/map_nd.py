@@ -16,34 +16,27 @@ from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import (
     FAR,
     FAR_ENOUGH,
+    SMALL,
     bounds,
     matrix_diagonal,
     matrix_row,
     solve2,
     solve_bordered,
 )
-from .._formulas.rotation import mean
-from .._jit import (
-    Kernel,
-    formula,
-    inner,
-    namespace,
-    select,
-    share,
-    stack,
-)
+from .._jit import Kernel, formula, inner, namespace, select, share, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
-from .turning_nd import CLEAN_EVERY, clean_up, turn
+from .turning_nd import turn_lanes, write_turns
 from .units_nd import unit_of, unit_of_moments
 
 method = namespace("method")  # of steps: `step`
 
 # Trajectories of a block: enough to prevent sums over components from stalling on memory just
-# written.
+# written. Blocks of a run that eliminates have fewer: see `elimination`.
 LANES = 64
-# Is the step by `solve2` accurate? If not, it is taken by the bordered system, or remains to be.
-SURE, DEPENDS_ON_D, DONE, NOT_AT_ALL = 3.0, 2.0, 1.0, 0.0
+# A step in a lane: solved by `solve2`, solved if no d is small, left to the bordered system or to
+# elimination, or done by them.
+SOLVED, SOLVED_IF_FAR, LEFT, DONE = 0.0, 1.0, 2.0, 3.0
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
 # and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
 # overlap of written rows with others: the pairs must lie in two halves, not side by side.)
@@ -56,16 +49,16 @@ class Block(NamedTuple):
     I: object
     omega: object  # (M, lanes)
     inverse: object  # 1 / d
-    eps_input: object
+    eps_input: object  # 0 if all states are fixed
     of_body: object  # exponent of the unit of I over that of J
+    near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
+    reach: object  # see `bounds`
     eps: object  # in the unit of omega; 0 for fixed states
     exponent: object  # of the unit of omega
     unit: object
-    low: object  # bounds of |omega|**2, see `bounds`
+    longest: object  # bounds of |omega|**2, see `bounds`
+    low: object
     high: object
-    longest: object
-    near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
-    rests: object  # 1 if eps or I is 0, else 0
     status: object  # of trajectories that have ended, else OK
     p: object
     square: object
@@ -75,7 +68,7 @@ class Block(NamedTuple):
     gamma: object
     of_omega: object  # factors in delta, see `solve2`
     of_I: object
-    accurate: object  # of the step by `solve2`: see SURE
+    outcome: object  # SOLVED, SOLVED_IF_FAR, LEFT or DONE
 
 
 @formula
@@ -89,8 +82,8 @@ def block(bodies, states):
     """Return a block whose components are in the memory of a task."""
     return Block(
         bodies[0], bodies[1], states[0], states[1],
-        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
+        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
     )  # fmt: skip
 
 
@@ -110,10 +103,22 @@ def put(values, i, l, number):
 
 
 @formula
-def add_pair(b, l, I_i, I_j, w_i, w_j):
-    """Add the terms of two components to p and |omega|**2."""
-    b.p[l] = b.p[l] + I_i * w_i + I_j * w_j
-    b.square[l] = b.square[l] + w_i * w_i + w_j * w_j
+def step(b, matrices, task):
+    """Take a step in O(n) in all lanes."""
+    sums(b)
+    if not solve(b):
+        repair(b, matrices, task)
+    add(b)
+    measure(b)
+
+
+@formula
+def step_by_elimination(b, matrices, task):
+    """Take a step by elimination in all lanes."""
+    for l in range(b.omega.shape[1]):
+        b.half[l], b.outcome[l] = 0.5 * b.eps[l] * b.p[l], LEFT
+    eliminate_lanes(b, matrices[task])
+    measure(b)
 
 
 @formula
@@ -137,43 +142,71 @@ def sums(b):
 @formula
 def solve(b):
     """Solve for the factors in the increment; return True if it is accurate in all lanes."""
-    left = 0
+    unsolved = 0  # an integer: a sum of floats is one addition after the other
     for l in range(b.omega.shape[1]):
-        square = b.square[l]
         of_omega, of_I, det, size = solve2(
-            b.eps[l], b.p[l], square, b.alpha[l], b.beta[l], b.gamma[l]
+            b.eps[l], b.p[l], b.square[l], b.alpha[l], b.beta[l], b.gamma[l]
         )
-        accurate = (det > FAR * FAR * size) & (square < b.longest[l])
-        sure = accurate & (b.half[l] < b.near[l])
-        left += select(sure, 0, 1)
-        b.accurate[l] = select(sure, SURE, select(accurate, DEPENDS_ON_D, NOT_AT_ALL))
+        accurate = (det > FAR * FAR * size) & (b.square[l] < b.longest[l])
+        solved = accurate & (b.half[l] < b.near[l])
+        unsolved += select(solved, 0, 1)
+        b.outcome[l] = select(solved, SOLVED, select(accurate, SOLVED_IF_FAR, LEFT))
         b.of_omega[l], b.of_I[l] = of_omega, of_I
-    return left == 0
+    return unsolved == 0
 
 
 @formula
 def add(b):
-    """Add the increment, and update p and |omega|**2."""
+    """Add the increment."""
+    M, lanes = b.omega.shape
+    for i in range(M):
+        for l in range(lanes):
+            w = b.omega[i, l]
+            b.omega[i, l] = w + (b.of_omega[l] * w - b.of_I[l] * at(b.I, i, l)) * b.inverse[i, l]
+
+
+@formula
+def measure(b):
+    """Find p and |omega|**2."""
     half, lanes = b.omega.shape[0] // 2, b.omega.shape[1]
     for l in range(lanes):
         b.p[l], b.square[l] = 0.0, 0.0
     for i in range(half):
         j = half + i
         for l in range(lanes):
-            of_omega, of_I, w_i, w_j = b.of_omega[l], b.of_I[l], b.omega[i, l], b.omega[j, l]
-            I_i, I_j = at(b.I, i, l), at(b.I, j, l)
-            w_i += (of_omega * w_i - of_I * I_i) * b.inverse[i, l]
-            w_j += (of_omega * w_j - of_I * I_j) * b.inverse[j, l]
-            b.omega[i, l], b.omega[j, l] = w_i, w_j
-            add_pair(b, l, I_i, I_j, w_i, w_j)
+            w_i, w_j = b.omega[i, l], b.omega[j, l]
+            b.p[l] = b.p[l] + at(b.I, i, l) * w_i + at(b.I, j, l) * w_j
+            b.square[l] = b.square[l] + w_i * w_i + w_j * w_j
+
+
+@inner
+def repair(b, matrices, task):
+    """Take the step in lanes that are not solved, and set their increments to 0.
+
+    Without matrices, trajectories that need elimination end; another run restarts them.
+    """
+    M, lanes = b.omega.shape
+    left = False
+    for l in range(lanes):
+        if b.outcome[l] != SOLVED:
+            b.outcome[l] = bordered(b, l)
+            left |= b.outcome[l] == LEFT
+    if matrices is None:
+        for l in range(lanes):
+            if b.outcome[l] == LEFT:
+                b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
+    elif left:
+        eliminate_lanes(b, matrices[task])
+    for l in range(lanes):
+        if b.outcome[l] != SOLVED:
+            b.of_omega[l], b.of_I[l] = 0.0, 0.0
+            for i in range(M):
+                b.inverse[i, l] = 0.0
 
 
 @inner
 def bordered(b, l):
-    """Take the step in a lane by the bordered system, unless the step by `solve2` is accurate.
-
-    Returns what was done: SURE if the step by `solve2` remains, DONE, or NOT_AT_ALL.
-    """
+    """Take the step in a lane by the bordered system, unless `solve2` is accurate after all."""
     M = b.omega.shape[0]
     eps, half, p, square = b.eps[l], b.half[l], b.p[l], b.square[l]
     k, smallest, second = 0, np.inf, np.inf
@@ -183,8 +216,8 @@ def bordered(b, l):
             k, smallest, second = i, ratio, smallest
         else:
             second = min(second, ratio)
-    if b.accurate[l] == DEPENDS_ON_D and smallest > FAR:
-        return SURE
+    if b.outcome[l] == SOLVED_IF_FAR and smallest > FAR:
+        return SOLVED
     alpha, beta, gamma = 0.0, 0.0, 0.0
     for i in range(M):
         if i != k:
@@ -196,7 +229,7 @@ def bordered(b, l):
         at(b.J, k, l), at(b.I, k, l), b.omega[k, l], eps, p, square, alpha, beta, gamma
     )
     if not (regular and second > FAR_ENOUGH and square < b.longest[l]):
-        return NOT_AT_ALL
+        return LEFT
     for i in range(M):
         if i != k:
             b.omega[i, l] += (of_omega * b.omega[i, l] - of_I * at(b.I, i, l)) * b.inverse[i, l]
@@ -205,24 +238,35 @@ def bordered(b, l):
 
 
 @inner
-def fill_matrix(b, matrix):
-    """Fill A(omega), with omega as the right side."""
+def eliminate_lanes(b, matrix):
+    """Take the step by elimination in lanes where it is left."""
     m, _, lanes = matrix.shape
-    c, g, diagonal, rest = row(), row(), row(), row()
-    for l in range(lanes):
-        rest[l] = 0.0
-    for i in range(m - 1, -1, -1):
-        for l in range(lanes):
-            matrix[i, m, l] = rest[l]  # terms of p after component i
-            rest[l] = rest[l] + b.I[i, l] * b.omega[i, l]
-    for l in range(lanes):
-        rest[l] = 0.0
+    fill_matrix(b, matrix)
+    eliminate(matrix)
     for i in range(m):
         for l in range(lanes):
-            J_i, I_i, w_i = b.J[i, l], b.I[i, l], b.omega[i, l]
-            c[l], g[l] = matrix_row(J_i, I_i, w_i, b.eps[l])
-            diagonal[l] = matrix_diagonal(J_i, rest[l] + matrix[i, m, l], b.eps[l])
-            rest[l] = rest[l] + I_i * w_i
+            b.omega[i, l] = select(b.outcome[l] == LEFT, matrix[i, m, l], b.omega[i, l])
+
+
+@inner
+def fill_matrix(b, matrix):
+    """Fill A(omega), and omega as the right side."""
+    m, _, lanes = matrix.shape
+    c, g, diagonal, others = row(), row(), row(), row()
+    for l in range(lanes):
+        others[l] = 0.0
+    for i in range(m - 1, -1, -1):
+        for l in range(lanes):
+            matrix[i, m, l] = others[l]  # terms of p after component i
+            others[l] = others[l] + b.I[i, l] * b.omega[i, l]
+    for l in range(lanes):
+        others[l] = 0.0  # and before it
+    for i in range(m):
+        for l in range(lanes):
+            J_i, I_i, w_i, eps = b.J[i, l], b.I[i, l], b.omega[i, l], b.eps[l]
+            c[l], g[l] = matrix_row(J_i, I_i, w_i, eps)
+            diagonal[l] = matrix_diagonal(J_i, others[l] + matrix[i, m, l], eps)
+            others[l] = others[l] + I_i * w_i
             matrix[i, m, l] = w_i
         for j in range(m):
             for l in range(lanes):
@@ -231,105 +275,13 @@ def fill_matrix(b, matrix):
             matrix[i, i, l] = diagonal[l]
 
 
-@inner
-def eliminate_lanes(b, matrix):
-    """Take the step by elimination in lanes where it was not taken at all."""
-    m, _, lanes = matrix.shape
-    fill_matrix(b, matrix)
-    eliminate(matrix)
-    for i in range(m):
-        for l in range(lanes):
-            chosen = b.accurate[l] == NOT_AT_ALL
-            b.omega[i, l] = select(chosen, matrix[i, m, l], b.omega[i, l])
-
-
-@inner
-def repair(b, matrices, task):
-    """Take the step in lanes where `solve2` is inaccurate, and set its increment to 0.
-
-    Without matrices, trajectories that need elimination end; another run restarts them.
-    """
-    M, lanes = b.omega.shape
-    left = False
-    for l in range(lanes):
-        if b.accurate[l] != SURE:
-            b.accurate[l] = bordered(b, l)
-            left |= b.accurate[l] == NOT_AT_ALL
-    if matrices is None:
-        for l in range(lanes):
-            if b.accurate[l] == NOT_AT_ALL:
-                b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
-    elif left:
-        eliminate_lanes(b, matrices[task])
-    for l in range(lanes):
-        if b.accurate[l] != SURE:
-            b.of_omega[l], b.of_I[l] = 0.0, 0.0
-            for i in range(M):
-                b.inverse[i, l] = 0.0
-
-
 @formula
-def step_rank2(b, matrices, task):
-    """Take a step in O(n)."""
-    sums(b)
-    if not solve(b):
-        repair(b, matrices, task)
-    add(b)
-
-
-@inner
-def step_gauss(b, matrices, task):
-    """Take a step by elimination; the increment is 0."""
-    M, lanes = b.omega.shape
-    for l in range(lanes):
-        b.half[l], b.accurate[l] = 0.5 * b.eps[l] * b.p[l], NOT_AT_ALL
-    eliminate_lanes(b, matrices[task])
-    for l in range(lanes):
-        b.of_omega[l], b.of_I[l] = 0.0, 0.0
-    for i in range(M):
-        for l in range(lanes):
-            b.inverse[i, l] = 0.0
-    add(b)
-
-
-@formula
-def units_serve(b, lanes):
+def units_serve(b):
     """Return True if the units of all lanes remain valid."""
     left = 0
-    for l in range(lanes):
-        square = b.square[l]
-        left += select((square > b.low[l]) & (square < b.high[l]), 0, 1)
+    for l in range(b.omega.shape[1]):
+        left += select((b.square[l] > b.low[l]) & (b.square[l] < b.high[l]), 0, 1)
     return left == 0
-
-
-@formula
-def unit_of_state(largest, before):
-    """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
-    size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
-    return larger(smaller(size + before, 1023.0), -1022.0)
-
-
-@inner
-def take_unit(b, l, size):
-    """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
-    change, ended = b.exponent[l] - size, b.status[l] != OK
-    smallest, I_square = np.inf, 0.0
-    for i in range(b.omega.shape[0]):
-        b.omega[i, l] = 0.0 if ended else scaled(b.omega[i, l], change)
-        smallest = min(at(b.J, i, l), smallest)
-        I_square += at(b.I, i, l) * at(b.I, i, l)
-    b.p[l], b.square[l], half = 0.0, 0.0, b.omega.shape[0] // 2
-    for i in range(half):
-        j = half + i
-        add_pair(b, l, at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l])
-    rests = ended or b.rests[l] > 0.0
-    b.exponent[l] = size
-    b.eps[l] = 0.0 if rests else scaled(b.eps_input[l], size + b.of_body[l])
-    b.unit[l] = np.nan if ended else two_to_the(size)
-    b.near[l] = (1.0 - FAR) * smallest
-    b.longest[l], b.low[l], b.high[l] = bounds(
-        smallest, I_square, b.eps[l], b.square[l], two_to_the(size)
-    )
 
 
 @inner
@@ -349,40 +301,71 @@ def renew_units(b, begin, end, n, failed_at):
             if b.status[l] != OK and begin + l < end and failed_at[begin + l] < 0:
                 failed_at[begin + l] = n
             take_unit(b, l, unit_of_state(largest, b.exponent[l]))
+    measure(b)
+
+
+@formula
+def unit_of_state(largest, before):
+    """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
+    size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
+    return larger(smaller(size + before, 1023.0), -1022.0)
+
+
+@inner
+def take_unit(b, l, size):
+    """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
+    change, ended, unit, largest = b.exponent[l] - size, b.status[l] != OK, two_to_the(size), 0.0
+    for i in range(b.omega.shape[0]):
+        b.omega[i, l] = 0.0 if ended else scaled(b.omega[i, l], change)
+        largest = larger(abs(b.omega[i, l]), largest)
+    b.exponent[l], b.unit[l] = size, np.nan if ended else unit
+    b.eps[l] = 0.0 if ended else scaled(b.eps_input[l], size + b.of_body[l])
+    b.longest[l], b.low[l], b.high[l] = bounds(b.reach[l], b.eps[l], largest, unit)
+
+
+@inner
+def enter_body(b, l, J, I, eps):
+    """Enter a body and a step size, 0 if every state is fixed."""
+    M = unit_of_moments(J)
+    P = unit_of(I, M)
+    of_moments, of_products = two_to_the(-M), two_to_the(-P)
+    smallest, I_square = np.inf, 0.0
+    for i in range(b.omega.shape[0]):
+        J_i, I_i = np.inf, 0.0
+        if i < J.size:
+            J_i, I_i = J[i] * of_moments, I[i] * of_products
+        put(b.J, i, l, J_i)
+        put(b.I, i, l, I_i)
+        smallest = smaller(J_i, smallest)
+        I_square += I_i * I_i
+    b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
+    b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, P - M
 
 
 @inner
 def enter(parameters, start, kept, begin, end, b):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
-    all_J, all_I, eps, initial = parameters
+    J, I, eps, initial = parameters
     _, status, failed_at, state, exponents = kept
-    m, lanes = initial.shape[1], b.omega.shape[1]
-    for l in range(lanes):
+    for l in range(b.omega.shape[1]):
         k = min(begin + l, end - 1)
-        of_J, of_I = k if len(all_J) > 1 else 0, k if len(all_I) > 1 else 0
-        M = unit_of_moments(all_J[of_J])
-        P = unit_of(all_I[of_I], M)
-        of_moments, of_products = two_to_the(-M), two_to_the(-P)
-        largest, coupled, undefined = 0.0, 0.0, False
+        enter_body(b, l, J[min(k, len(J) - 1)], I[min(k, len(I) - 1)], eps[min(k, eps.size - 1)])
+        largest, undefined = 0.0, False
         for i in range(b.omega.shape[0]):
-            J_i, I_i, w = np.inf, 0.0, 0.0
-            if i < m:
-                J_i, I_i = all_J[of_J, i] * of_moments, all_I[of_I, i] * of_products
+            w = 0.0
+            if i < initial.shape[1]:
                 w = initial[k, i] if start == 0 else state[k, i]
-            put(b.J, i, l, J_i)
-            put(b.I, i, l, I_i)
             b.omega[i, l] = w
-            largest, coupled = larger(abs(w), largest), larger(abs(I_i), coupled)
+            largest = larger(abs(w), largest)
             undefined |= w != w
-        b.eps_input[l], b.of_body[l] = eps[k if eps.size > 1 else 0], P - M
-        b.rests[l] = 1.0 if b.eps_input[l] == 0.0 or coupled == 0.0 else 0.0
         if start == 0:
             # A trajectory whose state 0 is NaN ends at step 0.
             status[k], failed_at[k] = (NONFINITE, 0) if undefined else (OK, -1)
+            exponents[k] = unit_of_state(largest, 0.0)
         b.status[l] = status[k] if failed_at[k] >= 0 else OK
         b.exponent[l] = 0.0 if start == 0 else exponents[k]
-        size = unit_of_state(largest, 0.0) if start == 0 else exponents[k]
-        take_unit(b, l, size)
+        take_unit(b, l, exponents[k])
+    measure(b)
 
 
 @inner
@@ -390,8 +373,7 @@ def write(initial, b, begin, end, n, target):
     """Write the states n of a block; fixed states and the first are copies of the input."""
     for l in range(end - begin):
         k = begin + l
-        as_given = (n == 0 or b.rests[l] > 0.0) and b.status[l] == OK
-        if as_given:
+        if (n == 0 or b.eps_input[l] == 0.0) and b.status[l] == OK:
             for i in range(initial.shape[1]):
                 target[k, i] = initial[k, i]
         else:
@@ -409,38 +391,6 @@ def leave(initial, b, begin, end, stop, kept):
         status[k], exponents[k] = b.status[l], b.exponent[l]
         for i in range(initial.shape[1]):
             state[k, i] = b.omega[i, l]
-
-
-@inner
-def orient(b, turning, task, begin, end, n, start):
-    """Rotate the orientations to state n; `before` holds the previous states."""
-    time_step, columns, _, before, room = turning
-    size = columns.shape[1]
-    middle, image = room[task, 2 * size], room[task, 2 * size + 1]
-    for l in range(end - begin):
-        k = begin + l
-        for i in range(size - 1):
-            w = b.omega[i, l] * b.unit[l]
-            middle[i], before[task, i, l] = mean(before[task, i, l], w), w
-        if n > start:
-            eps = time_step[k if time_step.size > 1 else 0]
-            turn(columns[k], middle[: size - 1], eps, image)
-            if n % CLEAN_EVERY == 0:
-                clean_up(columns[k], room[task, :size], room[task, size : 2 * size])
-        elif b.status[l] != OK:
-            for r in range(size):
-                for c in range(size):
-                    columns[k, r, c] = np.nan
-
-
-@inner
-def save_turns(turning, begin, end, row):
-    """Write the orientations of a block to a row."""
-    _, columns, turns, _, _ = turning
-    for k in range(begin, end):
-        for r in range(columns.shape[1]):
-            for c in range(columns.shape[1]):
-                turns[row, k, r, c] = columns[k, c, r]
 
 
 def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrices):
@@ -477,11 +427,11 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
                 next_saved = (start // every + 1) * every if start > 0 else 0
             while True:
                 if turning is not None:
-                    orient(b, turning, task, begin, end, n, start)
+                    turn_lanes(b, turning, task, begin, end, n, start)
                 if n == next_saved:
                     write(initial, b, begin, end, n, saved[row])
                     if turning is not None:
-                        save_turns(turning, begin, end, row)
+                        write_turns(turning, begin, end, row)
                     row, next_saved = row + 1, next_saved + every
                 if n == stop:
                     break
@@ -489,12 +439,12 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
                 while n < until:
                     method.step(b, matrices, task)
                     n += 1
-                    if not units_serve(b, lanes):
+                    if not units_serve(b):
                         renew_units(b, begin, end, n, failed_at)
             leave(initial, b, begin, end, stop, kept)
 
 
-iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=step_rank2))
+iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=step))
 iterate_by_elimination = Kernel(
-    run_tasks, "iterate_by_elimination", method=namespace("gauss", step=step_gauss)
+    run_tasks, "iterate_by_elimination", method=namespace("gauss", step=step_by_elimination)
 )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.coordinates import sum_of_products
-from .._formulas.elementary import larger, scaled, two_to_the
+from .._formulas.elementary import scaled, two_to_the
 from .._formulas.nd_map import matrix_diagonal, matrix_row
 from .._formulas.units import Units, leave
 from .._jit import Kernel, formula, inner, namespace, share
@@ -37,14 +37,6 @@ class Problem(NamedTuple):
     off: object
     off_following: object
     slope: object
-
-
-@formula
-def take(values, unit, row):
-    """Fill a row with numbers in the unit 2**unit."""
-    factor = two_to_the(-unit)
-    for i in range(values.size):
-        row[i] = values[i] * factor
 
 
 @inner
@@ -134,25 +126,26 @@ def fill_reaction(s, eps, unit, out):
             out[i * m + j], out[j * m + i] = value, -value
 
 
-@formula
+@inner
 def enter_body(J, I, s):
     """Fill the body of a problem, and return its units."""
     M = unit_of_moments(J)
     P = unit_of(I, M)
-    take(J, M, s.J)
-    take(I, P, s.I)
+    of_moments, of_products = two_to_the(-M), two_to_the(-P)
+    for i in range(J.size):
+        s.J[i], s.I[i] = J[i] * of_moments, I[i] * of_products
     return M, P
 
 
-@formula
+@inner
 def enter_state(omega, following, s):
-    """Fill the states of a problem, and return their unit and the largest component."""
-    W, largest = unit_of(omega, 0.0), 0.0
-    take(omega, W, s.omega)
-    take(following, W, s.following)
+    """Fill the states of a problem; return their unit, and True if a component is infinite."""
+    W, infinite = unit_of(omega, 0.0), False
+    factor = two_to_the(-W)
     for i in range(omega.size):
-        largest = larger(abs(omega[i]), largest)
-    return W, largest
+        s.omega[i], s.following[i] = omega[i] * factor, following[i] * factor
+        infinite |= abs(omega[i]) == np.inf
+    return W, infinite
 
 
 def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
@@ -168,8 +161,8 @@ def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
             if b != body:
                 M, P = enter_body(J[b % len(J)], I[b % len(I)], s)
                 body = b
-            W, largest = enter_state(omega[state], following[state], s)
-            infinite[task] |= largest == np.inf
+            W, is_infinite = enter_state(omega[state], following[state], s)
+            infinite[task] |= is_infinite
             step = scaled(eps[b % len(eps)], P + W - M)
             quantity.at_state(s, step, Units(M, P, W), out[state])
 

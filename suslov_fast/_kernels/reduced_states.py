@@ -60,19 +60,17 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
         undefined += 0.0 * omega[i]
     step, unit = scaled(eps, own + P - M), two_to_the(-M)
     of_k, of_others = J[k] * unit, J[0 if k > 0 else m - 1] * unit
-    three[0], three[1], three[2], three[4] = of_k, of_others, 0.0, step
-    if m != 2:  # for n = 3 only names change
+    for i in range(m):
+        along[i] = I[i] * two_to_the(-P)
+    I23, omega1, omega2, on_line, p = split(along, omega, k, own, across)
+    if I[k] == 0.0 or on_line or step == 0.0:  # a fixed state is `along` itself
+        I23, omega1, omega2 = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
         for i in range(m):
-            along[i] = I[i] * two_to_the(-P)
-        I23, omega1, omega2, on_line, p = split(along, omega, k, own, across)
-        rests = I[k] == 0.0 or on_line or step == 0.0
-        three[3], state[0], state[1] = I23, omega1, omega2
-        if rests:  # a fixed state is `along` itself
-            three[3], state[0], state[1] = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
-            for i in range(m):
-                along[i], across[i] = omega[i], 0.0
+            along[i], across[i] = omega[i], 0.0
     if undefined != 0.0:
-        three[3], state[0], state[1] = 0.0, np.nan, np.nan
+        I23, omega1, omega2 = 0.0, np.nan, np.nan
+    three[0], three[1], three[2], three[3], three[4] = of_k, of_others, 0.0, I23, step
+    state[0], state[1] = omega1, omega2
     apart = abs(exponent(of_k) - exponent(of_others))
     in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
     return M, in_range and exponent(step) <= LONGEST
@@ -80,7 +78,7 @@ def reduce_one(J, I, eps, omega, three, state, along, across):
 
 @kernel
 def reduce(part, parts, parameters, omega, three, state, along, across, unit, fits):
-    """Find the 3D problems of trajectories of solved bodies; for n = 3 only `fits`.
+    """Find the 3D problems of trajectories of solved bodies.
 
     parameters : J, I (B, m) or (1, m); eps (B,) or (1,)
     omega : (B, m), the states at step 0

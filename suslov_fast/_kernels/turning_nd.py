@@ -5,8 +5,9 @@ columns (n, n) is the transpose of the orientation R: a row of it is contiguous.
 
 import numpy as np
 
-from .._formulas.rotation import is_large, turned_component, turned_last, unit_of_large
+from .._formulas.rotation import is_large, mean, turned_component, turned_last, unit_of_large
 from .._jit import inner
+from .codes import OK
 
 # Rounding errors are removed at each state whose index is a multiple of this.
 CLEAN_EVERY = 16
@@ -63,3 +64,35 @@ def clean_up(columns, gram, cleaned):
     for r in range(n):
         for c in range(n):
             columns[r, c] = cleaned[r, c]
+
+
+@inner
+def turn_lanes(b, turning, task, begin, end, n, start):
+    """Rotate the orientations of a block to state n; `before` holds the previous states."""
+    time_step, columns, _, before, room = turning
+    size = columns.shape[1]
+    middle, image = room[task, 2 * size], room[task, 2 * size + 1]
+    for l in range(end - begin):
+        k = begin + l
+        for i in range(size - 1):
+            w = b.omega[i, l] * b.unit[l]
+            middle[i], before[task, i, l] = mean(before[task, i, l], w), w
+        if n > start:
+            eps = time_step[k if time_step.size > 1 else 0]
+            turn(columns[k], middle[: size - 1], eps, image)
+            if n % CLEAN_EVERY == 0:
+                clean_up(columns[k], room[task, :size], room[task, size : 2 * size])
+        elif b.status[l] != OK:
+            for r in range(size):
+                for c in range(size):
+                    columns[k, r, c] = np.nan
+
+
+@inner
+def write_turns(turning, begin, end, row):
+    """Write the orientations of a block to a row."""
+    _, columns, turns, _, _ = turning
+    for k in range(begin, end):
+        for r in range(columns.shape[1]):
+            for c in range(columns.shape[1]):
+                turns[row, k, r, c] = columns[k, c, r]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import permutations
 from numbers import Rational
 from typing import Any, ClassVar
 
@@ -19,7 +20,7 @@ from .base import Body
 from .body_3d import Suslov3D
 from .body_gyrostat import SuslovGyrostat
 from .body_nd import SuslovND
-from .polynomial import Polynomial, exact_array, plain
+from .polynomial import Polynomial, exact_array, nonzero, numbers, plain, rational
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -71,8 +72,8 @@ class QuadraticField(Body):
     """
 
     quadratic: Any
-    linear: Any
-    constant: Any
+    linear: Any = None
+    constant: Any = None
 
     _couplings: ClassVar[tuple[str, ...]] = tuple(_AXES)
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
@@ -82,34 +83,34 @@ class QuadraticField(Body):
         "lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
         "invariant_density"
     )
+    # Its components, if it is a single one.
+    polynomials: ClassVar[tuple[Polynomial, ...]] = ()
     H: ClassVar[Polynomial | None] = None
     K: ClassVar[Any] = None
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
-        shapes = {
-            name: (each if isinstance(each, np.ndarray) else np.array(each, dtype=object)).shape
-            for name, each in given.items()
+        D = (0, *numbers("quadratic", quadratic).shape)[-1]
+        given = {
+            "quadratic": quadratic,
+            "linear": np.zeros((D, D)) if linear is None else linear,
+            "constant": np.zeros(D) if constant is None else constant,
         }
-        D = (0, *shapes["quadratic"])[-1]
+        arrays = {name: numbers(name, each) for name, each in given.items()}
         for name, axes in _AXES.items():
-            if given[name] is None and name != "quadratic":
-                shapes[name] = (D,) * axes
-                given[name] = np.zeros(shapes[name], np.int64)
-            if D == 0 or shapes[name][-axes:] != (D,) * axes:
+            if D == 0 or arrays[name].shape[-axes:] != (D,) * axes:
                 letter = "D" if name == "quadratic" else str(D)
-                raise wrong(name, f"shape (..., {', '.join([letter] * axes)})", shapes[name])
-        if any(len(shapes[name]) > axes for name, axes in _AXES.items()):
+                shape = f"shape (..., {', '.join([letter] * axes)})"
+                raise wrong(name, shape, arrays[name].shape)
+        if any(arrays[name].ndim > axes for name, axes in _AXES.items()):
             half = 0.5 * real_array("quadratic", quadratic)
             self._set(**given | {"quadratic": half + half.swapaxes(-2, -1)})
             return
-        for name in _AXES:
-            array = exact_array(name, given[name])
-            if name == "quadratic":
-                for i, j, k in np.argwhere(array):
-                    array[i, j, k] = array[i, k, j] = (array[i, j, k] + array[i, k, j]) / 2
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        terms: list[dict[Any, Fraction]] = [{} for _ in range(D)]
+        for name, array in arrays.items():
+            for (i, *powers), c in nonzero(name, array):
+                monomial = tuple(sorted(powers))
+                terms[i][monomial] = terms[i].get(monomial, Fraction(0)) + c
+        vars(self).update(vars(self._of_components(tuple(map(Polynomial, terms)))))
 
     @classmethod
     def from_function(cls, f: Callable[[Any], Any], dimension: int) -> QuadraticField:
@@ -185,12 +186,12 @@ class QuadraticField(Body):
             i, j = np.argwhere(K != -K.T)[0]
             received = f"{K[i, j]} at [{i}, {j}] and {K[j, i]} at [{j}, {i}]"
             raise wrong("K", "an antisymmetric matrix", received)
-        [energy] = _values_of("H", lambda x: (H(x),), n, 1, 3)
+        (energy,) = _values_of("H", lambda x: (H(x),), n, 1, 3)
         gradient = [energy.derivative(i) for i in range(n)]
-        components = [
+        components = (
             sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({})) for row in K
-        ]
-        return cls._of_components(components, energy, K)
+        )
+        return cls._of_components(tuple(components), energy, K)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -202,12 +203,17 @@ class QuadraticField(Body):
         if isinstance(body, cls):
             return body
         instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
-        of: Any = np.asarray if body.shape else lambda each: exact_array("body", each)
+
+        def array_of(value: Any) -> Any:
+            return value if body.shape else exact_array("body", value, np.shape(value))
+
         if isinstance(body, SuslovND):
-            J, I = of(body.J), of(body.I)
+            J, I = array_of(body.J), array_of(body.I)
         else:
             parts = np.broadcast_arrays(body.I1, body.I2, body.I23, np.negative(body.I13))
-            J, I = of(np.stack(parts[:2], axis=-1)), of(np.stack(parts[2:], axis=-1))
+            J, I = np.moveaxis(
+                array_of(np.stack(parts, axis=-1)).reshape(*parts[0].shape, 2, 2), -2, 0
+            )
         unit = np.eye(body.dimension, dtype=np.int64)
         # J_i x_i' = sum_j I_j x_j x_i - I_i sum_j x_j x_j
         q = unit[:, :, np.newaxis] * I[..., np.newaxis, np.newaxis, :]
@@ -215,18 +221,25 @@ class QuadraticField(Body):
         if not isinstance(body, SuslovGyrostat):
             return cls(q)
         turn = np.array([[0, -1], [1, 0]])
-        return cls(q, turn * (of(body.k)[..., np.newaxis] / J)[..., np.newaxis])
+        return cls(q, turn * (np.asarray(array_of(body.k))[..., np.newaxis] / J)[..., np.newaxis])
 
     @classmethod
     def _of_components(
-        cls, components: Sequence[Polynomial], H: Polynomial | None = None, K: Any = None
+        cls, components: tuple[Polynomial, ...], H: Polynomial | None = None, K: Any = None
     ) -> QuadraticField:
-        n = len(components)
-        constant, linear, quadratic = (np.full((n,) * k, Fraction(0)) for k in (1, 2, 3))
+        """Return a single field."""
+        self, n = object.__new__(cls), len(components)
+        arrays = [np.full((n,) * k, Fraction(0)) for k in (1, 2, 3)]
         for i, each in enumerate(components):
             for powers, c in each.terms.items():
-                (constant, linear, quadratic)[len(powers)][(i, *powers)] = c
-        return _remade(cls, (quadratic, linear, constant), H, K)
+                places = {*permutations(powers)}
+                for place in places:
+                    arrays[len(powers)][(i, *place)] = c / len(places)
+        for array in arrays if K is None else (*arrays, K):
+            array.flags.writeable = False
+        vars(self).update(zip(_AXES, reversed(arrays), strict=True))
+        vars(self).update(polynomials=components, H=H, K=K)
+        return self
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -253,64 +266,39 @@ class QuadraticField(Body):
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
     @cached_property
-    def polynomials(self) -> tuple[Polynomial, ...]:
-        """The components of a single field."""
-        terms: list[dict[tuple[int, ...], Fraction]] = [{} for _ in range(self.dimension)]
-        for name in _AXES:
-            array = getattr(self, name)
-            for i, *powers in np.argwhere(array).tolist():
-                if powers == sorted(powers):
-                    times = len({*powers}) or 1
-                    terms[i][tuple(powers)] = times * array[(i, *powers)]
-        return tuple(map(Polynomial, terms))
+    def terms(self) -> tuple[IntArray, FloatArray]:
+        """The nonzero terms v x_j x_k of all f_i, where x_D = 1: i, j and k (3, T), and v.
 
-    @cached_property
-    def terms(self) -> tuple[tuple[IntArray, ...], tuple[FloatArray, ...]]:
-        """The nonzero terms: indices (i, j, k), (i, j) and (i,), as columns, and coefficients.
-
-        The coefficients are (T,), or (..., T) of a batch, rounded once.
+        Those with k = D are last. The coefficients are (T,), or (..., T) of a batch, rounded once.
         """
+        D = self.dimension
         if self.shape:
-            q, l, c = (getattr(self, name) for name in _AXES)
-            q = np.triu(q) + np.triu(q, 1)
-            tables = [
-                (np.argwhere(each.any(tuple(range(each.ndim - k)))), each)
-                for each, k in zip((q, l, c), (3, 2, 1), strict=True)
-            ]
-            return (
-                tuple(np.ascontiguousarray(index.T) for index, _ in tables),
-                tuple(each[(..., *index.T)] for index, each in tables),
-            )
-        found: list[dict[Any, float]] = [{}, {}, {}]
+            table = np.zeros((*self.shape, D, D + 1, D + 1))
+            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
+            table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
+            indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))
+            indices = indices[np.argsort(indices[:, 2] == D, kind="stable")].T
+            return np.ascontiguousarray(indices), table[(..., *indices)]
+        found: dict[tuple[int, ...], float] = {}
         try:
             for i, each in enumerate(self.polynomials):
-                for powers, a in each.terms.items():
-                    found[2 - len(powers)][(i, *powers)] = float(a)
+                for powers, c in each.terms.items():
+                    found[(i, *powers, D, D)[:3]] = float(c)
         except OverflowError:
             raise wrong("body", "coefficients in the range of float64", self) from None
-        return (
-            tuple(
-                np.array([*each], np.int64).reshape(-1, 3 - k).T.copy()
-                for k, each in enumerate(found)
-            ),
-            tuple(np.array([*each.values()], np.float64) for each in found),
-        )
+        places = sorted(found, key=lambda place: (place[2] == D, place))
+        indices = np.array(places, np.int64).reshape(-1, 3)
+        return np.ascontiguousarray(indices.T), np.array([found[each] for each in places])
 
     @cached_property
     def gradient(self) -> QuadraticField:
         """The gradient of H, as a field."""
-        return self._of_components([self._energy.derivative(i) for i in range(self.dimension)])
-
-    @cached_property
-    def quotients(self) -> QuadraticField:
-        """A field g with x.g(x) = H(x) - H(0): each term of H, without its first variable."""
-        parts: list[dict[Any, Fraction]] = [{} for _ in range(self.dimension)]
-        for (i, *others), c in ((p, c) for p, c in self._energy.terms.items() if p):
-            parts[i][tuple(others)] = c
-        return self._of_components([Polynomial(each) for each in parts])
+        slopes = (self.hamiltonian.derivative(i) for i in range(self.dimension))
+        return self._of_components(tuple(slopes))
 
     @property
-    def _energy(self) -> Polynomial:
+    def hamiltonian(self) -> Polynomial:
+        """H; TypeError for a field without one."""
         if self.H is None:
             expected = "a field made by QuadraticField.from_hamiltonian"
             raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
@@ -339,22 +327,27 @@ class QuadraticField(Body):
             point = exact_array("x", x, (self.dimension,))
             return tuple(each(point) for each in self.polynomials)
         state = vectors("x", x, self.dimension, allow_nan=True)
-        q, l, c = (np.asarray(getattr(self, name), np.float64) for name in _AXES)
+        q, l, c = self._arrays.values()
         with np.errstate(all="ignore"):
             slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]
             return (slopes @ state[..., np.newaxis])[..., 0] + c
 
     def __eq__(self, other: object) -> bool:
-        same = super().__eq__(other)
-        if same is not True or not isinstance(other, QuadraticField):
-            return same
-        return self.H == other.H and np.array_equal(self.K, other.K)
+        if self.shape or not isinstance(other, QuadraticField):
+            return super().__eq__(other)
+        return self._single == other._single and np.array_equal(self.K, other.K)
 
     def __hash__(self) -> int:
-        return super().__hash__() if self.shape else hash((self.polynomials, self.H))
+        return super().__hash__() if self.shape else hash(self._single)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _remade, (type(self), tuple(self._values.values()), self.H, self.K)
+        if self.shape:
+            return super().__reduce__()
+        return self._of_components, (*self._single, self.K)
+
+    @property
+    def _single(self) -> tuple[tuple[Polynomial, ...], Polynomial | None]:
+        return self.polynomials, self.H
 
     def __repr__(self) -> str:
         if self.shape:
@@ -378,8 +371,10 @@ class QuadraticField(Body):
         Numbers that are not floats are strings "p/q". A field made from a Hamiltonian also has K,
         and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k].
         """
+        if self.shape:
+            return super().to_dict()
         values: dict[str, Any] = {"body": type(self).__name__}
-        values |= {name: _plain(getattr(self, name)) for name in _AXES}
+        values |= {name: _plain(each) for name, each in self._values.items()}
         if self.H is not None:
             values["H"] = [[plain(c), *powers] for powers, c in self.H.terms.items()]
             values["K"] = _plain(self.K)
@@ -389,35 +384,21 @@ class QuadraticField(Body):
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
         """Return the field that :meth:`to_dict` describes."""
         instance("parameters", parameters, Mapping)
-        given = dict(parameters)
-        kind, H, K = (given.pop(name, None) for name in ("body", "H", "K"))
-        if kind != cls.__name__:
-            raise wrong("body", repr(cls.__name__), repr(kind))
-        if not {"quadratic"} <= given.keys() <= _AXES.keys():
-            raise wrong("parameters", f"the names {[*_AXES]}", sorted(given))
-        field = cls(**{name: _read(name, each) for name, each in given.items()})
+        given = {k: each if k == "body" else _read(k, each) for k, each in parameters.items()}
+        H, K = given.pop("H", None), given.pop("K", None)
+        field = super().from_dict(given)
         if H is None:
             return field
-        terms = {tuple(powers): exact_array("H", _read("H", c)).item() for c, *powers in H}
-        made = cls.from_hamiltonian(Polynomial(terms), field.dimension, _read("K", K))
-        if any((getattr(made, name) != getattr(field, name)).any() for name in _AXES):
+        terms = {tuple(powers): rational("H", c) for c, *powers in H}
+        made = cls.from_hamiltonian(Polynomial(terms), field.dimension, K)
+        if made.polynomials != field.polynomials:
             raise ValueError("H, K: expected those of the coefficients, got others")
         return made
 
 
-def _remade(cls: type[QuadraticField], coefficients: Any, H: Any, K: Any) -> QuadraticField:
-    """Return a field, with its Hamiltonian if it has one."""
-    field = cls(*coefficients)
-    if H is not None:
-        K.flags.writeable = False
-        object.__setattr__(field, "H", H)
-        object.__setattr__(field, "K", K)
-    return field
-
-
 def _values_of(
     name: str, f: Callable[[Any], Any], n: int, count: int, degree: int
-) -> list[Polynomial]:
+) -> tuple[Polynomial, ...]:
     """Return the polynomials in n variables that a function of the user returns."""
     kinds = f"polynomials of degree at most {degree}"
     try:
@@ -427,7 +408,7 @@ def _values_of(
         raise wrong(name, how, f"an error: {error}", TypeError) from error
     if len(found) != count:
         raise wrong(name, f"{count} components", len(found))
-    polynomials = [Polynomial.of(f"the value of {name}", each) for each in found]
+    polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
     if (highest := max(each.degree for each in polynomials)) > degree:
         raise wrong(name, kinds, f"degree {highest}")
     return polynomials
@@ -435,7 +416,7 @@ def _values_of(
 
 def _plain(array: Any) -> Any:
     """Return nested lists for JSON."""
-    return array.tolist() if array.dtype != object else np.vectorize(plain, "O")(array).tolist()
+    return np.vectorize(plain, "O")(array).tolist()
 
 
 def _read(name: str, value: Any) -> Any:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 from numbers import Rational
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._checks import wrong
 
@@ -27,20 +29,30 @@ def rational(name: str, value: Any, exact: bool = False) -> Fraction:
     return Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
 
 
-def exact_array(name: str, value: Any, shape: Any = None, exact: bool = False) -> Any:
-    """Return an array of fractions; floats raise an error if `exact`."""
+def numbers(name: str, value: Any) -> NDArray[Any]:
+    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
     if hasattr(value, "unit") or hasattr(value, "units"):
         raise wrong(name, "numbers without units", type(value).__name__, TypeError)
-    # A list of integers and floats would become one of floats.
-    given = value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
-    if shape is not None and given.shape != shape:
-        raise wrong(name, f"shape {shape}", given.shape)
-    array = np.full(given.shape, Fraction(0))
-    some = given.flat if given.dtype == object else given.ravel()[:1]
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def nonzero(name: str, array: NDArray[Any], exact: bool = False) -> Iterator[tuple[Any, Fraction]]:
+    """Yield the indices of the numbers that are not 0, and these numbers."""
+    some = array.flat if array.dtype == object else array.ravel()[:1]
     for each in {type(each): each for each in some}.values():
         rational(name, each, exact)
-    for index in map(tuple, np.argwhere(given)):  # most coefficients of a field are 0
-        array[index] = rational(name, given[index], exact)
+    for index in np.argwhere(array).tolist():
+        yield tuple(index), rational(name, array[tuple(index)], exact)
+
+
+def exact_array(name: str, value: Any, shape: Any, exact: bool = False) -> NDArray[Any]:
+    """Return an array of fractions; floats raise an error if `exact`."""
+    given = numbers(name, value)
+    if given.shape != shape:
+        raise wrong(name, f"shape {shape}", given.shape)
+    array = np.full(shape, Fraction(0))
+    for index, number in nonzero(name, given, exact):
+        array[index] = number
     return array
 
 
@@ -89,10 +101,8 @@ class Polynomial:
 
     def __call__(self, x: Any) -> Any:
         """Return the value at a point."""
-        total = Fraction(0)
-        for powers, c in self.terms.items():
-            total = total + math.prod((x[i] for i in powers), start=c)
-        return total
+        terms = (math.prod((x[i] for i in powers), start=c) for powers, c in self.terms.items())
+        return sum(terms, start=Fraction(0))
 
     def __add__(self, other: Any) -> Polynomial:
         if not isinstance(other, Polynomial | _NUMBERS):

@@ -122,7 +122,7 @@ def by_slabs(
     full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
     parameters = {
         name: np.broadcast_to(each, (*batch, *each.shape[each.ndim - body._axes(name) :]))
-        for name, each in body._arrays.items()
+        for name, each in (body._arrays if body.shape else {}).items()
     }
     lost = np.zeros(batch, bool)
     for part in _slabs(batch, most):

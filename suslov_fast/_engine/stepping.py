@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any
 
 import numba
 import numpy as np
@@ -99,45 +98,14 @@ def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) 
     size, D = problem.omega0.shape
     (state,) = _carried(span, resume, output, state=np.empty((size, D)))
     kept = output.final, output.status, output.failed_at, state
-    indices, values, parameters = problem.parameters
-    step = D**3 / 3.0 + sum(each.shape[1] for each in indices)
-    memory = _room_of_field(size, D, indices, problem.threads)
-    before, lanes = (indices, values, (*parameters, problem.omega0)), memory[1].shape[3]
-    after = output.saved, None, kept, memory
-    for part, work in parts_of(problem, span, step, lanes):
-        threads.run(map_field.iterate_field, work, problem.threads, *before, part, *after)
-    return NONE
-
-
-def equations_of_field(
-    flat: Any, states: FloatArray, threads_wanted: int | None, solves: bool
-) -> FloatArray:
-    """Return A and minus half the step size times f, or A**-1 f, (B, D, D + 1).
-
-    `flat` is what `Map.parameters` returns.
-    """
-    indices, values, parameters = flat
-    size, D = states.shape
-    kept = states, np.empty(size, np.int8), np.empty(size, np.int64), states
-    out = np.empty((size, D, D + 1))
-    room = _room_of_field(size, D, indices, threads_wanted)
-    work = size * (D * D + sum(each.shape[1] for each in indices) + solves * D**3 // 3)
-    arguments = indices, values, (*parameters, states), kept, solves, out, room
-    threads.run(map_field.equations, work, threads_wanted, *arguments)
-    return out
-
-
-def _room_of_field(
-    size: int, D: int, indices: Any, threads_wanted: int | None
-) -> tuple[FloatArray, ...]:
-    """Return memory for blocks of trajectories, whose equations fit in the second cache."""
+    step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
-    tasks = min(threads_wanted or numba.get_num_threads(), max(-(-size // lanes), 1))
-    return (
-        _aligned((tasks, 2, D, D + 1, lanes)),
-        _aligned((tasks, 2, D, lanes)),
-        _aligned((tasks, indices[1].shape[1], lanes)),
-    )
+    tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
+    memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 3, D, lanes))
+    before, after = (*problem.parameters, problem.omega0), (output.saved, kept, memory)
+    for part, work in parts_of(problem, span, step, lanes):
+        threads.run(map_field.iterate_field, work, problem.threads, before, part, *after)
+    return NONE
 
 
 def _carried(span: Span, resume: Resume, output: Output, **starts: FloatArray) -> list[FloatArray]:

@@ -20,13 +20,13 @@ def _parameters(
 ) -> tuple[Any, ...]:
     """Return the terms of the field, the step size, and the largest quadratic coefficient."""
     indices, values = body.terms
-    largest = np.abs(values[0]).max(axis=-1, initial=0.0)
+    quadratic = values[..., indices[2] < body.dimension]
+    largest = np.abs(quadratic).max(axis=-1, initial=0.0)
     if body.shape:
-        size = math.prod(batch)
+        size, T = math.prod(batch), len(indices[0])
         some = np.minimum(np.arange(-(-size // WIDEST) * WIDEST), size - 1)
-        full = (np.broadcast_to(each, (*batch, each.shape[-1])) for each in values)
-        values = tuple(for_kernel(each.reshape(size, each.shape[-1])[some].T) for each in full)
-    return indices, values, (flat_parameter(eps, batch), flat_parameter(largest, batch))
+        values = for_kernel(np.broadcast_to(values, (*batch, T)).reshape(size, T)[some].T)
+    return indices, values, flat_parameter(eps, batch), flat_parameter(largest, batch)
 
 
 MAP = Map(

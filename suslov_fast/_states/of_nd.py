@@ -91,7 +91,7 @@ def jacobian_by(
     matrix: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
 ) -> FloatArray:
     """Return A(omega; eps)**-1 A(omega_next; -eps)."""
-    following = _next(body, omega, eps)
+    following = next_states(body, omega, eps)
     exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
     batch = omega.shape[:-1]
     left = matrix(body, omega, eps, batch, None, "omega")
@@ -104,13 +104,13 @@ def jacobian_by(
 
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch, result = omega.shape[:-1], (body.dimension, body.dimension)
-    following = _next(body, omega, eps)
+    following = next_states(body, omega, eps)
     return of_state_nd(
         kernels.reaction, body, np.ascontiguousarray(omega), None, batch, None, result, following
     )
 
 
-def _next(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
+def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     problem = problem_of(map_of(body), body, omega.shape[:-1], omega, eps, continued=False)
     return execute(problem, span_of(0, 1, None)).final
 

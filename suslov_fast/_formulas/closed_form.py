@@ -7,26 +7,20 @@ psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a ste
 
 (p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
 
-G**2 = T**2 - K**2. The state is U + i V = z |g| / g, where, with d = p**2 + q**2 - 2 T p q,
+G**2 = T**2 - K**2 = L**2. The state is U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z)
+are its dimensionless coordinates. Those of state n are quotients of quadratic forms in (p_n, q_n),
+and so in other coordinates (c, s). There are three kinds of orbits that move:
 
-X = e l and Y = -e Im(conj(g) z) are the coordinates of a state. Those of state n are quotients of
-quadratic forms in (p_n, q_n), and so in (c, s) where (1 + G)**n = c + s G:
-
-X_n = X (c**2 - L**2 s**2) / D,   Y_n = (Y (c**2 + L**2 s**2) - 2 (L**2 + K X) c s) / D,
-D = c**2 - 2 Y c s + (L**2 + 2 K X) s**2,   L**2 = T**2 - K**2.
+PASSES    From one steady state to the other. (c, s) = (w_n, 1), where w_n = w_0 r**n with
+          r = (1 - L)/(1 + L) is the ratio of the coordinates of (p, q) in the eigenbasis.
+NEARS     The same next to L = 0, where these coordinates cancel. (1 + G)**n = c_n + s_n G, and
+          (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), to a common factor.
+TURNS     K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
+          b = arctan(m), which is known to twice the digits, and so is the phase n b.
 
 The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. For
 the flow, and for states so slow that the map follows it to rounding, terms of higher order in e are
 missing: `order` is 0 instead of 1.
-
-There are three kinds of orbits that move:
-
-PASSES    From one steady state to the other, without a pole: L >= T/2 and T < 1. The ratio of the
-          coordinates of (p, q) in the eigenbasis is w_n = w r**n, r = (1 - L)/(1 + L).
-NEARS     The same for other L, and for T >= 1: c + L s = 1 and c - L s = r**n to a common factor,
-          and the forms are those in (r**n, s).
-TURNS     K > T: c = cos(n b) and s = sin(n b)/m, m**2 = K**2 - T**2 and b = arctan(m), which is
-          known to twice the digits, and so is the phase n b.
 """
 
 import math
@@ -54,7 +48,6 @@ from .elementary import (
     halvings,
     is_integer,
     larger,
-    logarithm,
     logarithm_beyond,
     scaled,
     smaller,
@@ -77,18 +70,20 @@ LONGEST_UNIT = 960.0
 # Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
 # states, which would leave the range of float64 in between.
 PART_OF_COEFFICIENTS = 300.0
-# Couplings below this, in units in which k is 1, are none.
-UNCOUPLED = 1e-150
-# L**2 is at least this part of T**2 for a `Passage`: nearer to L = 0 its coordinates cancel.
-PART_OF_PASSAGE = 0.25
+# A ratio w above 2**this is stored as the pair (f, 2**-k).
+LARGE = 200.0
+# An orbit with larger L, which begins at larger |Y| / L, is next to a pole for long.
+LARGE_ROOT = 8.0
+# w and s whose squares are negligible, and subnormal, which is slow.
+NO_SQUARE = 1e-100
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
 # States larger than R by this may be at a pole.
 NEAR_POLE = 2.0**20
+# Couplings below this, in units in which k is 1, are none.
+UNCOUPLED = 1e-150
 # 2 / pi, as a sum of two numbers.
 QUARTER_TURNS = 0.6366197723675814, -3.935735335036497e-17
-# In place of r = 0: its square underflows, and one step from next to Y = 1 still has its state.
-LEAST_RATIO = -(2.0**-700)
 
 # Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is where the map is
 # undefined, 0 / 0; no pole can be met; |T| >= 1.
@@ -100,15 +95,17 @@ RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 class Start(NamedTuple):
     """Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power.
 
-    lost     the rounding error of Y
-    factor   the power of two by which X, Y and K were multiplied
+    X, Y and K are sums of two numbers, and X is 0 for a state at rest.
+
     time     the logarithm of the unit of time in steps
     """
 
     X: float
+    X_lost: float
     Y: float
-    lost: float
+    Y_lost: float
     K: float
+    K_lost: float
     U: float
     V: float
     coupling: float
@@ -117,29 +114,28 @@ class Start(NamedTuple):
     f21: float
     f22: float
     power: float
-    factor: float
     order: float
     time: float
     fate: float
-    rests: float
 
 
 class Levels(NamedTuple):
-    """R, T, L**2, L as a sum of two numbers (m if L**2 < 0), L - |Y|, and r."""
+    """R, T, L**2, L as a sum of two numbers, L - |Y|, and r."""
 
     R: float
     T: float
     square: float
     root: float
-    lost: float
+    root_lost: float
     gap: float
     r: float
 
 
 class Steps(NamedTuple):
-    """Constants of the n-th power of a step.
+    """Constants of (c, s) after n steps.
 
     log_r   log |r|, as a sum of two numbers
+    v       of PASSES: w_n = v 2**k r**(n - lag)
     root    L or m
     square  m**2, or 0 for L
     turns   b in quarter turns, or 0, as a sum of two numbers
@@ -149,25 +145,13 @@ class Steps(NamedTuple):
     r: float
     log_r: float
     log_lost: float
+    v: float
+    k: float
+    lag: float
     root: float
     square: float
     turns: float
     turns_lost: float
-
-
-class Passage(NamedTuple):
-    """omega = rest + (a w - b) / (1 + w (r w - c)), where w_n = v 2**k r**(n - lag)."""
-
-    v: float
-    k: float
-    lag: float
-    c: float
-    a1: float
-    a2: float
-    b1: float
-    b2: float
-    rest1: float
-    rest2: float
 
 
 class Forms(NamedTuple):
@@ -191,16 +175,18 @@ def start(back, flows, given):
     back    -1 for the inverse map and the flow backward in time, else 1
     given   I1, I2, I13, I23, k, eps, omega1 and omega2
     """
-    I1, I2, I13, I23, k, eps, omega1, omega2 = given
-    E = exponent(eps)
-    own = eps * two_to_the(-E)
+    E = exponent(given.eps)
+    own = given.eps * two_to_the(-E)
+    I1, I2, I13, I23, k, _, omega1, omega2 = given
     p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
     body = canonical_body(p.I1, p.I2, p.I13, p.I23)
-    _, Y, lost = canonical_state(p.I13, p.I23, *body, own, p.omega1, p.omega2)
-    e = own * (math.sqrt(0.5) * body[7])
-    l, _ = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
-    x = sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
-    X, u, K = e * l, e * x, e * p.k
+    _, Y, Y_lost = canonical_state(p.I13, p.I23, *body, own, p.omega1, p.omega2)
+    e = twofold.root(twofold.quotient((0.25, 0.0), two_product(p.I1, p.I2)))
+    e = twofold.product(e, (own, 0.0))
+    l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
+    X, X_lost = twofold.product(e, l)
+    K, K_lost = twofold.product(e, (p.k, 0.0))
+    u = e[0] * sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
 
     # The logarithm of the unit of X, Y and K.
     of_step = E + unit.P + unit.W - unit.M
@@ -216,29 +202,32 @@ def start(back, flows, given):
     inverse = 1.0 / select(coupled, g, 1.0)
     g1, g2 = select(coupled, g1 * inverse, 1.0), select(coupled, g2 * inverse, 0.0)
     # The signs of U + i V, and of X and K.
-    whole, half = select(e < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
-    coupling = whole * (e * g)
+    whole, half = select(own < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
+    coupling = whole * (e[0] * g)
     U = half * select(coupled, u / coupling, whole * (root1 * p.omega1))
     V = back * select(coupled, -Y / coupling, whole * (root2 * p.omega2))
     first, second = whole * half, whole * back
+    of_X, of_Y = half * factor, back * factor
+    X, X_lost, K, K_lost = X * of_X, X_lost * of_X, K * of_X, K_lost * of_X
+    Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
-    X, K = X * (half * factor), abs(K) * factor
-    Y, lost = Y * (back * factor), lost * (back * factor)
-    rests = (X == 0.0) | (eps == 0.0) | (p.omega1 == 0.0) & (p.omega2 == 0.0)
+    undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - Y_lost == 0.0)
+    rests = (X == 0.0) | (own == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time < MOTIONLESS)
-    undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - lost == 0.0)
     far = (~rests) & select(slow, abs(time) > LONGEST_UNIT, of_step + size > FAST)
     supercritical = coupled & (~slow) & (Y * Y >= 1.0 + K * (2.0 * X - K))
     fate = select(supercritical, SUPERCRITICAL, REGULAR)
     fate = select(undefined, UNDEFINED, fate)
-    total = l + Y + e  # not a number if a parameter is out of range
+    total = X + Y + e[0]  # not a number if a parameter is out of range
     fate = select(far | (total != total), OUT_OF_RANGE, fate)
     fate = select(omega1 + omega2 != omega1 + omega2, UNKNOWN, fate)
     return Start(
-        X,
+        select(rests, 0.0, X),
+        X_lost,
         Y,
-        lost,
+        Y_lost,
         K,
+        K_lost,
         U,
         V,
         select(coupled, coupling, 0.0) * factor,
@@ -247,18 +236,16 @@ def start(back, flows, given):
         first * g2 / root2,
         second * g1 / root2,
         unit.W,
-        factor,
         select(slow, 0.0, 1.0),
         time,
         fate,
-        select(rests, 1.0, 0.0),
     )
 
 
 @formula
 def levels(o):
     """The `Levels` of an orbit."""
-    X, Y, K, order = o.X, o.Y, o.K, o.order
+    X, Y, K, order, lost = o.X, o.Y, o.K, o.order, o.Y_lost
     below = 1.0 / np.sqrt(1.0 + order * X * X)
     R = np.sqrt(o.U * o.U + o.V * o.V) * below
     T = o.coupling * R
@@ -267,16 +254,15 @@ def levels(o):
     least = LEAST_ROOT * T
     square = select(abs(square) > least * least, square, least * least)
     root = np.sqrt(abs(square))
-    plus, minus = (1.0 + order * Y) + order * o.lost, (1.0 - order * Y) - order * o.lost
+    plus, minus = (1.0 + order * Y) + order * lost, (1.0 - order * Y) - order * lost
     gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + order * K * X)) / (root + abs(Y))
     # A gap that is small beside |Y| and 1 - |Y| extends the digits of |Y|.
-    more = gap + select(Y > 0.0, o.lost, -o.lost)
+    more = gap + select(Y > 0.0, lost, -lost)
     near = smaller(abs(Y), select(order > 0.0, abs(1.0 - abs(Y)), abs(Y)))
     extends = (2.0 * abs(gap) <= near) & (square > 0.0)
     root, lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
     share = below / (1.0 + order * root)
     r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
-    r = select(r == 0.0, LEAST_RATIO, r)
     return Levels(R, T, square, root, lost, gap, r)
 
 
@@ -309,20 +295,47 @@ def logarithm_of_ratio(T, T_lost, r):
 
 
 @formula
+def larger_sum(o, e):
+    """The larger of S - L Y and S + L Y, S = L**2 + K X, and True if it is the first.
+
+    Their product is X**2 T**2 (1 - L**2).
+    """
+    S = e.root * e.root + o.K * o.X
+    return S + select(S < 0.0, -1.0, 1.0) * (e.root * abs(o.Y)), (o.Y < 0.0) == (S >= 0.0)
+
+
+@formula
 def steps(o, e):
     """The `Steps` of an orbit that does not turn, and the kind of any."""
-    passes = (e.square >= PART_OF_PASSAGE * e.T * e.T) & (o.fate == REGULAR)
+    X, T, L, r = o.X, e.T, e.root, e.r
+    # Next to L = 0 the coordinates of PASSES cancel, unless r < 0, and next to poles if L is large.
+    passes = (e.square >= 0.25 * T * T) | (o.order * e.square >= 1.0)
+    passes = passes & ((o.order * L < LARGE_ROOT) | (abs(o.Y) < LARGE_ROOT * L))
     kind = select(passes, PASSES, select(e.square > 0.0, NEARS, TURNS))
-    kind = select((o.rests != 0.0) | (o.fate < 0.0), RESTS, kind)
-    high, low = logarithm_of_ratio(e.root, e.lost, e.r)
-    unit = -2.0 * two_to_the(o.time)
-    slow, moves = o.order == 0.0, (kind == PASSES) | (kind == NEARS)
+    kind = select((X == 0.0) | (o.fate < 0.0), RESTS, kind)
+    high, low = logarithm_of_ratio(L, e.root_lost, r)
+    slow, unit = o.order == 0.0, -2.0 * two_to_the(o.time)
+    high, low = select(slow, L * unit, high), select(slow, e.root_lost * unit, low)
+    decays = (kind == PASSES) | (kind == NEARS)
+    ends = decays & (r == 0.0)
+
+    # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
+    passes = kind == PASSES
+    total, from_0 = larger_sum(o, e)
+    X = select(passes, X, 1.0)
+    k = exponent(X)
+    X = X * two_to_the(-k) * T * (1.0 + o.order * L)
+    v = select(from_0, X, total) / select(from_0, total, X)
+    v_k = exponent(v)
     return Steps(
         kind,
-        select(moves, e.r, 1.0),
-        select(moves, select(slow, e.root * unit, high), 0.0),
-        select(moves, select(slow, e.lost * unit, low), 0.0),
-        e.root,
+        select(decays, r, 1.0),
+        select(ends, NO_POWER, select(decays, high, 0.0)),
+        select(decays & ~ends, low, 0.0),
+        select(passes, v * two_to_the(-v_k), select(decays, 1.0, 0.0)),
+        select(passes, select(from_0, k, -k) + v_k, 0.0),
+        select(passes & ~from_0, o.order, 0.0),
+        L,
         0.0,
         0.0,
         0.0,
@@ -330,31 +343,24 @@ def steps(o, e):
 
 
 @formula
-def turning(o, e, s, given):
-    """The `Steps` of an orbit that does not pass: b is computed with twice the digits."""
-    I1, I2, I13, I23, k, eps, omega1, omega2 = given
-    own = eps * two_to_the(-exponent(eps))
-    p, _ = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
-    e2 = twofold.quotient(two_product(0.5 * own, 0.5 * own), two_product(p.I1, p.I2))
-    l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
-    l, k = (l[0] * o.factor, l[1] * o.factor), (p.k * o.factor, 0.0)
-    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), for X = e l and K = e k.
-    X2, K2 = twofold.product(e2, twofold.square(l)), twofold.product(e2, twofold.square(k))
-    XK = twofold.product(e2, twofold.product(l, twofold.difference((2.0 * k[0], 0.0), l)))
-    X2 = X2[0] * o.order, X2[1] * o.order
-    size = twofold.plus((1.0, 0.0), X2)
-    m2 = twofold.quotient(twofold.difference(XK, twofold.square((o.Y, o.lost))), size)
-    m2 = twofold.plus(m2, twofold.product(K2, twofold.quotient(X2, size)))
-    least = LEAST_ROOT * e.T
-    tiny = ~(m2[0] > least * least)
-    turns = s.kind == TURNS
-    m2 = select(tiny, least * least, m2[0]), select(tiny, 0.0, m2[1])
-    m = twofold.root((select(turns, m2[0], 1.0), select(turns, m2[1], 0.0)))
+def turning(o, e, s):
+    """The `Steps` of an orbit that may turn: b is computed with twice the digits."""
+    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2)
+    X, Y, K, order = (o.X, o.X_lost), (o.Y, o.Y_lost), (o.K, o.K_lost), (o.order, 0.0)
+    KX = twofold.product(K, X)
+    beyond = twofold.difference(twofold.plus(KX, KX), twofold.square(X))
+    beyond = twofold.difference(beyond, twofold.square(Y))
+    beyond = twofold.plus(beyond, twofold.product(order, twofold.square(KX)))
+    below = twofold.plus((1.0, 0.0), twofold.product(order, twofold.square(X)))
+    square = twofold.quotient(beyond, below)
+    least, turns = (LEAST_ROOT * e.T) * (LEAST_ROOT * e.T), s.kind == TURNS
+    known = turns & (square[0] > least)
+    square = select(known, square[0], select(turns, least, 1.0)), select(known, square[1], 0.0)
+    m = twofold.root(square)
     # The angle of the flow is m, and of the map the arctangent.
-    large = m[0] > 1.0
+    slow, unit, large = o.order == 0.0, two_to_the(o.time), m[0] > 1.0
     one, over = twofold.quotient((1.0, 0.0), m)
     angle, lost = twofold.arctangent((select(large, one, m[0]), select(large, over, m[1])))
-    slow, unit = o.order == 0.0, two_to_the(o.time)
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
     angle, lost = twofold.product((angle, lost), QUARTER_TURNS)
     above, rest = twofold.difference((1.0, 0.0), (angle, lost))
@@ -364,42 +370,20 @@ def turning(o, e, s, given):
         s.r,
         s.log_r,
         s.log_lost,
+        s.v,
+        s.k,
+        s.lag,
         select(turns, m[0], s.root),
-        select(turns, m2[0], 0.0),
+        select(turns, square[0], 0.0),
         select(turns, select(large, above, angle), 0.0),
         select(turns, select(large, rest, lost), 0.0),
     )
 
 
 @formula
-def passage(o, e, kind, given):
-    """The `Passage` of an orbit; one that rests, or has no states, is the constant `rest`."""
-    moves = kind == PASSES
-    T, root = e.T, e.root
-    one = 1.0 + o.order * root
-    X = select(moves, o.X, 1.0)
-    k = exponent(X)
-    X = X * two_to_the(-k) * T * one
-    falls = o.Y < 0.0
-    rest = root * (root + abs(o.Y)) + o.K * o.X
-    v = select(falls, X, rest) / select(falls, rest, X)
-    v_k = exponent(v)
-    f11, f12, f21, f22 = frame(o, e.R / T)
-    half_c = o.K / (T * one)
-    of_X, of_Y = 2.0 * root * root / (T * one), 2.0 * root
-    ends = o.fate < 0.0
-    return Passage(
-        select(moves, v * two_to_the(-v_k), 0.0),
-        select(moves, select(falls, k, -k) + v_k, 0.0),
-        select(moves & (~falls), o.order, 0.0),
-        select(moves, 2.0 * half_c, 0.0),
-        select(moves, f11 * of_X + f12 * (half_c * of_Y), 0.0),
-        select(moves, f21 * of_X + f22 * (half_c * of_Y), 0.0),
-        select(moves, f12 * of_Y, 0.0),
-        select(moves, f22 * of_Y, 0.0),
-        select(ends, np.nan, select(moves, f12 * root - f11 * o.K, given.omega1)),
-        select(ends, np.nan, select(moves, f22 * root - f21 * o.K, given.omega2)),
-    )
+def has_two_forms(s):
+    """Test that odd n have other `Forms`."""
+    return (s.kind == NEARS) & (s.r < 0.0)
 
 
 @formula
@@ -416,38 +400,56 @@ def rest_of(power):
 
 
 @formula
-def forms(o, e, s, odd):
-    """The `Forms` of an orbit that does not pass.
+def forms(o, e, s, given):
+    """The `Forms` of an orbit that passes; one that rests, or has no states, is constant."""
+    moves, one = s.kind == PASSES, 1.0 + o.order * e.root
+    f11, f12, f21, f22 = frame(o, e.R / e.T)
+    y, K, L, r = e.T / one, o.K, e.root, e.r
+    return Forms(
+        select(moves, r, 0.0),
+        select(moves, -K / (e.T * one), 0.0),
+        select(o.fate < 0.0, np.nan, 1.0),
+        select(moves, r * (f12 * L - f11 * K), 0.0),
+        select(moves, f11 * y, 0.0),
+        select(moves, -f12 * L - f11 * K, given.omega1),
+        select(moves, r * (f22 * L - f21 * K), 0.0),
+        select(moves, f21 * y, 0.0),
+        select(moves, -f22 * L - f21 * K, given.omega2),
+    )
+
+
+@formula
+def other_forms(o, e, s, passing, odd):
+    """The `Forms` of an orbit of the other kinds, else those given.
 
     Where r < 0, those of odd n are others, for |r|**n in place of r**n.
     """
-    X, Y, K, U, V, T, root = o.X, o.Y, o.K, o.U, o.V, e.T, s.root
-    turns, falls = s.kind == TURNS, Y < 0.0
-    # Of NEARS: L - Y, and L (L - Y) + K X, from its product with L (L + |Y|) + K X for Y >= 0.
-    XT = X * T * (1.0 + o.order * root)
-    rest = root * (root + abs(Y)) + K * X
-    gap = select(falls, root + abs(Y), e.gap)
-    m = select(falls, rest, e.r * (XT / rest) * XT)
+    X, Y, K, U, V, T, L = o.X, o.Y, o.K, o.U, o.V, e.T, s.root
+    turns, passes = s.kind == TURNS, s.kind <= PASSES
+    # Of NEARS: L - Y, and S - L Y.
+    total, is_first = larger_sum(o, e)
+    gap = select(Y < 0.0, L + abs(Y), e.gap)
+    XT = X * T * (1.0 + o.order * L)
+    m = select(is_first, total, e.r * (XT / total) * XT)
     # Odd n: an orbit from (-X, Y) / (1 + 2 K X / L**2).
-    more, sign = select(odd, 2.0 * (K * X / root), 0.0), select(odd, -1.0, 1.0)
-    gap, g = gap + more, 1.0 + more / root
+    more, sign = select(odd, 2.0 * (K * X / L), 0.0), select(odd, -1.0, 1.0)
+    gap, one = gap + more, 1.0 + more / L
     TR = T * e.R
     f11, f12, f21, f22 = frame(o, select(turns, 1.0, e.R / select(turns, 1.0, T)))
-    x_u, x_v = select(turns, U, sign * X - K * g), select(turns, -V, Y)
-    y_u = select(turns, -K * V, sign * root * X - K * gap)
-    y_v = select(turns, -(TR + K * U), -m)
+    x_u, x_v = select(turns, U, sign * X - K * one), select(turns, -V, Y)
+    y_u, y_v = select(turns, -K * V, sign * L * X - K * gap), select(turns, -(TR + K * U), -m)
     z_u = select(turns, -(K * K * U + TR * (X + K)), -2.0 * m * K)
-    z_v = select(turns, V * s.square, -2.0 * m * root)
+    z_v = select(turns, V * s.square, -2.0 * m * L)
     return Forms(
-        select(turns, 1.0, g),
-        select(turns, -Y, gap),
-        select(turns, 2.0 * K * X - s.square, 2.0 * m),
-        f11 * x_u + f12 * x_v,
-        f11 * y_u + f12 * y_v,
-        f11 * z_u + f12 * z_v,
-        f21 * x_u + f22 * x_v,
-        f21 * y_u + f22 * y_v,
-        f21 * z_u + f22 * z_v,
+        select(passes, passing.d11, select(turns, 1.0, one)),
+        select(passes, passing.d12, select(turns, -Y, gap)),
+        select(passes, passing.d22, select(turns, 2.0 * K * X - s.square, 2.0 * m)),
+        select(passes, passing.x1, f11 * x_u + f12 * x_v),
+        select(passes, passing.y1, f11 * y_u + f12 * y_v),
+        select(passes, passing.z1, f11 * z_u + f12 * z_v),
+        select(passes, passing.x2, f21 * x_u + f22 * x_v),
+        select(passes, passing.y2, f21 * y_u + f22 * y_v),
+        select(passes, passing.z2, f21 * z_u + f22 * z_v),
     )
 
 
@@ -467,50 +469,44 @@ def power_of_ratio(n, o):
 
 
 @formula
-def growth(n, s, o):
-    """f and k for which w_n = f 2**k."""
-    p, k, _ = power_of_ratio(smaller(n, LONGEST) - o.lag, s)
-    return o.v + o.v * p, o.k + k
+def pair(n, o, others):
+    """(c, s) after n steps; NaN where there is no such state.
 
-
-@formula
-def negligible_square(w):
-    """w**2, or 0 if it is subnormal and negligible relative to 1."""
-    w = select(abs(w) > 1e-100, w, 0.0)
-    return w * w
-
-
-@formula
-def passing(f, k, r, o):
-    """omega of an orbit that passes, for w = f 2**k of any size."""
-    # Scale w and 1 by a power of two that brings the larger one to the order of 1.
-    factor = select(abs(k) <= 1000.0, two_to_the(-smaller(abs(k), 1000.0)), 0.0)
-    large = k > 0.0
-    one = select(large, factor, 1.0)
-    w = select(large, f, f * factor)
-    inverse = one / (negligible_square(one) - o.c * (one * w) + r * negligible_square(w))
-    return (
-        o.rest1 + (o.a1 * w - o.b1 * one) * inverse,
-        o.rest2 + (o.a2 * w - o.b2 * one) * inverse,
-    )
-
-
-@formula
-def multiples(n, o):
-    """c and s of `Forms` after n steps; NaN where there is no such state."""
+    others   False if the orbit is known to pass or rest
+    """
+    c, s = multiples(smaller(n, LONGEST) - o.lag, o.v, o.k, o, others)
     unknown = (n > EXACT) & (n < np.inf) & (o.r < 0.0)
-    n = smaller(n, LONGEST)
-    p, k, sign = power_of_ratio(n, o)
-    sign = select(unknown, np.nan, sign)
-    ratio = scaled(1.0 + p, k)
-    # Near 1 the distance from 1 is more precise.
-    rest = select(k == 0.0, -p, 1.0 - ratio) * (0.5 / o.root)
-    sine, cosine = sine_and_cosine(n, o.turns, o.turns_lost)
-    turns = o.turns != 0.0
-    return (
-        select(turns, cosine, ratio * abs(sign)),
-        select(turns, sine / o.root, rest),
-    )
+    return select(unknown, np.nan, c), s
+
+
+@formula
+def growth(n, o, others):
+    """By what n steps multiply (c, s), see `product`."""
+    c, s = multiples(n, 1.0, 0.0, o, others)
+    return c, select(o.kind > PASSES, s, 0.0)
+
+
+@formula
+def multiples(n, v, k, o, others):
+    """`pair` of an orbit that begins at the ratio v 2**k."""
+    p, k_n, sign = power_of_ratio(n, o)
+    f, k = sign * (v + v * p), k + k_n
+    large = k >= LARGE
+    c, s = select(large, f, scaled(f, smaller(k, LARGE))), select(large, scaled(1.0, -k), 1.0)
+    if others:
+        # Near 1 the distance from 1 is more precise.
+        rest = select(k == 0.0, -p, 1.0 - abs(c)) * (0.5 / o.root)
+        sine, cosine = sine_and_cosine(n, o.turns, o.turns_lost)
+        turns = o.kind == TURNS
+        c = select(turns, cosine, select(o.kind == NEARS, abs(c), c))
+        s = select(turns, sine / o.root, select(o.kind == NEARS, rest, s))
+    return c, s
+
+
+@formula
+def product(c, s, next_c, next_s, square):
+    """(c, s) after the steps of both pairs."""
+    return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
 
 
 @formula
@@ -527,8 +523,10 @@ def sine_and_cosine(n, turns, turns_lost):
 
 @formula
 def quotient(c, s, o):
-    """omega for c and s of `multiples`."""
-    cc, cs, ss = c * c, 2.0 * c * s, s * s
+    """omega for a pair (c, s)."""
+    cc = c * select(abs(c) > NO_SQUARE, c, 0.0)
+    ss = s * select(abs(s) > NO_SQUARE, s, 0.0)
+    cs = 2.0 * c * s
     inverse = 1.0 / ((o.d11 * cc + o.d22 * ss) + o.d12 * cs)
     return (
         ((o.x1 * cc + o.z1 * ss) + o.y1 * cs) * inverse,
@@ -545,31 +543,21 @@ def is_pole(c, s, o):
 
 
 @formula
-def far_from_poles(o, e):
-    """A number that components of omega exceed at a pole, and seldom elsewhere."""
+def exact_size(o, e, s):
+    """A size of states from which on they are computed one by one: they may be at a pole."""
     f11, f12, f21, f22 = frame(o, e.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
-    return NEAR_POLE * size * (1.0 + e.T + o.K)
+    may_meet = (s.kind != RESTS) & (o.fate == SUPERCRITICAL)
+    size = select(may_meet, NEAR_POLE * size * (1.0 + e.T + o.K), np.inf)
+    return select((o.fate < 0.0) | has_two_forms(s), 0.0, size)
 
 
 @formula
-def is_odd(n, r):
-    """Test that r**n is negative."""
-    return (r < 0.0) & (~is_integer(0.5 * abs(n)))
-
-
-@formula
-def indices_of_poles(d11, d12, d22, root, log_r):
-    """The real n, the parity of n apart, for which d11 c**2 + 2 d12 c s + d22 s**2 = 0, or NaN."""
-    sum_of_roots = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
-    return (
-        index_of_ratio(2.0 * root * sum_of_roots / d22, log_r),
-        index_of_ratio(2.0 * root * d11 / sum_of_roots, log_r),
-    )
-
-
-@formula
-def index_of_ratio(x, log_r):
-    """The n for which |r|**n = 1 / (1 + x); NaN if n < 0."""
-    y = select(x >= 0.0, x, 0.0)
-    return select(x >= 0.0, logarithm(1.0 / (1.0 + y), y / (1.0 + y)) / log_r, np.nan)
+def step_to_pole(forms, o, second):
+    """The real n, but for the sign of r**n, at the first or second zero of the denominator."""
+    d11, d12, d22 = forms.d11, forms.d12, forms.d22
+    total = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
+    ratio = d22 / total if second else total / d11  # of c and s
+    if o.kind == NEARS:
+        return -np.log1p(2.0 * o.root / ratio) / o.log_r
+    return o.lag + (np.log(abs(ratio / o.v)) - o.k * math.log(2.0)) / o.log_r

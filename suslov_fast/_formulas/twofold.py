@@ -30,6 +30,13 @@ def plus(v, w):
 
 
 @formula
+def plus_smaller(v, w):
+    """v + w for |v| >= |w|, to about 2**-104."""
+    total, lost = sum_of_ordered(v[0], w[0])
+    return sum_of_ordered(total, lost + (v[1] + w[1]))
+
+
+@formula
 def difference(v, w):
     """v - w."""
     return plus(v, (-w[0], -w[1]))
@@ -54,13 +61,14 @@ def root(v):
 @formula
 def half_tangent(t):
     """The tangent of half the angle whose tangent is t."""
-    return quotient(t, plus(ONE, root(plus(ONE, square(t)))))
+    return quotient(t, plus_smaller(root(plus_smaller(ONE, square(t))), ONE))
 
 
 @formula
 def term(n, q, rest):
     """1 / n - q rest."""
-    return difference(quotient(ONE, (n, 0.0)), product(q, rest))
+    more, lost = product(q, rest)
+    return plus_smaller(quotient(ONE, (n, 0.0)), (-more, -lost))
 
 
 @formula

@@ -35,26 +35,24 @@ from .._formulas.closed_form import (
     UNKNOWN,
     Forms,
     Levels,
-    Passage,
     Start,
     Steps,
 )
-from .._formulas.elementary import scaled, smaller
+from .._formulas.elementary import scaled
+from .._formulas.units import Problem
 from .._jit import formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
 from .lanes import entry, whole
 from .tiles import lead_of, missing_of_first_block, write_row
 
 EIGHT, GROUP = 8, 64
-# A block of 64 orbits takes 65 KB.
+# A block of 64 orbits takes 60 KB.
 LANES = 64
 _LINE = 2 * LANES
 # States of one task.
 TASK = 2**16
-# A ratio w above 2**this at a multiple of GROUP rows is computed one by one.
-LARGE_SEED = 200.0
-# A w below this becomes 0, and its square earlier, since subnormal numbers are slow.
-NEGLIGIBLE, NO_SQUARE = 2.0**-960, 2.0**-300
+# A ratio below this becomes 0, since subnormal numbers are slow.
+NEGLIGIBLE = 2.0**-960
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
 # Beyond this number of steps phases are not known.
@@ -63,74 +61,47 @@ LONGEST_PHASE = 2.0**50
 NOT_FOUND = -3
 
 
-class Problem(NamedTuple):
-    """Bodies, step sizes and first states of the lanes."""
-
-    I1: object
-    I2: object
-    I13: object
-    I23: object
-    k: object
-    eps: object
-    omega1: object
-    omega2: object
+class Block(NamedTuple):
+    problem: Problem
+    start: Start
+    levels: Levels
+    steps: Steps
+    forms: Forms
 
 
 class Rows(NamedTuple):
     """Lanes at some rows or times.
 
     place, offset    of the row in the output and in time, relative to the first
-    eights, number   the multiple of eight in the offset; the time
-    fails, slow      the first step without a state; 1 if states are computed one by one
-    far              what states next to a pole exceed, and few others
-    turns, odd       1 if an orbit does not pass; in which rows its r**n is negative
-    w, r             the ratio of a `Passage`, and r, or 0 where its square is negligible
-    c, s             the c and s of `Forms`
+    number           the number of steps, or the time
+    exact            the size from which on states are computed one by one
+    rest             the part of the unit of states that multiplies them last
+    fails            the first step without a state
+    c, s             the coordinates of states
     seed_...         the same at multiples of GROUP rows, `table_...` of several groups
-    eighths, ones    by how much they grow in multiples of eight rows, and in some rows
     """
 
     place: object
     offset: object
-    eights: object
     number: object
+    exact: object
+    rest: object
     fails: object
-    slow: object
-    far: object
-    turns: object
-    w: object
-    r: object
     c: object
     s: object
-    seed_w: object
     seed_c: object
     seed_s: object
-    seed_slow: object
-    table_w: object
     table_c: object
     table_s: object
-    table_slow: object
-    eighths_c: object
-    eighths_s: object
+
+
+class Growth(NamedTuple):
+    """By how much c and s grow in multiples of eight rows, and in some rows."""
+
+    eights_c: object
+    eights_s: object
     ones_c: object
     ones_s: object
-    odd: object
-
-
-class Block(NamedTuple):
-    problem: Problem
-    start: Start
-    levels: Levels
-    steps: Steps
-    passage: Passage
-    forms: Forms
-    odd: Forms
-
-
-@formula
-def row():
-    """Return a number for each lane, on the stack."""
-    return stack(LANES)
 
 
 @formula
@@ -146,25 +117,8 @@ def block():
         rows_of(Start, LANES),
         rows_of(Levels, LANES),
         rows_of(Steps, LANES),
-        rows_of(Passage, LANES),
-        rows_of(Forms, LANES),
         rows_of(Forms, LANES),
     )
-
-
-@formula
-def rows_of_block():
-    return Rows(
-        row(), row(), row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        row(), row(), row(), row(), row(), row(), row(), row(), row(),
-        table(), table(), table(), table(), table(),
-    )  # fmt: skip
-
-
-@formula
-def not_negligible(v):
-    """Return v, or 0 if it would soon be subnormal."""
-    return select(abs(v) < NEGLIGIBLE, 0.0, v)
 
 
 @formula
@@ -175,7 +129,7 @@ def plan_of(lanes, out, count, length, most):
     length   number of rows or times that take one entry of a block's tables.
     """
     batch, shift, abreast = lanes[1] - lanes[0], 0, 1
-    while 2 * abreast * batch <= LANES and abreast < most:
+    while 2 * abreast * batch <= LANES and abreast < most and batch == out.shape[1]:
         abreast *= 2
     if abreast == 1:
         shift = missing_of_first_block(lead_of(out), out.shape[1], 2)
@@ -209,8 +163,7 @@ def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
         problem.I13[l], problem.I23[l] = entry(I13, first + i), entry(I23, first + i)
         problem.k[l], problem.eps[l] = entry(k, first + i), entry(eps, first + i)
         problem.omega1[l], problem.omega2[l] = omega[first + i, 0], omega[first + i, 1]
-        offset = place if direction > 0 else abreast - 1 - place
-        r.place[l], r.offset[l], r.eights[l] = float(place), float(offset), float(offset // EIGHT)
+        r.place[l], r.offset[l] = place, place if direction > 0 else abreast - 1 - place
         if i < width - 1:
             i += 1
         elif place < abreast - 1:
@@ -220,76 +173,71 @@ def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
 
 @formula
 def enter(b, r, motion, lanes):
-    """Fill the orbits of a block; return the numbers of those that pass or rest, of those that do
-    not, and of these those whose r**n has two signs, and those that may meet poles.
+    """Fill the orbits of a block; return True if some neither pass nor rest, and True if some
+    states must be computed one by one.
     """
     back, flows = motion
     for l in range(lanes):
         put(b.start, l, formulas.start(back, flows, lane(b.problem, l)))
-    turning, alternating, meeting = 0, 0, 0
+    others, turning, special = 0, 0, 0
     for l in range(lanes):
         o = lane(b.start, l)
         e = formulas.levels(o)
         s = formulas.steps(o, e)
         put(b.levels, l, e)
         put(b.steps, l, s)
-        put(b.passage, l, formulas.passage(o, e, s.kind, lane(b.problem, l)))
-        turns = s.kind > PASSES
-        r.turns[l], r.far[l] = select(turns, 1.0, 0.0), np.inf
-        turning += select(turns, 1, 0)
-        alternating += select(turns & (s.r < 0.0), 1, 0)
-        meeting += select(turns & (o.fate == SUPERCRITICAL), 1, 0)
+        put(b.forms, l, formulas.forms(o, e, s, lane(b.problem, l)))
+        r.exact[l], r.fails[l] = formulas.exact_size(o, e, s), np.inf
+        r.rest[l] = select(s.kind == RESTS, 0.0, formulas.rest_of(o.power))
+        others += select(s.kind > PASSES, 1, 0)
+        turning += select(s.kind == TURNS, 1, 0)
+        special += select((r.exact[l] < np.inf) | (r.rest[l] != 0.0), 1, 0)
     if turning > 0:
         for l in range(lanes):
-            o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            s = formulas.turning(o, e, s, lane(b.problem, l))
+            s = formulas.turning(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
             put(b.steps, l, s)
-            put(b.forms, l, formulas.forms(o, e, s, False))
-            may_meet = r.turns[l] * o.fate == SUPERCRITICAL
-            r.far[l] = select(may_meet, formulas.far_from_poles(o, e), np.inf)
-    if alternating > 0:
+    if others > 0:
         for l in range(lanes):
             o, e, s = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            put(b.odd, l, formulas.forms(o, e, s, True))
-    return lanes - turning, turning, alternating, meeting
+            put(b.forms, l, formulas.other_forms(o, e, s, lane(b.forms, l), False))
+    return others > 0, special > 0
 
 
 @inner
-def state_of(n, steps, passage, forms, unit):
+def state_of(n, steps, forms, rest):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
-    if steps.kind > PASSES:
-        c, s = formulas.multiples(n, steps)
-        omega1, omega2 = formulas.quotient(c, s, forms)
-        if formulas.is_pole(c, s, forms):
-            omega1, omega2 = np.nan, np.nan
-    else:
-        f, k = formulas.growth(n, steps, passage)
-        omega1, omega2 = formulas.passing(f, k, steps.r, passage)
-    rest = formulas.rest_of(unit)
+    c, s = formulas.pair(n, steps, True)
+    omega1, omega2 = formulas.quotient(c, s, forms)
+    if formulas.is_pole(c, s, forms):
+        omega1, omega2 = np.nan, np.nan
     return scaled(omega1, rest), scaled(omega2, rest)
 
 
 @formula
-def state_at(b, l, n):
-    """Return state n of the orbit in a lane."""
-    steps = lane(b.steps, l)
-    forms = lane(b.odd if formulas.is_odd(n, steps.r) else b.forms, l)
-    return state_of(n, steps, lane(b.passage, l), forms, b.start.power[l])
+def forms_of(b, l, odd):
+    """Return the forms of an even or odd number of steps."""
+    o, e, s, forms = lane(b.start, l), lane(b.levels, l), lane(b.steps, l), lane(b.forms, l)
+    return formulas.other_forms(o, e, s, forms, odd) if formulas.has_two_forms(s) else forms
 
 
 @formula
-def first_missing(b, l, stop):
+def state_at(b, r, l, n):
+    """Return state n of the orbit in a lane."""
+    return state_of(n, lane(b.steps, l), forms_of(b, l, n % 2.0 == 1.0), r.rest[l])
+
+
+@formula
+def first_missing(b, r, l, stop):
     """Return the index of the first state of an orbit with T >= 1 that does not exist, and True if
     it is infinite.
     """
-    fails, infinite, s = np.inf, False, lane(b.steps, l)
+    fails, infinite = np.inf, False
     for case in range(4):  # both zeros, for even and odd n
-        h = lane(b.odd if case > 1 and s.r < 0.0 else b.forms, l)
-        places = formulas.indices_of_poles(h.d11, h.d12, h.d22, s.root, s.log_r)
-        nearest = np.floor((places[1] if case % 2 else places[0]) + 0.5)
+        forms = forms_of(b, l, case > 1)
+        nearest = np.floor(formulas.step_to_pole(forms, lane(b.steps, l), case % 2) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):
-                omega1, omega2 = state_at(b, l, n)
+                omega1, omega2 = state_at(b, r, l, n)
                 size = abs(omega1) + abs(omega2)
                 if not size < np.inf:
                     fails, infinite = n, size == np.inf
@@ -297,9 +245,9 @@ def first_missing(b, l, stop):
 
 
 @formula
-def end_of(b, l, stop):
+def end_of(b, r, l, stop):
     """Return the status of an orbit at a step, and the index of its first missing state."""
-    fate, kind, T = b.start.fate[l], b.steps.kind[l], b.levels.T[l]
+    fate, kind, e = b.start.fate[l], b.steps.kind[l], lane(b.levels, l)
     if fate < 0.0:
         if fate == OUT_OF_RANGE:
             return NOT_FOUND, np.inf
@@ -309,52 +257,64 @@ def end_of(b, l, stop):
             return codes.SUPERCRITICAL, np.inf
         if kind == TURNS:  # which of its steps comes next to a pole is not known
             return NOT_FOUND, np.inf
-        fails, infinite = first_missing(b, l, stop)
+        fails, infinite = first_missing(b, r, l, stop)
         missing = codes.NONFINITE if infinite else codes.SINGULAR
         return missing if fails < np.inf else codes.SUPERCRITICAL, fails
     if b.start.power[l] > 0.0 and kind != RESTS:
         # |z| = R sqrt(1 + X**2), and X is largest where Y = 0.
-        T, order = T * b.start.order[l], b.start.order[l]
+        T, order = e.T * b.start.order[l], b.start.order[l]
         X = order * (b.start.K[l] + T) / ((1.0 - T) * (1.0 + T))
         least = min(b.problem.I1[l], b.problem.I2[l]) / max(b.problem.I1[l], b.problem.I2[l])
-        largest = b.levels.R[l] * (1.0 + X) / np.sqrt(least)
+        largest = e.R * (1.0 + X) / np.sqrt(least)
         if np.log2(largest) + 2.0 + b.start.power[l] > LARGEST_EXPONENT:
             return NOT_FOUND, np.inf
     return codes.OK, np.inf
 
 
 @formula
-def write_ends(b, fails, first, width, lanes, ends):
+def write_ends(b, r, first, width, lanes, ends):
     """Write statuses of trajectories; return True if any ends before the last step."""
     status, failed_at, stop = ends
     any_fails = False
-    for l in range(width):
-        code, fails_at = codes.OK, np.inf
+    for l in range(width if len(status) else 0):
+        code = codes.OK
         if b.start.fate[l] != REGULAR or b.start.power[l] > 0.0:
-            code, fails_at = end_of(b, l, stop)
-        fails[l], status[first + l] = fails_at, code
-        if fails_at < np.inf:
-            failed_at[first + l], any_fails = int(fails_at), True
-    for l in range(width, lanes):
-        fails[l] = fails[l - width]
+            code, r.fails[l] = end_of(b, r, l, stop)
+        status[first + l] = code
+        if r.fails[l] < np.inf:
+            failed_at[first + l], r.exact[l], any_fails = int(r.fails[l]), 0.0, True
+    for l in range(width, lanes if any_fails else 0):
+        r.fails[l], r.exact[l] = r.fails[l - width], r.exact[l - width]
     return any_fails
 
 
 @formula
-def mend(b, slow, l, n, line, missing):
-    """Correct state n of lane l if it is slow, out of range, the first, or missing."""
-    omega1, omega2 = line[2 * l], line[2 * l + 1]
-    if slow:
-        omega1, omega2 = state_at(b, l, n)
-    elif b.steps.kind[l] != RESTS:
-        rest = formulas.rest_of(b.start.power[l])
-        omega1, omega2 = scaled(omega1, rest), scaled(omega2, rest)
-    size, fate = abs(omega1) + abs(omega2), b.start.fate[l]
+def count_unusual(r, width, line):
+    """Return how many states are computed one by one: see `exact_size`, and state 0."""
+    count = 0
+    for l in range(width):
+        usual = (abs(line[2 * l]) + abs(line[2 * l + 1]) < r.exact[l]) & (r.rest[l] == 0.0)
+        count += select(usual & (r.number[l] > 0.0), 0, 1)
+    return count
+
+
+@formula
+def correct(b, r, l, line, missing):
+    """Compute the state of a lane if it is unusual; count it if it is missing."""
+    n, omega1, omega2 = r.number[l], line[2 * l], line[2 * l + 1]
+    fate, kind = b.start.fate[l], b.steps.kind[l]
     if n == 0.0:
         omega1, omega2 = b.problem.omega1[l], b.problem.omega2[l]
+    elif abs(omega1) + abs(omega2) < r.exact[l]:
+        omega1, omega2 = scaled(omega1, r.rest[l]), scaled(omega2, r.rest[l])
+    elif fate >= 0.0 and kind != RESTS:
+        omega1, omega2 = state_at(b, r, l, n)
+    size = abs(omega1) + abs(omega2)
+    if r.fails[l] <= n < np.inf:
+        omega1, omega2 = np.nan, np.nan
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        unknown_phase = b.steps.kind[l] == TURNS and LONGEST_PHASE < n < np.inf
+        unknown_phase = kind == TURNS and LONGEST_PHASE < n < np.inf
         if fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
             missing[2] += 1.0
         elif fate != UNKNOWN:
@@ -363,134 +323,87 @@ def mend(b, slow, l, n, line, missing):
 
 
 @formula
-def needs_mending(b, lanes):
-    """Test that states may be out of range or missing, or are scaled last."""
-    count = 0
-    for l in range(lanes):
-        fate, unit = b.start.fate[l], b.start.power[l]
-        scales = (abs(unit) > formulas.PART_OF_COEFFICIENTS) & (b.steps.kind[l] != RESTS)
-        count += select((fate < 0.0) | scales, 1, 0)
-    return count > 0
+def not_negligible(v):
+    """Return v, or 0 if it would soon be subnormal."""
+    return select(abs(v) < NEGLIGIBLE, 0.0, v)
 
 
 @formula
-def enter_ratios(b, r, lanes, first_number, every, turning):
-    """Fill the growth between rows, and in which rows r**n is negative."""
+def enter_growth(b, r, g, lanes, every, others):
+    """Fill the growth between rows."""
     for a in range(EIGHT):
         for l in range(lanes):
-            steps, s = 8.0 * (a + r.eights[l]) * every, lane(b.steps, l)
-            p, k, sign = formulas.power_of_ratio(steps, s)
-            r.eighths_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
-        for l in range(lanes):
-            steps, s = (a + (r.offset[l] - 8.0 * r.eights[l])) * every, lane(b.steps, l)
-            p, k, sign = formulas.power_of_ratio(steps, s)
-            r.ones_c[a, l] = not_negligible(abs(sign) * scaled(1.0 + p, k))
-            r.odd[a, l] = select(formulas.is_odd(first_number + steps, s.r), r.turns[l], 0.0)
-        for l in range(lanes if turning else 0):
-            steps, s = 8.0 * (a + r.eights[l]) * every, lane(b.steps, l)
-            c, r.eighths_s[a, l] = formulas.multiples(steps, s)
-            r.eighths_c[a, l] = select(s.turns != 0.0, c, r.eighths_c[a, l])
-        for l in range(lanes if turning else 0):
-            steps, s = (a + (r.offset[l] - 8.0 * r.eights[l])) * every, lane(b.steps, l)
-            c, r.ones_s[a, l] = formulas.multiples(steps, s)
-            r.ones_c[a, l] = select(s.turns != 0.0, c, r.ones_c[a, l])
+            eights = np.floor(0.125 * r.offset[l])
+            steps = lane(b.steps, l)
+            c, _ = formulas.growth(8.0 * (a + eights) * every, steps, False)
+            g.eights_c[a, l] = not_negligible(c)
+            c, _ = formulas.growth((a + r.offset[l] - 8.0 * eights) * every, steps, False)
+            g.ones_c[a, l] = not_negligible(c)
+        for l in range(lanes if others else 0):
+            eights = np.floor(0.125 * r.offset[l])
+            steps = lane(b.steps, l)
+            c, g.eights_s[a, l] = formulas.growth(8.0 * (a + eights) * every, steps, True)
+            g.eights_c[a, l] = not_negligible(c)
+            c, s = formulas.growth((a + r.offset[l] - 8.0 * eights) * every, steps, True)
+            g.ones_c[a, l], g.ones_s[a, l] = not_negligible(c), s
 
 
 @formula
-def enter_table(b, r, lanes, first_number, every, top, turning):
-    """Fill the ratios or coefficients at the rows top + GROUP i; those of row i have the place of
-    lanes of row i.
+def enter_table(b, r, lanes, first_number, every, top, others):
+    """Fill the coordinates at the rows top + GROUP i, row i in the place of lanes of row i; return
+    True if some are not known, or are pairs of a large ratio.
     """
+    unusual = 0
     for l in range(lanes):
         n = first_number + every * (top + GROUP * r.place[l])
-        f, k = formulas.growth(n, lane(b.steps, l), lane(b.passage, l))
-        r.table_w[l] = not_negligible(scaled(f, smaller(k, LARGE_SEED)))
-        r.table_slow[l] = select(k >= LARGE_SEED, 1.0, 0.0)
-    if turning:
+        c, s = formulas.pair(n, lane(b.steps, l), False)
+        r.table_c[l], r.table_s[l] = not_negligible(select(s < 1.0, np.inf, c)), s
+    if others:
         for l in range(lanes):
-            n = first_number + every * (top + GROUP * r.place[l])
-            c, s = formulas.multiples(n, lane(b.steps, l))
-            r.table_c[l], r.table_s[l] = not_negligible(c), s
+            n, steps = first_number + every * (top + GROUP * r.place[l]), lane(b.steps, l)
+            c, s = formulas.pair(n, steps, True)
+            r.table_c[l] = select(steps.kind > PASSES, c, r.table_c[l])
+            r.table_s[l] = s
+    for l in range(lanes):
+        unusual += select(abs(r.table_c[l]) < np.inf, 0, 1)
+    return unusual > 0
 
 
 @formula
-def take_seeds(r, group, width, abreast, lanes, turning):
+def take_seeds(r, group, width, abreast, lanes, others):
     """Take the seeds of one group of rows from the tables."""
     for i in range(width):
-        w, slow = r.table_w[group * width + i], r.table_slow[group * width + i]
+        c = r.table_c[group * width + i]
         for place in range(abreast):
-            r.seed_w[place * width + i], r.seed_slow[place * width + i] = w, slow
-    for i in range(width if turning else 0):
-        c, s = r.table_c[group * width + i], r.table_s[group * width + i]
+            r.seed_c[place * width + i] = c
+    for i in range(width if others else 0):
+        s = r.table_s[group * width + i]
         for place in range(abreast):
-            r.seed_c[place * width + i], r.seed_s[place * width + i] = c, s
+            r.seed_s[place * width + i] = s
     for l in range(width * abreast, lanes):
-        r.seed_w[l], r.seed_slow[l], r.seed_c[l], r.seed_s[l] = 0.0, 0.0, 0.0, 0.0
+        r.seed_c[l], r.seed_s[l] = 0.0, 0.0
 
 
 @formula
-def enter_eighth(b, r, lanes, a, turning):
-    """Fill ratios and coefficients at one of eight rows; return how many lanes are slow there."""
-    slow = 0
+def enter_eight(b, r, g, lanes, a, others):
+    """Fill the coordinates at one of eight rows."""
     for l in range(lanes):
-        w = r.seed_w[l] * r.eighths_c[a, l]
-        r.w[l], r.slow[l] = not_negligible(w), r.seed_slow[l]
-        r.r[l] = select(abs(w) > NO_SQUARE, b.steps.r[l], 0.0)
-        slow += select(r.slow[l] != 0.0, 1, 0)
-    for l in range(lanes if turning else 0):
+        r.c[l] = not_negligible(r.seed_c[l] * g.eights_c[a, l])
+    for l in range(lanes if others else 0):
         c, s, square = r.seed_c[l], r.seed_s[l], b.steps.square[l]
-        r.c[l], r.s[l] = product(c, s, r.eighths_c[a, l], r.eighths_s[a, l], square)
-    return slow
+        r.c[l], r.s[l] = formulas.product(c, s, g.eights_c[a, l], g.eights_s[a, l], square)
 
 
 @formula
-def product(c, s, next_c, next_s, square):
-    """c and s of `Forms` after the steps of both pairs."""
-    return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
-
-
-@formula
-def fill_passing(b, r, lanes, row, line):
-    """Compute the states of a row, and of those beside it, of orbits that pass."""
-    o = b.passage
-    for l in range(lanes):
-        w = r.w[l] * r.ones_c[row, l]
-        inverse = 1.0 / (1.0 + w * (r.r[l] * w - o.c[l]))
-        line[2 * l] = o.rest1[l] + (o.a1[l] * w - o.b1[l]) * inverse
-        line[2 * l + 1] = o.rest2[l] + (o.a2[l] * w - o.b2[l]) * inverse
-
-
-@formula
-def fill_turning(b, r, forms, chosen, lanes, row, line):
-    """Compute the states of chosen orbits that do not pass."""
-    for l in range(lanes):
-        next_c, next_s, square = r.ones_c[row, l], r.ones_s[row, l], b.steps.square[l]
-        c, s = product(r.c[l], r.s[l], next_c, next_s, square)
-        omega1, omega2 = formulas.quotient(c, s, lane(forms, l))
-        line[2 * l] = select(chosen[l] != 0.0, omega1, line[2 * l])
-        line[2 * l + 1] = select(chosen[l] != 0.0, omega2, line[2 * l + 1])
-
-
-@formula
-def fill_line(b, r, kinds, lanes, row, line):
-    passing, turning, alternating, _ = kinds
-    if passing > 0:
-        fill_passing(b, r, lanes, row, line)
-    if turning > 0:
-        fill_turning(b, r, b.forms, r.turns, lanes, row, line)
-    if alternating > 0:
-        fill_turning(b, r, b.odd, r.odd[row], lanes, row, line)
-
-
-@formula
-def count_slow(r, width, line):
-    """Mark states that may be at a pole as slow; return how many are slow."""
-    slow = 0
-    for l in range(width):
-        near = ~(abs(line[2 * l]) + abs(line[2 * l + 1]) < r.far[l])
-        r.slow[l] = select(near, 1.0, r.seed_slow[l])
-        slow += select(r.slow[l] != 0.0, 1, 0)
-    return slow
+def fill_line(b, r, g, lanes, row, others, line):
+    """Compute the states of a row, and of those beside it."""
+    for l in range(0 if others else lanes):
+        c = r.c[l] * g.ones_c[row, l]
+        line[2 * l], line[2 * l + 1] = formulas.quotient(c, 1.0, lane(b.forms, l))
+    for l in range(lanes if others else 0):
+        square = b.steps.square[l]
+        c, s = formulas.product(r.c[l], r.s[l], g.ones_c[row, l], g.ones_s[row, l], square)
+        line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
 
 
 @kernel
@@ -505,57 +418,46 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
     low = begin // GROUP * GROUP
     plan = plan_of(lanes, out, end - low, GROUP, GROUP)
     tasks, _, some, abreast, _ = plan
-    b, r, line = block(), rows_of_block(), stack(_LINE)
-    flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+    b, r, g = block(), rows_of(Rows, LANES), Growth(table(), table(), table(), table())
+    flat, lead, line = out.reshape(out.size), lead_of(out), stack(_LINE)
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
         used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, direction)
-        kinds = enter(b, r, motion, used)
-        turning = kinds[1] > 0
-        fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
-        mends = needs_mending(b, used)
-        enter_ratios(b, r, used, first_number, every, turning)
+        others, special = enter(b, r, motion, used)
+        special |= write_ends(b, r, first, width, used, ends)
+        enter_growth(b, r, g, used, every, others)
         start = low + skipped
         for top in range(start, min(start + some, end), GROUP * abreast):
-            enter_table(b, r, used, first_number, every, top, turning)
-            for group in range(top, min(top + GROUP * abreast, end), GROUP):
-                if group + GROUP <= begin:
+            unusual = enter_table(b, r, used, first_number, every, top, others)
+            for at in range(top, min(top + GROUP * abreast, end), abreast):
+                row = (at - top) % GROUP
+                if row == 0:
+                    take_seeds(r, (at - top) // GROUP, width, abreast, used, others)
+                if row % EIGHT == 0:
+                    enter_eight(b, r, g, used, row // EIGHT, others)
+                if at + abreast <= begin:
                     continue
-                take_seeds(r, (group - top) // GROUP, width, abreast, used, turning)
-                for a in range(0, EIGHT, max(abreast // EIGHT, 1)):
-                    slow = enter_eighth(b, r, used, a, turning) > 0
-                    for one in range(0, EIGHT, abreast):
-                        at = group + EIGHT * a + one
-                        if at >= end or at + abreast <= begin:
-                            continue
-                        fill_line(b, r, kinds, used, one, line)
-                        if kinds[3] > 0:
-                            slow = count_slow(r, used, line) > 0
-                        first_row = at == 0 and first_number == 0.0
-                        for l in range(width * abreast if mends or slow or first_row else 0):
-                            place = at + r.offset[l]
-                            if begin <= place < end:
-                                n = first_number + every * place
-                                mend(b, r.slow[l] != 0.0, l, n, line, found)
-                        for l in range(width * abreast if fails else 0):
-                            if first_number + every * (at + r.offset[l]) >= r.fails[l]:
-                                line[2 * l], line[2 * l + 1] = np.nan, np.nan
-                        # Places in the output of the rows of this line.
-                        low_place, high_place = max(begin - at, 0), min(end - at, abreast)
-                        if direction < 0:
-                            low_place, high_place = abreast - high_place, abreast - low_place
-                        place = origin + direction * at - (abreast - 1 if direction < 0 else 0)
-                        joined = high_place - low_place if width == batch else 1
-                        for i in range(low_place, high_place, joined):
-                            write_row(
-                                line[2 * width * i :],
-                                flat,
-                                2 * ((place + i) * batch + first),
-                                2 * width * joined,
-                                2 * direction * batch * abreast,
-                                lead,
-                            )
+                fill_line(b, r, g, used, row % EIGHT, others, line)
+                if special or unusual or (at == 0 and first_number == 0.0):
+                    for l in range(used):
+                        r.number[l] = first_number + every * (at + r.offset[l])
+                    for l in range(width * abreast if count_unusual(r, used, line) else 0):
+                        if begin <= at + r.offset[l] < end:
+                            correct(b, r, l, line, found)
+                # Places in the line of the rows asked for.
+                low_place, high_place = max(begin - at, 0), min(end - at, abreast)
+                if direction < 0:
+                    low_place, high_place = abreast - high_place, abreast - low_place
+                place = origin + direction * at - (abreast - 1 if direction < 0 else 0)
+                write_row(
+                    line[2 * width * low_place :],
+                    flat,
+                    2 * ((place + low_place) * out.shape[1] + first),
+                    2 * width * (high_place - low_place),
+                    2 * direction * out.shape[1] * abreast,
+                    lead,
+                )
 
 
 @kernel
@@ -563,36 +465,26 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
     plan = plan_of(lanes, out, times.size, 1, min(times.size, LANES))
     tasks, _, some, abreast, _ = plan
-    b, r, line = block(), rows_of_block(), stack(_LINE)
-    flat, lead, batch = out.reshape(out.size), lead_of(out), out.shape[1]
+    b, r, line = block(), rows_of(Rows, LANES), stack(_LINE)
+    flat, lead = out.reshape(out.size), lead_of(out)
     found, (first_task, last_task) = missing[part], share(tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, lanes)
         used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, 1)
-        kinds = enter(b, r, motion, used)
-        turning = kinds[1] > 0
-        fails = write_ends(b, r.fails, first, width, used, ends) if ends[0].size else False
-        mends = needs_mending(b, used) or fails
+        others, _ = enter(b, r, motion, used)
+        write_ends(b, r, first, width, used, ends)
         for j in range(skipped, min(skipped + some, times.size), abreast):
             for l in range(used):
                 r.number[l] = times[min(j + int(r.offset[l]), times.size - 1)]
-                r.seed_slow[l] = select(r.number[l] == 0.0, 1.0, 0.0)
-            for l in range(used):
-                o, s = lane(b.passage, l), lane(b.steps, l)
-                f, k = formulas.growth(r.number[l], s, o)
-                line[2 * l], line[2 * l + 1] = formulas.passing(f, k, s.r, o)
-            if turning:
-                for l in range(used):
-                    s = lane(b.steps, l)
-                    r.c[l], r.s[l] = formulas.multiples(r.number[l], s)
-                    r.ones_c[0, l], r.ones_s[0, l] = 1.0, 0.0
-                    r.odd[0, l] = select(formulas.is_odd(r.number[l], s.r), r.turns[l], 0.0)
-                fill_line(b, r, (0, *kinds[1:]), used, 0, line)
-            slow, count = count_slow(r, used, line), width * min(abreast, times.size - j)
-            for l in range(count if slow > 0 or mends else 0):
-                mend(b, r.slow[l] != 0.0, l, r.number[l], line, found)
-                if fails and r.number[l] >= r.fails[l]:
-                    line[2 * l], line[2 * l + 1] = np.nan, np.nan
+            for l in range(0 if others else used):
+                c, s = formulas.pair(r.number[l], lane(b.steps, l), False)
+                line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
+            for l in range(used if others else 0):
+                c, s = formulas.pair(r.number[l], lane(b.steps, l), True)
+                line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
+            count = width * min(abreast, times.size - j)
+            for l in range(count if count_unusual(r, used, line) else 0):
+                correct(b, r, l, line, found)
             for i in range(count // width):
-                target = 2 * (to[j + i] * batch + first)
+                target = 2 * (to[j + i] * out.shape[1] + first)
                 write_row(line[2 * width * i :], flat, target, 2 * width, 0, lead)

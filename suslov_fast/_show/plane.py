@@ -1,4 +1,4 @@
-"""Curves in the plane (Omega1, Omega2): the steady states, and levels of F and of the energy."""
+"""Curves in the plane (Omega1, Omega2): the steady states, and levels of F."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ import numpy as np
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, instance
-from .._states.conserved import energy
 
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
 
 
+def check_moving(body: Suslov3D | SuslovGyrostat) -> None:
+    """Check that a body is a single one that does not rest in all states."""
+    instance("body", body, (Suslov3D, SuslovGyrostat))
+    if body.shape or not (body.I13 or body.I23 or getattr(body, "k", 0.0)):
+        raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
+
+
 def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
-    """Complex g = I13 / sqrt(I1) + i I23 / sqrt(I2), and k, of a single body that can move.
+    """Complex g = I13 / sqrt(I1) + i I23 / sqrt(I2), and k, of a single body.
 
     With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
     the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
     the phase on a level.
     """
-    instance("body", body, (Suslov3D, SuslovGyrostat))
-    k = getattr(body, "k", 0.0)
-    if body.shape or not (body.I13 or body.I23 or k):
-        raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
-    return complex(body.I13 / np.sqrt(body.I1), body.I23 / np.sqrt(body.I2)), float(k)
+    g = complex(body.I13 / np.sqrt(body.I1), body.I23 / np.sqrt(body.I2))
+    return g, float(getattr(body, "k", 0.0))
 
 
 def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatArray) -> FloatArray:
@@ -39,7 +42,7 @@ def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatAr
 def level(
     body: Suslov3D | SuslovGyrostat, eps: float, R: float, reach: float = 3.0
 ) -> list[FloatArray]:
-    """Branches, as states (N, 2), of the level R, a conic.
+    """Branches, as states (N, 2), of the level R, a conic; with a step size of 0, of the energy.
 
     Unbounded branches are cut off at sinh(reach) times their width.
     """
@@ -75,12 +78,3 @@ def steady_line(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray
     g, k = half_angle(body)
     middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2]) + 0.0
     return middle, np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
-
-
-def energy_level(body: Suslov3D, omega: FloatArray) -> FloatArray:
-    """States (N, 2) with the energy of a state."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 300)
-    directions = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    lengths = np.sqrt(energy(body, omega) / energy(body, directions))
-    ellipse: FloatArray = lengths[:, np.newaxis] * directions
-    return ellipse

@@ -15,7 +15,7 @@ from .._space.attitude import attitude
 from .._states.conserved import energy
 from .._states.vector_field import vector_field
 from .figures import axes_for
-from .plane import half_angle, level, meeting_phase, on_level, steady_line
+from .plane import check_moving, half_angle, level, meeting_phase, on_level, steady_line
 from .style import styled
 from .turning import turning_body
 
@@ -76,6 +76,7 @@ def plot_phase(
     """
     from matplotlib import colormaps
 
+    check_moving(body)
     g, k = half_angle(body)
     eps, extent = _positive("eps", eps), _positive("extent", extent)
     levels = integer("levels", levels, 1)
@@ -164,6 +165,7 @@ def animate_body(
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / _positive("fps", fps)
     body = _BODY if body is None else body
+    check_moving(body)
     g, k = half_angle(body)
     if omega0 is None:  # near the repelling steady rotation, where there is one
         R = 2.0 * float(np.sqrt(2.0 * energy(body, steady_line(body)[1] if g else [1.0, 0.0])))

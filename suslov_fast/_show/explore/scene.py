@@ -10,7 +10,6 @@ import numpy as np
 
 from ..._bodies.body_3d import Suslov3D
 from ..._bodies.body_gyrostat import SuslovGyrostat
-from ..._checks import FloatArray
 from ..._engine.status import Status
 from ..._runs.iterate import iterate
 from ..._runs.solution import flow, limits
@@ -19,14 +18,14 @@ from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.vector_field import vector_field
 from ..ellipsoid import ellipsoid
-from ..plane import energy_level, half_angle, level, meeting_phase, on_level, steady_line
+from ..plane import half_angle, level, meeting_phase, on_level, steady_line
 from .parameters import Parameters
 
 Body = Suslov3D | SuslovGyrostat
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
-# Orbits of a portrait: levels, steps, angle from the line of steady states, significant digits.
-_LEVELS, _STEPS, _NEAR, _DIGITS = 10, 300, 0.07, 6
+# Orbits of a portrait: levels, steps, phase from the line of steady states.
+_LEVELS, _STEPS, _NEAR = 10, 300, 0.07
 
 REGIMES = {
     "unknown": "The criticality of these numbers is beyond the range of float64.",
@@ -100,8 +99,8 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "spatial": _finite(to_vector(without_rotor, run.omega, attitude=run.attitude)),
         "line": line,
         "levels": {
-            "F": [_finite(branch) for branch in _levels(body, eps, R)],
-            "energy": _finite(energy_level(without_rotor, start)),
+            "F": [_finite(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
+            "energy": _finite(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
@@ -149,12 +148,6 @@ def _regime(parameters: Parameters, t: float, status: Status) -> str:
     return "above" if abs(t) > 1 else "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _levels(body: Body, eps: float, R: float) -> list[FloatArray]:
-    """Branches of a level curve of F; none if it is a point, or all states are steady."""
-    moves = body.I13 or body.I23 or isinstance(body, SuslovGyrostat)
-    return level(body, eps, R, _REACH) if R > 0 and moves else []
-
-
 def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     """Orbits on levels that fill the view, from both sides of a repelling steady state."""
     body, eps, extent = parameters.body, parameters.eps, parameters.extent
@@ -170,8 +163,8 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
         levels += level(body, eps, R, _REACH)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {
-        "levels": [_short(branch) for branch in levels],
-        "orbits": [_short(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
+        "levels": [_finite(branch) for branch in levels],
+        "orbits": [_finite(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
     }
 
 
@@ -191,8 +184,3 @@ def _finite(value: Any) -> Any:
         return array.tolist() if np.isfinite(array).all() else None
     finite = np.isfinite(array).all(axis=-1).tolist()
     return [row if each else None for row, each in zip(array.tolist(), finite, strict=True)]
-
-
-def _short(array: FloatArray) -> list[list[float] | None]:
-    """Rows rounded to a few digits, for drawing only."""
-    return [row and [float(f"{x:.{_DIGITS}g}") for x in row] for row in _finite(array)]

@@ -31,12 +31,18 @@ def refuse_rotor(body: object, function: str, instead: str) -> None:
         )
 
 
-def refuse_attitude(body: object, carries_attitude: bool, attitude: object) -> None:
-    """Raise TypeError if an orientation is asked for, or given, where a map carries none."""
-    wanted = not isinstance(attitude, (bool, np.bool_)) or attitude
-    if wanted and not carries_attitude:
+def orientations_of(body: Any, carries_attitude: bool, attitude: Any) -> dict[str, ArrayLike]:
+    """Return the argument `attitude` by name if orientations are asked for: the identity for True.
+
+    Raises TypeError where a map carries none.
+    """
+    is_flag = isinstance(attitude, (bool, np.bool_))
+    if is_flag and not attitude:
+        return {}
+    if not carries_attitude:
         expected = f"False, as states of {type(body).__name__} have no orientation"
         raise wrong("attitude", expected, attitude, TypeError)
+    return {"attitude": np.eye(body.dimension + 1) if is_flag else attitude}
 
 
 def check(

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import common_shape, integer, one_of, real_array, rotations
+from .._checks import common_shape, integer, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, refuse_attitude
+from .._engine.arguments import BodyOrField, check, orientations_of
 from .._engine.progress import Progress, check_progress, reporter
 from .._maps.registry import map_of
 from .._runs.iterate import Method
@@ -130,26 +130,21 @@ def ensemble(
 
     store = resolved(store)
     check_progress(progress)
-    one_of("method", method, map_of(body).methods)
-    refuse_attitude(body, map_of(body).carries_attitude, attitude)
-    source, eps = source_of(omega0, body._labels), real_array("eps", eps).copy()
-    side, orientation = body.dimension + 1, None
-    if not isinstance(attitude, (bool, np.bool_)):
-        orientation = rotations("attitude", attitude, side).copy()
-    elif attitude:
-        orientation = np.eye(side)
-    shapes = {"body": body.shape, "omega0": source.shape, "eps": eps.shape}
-    if orientation is not None:
-        shapes["attitude"] = orientation.shape[:-2]
-    batch = common_shape(shapes)
+    record = map_of(body)
+    one_of("method", method, record.methods)
+    orientations = orientations_of(body, record.carries_attitude, attitude)
+    given, batch = check(body, {}, {"eps": eps}, orientations=orientations, kinds=record.body)
+    step_size, orientation = np.array(given[0]), np.array(given[1]) if orientations else None
+    source = source_of(omega0, body._labels)
+    batch = common_shape({"omega0": source.shape, "the other arguments": batch})
     steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
-    run = (body, eps, source, orientation, batch, steps, save_every, method)
     names, dims = checked(body, reductions), batch_names(dims, len(batch))
-    job = cut(Job(*run, names, dims, batch, 1, store, compression), chunk)
+    run = (body, step_size, source, orientation, batch, steps, save_every, method, names, dims)
+    job = cut(Job(*run, batch, 1, store, compression), chunk)
     identity, dataset = job.identity(), dataset_of(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)
@@ -158,26 +153,26 @@ def ensemble(
 
 
 def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
-    """Compute the missing pieces of a store."""
+    """Compute the unfinished tiles of a store."""
     from . import compute, store, workers
 
     arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))
     marks = arrays[store.MARKS]
     if verify:
-        marks[...] = -1
-        for tile in tiles:
-            steps = compute.steps_stored(job.part(tile), tile, arrays)
-            if steps == job.steps:
-                marks[tile] = steps
-            else:
-                store.withdraw(job, arrays, tile, steps < 0)
-    with store.advice(job.store):
-        done = np.asarray(marks[...])
-    missing = [tile for tile in tiles if done[tile] != job.steps]
-    for tile in missing:
-        if done[tile] >= 0:  # of a shorter run
-            store.withdraw(job, arrays, tile)
-    if not missing:
+        done = np.full(len(tiles), -1)
+        marks[...] = done
+    else:
+        with store.advice(job.store):
+            done = np.asarray(marks[...])
+    for tile in tiles:
+        if verify:
+            done[tile] = compute.steps_stored(job.part(tile), tile, arrays)
+            if done[tile] == job.steps:
+                marks[tile] = job.steps
+        if done[tile] != job.steps and (verify or done[tile] >= 0):  # damaged, or of a shorter run
+            store.withdraw(job, arrays, tile, done[tile] < 0)
+    unfinished = np.flatnonzero(done != job.steps).tolist()
+    if not unfinished:
         return
     done = np.maximum(done, 0)
     made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
@@ -186,7 +181,7 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
         reporter(progress, math.prod(job.batch) * job.steps) as show,
     ):
 
-        def report(tile: int, steps: int) -> None:
+        def stored(tile: int, steps: int) -> None:
             nonlocal made
             made += math.prod(job.shape(tile)) * (steps - int(done[tile]))
             done[tile] = steps
@@ -196,10 +191,10 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
 
         show(made)
         if client is None:
-            compute.run(job, arrays, missing, report, stop)
+            compute.run(job, arrays, unfinished, stored, stop)
         else:
-            workers.run(job, client, missing, report, stop)
-    if left := int((done != job.steps).sum()):
+            workers.run(job, client, unfinished, stored, stop)
+    if left := np.count_nonzero(done != job.steps):
         raise KeyboardInterrupt(
             f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
             "repeat the call to resume"

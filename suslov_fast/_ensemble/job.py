@@ -129,23 +129,17 @@ class Job:
 
         kind, body = type(self.body), self.body
         if body.shape:
-            parameters = self.parameters.items()
+            parameters = body._arrays.items()
             body = kind._of({name: cut(each, kind._axes(name)) for name, each in parameters})
         orientation = None if self.orientation is None else cut(self.orientation, 2)
         return replace(self, body=body, eps=cut(self.eps), orientation=orientation)
-
-    @property
-    def parameters(self) -> dict[str, FloatArray]:
-        """The parameters of the body that are set, as arrays."""
-        arrays: dict[str, FloatArray] = self.body._arrays
-        return arrays
 
     def identity(self) -> dict[str, Any]:
         """Return plain values that identify the results, for any number of steps."""
         from .. import __version__
 
         assert self.source is not None
-        parameters = {name: described(value) for name, value in self.parameters.items()}
+        parameters = {name: described(value) for name, value in self.body._arrays.items()}
         return {
             "body": {"map": self.map.name, **parameters},
             "eps": described(self.eps),

@@ -113,9 +113,10 @@ def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") ->
 def _metadata(group: Any, name: str) -> dict[str, Any]:
     """Return the metadata of a member of a group; empty if they are damaged or absent."""
     try:
-        return dict(group[name].metadata.to_dict())
+        found: dict[str, Any] = group[name].metadata.to_dict()
     except _DAMAGE:
         return {}
+    return found if found["zarr_format"] == 3 else {}
 
 
 def _digest(notes: dict[str, Any]) -> str:
@@ -310,7 +311,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 
     batch, D = job.batch, job.body.dimension
     entries = header_of(job.body, job.map, job.method, job.steps, job.save_every)
-    entries |= {"eps": job.eps, **job.parameters}
+    entries |= {"eps": job.eps, **job.body._arrays}
     if job.keeps_states:
         entries["n"] = job.numbers
     sizes = {"n": len(job.numbers), "component": D, "space": D + 1, "body": D + 1}
@@ -342,11 +343,13 @@ def open_arrays(job: Job) -> Arrays:
     }
 
 
-def withdraw(job: Job, arrays: Arrays, tile: int, record: bool = False) -> None:
-    """Remove the data of a tile written with its last step, or all its data if `record`."""
+def withdraw(job: Job, arrays: Arrays, tile: int, all_data: bool) -> None:
+    """Remove the data of a tile that are written with its last step, or all its data."""
     where = job.where(tile)
-    parts = dict.fromkeys((*job.results, *((RECORDS,) * record)), where)
-    if record or job.save_every is None:
+    parts = dict.fromkeys(job.results, where)
+    if all_data:
+        parts[RECORDS] = where
+    if all_data or job.save_every is None:
         parts |= {name: (slice(None), *where) for name in job.states}
     for name, part in parts.items():
         # A chunk that holds only the fill value is removed.

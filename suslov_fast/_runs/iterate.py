@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, check, refuse_attitude
+from .._engine.arguments import BodyOrField, check, orientations_of
 from .._engine.execution import problem_of
 from .._engine.progress import Progress
 from .._maps.registry import map_of
@@ -139,14 +138,11 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
-    refuse_attitude(body, map.carries_attitude, attitude)
-    orientations = {} if isinstance(attitude, (bool, np.bool_)) else {"attitude": attitude}
+    orientations = orientations_of(body, map.carries_attitude, attitude)
     arrays, batch = check(
         body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body
     )
     one_of("method", method, map.methods)
-    if attitude is True or attitude is np.True_:
-        arrays.append(np.eye(body.dimension + 1))
     state, step_size, orientation = (*arrays, None)[:3]
     problem = problem_of(map, body, batch, state, step_size, method, orientation, threads)
     return finish(problem, 0, steps, save_every, on_singular, progress, out)

@@ -15,7 +15,6 @@ def callable_from_python(formula):
 
 
 exponential = callable_from_python(elementary.exponential)
-is_integer = callable_from_python(elementary.is_integer)
 logarithm_beyond = callable_from_python(elementary.logarithm_beyond)
 logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio)
 
@@ -52,10 +51,3 @@ def test_the_logarithm_of_a_ratio_has_more_digits(rng, center):
         high, low = logarithm_of_ratio(T, lost, float(ratio))
         exact = mpmath.log(abs(ratio))
         assert abs(mpf(float(high)) + mpf(float(low)) - exact) < 1e-17 * abs(exact)
-
-
-def test_is_integer():
-    for v in (0.0, 1.0, 7.0, 2.0**51 + 1, 2.0**52 + 1, 2.0**53, 1e300):
-        assert is_integer(v)
-    for v in (0.5, 1e-300, 7.25, 2.0**51 + 0.5):
-        assert not is_integer(v)

@@ -55,6 +55,29 @@ def test_small_d(rng, m, equal, gap):
             assert naive.relative_error(computed, exact) < 1e-11 * max(1, size)
 
 
+@pytest.mark.parametrize(
+    ("J", "I", "omega"),
+    [
+        # One small d in the first step, two in the second.
+        ([1.78, 2.8, 4.2, 1.28, 2.8], [-0.51, 0.15, -0.35, -0.13, 0.25], [-12, -13, -31, 18, -4]),
+        ([1.0, 10.0, 12.0], [0.4, -0.7, 0.5], [-12, -37, 25]),  # d of both signs, none small
+    ],
+)
+def test_steps_beyond_the_first_zero_of_d(J, I, omega):
+    states = sf.iterate(sf.SuslovND(J, I), omega, 0.3, 2, method="rank2").omega
+    assert naive.worst_error(states, naive.orbit_nd(J, I, 0.3, omega, 2)) < 1e-13
+
+
+@every_method
+def test_undefined_states_have_no_orientation(method):
+    omega = [[np.nan, 1.0, 1.0], [1.0, 1.0, 1.0]]
+    options = {"method": method, "attitude": True, "on_singular": "ignore"}
+    result = sf.iterate(BODY_C, omega, 0.1, 2, **options)
+    assert np.isnan(result.attitude[:, 0]).all()
+    assert (result.attitude[0, 1] == np.eye(4)).all()
+    assert np.isfinite(result.attitude[:, 1]).all()
+
+
 @every_method
 def test_three_small_d_are_singular(method):
     """With three equal J and d = 0 the matrix has rank n - 1 - 3 + 2."""

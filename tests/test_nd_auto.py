@@ -116,6 +116,19 @@ def test_fixed_points(rng):
     assert (sf.iterate(line, [[0.3], [-5.0]], 0.2, 50).omega == [[0.3], [-5.0]]).all()
 
 
+def test_undefined_states():
+    body, omega = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3]), np.ones((2, 3))
+    omega[0, 1] = np.nan
+    for function in (
+        lambda start: sf.iterate(body, start, 0.3, 100, on_singular="ignore").omega[1:],
+        lambda start: sf.exact(body, start, 0.3, [5, 50]),
+        lambda start: np.array(sf.limits(body, start, 0.3)),
+    ):
+        states = function(omega)
+        assert np.isnan(states[:, 0]).all()
+        assert (states[:, 1] == function(omega[1])).all()
+
+
 def test_poles():
     """One of the poles is the steady state with d = 0."""
     body, pole = sf.SuslovND([1.0] * 3, [1.0, 0.0, 0.0]), [3.0, 1.0, 0.0]  # Y = 1.5, X**2 = 0.5

@@ -29,7 +29,7 @@ from .reductions import reductions_of
 from .store import RECORDS, Arrays, advice
 
 # Called with a tile and the number of its stored steps.
-Report = Callable[[int, int], object]
+Stored = Callable[[int, int], object]
 Values = dict[str, NDArray[Any]]
 Piece = tuple[Span, Output, Values]
 
@@ -166,12 +166,12 @@ def stopping() -> Iterator[Event]:
             signal.signal(number, handler)
 
 
-def run(job: Job, arrays: Arrays, tiles: Sequence[int], report: Report, stop: Event) -> None:
+def run(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
     """Compute tiles with all threads, each piece while the previous one is written."""
 
     def keep(tile: int, piece: Piece) -> None:
         write(job, tile, piece, arrays)
-        report(tile, piece[0].steps)
+        stored(tile, piece[0].steps)
 
     work = (
         (tile, piece)

@@ -16,7 +16,7 @@ from .._engine.parts import alike
 from .._maps.record import Map
 from .._maps.registry import map_of
 from .reductions import reductions_of
-from .starts import Slices, Source, described, own_part
+from .starts import Slices, Source, described, part_of
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
@@ -117,7 +117,7 @@ class Job:
     def starts(self, tile: int) -> FloatArray:
         """Return the initial states of a tile, which broadcast to it."""
         assert self.source is not None
-        where = own_part(self.source.shape, self.where(tile))
+        where = part_of(self.source.shape, self.where(tile))
         return self.source._part(where, self.body.dimension)
 
     def part(self, tile: int) -> Job:
@@ -125,7 +125,7 @@ class Job:
         where = self.where(tile)
 
         def cut(array: FloatArray, own: int = 0) -> FloatArray:
-            return array[own_part(array.shape[: array.ndim - own], where)]
+            return array[part_of(array.shape[: array.ndim - own], where)]
 
         kind, body = type(self.body), self.body
         if body.shape:

@@ -96,7 +96,7 @@ class RandomStarts:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class GivenStarts:
     """States in an array: in memory, in a memory-mapped file, or of Dask."""
 
     array: Any
@@ -123,7 +123,7 @@ class Kept:
         return {"shape": list(shape), "sha256": digest.hexdigest()}
 
 
-Source = RandomStarts | Kept
+Source = RandomStarts | GivenStarts
 
 
 def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
@@ -139,13 +139,13 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
     elif hasattr(omega0, "dask"):
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
     else:
-        return Kept(vectors("omega0", omega0, dimension, True, labels).copy())
+        return GivenStarts(vectors("omega0", omega0, dimension, True, labels).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
         raise wrong("omega0", f"shape (..., {dimension})", omega0.shape)
-    return Kept(omega0)
+    return GivenStarts(omega0)
 
 
-def own_part(shape: tuple[int, ...], where: Slices) -> Slices:
+def part_of(shape: tuple[int, ...], where: Slices) -> Slices:
     """Return the slices of an array that broadcasts to the batch for a part of the batch."""
     along = where[len(where) - len(shape) :]
     return tuple(

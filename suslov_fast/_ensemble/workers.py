@@ -10,7 +10,7 @@ from threading import Event
 from typing import Any
 
 from .._checks import FloatArray, instance
-from .compute import Report, pieces, write
+from .compute import Stored, pieces, write
 from .job import Job
 from .starts import RandomStarts
 from .store import open_arrays
@@ -37,7 +37,7 @@ def client_of(scheduler: Any) -> AbstractContextManager[Any]:
     return made
 
 
-def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event) -> None:
+def run(job: Job, client: Any, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
     """Compute tiles on the workers; a stop request lets current tiles finish."""
     from distributed import as_completed
 
@@ -52,7 +52,7 @@ def run(job: Job, client: Any, tiles: Sequence[int], report: Report, stop: Event
     futures = as_completed([submit(each) for each in islice(left, abreast)], loop=client.loop)
     try:
         for future in futures:
-            report(future.result(), job.steps)
+            stored(future.result(), job.steps)
             if not stop.is_set():
                 for tile in islice(left, 1):
                     futures.add(submit(tile))

@@ -185,17 +185,8 @@ class Trajectories:
         problem = problem_of(
             self._map, self.body, batch, omega0, self.eps, self.method, R0, threads
         )
-        return finish(
-            problem,
-            self.steps,
-            steps,
-            self.save_every,
-            on_singular,
-            progress,
-            None,
-            resume,
-            before,
-        )
+        span = self.steps, steps, self.save_every
+        return finish(problem, *span, on_singular, progress, None, resume, before)
 
     @property
     def omega(self) -> FloatArray:

@@ -90,7 +90,8 @@ def _places(context, builder, kind, rows, index, count):
     """Return pointers to number `index` of each row, or to `count` numbers of an array."""
     if isinstance(kind, types.Array):
         data = context.make_array(kind)(context, builder, rows).data
-        return [builder.gep(data, [builder.add(index, _WORD(k))]) for k in range(count)]
+        first = builder.gep(data, [index], inbounds=True)
+        return [builder.gep(first, [_WORD(k)], inbounds=True) for k in range(count)]
     arrays = (builder.extract_value(rows, k) for k in range(count))
     arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
     return [builder.gep(each.data, [index], inbounds=True) for each in arrays]

@@ -17,43 +17,25 @@ import numpy as np
 
 from .._formulas import continuous, coordinates, integrals, linearised, section4, units
 from .._formulas.elementary import exponent, larger, scaled
-from .._jit import Kernel, formula, namespace, rows_of, share
+from .._jit import Kernel, formula, lane, namespace, put, rows_of, share, stack
 from .lanes import LANES
 
 # The number of states without a result that are not NaN, the first of them, and 1 if a state is
 # infinite.
 MISSING, FIRST, INFINITE = range(3)
+_MOST = 4 * LANES  # results
 
-# What a quantity provides: its size; enter, which fills `own`; at_lane; and put.
+# What a quantity provides: `size`, the number of its results; `enter`, from the parameters of a
+# body to a `units.Body`; `at_state`, from that and a state to the results.
 quantity = namespace("quantity")
-
-
-class Given(NamedTuple):
-    """Parameters of the bodies of a block."""
-
-    I1: object
-    I2: object
-    I13: object
-    I23: object
-    k: object
-    eps: object
 
 
 class States(NamedTuple):
     """States of a block, and the largest component so far."""
 
-    omega1: object
-    omega2: object
-    largest: object
-
-
-class Result(NamedTuple):
-    """Results of a block: one, two, or the four entries of a matrix."""
-
-    first: object
-    second: object
-    third: object
-    fourth: object
+    omega1: float
+    omega2: float
+    largest: float
 
 
 @formula
@@ -70,15 +52,15 @@ def spread(parameter, first, width, lanes):
 
 
 @formula
-def enter_parameters(parameters, first, width, given):
-    """Fill the lanes of the bodies of a block."""
+def enter_bodies(parameters, first, width, bodies):
+    """Fill lanes with the parameters of the bodies of a block."""
     I1, I2, I13, I23, k, eps = parameters
-    spread(I1, first, width, given.I1)
-    spread(I2, first, width, given.I2)
-    spread(I13, first, width, given.I13)
-    spread(I23, first, width, given.I23)
-    spread(k, first, width, given.k)
-    spread(eps, first, width, given.eps)
+    spread(I1, first, width, bodies.I1)
+    spread(I2, first, width, bodies.I2)
+    spread(I13, first, width, bodies.I13)
+    spread(I23, first, width, bodies.I23)
+    spread(k, first, width, bodies.k)
+    spread(eps, first, width, bodies.eps)
 
 
 @formula
@@ -93,17 +75,12 @@ def enter_states(flat, first, width, s):
 
 
 @formula
-def count_missing(r, s, width):
-    """Return the number of states without a result, and the lane of the first."""
-    count = 0
-    for l in range(width):
-        total = s.omega1[l] + s.omega2[l]
-        count += (r.first[l] != r.first[l]) & (total == total)
+def first_missing(tile, size, s):
+    """Return the lane of the first state without a result."""
     l = 0
-    if count > 0:
-        while r.first[l] == r.first[l] or np.isnan(s.omega1[l] + s.omega2[l]):
-            l += 1
-    return count, l
+    while not np.isnan(tile[size * l]) or np.isnan(s.omega1[l] + s.omega2[l]):
+        l += 1
+    return l
 
 
 @formula
@@ -115,45 +92,10 @@ def any_infinite(s):
     return infinite
 
 
-@formula
-def write(r, first, width, size, flat):
-    """Write the results of a block."""
-    numbers = flat[size * first : size * (first + width)]
-    if size == 1:
-        for l in range(width):
-            numbers[l] = r.first[l]
-    elif size == 2:
-        for l in range(width):
-            numbers[2 * l] = r.first[l]
-            numbers[2 * l + 1] = r.second[l]
-    else:
-        for l in range(width):
-            numbers[4 * l] = r.first[l]
-            numbers[4 * l + 1] = r.second[l]
-            numbers[4 * l + 2] = r.third[l]
-            numbers[4 * l + 3] = r.fourth[l]
-
-
-@formula
-def put_one(r, l, value):
-    r.first[l] = value
-
-
-@formula
-def put_two(r, l, values):
-    r.first[l], r.second[l] = values
-
-
-@formula
-def put_four(r, l, values):
-    r.first[l], r.second[l], r.third[l], r.fourth[l] = values
-
-
 def evaluate(part, parts, parameters, omega, out, period, report):
     """Evaluate a quantity in a part of the tasks."""
-    given, own = rows_of(Given, LANES), rows_of(units.Body, LANES)
-    s, r = rows_of(States, LANES), rows_of(Result, LANES)
-    states, results = omega.reshape(omega.size), out.reshape(out.size)
+    bodies, s = rows_of(units.Body, LANES), rows_of(States, LANES)
+    tile, flat, results = stack(_MOST), omega.reshape(omega.size), out.reshape(out.size)
     count, tasks, shared = len(omega), len(report), True
     for k in range(len(parameters)):
         shared &= parameters[k].size == 1
@@ -168,144 +110,113 @@ def evaluate(part, parts, parameters, omega, out, period, report):
             block, time = piece // times, piece % times
             width = min(LANES, period - block * LANES)
             if entered < 0 or (block != entered and not shared):
-                bodies = LANES if shared else width
-                enter_parameters(parameters, block * LANES, bodies, given)
-                for l in range(bodies):
-                    quantity.enter(given, own, l)
+                lanes = LANES if shared else width
+                enter_bodies(parameters, block * LANES, lanes, bodies)
+                for l in range(lanes):
+                    b = lane(bodies, l)
+                    put(bodies, l, quantity.enter(b.I1, b.I2, b.I13, b.I23, b.k, b.eps))
                 entered = block
             first = time * period + block * LANES
             width = max(min(width, count - first), 0)  # the last repetition may be incomplete
-            enter_states(states, first, width, s)
+            enter_states(flat, first, width, s)
             for l in range(width):
-                quantity.put(r, l, quantity.at_lane(own, s, l))
-            write(r, first, width, quantity.size, results)
-            lost, lane = count_missing(r, s, width)
+                result = quantity.at_state(lane(bodies, l), s.omega1[l], s.omega2[l])
+                put(tile, quantity.size * l, result)
+            numbers = results[quantity.size * first : quantity.size * (first + width)]
+            for k in range(numbers.size):
+                numbers[k] = tile[k]
+            lost = 0
+            for l in range(width):
+                result, total = tile[quantity.size * l], s.omega1[l] + s.omega2[l]
+                lost += (result != result) & (total == total)
             if lost > 0 and missing == 0:
-                report[task, FIRST] = first + lane
+                report[task, FIRST] = first + first_missing(tile, quantity.size, s)
             missing += lost
         report[task, MISSING], report[task, INFINITE] = missing, any_infinite(s)
 
 
-@formula
-def enter_body(given, own, l):
-    body = units.of_body(
-        given.I1[l], given.I2[l], given.I13[l], given.I23[l], given.k[l], given.eps[l]
-    )
-    own.I1[l], own.I2[l], own.I13[l], own.I23[l] = body.I1, body.I2, body.I13, body.I23
-    own.k[l], own.eps[l] = body.k, body.eps
-    own.M[l], own.P[l], own.Q[l], own.E[l] = body.M, body.P, body.Q, body.E
+def leaving(*dimensions):
+    """Return the formula of the way out, for results of these dimensions.
 
+    A dimension holds exponents of moments, of products of inertia and of omega. Of four results the
+    last two have none.
+    """
+    (m1, p1, w1), (m2, p2, w2) = (dimensions * 2)[:2]
 
-@formula
-def body_at(own, l):
-    return units.Body(
-        own.I1[l], own.I2[l], own.I13[l], own.I23[l], own.k[l], own.eps[l],
-        own.M[l], own.P[l], own.Q[l], own.E[l],
-    )  # fmt: skip
+    def one(value, u):
+        return units.leave(value, u, m1, p1, w1)
+
+    def two(values, u):
+        return units.leave(values[0], u, m1, p1, w1), units.leave(values[1], u, m2, p2, w2)
+
+    def four(values, u):
+        first, second = units.leave(values[0], u, m1, p1, w1), units.leave(values[1], u, m2, p2, w2)
+        return first, second, values[2], values[3]
+
+    def unchanged(values, u):
+        return values
+
+    scales = any(map(any, dimensions))
+    return formula({1: one, 2: two, 4: four}[len(dimensions)] if scales else unchanged)
 
 
 def of_body(name, evaluated, *dimensions):
-    """Build the kernel of a formula of a problem in its own units.
-
-    A result has a dimension: its exponents of moments, of products of inertia and of omega.
-    """
-    leave = _leaving[len(dimensions)](*dimensions)
+    """Build the kernel of a formula of a problem in its own units."""
+    leave = leaving(*dimensions)
 
     @formula
-    def at_lane(own, s, l):
-        problem, unit = units.of_state(body_at(own, l), s.omega1[l], s.omega2[l])
+    def at_state(body, omega1, omega2):
+        problem, unit = units.of_state(body, omega1, omega2)
         return leave(evaluated(*problem), unit)
 
-    return of_formulas(name, len(dimensions), enter_body, at_lane)
-
-
-def of_formulas(name, size, enter, at_lane):
-    """Build the kernel of a quantity from what `enter` and `at_lane` do in one lane."""
-    put = {1: put_one, 2: put_two, 4: put_four}[size]
-    contents = namespace(name, size=size, enter=enter, at_lane=at_lane, put=put)
-    return Kernel(evaluate, name, quantity=contents)
-
-
-def leave_one(dimension):
-    """Return the formula of the way out for one result."""
-    moment, product, omega = dimension
-
-    @formula
-    def leave(value, unit):
-        return units.leave(value, unit, moment, product, omega)
-
-    @formula
-    def as_it_is(value, unit):
-        return value
-
-    return leave if any(dimension) else as_it_is
-
-
-def leave_two(*dimensions):
-    one, two = map(leave_one, dimensions)
-
-    @formula
-    def leave(values, unit):
-        return one(values[0], unit), two(values[1], unit)
-
-    return leave
-
-
-def leave_four(*dimensions):
-    one, two, three, four = map(leave_one, dimensions)
-
-    @formula
-    def leave(values, unit):
-        return (
-            one(values[0], unit), two(values[1], unit), three(values[2], unit),
-            four(values[3], unit),
-        )  # fmt: skip
-
-    return leave
-
-
-_leaving = {1: leave_one, 2: leave_two, 4: leave_four}
-
-
-@formula
-def enter_moments(given, own, l):
-    own.I1[l], own.I2[l] = given.I1[l], given.I2[l]
-
-
-@formula
-def energy_at_lane(own, s, l):
-    """In the units of the user: no product is out of range unless the result is."""
-    return integrals.energy(own.I1[l], own.I2[l], s.omega1[l], s.omega2[l])
+    return of_formulas(name, len(dimensions), units.of_body, at_state)
 
 
 def of_two_terms(name, evaluated, *dimensions):
     """`of_body` for a difference of terms, each with a dimension of its own."""
-    leave = leave_two(*dimensions)
+    leave = leaving(*dimensions)
 
     @formula
-    def at_lane(own, s, l):
-        problem, unit = units.of_state(body_at(own, l), s.omega1[l], s.omega2[l])
+    def at_state(body, omega1, omega2):
+        problem, unit = units.of_state(body, omega1, omega2)
         first, second = leave(evaluated(*problem), unit)
         return first - second
 
-    return of_formulas(name, 1, enter_body, at_lane)
+    return of_formulas(name, 1, units.of_body, at_state)
+
+
+def of_formulas(name, size, enter, at_state):
+    """Build the kernel of a quantity from its formulas."""
+    contents = namespace(name, size=size, enter=enter, at_state=at_state)
+    return Kernel(evaluate, name, quantity=contents)
 
 
 @formula
-def from_xy_at_lane(own, s, l):
+def as_given(I1, I2, I13, I23, k, eps):
+    """A body in the units of the user."""
+    return units.Body(I1, I2, I13, I23, k, eps, 0.0, 0.0, 0.0, 0.0)
+
+
+@formula
+def energy_at_state(body, omega1, omega2):
+    """In the units of the user: no product is out of range unless the result is."""
+    return integrals.energy(body.I1, body.I2, omega1, omega2)
+
+
+@formula
+def from_xy_at_state(body, x, y):
     """A state from (x, y), of the dimensions of `to_xy`."""
-    body, x, y = body_at(own, l), s.omega1[l], s.omega2[l]
     W = larger(exponent(x) - body.P, exponent(y) - body.P - body.M)
     x, y = scaled(x, -W - body.P), scaled(y, -W - body.P - body.M)
     omega1, omega2 = coordinates.from_xy(body.I1, body.I2, body.I13, body.I23, x, y)
     return scaled(omega1, W), scaled(omega2, W)
 
 
-energy = of_formulas("energy", 1, enter_moments, energy_at_lane)
+energy = of_formulas("energy", 1, as_given, energy_at_state)
+from_xy = of_formulas("from_xy", 2, units.of_body, from_xy_at_state)
 _REACTION = (-1, 2, 2), (1, 0, 2)
 reaction = of_two_terms("reaction", continuous.reaction, *_REACTION)
 discrete_reaction = of_two_terms("discrete_reaction", continuous.discrete_reaction, *_REACTION)
-from_xy = of_formulas("from_xy", 2, enter_body, from_xy_at_lane)
 
 first_integral = of_body("first_integral", integrals.first_integral, (-1, 0, 2))
 modified_energy = of_body("modified_energy", integrals.modified_energy, (1, 0, 2))

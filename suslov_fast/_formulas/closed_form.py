@@ -32,8 +32,7 @@ from .._jit import formula, select, two_product
 from . import twofold, units
 from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import (
-    canonical_body,
-    canonical_state,
+    dimensionless,
     rotor_twofold,
     sum_of_ordered,
     sum_of_products,
@@ -179,8 +178,7 @@ def start(back, flows, given):
     own = given.eps * two_to_the(-E)
     I1, I2, I13, I23, k, _, omega1, omega2 = given
     p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
-    body = canonical_body(p.I1, p.I2, p.I13, p.I23)
-    _, Y, Y_lost = canonical_state(p.I13, p.I23, *body, own, p.omega1, p.omega2)
+    _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, own, p.omega1, p.omega2)
     e = twofold.root(twofold.quotient((0.25, 0.0), two_product(p.I1, p.I2)))
     e = twofold.product(e, (own, 0.0))
     l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)

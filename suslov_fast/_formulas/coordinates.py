@@ -52,17 +52,11 @@ def rotor_twofold(I13, I23, k, omega1, omega2):
 
 
 @formula
-def to_xy(I1, I2, I13, I23, omega1, omega2):
+def to_xy(I1, I2, I13, I23, k, eps, omega1, omega2):
     """Coordinates x and y of equation (7)."""
     x = sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
     return x, y
-
-
-@formula
-def xy_of_problem(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """`to_xy` of a problem in the units of `units`."""
-    return to_xy(I1, I2, I13, I23, omega1, omega2)
 
 
 @formula
@@ -73,27 +67,18 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 
 @formula
-def canonical_body(I1, I2, I13, I23):
-    """Constants of a body for `canonical_state`: 2 I1 I2, I23 I1 and -I13 I2, each with its
-    rounding error, and the inverse of the first with its square root.
+def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """X = eps l / sqrt(2 I1 I2), Y = eps y / (2 I1 I2) with its rounding error, and
+    K = eps k / sqrt(2 I1 I2).
+
+    In (X, Y) the map of a body without a rotor has no parameter. Near Y = 1 it amplifies the
+    relative error of 1 - Y, which is (1 - Y) - lost to a few ulps.
     """
     a2, a2_lost = two_product(2.0 * I1, I2)
     c1, c1_lost = two_product(I23, I1)
     c2, c2_lost = two_product(-I13, I2)
     inverse = 1.0 / a2
-    return a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, np.sqrt(inverse)
-
-
-@formula
-def canonical_state(
-    I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
-):
-    """X = eps x / sqrt(2 I1 I2), Y = eps y / (2 I1 I2), and the rounding error of Y.
-
-    In (X, Y) the map has no parameter. Near Y = 1 it amplifies the relative error of 1 - Y, which
-    is (1 - Y) - lost to a few ulps.
-    """
-    x = sum_of_products(I13, omega1, I23, omega2)
+    root = np.sqrt(inverse)
     # y in 160 bits: all of the first 53 may cancel for parameters of few decimal digits.
     y1, y1_lost = two_product(c1, omega1)
     y2, y2_lost = two_product(c2, omega2)
@@ -111,27 +96,6 @@ def canonical_state(
     Y = n * inverse
     back, back_lost = two_product(Y, a2)
     lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
-    return eps * x * root, Y, lost
-
-
-@formula
-def to_canonical(I1, I2, I13, I23, eps, omega1, omega2):
-    """`canonical_state` of any body."""
-    a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root = canonical_body(I1, I2, I13, I23)
-    return canonical_state(
-        I13, I23, a2, a2_lost, c1, c1_lost, c2, c2_lost, inverse, root, eps, omega1, omega2
-    )
-
-
-@formula
-def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """X = eps l / sqrt(2 I1 I2), Y with its rounding error, and K = eps k / sqrt(2 I1 I2).
-
-    Without a rotor they are those of `to_canonical`.
-    """
-    constants = canonical_body(I1, I2, I13, I23)
-    _, Y, lost = canonical_state(I13, I23, *constants, eps, omega1, omega2)
-    root = constants[-1]
     return eps * rotor(I13, I23, k, omega1, omega2) * root, Y, lost, eps * k * root
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from .._jit import formula, select
 from .canonical_map import ZERO_TO_ROUNDING, shifted
-from .coordinates import canonical_body, canonical_state, rotor
+from .coordinates import dimensionless, rotor
 
 
 @formula
@@ -28,8 +28,7 @@ def enter(I1, I2, I13, I23, k, eps, omega1, omega2):
     They are NaN where the step is out of range.
     """
     l = rotor(I13, I23, k, omega1, omega2)
-    constants = canonical_body(I1, I2, I13, I23)
-    _, Y, lost = canonical_state(I13, I23, *constants, eps, omega1, omega2)
+    _, Y, lost, _ = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
     c, Z = shifted(Y, lost)
     h = 0.5 * eps
     return 1.0 / I1, 1.0 / I2, h * k, c, h * l, Z

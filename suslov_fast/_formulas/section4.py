@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._jit import formula, select
-from .coordinates import to_canonical, to_xy
+from .coordinates import dimensionless, to_xy
 from .elementary import logarithm
 from .integrals import criticality, level
 
@@ -34,8 +34,8 @@ def constants(I1, I2, I13, I23, k, eps, omega1, omega2):
     and sinh(k2) = y / (|x| sqrt(I1 I2 (1 - T**2))).
     """
     t = criticality(I1, I2, I13, I23, k, eps, omega1, omega2)
-    x, y = to_xy(I1, I2, I13, I23, omega1, omega2)
-    X, Y, lost = to_canonical(I1, I2, I13, I23, eps, omega1, omega2)
+    x, y = to_xy(I1, I2, I13, I23, k, eps, omega1, omega2)
+    X, Y, lost, _ = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
     below = 1.0 + 0.5 * X * X
     h = 0.25 * (x * x + y / I1 * (y / I2)) / below
     T = level(X, Y)

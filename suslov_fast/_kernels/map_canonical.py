@@ -37,7 +37,7 @@ def enter(parameters, omega, i):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
     p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
-    X, Y, lost = coordinates.to_canonical(p.I1, p.I2, p.I13, p.I23, p.eps, p.omega1, p.omega2)
+    X, Y, lost, _ = coordinates.dimensionless(*p)
     m11, m12, m21, m22 = coordinates.from_canonical(p.I1, p.I2, p.I13, p.I23, p.eps)
     # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state does not change.
     rests = coordinates.at_rest(p.I13, p.I23, p.eps, X, Y)

@@ -36,7 +36,7 @@ def enter(parameters, omega, i):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
     p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
-    _, Y, _ = coordinates.to_canonical(p.I1, p.I2, p.I13, p.I23, p.eps, p.omega1, p.omega2)
+    _, Y, _, _ = coordinates.dimensionless(*p)
     rests, unit = (eps == 0.0) | (I13 == 0.0) & (I23 == 0.0), two_to_the(u.W)
     k1, k2, k3, k4 = printed_map.printed_coefficients(p.I1, p.I2, p.I13, p.I23, p.eps)
     constants = Constants(

@@ -15,13 +15,17 @@ from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import check
+from .._engine.evaluation import TASKS
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
+from .._kernels.frames import orthonormalise
 from .._maps.registry import map_of
 from .table import TABLE
 
 # Size of the derivatives that are held at a time.
 _SLAB = 2**20
+# Cost of a product of two numbers, in steps of the map.
+_COST = 2
 # In the matrix A of a step longer by this power of two its identity is lost in rounding.
 _LONGER = 200
 # t is computed exactly if 1 - t**2 is below this.
@@ -109,7 +113,8 @@ def _sums(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the sums of the logarithms of the diagonals of R, and of |det DPhi|."""
     D, quantity = body.dimension, TABLE[map_of(body).body]["jacobian"]
-    frame, lengths, of_det = np.eye(D), np.zeros((*batch, D)), np.zeros(batch)
+    frames, scratch = None, np.empty((TASKS, D))
+    lengths, of_det = np.zeros((*batch, D)), np.zeros(batch)
     log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_matrix
     invariant = None
     problem = problem_of(map_of(body), body, batch, state, eps, threads=threads)
@@ -117,33 +122,16 @@ def _sums(
         # A state without a next one has no derivative either.
         before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
         of_step = quantity(body, before, eps, before.shape[:-1], threads, "omega")
-        if frame.ndim == 2:  # directions that the first step annihilates come last
-            lost = (of_step[0] == 0.0).all(axis=-2)
-            frame = np.take_along_axis(
-                np.broadcast_to(frame, of_step[0].shape),
-                np.argsort(lost, axis=-1, kind="stable")[..., np.newaxis, :],
-                axis=-1,
-            )
+        flat = of_step.reshape(len(of_step), -1, D, D)
+        if frames is None:  # directions that the first step annihilates come last
+            order = np.argsort((flat[0] == 0.0).all(axis=-2), axis=-1, kind="stable")
+            frames = np.eye(D)[order].swapaxes(-2, -1).copy()
+        diagonals, work = np.empty(flat.shape[:-1]), _COST * flat.size * D
+        _threads.run(orthonormalise, work, threads, flat, frames, diagonals, scratch)
+        lengths += np.log(diagonals).sum(axis=0).reshape(lengths.shape)
         logarithms, invariant = log_det(body, omega, eps, invariant)
-        for derivative, logarithm in zip(of_step, logarithms, strict=True):
-            frame, diagonal = _orthonormalised(derivative @ frame)
-            lengths += np.log(diagonal)
-            of_det += logarithm
+        of_det += logarithms.sum(axis=0)
     return lengths, of_det
-
-
-def _orthonormalised(frame: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Apply the modified Gram-Schmidt method to the columns of matrices; return Q, and diag R."""
-    D = frame.shape[-1]
-    diagonal = np.empty(frame.shape[:-1])
-    for k in range(D):
-        column = frame[..., k]
-        diagonal[..., k] = length = np.sqrt((column * column).sum(axis=-1))
-        column /= np.where(length > 0.0, length, 1.0)[..., np.newaxis]
-        if k + 1 < D:
-            along = column[..., np.newaxis, :] @ frame[..., k + 1 :]
-            frame[..., k + 1 :] -= column[..., np.newaxis] * along
-    return frame, diagonal
 
 
 def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:

@@ -188,10 +188,12 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
 
     States have these components.
     """
+    if _PLAIN.issuperset(map(type, arguments.values())):
+        return arguments
     labelled = {
         name: [dim for dim in value.dims if dim not in _OWN_AXES]
         for name, value in arguments.items()
-        if type(value) not in _PLAIN and _is_xarray(value)
+        if _is_xarray(value)
     }
     if len(labelled) < 2:
         return arguments

@@ -17,7 +17,8 @@ AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyOrField = AnyBody | QuadraticField
 WithoutRotor = Suslov3D | SuslovND
 
-
+# Names of arguments that are numbers.
+_NUMBERS = "eps", "c"
 # Bodies whose states are (Omega1, Omega2).
 IN_3D = Suslov3D, SuslovGyrostat
 
@@ -47,30 +48,31 @@ def orientations_of(body: Any, carries_attitude: bool, attitude: Any) -> dict[st
 
 def check(
     body: BodyOrField,
-    by_name: dict[str, ArrayLike],
-    numbers: dict[str, ArrayLike] | None = None,
+    kinds: tuple[type[Any], ...],
+    arguments: dict[str, ArrayLike],
     components: tuple[str, ...] | None = None,
-    orientations: dict[str, ArrayLike] | None = None,
-    kinds: type[Any] | tuple[type[Any], ...] = (Suslov3D, SuslovND),
+    later: bool = False,
 ) -> tuple[list[Any], tuple[int, ...]]:
     """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
 
-    The body is one of `kinds`. States, in `by_name`, have the components of the body or those
-    given, and may be NaN. Scalars become floats.
+    The body is one of `kinds`, if any are given. States have the components of the body or those
+    given, and may be NaN; `later` is that of `states`. `attitude` is a rotation, and the arguments
+    called `_NUMBERS` are numbers; scalars become floats.
     """
-    instance("body", body, kinds)
-    numbers, orientations = numbers or {}, orientations or {}
+    if kinds:
+        instance("body", body, kinds)
     labels = components or body._labels
-    values = aligned(by_name | numbers | orientations, labels)
     arrays: list[Any] = []
     shapes = {"body": body.shape}
-    for name in by_name:
-        arrays.append(state := states(name, values[name], labels))
-        shapes[name] = state.shape[:-1]
-    for name in numbers:
-        arrays.append(number := real_number(name, values[name]))
-        shapes[name] = () if isinstance(number, float) else number.shape
-    for name in orientations:
-        arrays.append(matrix := rotations(name, values[name], body.dimension + 1))
-        shapes[name] = matrix.shape[:-2]
+    for name, value in aligned(arguments, labels).items():
+        if name in _NUMBERS:
+            array: Any = real_number(name, value)
+            shapes[name] = () if type(array) is float else array.shape
+        elif name == "attitude":
+            array = rotations(name, value, body.dimension + 1)
+            shapes[name] = array.shape[:-2]
+        else:
+            array = states(name, value, labels, later)
+            shapes[name] = array.shape[:-1]
+        arrays.append(array)
     return arrays, common_shape(shapes)

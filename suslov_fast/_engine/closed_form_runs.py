@@ -34,6 +34,8 @@ _ENTERING, _ROW, _ANY = 64, 1, 8
 Range = tuple[int, int]
 # Statuses, the indices of the first missing states, and the last step.
 Ends = tuple[NDArray[np.int8], NDArray[np.int64], float]
+# The parameter k of a body without a rotor.
+NO_ROTOR = np.zeros(1)
 _NO_ENDS: Ends = np.empty(0, np.int8), np.empty(0, np.int64), math.inf
 
 
@@ -109,7 +111,7 @@ def states_at(
 
 def with_rotor(parameters: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
     """Return parameters with k, 0 for a body without a rotor."""
-    return (*parameters[:4], *(parameters[4:-1] or (np.zeros(1),)), parameters[-1])
+    return (*parameters[:4], *(parameters[4:-1] or (NO_ROTOR,)), parameters[-1])
 
 
 def none_missing() -> FloatArray:

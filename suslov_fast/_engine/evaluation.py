@@ -15,6 +15,7 @@ from .._kernels import quantities_3d as kernels
 from .._kernels.lanes import LANES
 from .._kernels.quantities_nd import ROWS
 from . import threads as _threads
+from .closed_form_runs import with_rotor
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
 
@@ -23,14 +24,12 @@ TASKS = max(64, numba.config.NUMBA_NUM_THREADS)
 # Cost of a state, or of a component in n dimensions, in steps of the map.
 WORK = 4
 # Least number of states of a task in n dimensions.
-_TOGETHER = 64
-# Number of states that NumPy processes at a time, and of numbers copied at a time for a kernel.
-SLAB, COPIES = 2**15, 2**20
+_LEAST = 64
+# Numbers of states that NumPy processes at a time, and of components that a kernel does: memory
+# of copies for these is used again.
+SLAB, NUMBERS = 2**15, 2**19
 # Bodies are repeated, as at the times of a run, up to this number: whole blocks.
 REPEATED = 8 * LANES
-
-# The parameter k of a body without a rotor.
-NO_ROTOR = np.zeros(1)
 
 Index = tuple[Any, ...]
 # Arguments of a call of a kernel: the index of the first state; parameters, the last of them eps;
@@ -57,14 +56,14 @@ def of_state(
     out = np.empty((*batch, *shape))
     results = out.reshape(-1, math.prod(shape))
     missing: list[tuple[int, int]] = []
+    work = WORK * len(results)
     for begin, parameters, states, period in _parts(body, eps, omega, batch):
         count = len(states)
-        if len(parameters) == 5:
-            parameters = *parameters[:4], NO_ROTOR, parameters[4]
+        parameters = with_rotor(parameters)
         tasks = min(-(-period // LANES) * -(-count // period), TASKS)
         report = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
-        _threads.run(kernel, WORK * count, threads, parameters, states, out_part, period, report)
+        _threads.run(kernel, work, threads, parameters, states, out_part, period, report)
         if omega.size > LARGE and report[:, kernels.INFINITE].any():
             real_array(name, omega, allow_nan=True)
         if warn:
@@ -90,13 +89,13 @@ def of_state_nd(
     """
     out, m = np.empty((*batch, *result)), body.dimension
     results = out.reshape(-1, math.prod(result))
+    work = WORK * len(results) * max(m, results.shape[1])
     for begin, parameters, states, _ in _parts(body, eps, omega, batch):
         end = begin + len(states)
         after = states if following is None else following.reshape(-1, m)[begin:end]
-        tasks = min(-(-len(states) // _TOGETHER), TASKS)
+        tasks = min(-(-len(states) // _LEAST), TASKS)
         scratch, infinite = np.empty((tasks, ROWS, m)), np.zeros(tasks, np.int8)
         arguments = parameters, states, after, results[begin:end], scratch, infinite
-        work = WORK * len(states) * max(m, results.shape[1])
         _threads.run(kernel, work, threads, *arguments)
         if omega.size > LARGE and infinite.any():
             real_array("omega", omega, allow_nan=True)
@@ -154,14 +153,14 @@ def _parts(
 ) -> Iterator[_Part]:
     """Yield the parts of a batch; eps is 0 if none is given.
 
-    One call processes all states if few numbers must be copied; otherwise each slab is one call.
+    The size of a part limits the memory of copies for the kernel.
     """
     eps = 0.0 if eps is None else eps
     if not batch:  # one state: the code below would take most of the time of a call
         parameters = *flat_body(body, ()), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
-    ndim, own, D = len(batch), body._own_axes, omega.shape[-1]
+    own, D = body._own_axes, omega.shape[-1]
     # `broadcast_to` returns a read-only array, which would be copied for the kernel.
     whole = omega if omega.shape == (*batch, D) else np.broadcast_to(omega, (*batch, D))
     values = [
@@ -169,16 +168,8 @@ def _parts(
         for each in body.parameters
     ]
     values.append(np.broadcast_to(eps, batch))
-    depths = [_depth(each, ndim) for each in values]
-    period = math.prod(batch[ndim - max(depths) :])
-    copies = period * sum(
-        math.prod(e.shape[ndim:]) for e, depth in zip(values, depths, strict=True) if depth
-    )
-    if not whole.flags.carray:
-        copies += whole.size
-    most = whole.size if copies <= max(COPIES, whole.size // 4) else max(COPIES // (2 * D), 1)
     begin = 0
-    for part in _slabs(batch, most) if whole.size else ():
+    for part in _slabs(batch, max(NUMBERS // D, 1)):
         states = for_kernel(whole[part]).reshape(-1, D)
         parameters = _flat([each[part] for each in values], whole[part].ndim - 1)
         period = max(map(len, parameters))
@@ -192,19 +183,16 @@ def _parts(
         begin += len(states)
 
 
-def _depth(array: FloatArray, ndim: int) -> int:
-    """Return the number of axes, of the first `ndim`, from the first varying one on."""
-    axes = range(ndim)
-    return next((ndim - k for k in axes if array.shape[k] > 1 and array.strides[k]), 0)
-
-
 def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
-    """Return parameters of a batch of `ndim` axes as (1, ...) or (period, ...)."""
-    depths = [_depth(each, ndim) for each in values]
-    first = (0,) * (ndim - max(depths))
+    """Return parameters of a batch of `ndim` axes as (1, ...) or (period, ...).
+
+    The period covers the axes from the first one along which a parameter varies.
+    """
+    varies = [[each.shape[k] > 1 and each.strides[k] != 0 for k in range(ndim)] for each in values]
+    first = min((axes.index(True) for axes in varies if any(axes)), default=ndim)
     return tuple(
-        for_kernel(each[first if depth else (0,) * ndim]).reshape((-1, *each.shape[ndim:]))
-        for each, depth in zip(values, depths, strict=True)
+        for_kernel(each[(0,) * (first if any(axes) else ndim)]).reshape((-1, *each.shape[ndim:]))
+        for each, axes in zip(values, varies, strict=True)
     )
 
 

@@ -208,7 +208,7 @@ def _empty_output(
     final: FloatArray | None = None,
 ) -> Output:
     """Return an output that no driver has filled."""
-    size = problem.size
+    size = len(problem.omega0)
     if final is None:
         final = saved[-1] if span.saves_last else np.empty(problem.omega0.shape)
     status = np.empty(size, np.int8)
@@ -268,7 +268,7 @@ def execute(
     (size, D), batch, orientation = problem.omega0.shape, problem.batch, problem.orientation
     earlier = 0 if before is None else span.rows_before
     rows = earlier + span.rows if span.save_every else 1
-    shape, of_turns = (rows, *batch, D), (rows, *batch, D + 1, D + 1)
+    shape = rows, *batch, D
     numbers = (4 + rows * (out is None and span.save_every is not None)) * size * D
     if orientation is not None:
         numbers += rows * orientation.size
@@ -276,14 +276,15 @@ def execute(
     if span.steps > EXACT:  # numbers of steps are floats in the closed form
         raise wrong("steps", "at most 2**53", span.steps)
     states = np.empty(shape) if out is None else out
-    turns = None if orientation is None else np.empty(of_turns)
-    for old, new in zip(before or (), (states, turns), strict=False):
-        if old is not None and new is not None:
-            new[:earlier] = old[:earlier]
-
-    flat = states.reshape(rows, size, D)
+    flat, turns, flat_turns = states.reshape(rows, size, D), None, None
+    if orientation is not None:
+        turns = np.empty((rows, *batch, D + 1, D + 1))
+        flat_turns = turns.reshape(rows, size, D + 1, D + 1)[earlier:]
+    if before is not None:
+        states[:earlier] = before[0][:earlier]
+        if turns is not None and before[1] is not None:
+            turns[:earlier] = before[1][:earlier]
     saved, final = (flat[earlier:], None) if span.save_every else (flat[:0], flat[0])
-    flat_turns = None if turns is None else turns.reshape(rows, size, D + 1, D + 1)[earlier:]
     output = _empty_output(problem, span, saved, flat_turns, final)
     resume, run = resume or {}, problem.map.run
     if progress:

@@ -40,13 +40,16 @@ def parts_of(problem: Problem, span: Span, step: float, lanes: int) -> Iterator[
     batch is divided first, so that the data of a part stay in the caches; time is divided only if
     few trajectories take long.
     """
-    size, count = problem.size, span.steps - span.start
-    cost, most = step + (_SAVING / span.every if span.rows else 0.0), numba.config.NUMBA_NUM_THREADS
-    blocks = max(-(-size // lanes), 1)
-    room = min(blocks, most) * _PART / cost
-    abreast = max(lanes * most, int(_ABREAST / step), int(room / max(count, 1)))
-    width = alike(blocks * lanes, abreast, lanes)
-    length = max(int(_LENGTH / step), int(room / width), 1)
+    size, count = len(problem.omega0), span.steps - span.start
+    cost = step + (_SAVING / span.every if span.rows else 0.0)
+    blocks = -(-size // lanes)
+    width, length = blocks * lanes or 1, max(count, 1)
+    if width * length * cost > _PART:
+        most = numba.config.NUMBA_NUM_THREADS
+        in_part = min(blocks, most) * _PART / cost
+        abreast = max(lanes * most, int(_ABREAST / step), int(in_part / length))
+        width = alike(width, abreast, lanes)
+        length = max(int(_LENGTH / step), int(in_part / width), 1)
     for begin in range(0, size, width):
         end = min(begin + width, size)
         for start in range(span.start, max(span.steps, span.start + 1), length):

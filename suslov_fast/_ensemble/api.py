@@ -133,7 +133,7 @@ def ensemble(
     record = map_of(body)
     one_of("method", method, record.methods)
     orientations = orientations_of(body, record.carries_attitude, attitude)
-    given, batch = check(body, {}, {"eps": eps}, orientations=orientations, kinds=record.body)
+    given, batch = check(body, (), {"eps": eps} | orientations)
     step_size, orientation = np.array(given[0]), np.array(given[1]) if orientations else None
     source = source_of(omega0, body._labels)
     batch = common_shape({"omega0": source.shape, "the other arguments": batch})

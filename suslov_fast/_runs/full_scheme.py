@@ -141,5 +141,5 @@ def _problem(
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     map = map_named("suslov3d_full")
     components = map.components(body)
-    (state, step_size), batch = check(body, {name: omega}, {"eps": eps}, components, kinds=Suslov3D)
+    (state, step_size), batch = check(body, (), {name: omega, "eps": eps}, components)
     return problem_of(map, body, batch, state, step_size, threads=threads)

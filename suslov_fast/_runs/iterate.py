@@ -54,7 +54,7 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    (state, step_size), batch = check(body, {"omega": omega}, {"eps": eps}, kinds=map.body)
+    (state, step_size), batch = check(body, (), {"omega": omega, "eps": eps})
     return one_step(
         problem_of(map, body, batch, state, step_size, threads=threads, continued=False)
     )
@@ -138,11 +138,11 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
-    orientations = orientations_of(body, map.carries_attitude, attitude)
-    arrays, batch = check(
-        body, {"omega0": omega0}, {"eps": eps}, orientations=orientations, kinds=map.body
-    )
-    one_of("method", method, map.methods)
+    arguments: dict[str, ArrayLike] = {"omega0": omega0, "eps": eps}
+    if attitude is not False:
+        arguments |= orientations_of(body, map.carries_attitude, attitude)
+    arrays, batch = check(body, (), arguments)
     state, step_size, orientation = (*arrays, None)[:3]
+    one_of("method", method, map.methods)
     problem = problem_of(map, body, batch, state, step_size, method, orientation, threads)
     return finish(problem, 0, steps, save_every, on_singular, progress, out)

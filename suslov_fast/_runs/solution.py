@@ -202,9 +202,8 @@ def _solve(
 ) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
     flow, threads = name == "flow", thread_count(threads)
-    numbers, kinds = {} if flow else {"eps": eps}, (Suslov3D, SuslovND, SuslovGyrostat)
-    arrays, batch = check(body, {"omega0": omega0}, numbers, kinds=kinds)
-    state, step = (*arrays, 1.0)[:2]
+    kinds = Suslov3D, SuslovND, SuslovGyrostat
+    (state, step), batch = check(body, kinds, {"omega0": omega0, "eps": eps})
     if isinstance(body, SuslovND):
         check_solved(body, name)
         if body.dimension == 2:

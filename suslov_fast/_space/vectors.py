@@ -54,7 +54,7 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    (state,), batch = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
+    (state,), batch = check(body, (*IN_3D, SuslovND), {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     column = np.broadcast_to(state, (*batch, body.dimension))
     if isinstance(body, IN_3D):
@@ -150,7 +150,7 @@ def to_vector(
     array([2., 5., 0.])
     """
     instance("body", body, IN_3D)
-    (state,), batch = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
+    (state,), batch = check(body, (*IN_3D, SuslovND), {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
     return _turned_vector(vector, _turn(3, rotation, attitude))
@@ -245,7 +245,7 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), _ = check(body, {"omega": omega}, kinds=(*IN_3D, SuslovND))
+    (state,), _ = check(body, (*IN_3D, SuslovND), {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, IN_3D):

@@ -82,7 +82,7 @@ def lyapunov_exponents(
     array([ 0.    , -0.0805])
     """
     kinds = tuple(kind for kind, quantities in TABLE.items() if "jacobian" in quantities)
-    (state, step_size), batch = check(body, {"omega0": omega0}, {"eps": eps}, kinds=kinds)
+    (state, step_size), batch = check(body, kinds, {"omega0": omega0, "eps": eps})
     steps, threads = integer("steps", steps, 1), _threads.thread_count(threads)
     if 0 in batch:
         return np.empty((*batch, body.dimension))

@@ -12,7 +12,8 @@ from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
-from .._checks import FloatArray, aligned, common_shape, instance, real_number, states
+from .._checks import FloatArray
+from .._engine.arguments import check
 from .._engine.evaluation import of_state
 from .._engine.threads import thread_count
 from .._kernels import quantities_3d as kernels
@@ -60,13 +61,11 @@ def find(
 ) -> FloatArray:
     """Check the arguments of a public function, whose states are called `name`, and evaluate it."""
     kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
-    instance("body", body, kinds)
+    arguments: dict[str, Any] = (
+        {name: omega} if quantity in _OF_STATES else {name: omega, "eps": eps}
+    )
+    components = ("x", "y") if name == "xy" else None
+    arrays, batch = check(body, kinds, arguments, components, later=True)
     finder = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
-    labels = ("x", "y") if name == "xy" else body._labels
-    omega, eps = aligned({name: omega, "eps": eps}, labels).values()
-    state = states(name, omega, labels, later=True)
-    shapes, step = {"body": body.shape, name: state.shape[:-1]}, None
-    if quantity not in _OF_STATES:
-        step = real_number("eps", eps)
-        shapes["eps"] = () if isinstance(step, float) else step.shape
-    return finder(body, state, step, common_shape(shapes), thread_count(threads), name)
+    state, step_size = (*arrays, None)[:2]
+    return finder(body, state, step_size, batch, thread_count(threads), name)

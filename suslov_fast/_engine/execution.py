@@ -245,11 +245,11 @@ def in_turn(
             turns = None if turned is None else np.empty((span.rows or 1, *turned.shape))
             part = _empty_output(chosen, span, saved, turns)
             known = {name: array[some] for name, array in resume.items()}
-            missing = driver(chosen, span, known, part)
+            rest = driver(chosen, span, known, part)
             if from_0:
                 part.resume.clear()
             output.put(some, part)
-            left = np.append(left, some[missing]) if missing.size else left
+            left = np.append(left, some[rest]) if rest.size else left
 
 
 def execute(
@@ -293,7 +293,7 @@ def execute(
     else:
         run(problem, span, resume, output)
 
-    _, _, final, status, failed_at, kept = output
+    _, _, final, status, failed_at, resumable = output
     least = worst(status)
     if least == codes.NOT_COMPUTED:
         raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
@@ -301,12 +301,13 @@ def execute(
         failed_at[status >= 0] = -1
     else:
         failed_at = _no_failures(size)
-    if kept:
-        kept |= {"status": status, "failed_at": failed_at}
-    kept["omega0"] = problem.omega0
+    if resumable:
+        resumable |= {"status": status, "failed_at": failed_at}
+    resumable["omega0"] = problem.omega0
     if orientation is not None:
-        kept["R0"] = orientation
+        resumable["R0"] = orientation
     # The last state is that saved, also if a span of no steps follows.
     saves_last = rows > 0 and span.steps % span.every == 0
     final = states[-1] if saves_last else final.reshape(shape[1:])
-    return Output(states, turns, final, status.reshape(batch), failed_at.reshape(batch), kept)
+    status, failed_at = status.reshape(batch), failed_at.reshape(batch)
+    return Output(states, turns, final, status, failed_at, resumable)

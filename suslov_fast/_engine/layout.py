@@ -19,10 +19,10 @@ def for_kernel(array: FloatArray) -> FloatArray:
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
     """Return arrays (..., D), or with `axes` axes each, as (B, D): one for each trajectory."""
     split = array.ndim - axes
-    own = array.shape[split:]
+    inner = array.shape[split:]
     if array.shape[:split] != batch:
-        array = np.broadcast_to(array, (*batch, *own))
-    return for_kernel(array.reshape((-1, *own)))
+        array = np.broadcast_to(array, (*batch, *inner))
+    return for_kernel(array.reshape((-1, *inner)))
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
@@ -33,9 +33,9 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
     if type(value) is float:
         return np.array([value])
     array = np.asarray(value)
-    own = array.shape[array.ndim - axes :]
-    if array.size == math.prod(own):
-        return for_kernel(array.reshape((1, *own)))
+    inner = array.shape[array.ndim - axes :]
+    if array.size == math.prod(inner):
+        return for_kernel(array.reshape((1, *inner)))
     return flat_arrays(array, batch, axes)
 
 

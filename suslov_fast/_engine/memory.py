@@ -22,10 +22,10 @@ def require(nbytes: int, what_to_do: str, *values: object) -> None:
     """Raise MemoryError if `nbytes` are not available; `what_to_do` is a format string."""
     if nbytes <= SMALL:
         return
-    room = available()
-    if room is not None and nbytes > room - SMALL:
+    free = available()
+    if free is not None and nbytes > free - SMALL:
         raise MemoryError(
-            f"expected arrays that fit in memory, of which {room:,} bytes are available, "
+            f"expected arrays that fit in memory, of which {free:,} bytes are available, "
             f"got {nbytes:,} bytes; {what_to_do.format(*values)}"
         )
 

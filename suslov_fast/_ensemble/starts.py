@@ -15,7 +15,7 @@ from .._checks import FloatArray, integer, real_array, vectors, wrong
 Slices = tuple[slice, ...]
 
 # Number of states read at a time.
-_TOGETHER = 2**20
+_READ = 2**20
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class GivenStarts:
     def _identity(self) -> Any:
         """Return the digest of all states, which are read once."""
         digest, shape = hashlib.sha256(), self.shape
-        step = max(1, _TOGETHER // max(math.prod(shape[1:]), 1))
+        step = max(1, _READ // max(math.prod(shape[1:]), 1))
         parts = [(slice(k, k + step),) for k in range(0, shape[0], step)] if shape else [()]
         for where in parts:
             digest.update(np.ascontiguousarray(self._part(where, self.array.shape[-1])).data)

@@ -126,7 +126,7 @@ def fill_reaction(s, eps, unit, out):
             out[i * m + j], out[j * m + i] = value, -value
 
 
-@inner
+@formula
 def enter_body(J, I, s):
     """Fill the body of a problem, and return its units."""
     M = unit_of_moments(J)
@@ -137,7 +137,7 @@ def enter_body(J, I, s):
     return M, P
 
 
-@inner
+@formula
 def enter_state(omega, following, s):
     """Fill the states of a problem; return their unit, and True if a component is infinite."""
     W, infinite = unit_of(omega, 0.0), False

@@ -179,7 +179,8 @@ def test_ctrl_c():
     output = in_child(
         """
         import os, signal, threading
-        for size, save_every in ((1, None), (2000, 2 * 10**9)):
+        turn = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1] - x[0]), 2)
+        for kind, size, save_every in ((body, 1, None), (body, 2000, 2 * 10**9), (turn, 70, None)):
             seen, before = [0], []
 
             def interrupt():
@@ -192,14 +193,14 @@ def test_ctrl_c():
                     threading.Thread(target=interrupt).start()
 
             try:
-                sf.iterate(body, np.ones((size, 2)), 0.2, 10**13, save_every=save_every,
-                           method="canonical", progress=progress)
+                sf.iterate(kind, np.ones((size, 2)), 0.2, 10**13, save_every=save_every,
+                           method="auto" if kind is turn else "canonical", progress=progress)
             except KeyboardInterrupt:
                 print(len(seen) - before[0], max(np.diff(seen)) * size)
         """
     )
     lines = output.splitlines()
-    assert len(lines) == 2
+    assert len(lines) == 3
     for line in lines:
         returns, steps = map(int, line.split())
         assert returns <= 2
@@ -208,9 +209,13 @@ def test_ctrl_c():
 
 def test_progress(body, capsys, small_parts):
     seen, omega = [], np.ones((70, 2))
-    sf.iterate(body, omega, 0.2, 700, method="ds2", progress=lambda *n: seen.append(n))
-    assert len(seen) > 4
-    assert seen == sorted(seen)
+    for kind, method in ((body, "ds2"), (sf.QuadraticField.of(body), "auto")):
+        seen.clear()
+        run = sf.iterate(kind, omega, 0.2, 700, method=method, progress=lambda *n: seen.append(n))
+        assert len(seen) > 4
+        assert seen == sorted(seen)
+        assert seen[-1] == (700, 700)
+        assert run == sf.iterate(kind, omega, 0.2, 700, method=method, threads=1)
     seen.clear()
     sf.iterate(body, omega, 0.2, 500, method="ds2").extend(300, progress=lambda *n: seen.append(n))
     assert len(seen) > 4

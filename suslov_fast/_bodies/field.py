@@ -72,8 +72,8 @@ class QuadraticField(Body):
     """
 
     quadratic: Any
-    linear: Any = None
-    constant: Any = None
+    linear: Any
+    constant: Any
 
     _couplings: ClassVar[tuple[str, ...]] = tuple(_AXES)
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
@@ -211,9 +211,7 @@ class QuadraticField(Body):
             J, I = array_of(body.J), array_of(body.I)
         else:
             parts = np.broadcast_arrays(body.I1, body.I2, body.I23, np.negative(body.I13))
-            J, I = np.moveaxis(
-                array_of(np.stack(parts, axis=-1)).reshape(*parts[0].shape, 2, 2), -2, 0
-            )
+            J, I = (array_of(np.stack(some, axis=-1)) for some in (parts[:2], parts[2:]))
         unit = np.eye(body.dimension, dtype=np.int64)
         # J_i x_i' = sum_j I_j x_j x_i - I_i sum_j x_j x_j
         q = unit[:, :, np.newaxis] * I[..., np.newaxis, np.newaxis, :]
@@ -386,7 +384,7 @@ class QuadraticField(Body):
         instance("parameters", parameters, Mapping)
         given = {k: each if k == "body" else _read(k, each) for k, each in parameters.items()}
         H, K = given.pop("H", None), given.pop("K", None)
-        field = super().from_dict(given)
+        field = super().from_dict({"linear": None, "constant": None} | given)
         if H is None:
             return field
         terms = {tuple(powers): rational("H", c) for c, *powers in H}

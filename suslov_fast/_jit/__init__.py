@@ -3,7 +3,6 @@
 from .cache import compile_timer
 from .instructions import (
     LINE,
-    copy_line,
     expect_store,
     lane,
     put,
@@ -21,7 +20,6 @@ __all__ = [
     "LINE",
     "Kernel",
     "compile_timer",
-    "copy_line",
     "expect_store",
     "formula",
     "inner",

@@ -148,21 +148,16 @@ def _subtract_product(typing, target, i, factor, j, source, k):
     return types.void(target, i, factor, j, source, k), emit
 
 
-def _copy_line(past_caches):
-    @intrinsic
-    def copy(typing, target, i, source, j):
-        def emit(context, builder, signature, arguments):
-            source, target = (_line(context, builder, signature, arguments, k) for k in (2, 0))
-            store = builder.store(builder.load(source, align=8), target, align=8)
-            if past_caches:
-                store.align = 64
-                one = ir.Constant(ir.IntType(32), 1)
-                store.set_metadata("nontemporal", builder.module.add_metadata([one]))
-            return context.get_dummy_value()
+@intrinsic
+def _stream_line(typing, target, i, source, j):
+    def emit(context, builder, signature, arguments):
+        source, target = (_line(context, builder, signature, arguments, k) for k in (2, 0))
+        store = builder.store(builder.load(source, align=8), target, align=64)
+        one = ir.Constant(ir.IntType(32), 1)
+        store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+        return context.get_dummy_value()
 
-        return types.void(target, i, source, j), emit
-
-    return copy
+    return types.void(target, i, source, j), emit
 
 
 @intrinsic
@@ -237,7 +232,7 @@ def pack(typing, arguments):
 # stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
 # expect_store  a store to a line that is not in the caches delays those after it
 # call, pack    a parallel loop calls a kernel by its address, so that Numba compiles it once
-# copy_line, subtract_product
+# subtract_product
 #               elimination of 64 equations in half the time: a loop that LLVM makes for a few
 #               numbers spends half its time on the first and last iterations
 if config.DISABLE_JIT:
@@ -282,10 +277,6 @@ if config.DISABLE_JIT:
         """Copy source[j:j+8] to the cache line target[i:i+8] with non-temporal stores."""
         target[i : i + LINE] = source[j : j + LINE]
 
-    def copy_line(target, i, source, j):
-        """Copy source[j:j+8] to target[i:i+8]."""
-        target[_slice(i)] = source[_slice(j)]
-
     def subtract_product(target, i, factor, j, source, k):
         """Subtract from eight numbers, from target[i] on, the products of eight pairs of others."""
         target[_slice(i)] -= factor[_slice(j)] * source[_slice(k)]
@@ -298,8 +289,7 @@ if config.DISABLE_JIT:
 
 else:
     select, stack, rows_of, lane, put = _select, _stack, _rows_of, _lane, _put
-    copy_line, stream_line = _copy_line(past_caches=False), _copy_line(past_caches=True)
-    subtract_product, expect_store = _subtract_product, _expect_store
+    stream_line, subtract_product, expect_store = _stream_line, _subtract_product, _expect_store
 
     @formula
     def two_product(v, w):

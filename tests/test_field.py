@@ -201,39 +201,33 @@ def random_field(rng, D, shape=()):
     return QuadraticField(*coefficients)
 
 
-def runge_kutta_step(field, x, eps):
+def runge_kutta_step(f, x, eps):
     """Solve (y - x) / eps = -f(x) / 2 + 2 f((x + y) / 2) - f(y) / 2, which is linear in y."""
-    D = len(x)
 
     def residual(y):
-        f = [
-            field([mpmath.mpf(a) for a in z])
-            for z in (x, [(a + b) / 2 for a, b in zip(x, y, strict=True)], y)
-        ]
-        return [
-            b - a - eps * (-f[0][i] / 2 + 2 * f[1][i] - f[2][i] / 2)
-            for i, (a, b) in enumerate(zip(x, y, strict=True))
-        ]
+        return y - x - eps * (2 * f((x + y) / 2) - (f(x) + f(y)) / 2)
 
-    start = residual([mpmath.mpf(0)] * D)
-    units = mpmath.eye(D)
-    columns = [residual(list(units[:, j])) for j in range(D)]
-    matrix = mpmath.matrix(D, D)
-    for j, column in enumerate(columns):
-        for i in range(D):
-            matrix[i, j] = column[i] - start[i]
-    return list(mpmath.lu_solve(matrix, mpmath.matrix([-a for a in start])))
+    start = residual(0 * x)
+    columns = [residual(unit) - start for unit in np.eye(len(x), dtype=object)]
+    matrix = mpmath.matrix(np.transpose(columns).tolist())
+    return np.array([*mpmath.lu_solve(matrix, mpmath.matrix([*-start]))], object)
+
+
+def precise(x):
+    return np.array([*map(mpmath.mpf, x)], object)
 
 
 def exactly(field):
-    """The field as a function of numbers of any type."""
-    return lambda x: [
-        sum(
+    """The field as a function of arrays of numbers of any type."""
+
+    def value(polynomial, x):
+        terms = polynomial.terms.items()
+        return sum(
             math.prod([mpmath.mpf(c.numerator) / c.denominator, *(x[i] for i in powers)])
-            for powers, c in each.terms.items()
+            for powers, c in terms
         )
-        for each in field.polynomials
-    ]
+
+    return lambda x: np.array([value(each, x) for each in field.polynomials], object)
 
 
 @pytest.mark.parametrize(
@@ -248,12 +242,12 @@ def exactly(field):
 )  # fmt: skip
 def test_orbits_against_the_runge_kutta_form(field, x, eps, steps):
     with mpmath.workdps(60):
-        expected, f = [list(map(mpmath.mpf, x))], exactly(field)
+        expected, f = [precise(x)], exactly(field)
         for _ in range(steps):
             expected.append(runge_kutta_step(f, expected[-1], eps))
         found = iterate(field, x, eps, steps).x
         for row, y in zip(found, expected, strict=True):
-            assert max(abs(a - b) for a, b in zip(row, y, strict=True)) <= 1e-13 * max(map(abs, y))
+            assert max(abs(row - y)) <= 1e-13 * max(abs(y))
 
 
 def test_published_orbits():
@@ -379,31 +373,19 @@ def test_what_a_run_of_a_field_refuses():
     (QuadraticField([[[1]]], [[0.5]], [-0.25]), [1.5], 0.2),
 ])  # fmt: skip
 def test_derivative_and_equations(field, x, eps):
-    D, h = len(x), mpmath.mpf(10) ** -25
+    h = mpmath.mpf(10) ** -25
     with mpmath.workdps(60):
-        f = exactly(field)
-        for j in range(D):
-            ahead, behind = (
-                runge_kutta_step(
-                    f, [a + s * h * (i == j) for i, a in enumerate(x)], mpmath.mpf(eps)
-                )
-                for s in (1, -1)
-            )
-            column = [float((a - b) / (2 * h)) for a, b in zip(ahead, behind, strict=True)]
-            np.testing.assert_allclose(
-                jacobian(field, x, eps)[:, j], column, 0, 1e-13 * max(map(abs, column))
-            )
-            slope = [
-                a - b
-                for a, b in zip(
-                    f([a + (i == j) for i, a in enumerate(x)]),
-                    f([a - (i == j) for i, a in enumerate(x)]),
-                    strict=True,
-                )
-            ]
-            expected = [(i == j) - eps * float(a) / 4 for i, a in enumerate(slope)]
-            np.testing.assert_allclose(matrix(field, x, eps)[:, j], expected, 0, 1e-14)
-        np.testing.assert_allclose(vector_field(field, x), [float(a) for a in f(x)], 1e-14, 1e-15)
+        f, x = exactly(field), precise(x)
+        state = x.astype(float)
+        for j, unit in enumerate(np.eye(len(x), dtype=object)):
+            ahead, behind = (runge_kutta_step(f, x + s * h * unit, eps) for s in (1, -1))
+            column = ((ahead - behind) / (2 * h)).astype(float)
+            found = jacobian(field, state, eps)[:, j]
+            np.testing.assert_allclose(found, column, 0, 1e-13 * abs(column).max())
+            expected = unit - eps * (f(x + unit) - f(x - unit)) / 4
+            found = matrix(field, state, eps)[:, j]
+            np.testing.assert_allclose(found, expected.astype(float), 0, 1e-14)
+        np.testing.assert_allclose(vector_field(field, state), f(x).astype(float), 1e-14, 1e-15)
 
 
 def test_hamiltonian_fields_conserve_modified_energy_and_measure():

@@ -307,17 +307,16 @@ class QuadraticField(Body):
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD."""
         import flint  # optional: only the laboratory needs it
 
-        n = self.dimension
-        context = flint.fmpq_mpoly_ctx.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex")
-        return tuple(
-            context.from_dict(
-                {
-                    tuple(map(powers.count, range(n))): flint.fmpq(c.numerator, c.denominator)
-                    for powers, c in each.terms.items()
-                }
+        context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
+
+        def of(polynomial: Polynomial) -> Any:
+            terms = (
+                (tuple(map(powers.count, range(self.dimension))), c)
+                for powers, c in polynomial.terms.items()
             )
-            for each in self.polynomials
-        )
+            return context.from_dict({e: flint.fmpq(c.numerator, c.denominator) for e, c in terms})
+
+        return tuple(map(of, self.polynomials))
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
@@ -352,9 +351,8 @@ class QuadraticField(Body):
             return super().__repr__()
         equations = [f"x{i}' = {each}" for i, each in enumerate(self.polynomials, start=1)]
         equations += [] if self.H is None else [f"H = {self.H}"]
-        return (
-            f"QuadraticField({textwrap.shorten(', '.join(equations), _LINE, placeholder=' ...')})"
-        )
+        short = textwrap.shorten(", ".join(equations), _LINE, placeholder=" ...")
+        return f"QuadraticField({short})"
 
     def _repr_latex_(self) -> str:
         if self.shape or self.dimension > _LINE // 20:

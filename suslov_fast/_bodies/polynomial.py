@@ -25,8 +25,7 @@ def rational(name: str, value: Any, exact: bool = False) -> Fraction:
         raise wrong(name, kinds, type(value).__name__, TypeError)
     if not isinstance(number, Rational) and not math.isfinite(number):
         raise wrong(name, "finite numbers", number)
-    a = Fraction(*number.as_integer_ratio())  # type: ignore[union-attr]
-    return Fraction(int(a.numerator), int(a.denominator))  # of Python's own integers
+    return Fraction(*map(int, number.as_integer_ratio()))  # type: ignore[union-attr]
 
 
 def numbers(name: str, value: Any) -> NDArray[Any]:

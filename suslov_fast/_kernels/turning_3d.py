@@ -21,25 +21,13 @@ _TILE = 9 * LANES
 
 
 class Turns(NamedTuple):
-    """Rotations of a block of trajectories.
+    """Rotations of a block of trajectories."""
 
-    Attributes
-    ----------
-    q
-        (4, LANES), the quaternion of the rotation since state 0.
-    time_step
-        The step size, in the unit of time of the angular velocities.
-    omega1, omega2
-        The angular velocity before a step.
-    R0
-        (9, LANES), the orientation at state 0, row by row.
-    """
-
-    q: object
-    time_step: object
-    omega1: object
+    q: object  # (4, LANES), the quaternion of the rotation since state 0
+    time_step: object  # in the unit of time of the angular velocities
+    omega1: object  # before a step
     omega2: object
-    R0: object
+    R0: object  # (9, LANES), the orientation at state 0, row by row
 
 
 @formula

@@ -8,10 +8,7 @@ import math
 import numpy as np
 
 from .._jit import formula, select
-from .elementary import larger, smaller
-
-# Adding and subtracting this rounds to an integer.
-TO_INTEGER = 1.5 * 2.0**52
+from .elementary import TO_INTEGER, larger, smaller
 
 
 @formula

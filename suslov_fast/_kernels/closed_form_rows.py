@@ -174,7 +174,10 @@ def fill_lanes(problem, r, parameters, omega, first, width, abreast, direction):
 @formula
 def enter(b, r, motion, lanes):
     """Fill the orbits of a block; return True if some neither pass nor rest, and True if some
-    states must be computed one by one.
+    states may have to be computed one by one.
+
+    The first answer is the argument `others` of the loops below: as a constant, so that no loop over
+    orbits that pass computes sines.
     """
     back, flows = motion
     for l in range(lanes):
@@ -333,18 +336,10 @@ def enter_growth(b, r, g, lanes, every, others):
     """Fill the growth between rows."""
     for a in range(EIGHT):
         for l in range(lanes):
-            eights = np.floor(0.125 * r.offset[l])
-            steps = lane(b.steps, l)
-            c, _ = formulas.growth(8.0 * (a + eights) * every, steps, False)
-            g.eights_c[a, l] = not_negligible(c)
-            c, _ = formulas.growth((a + r.offset[l] - 8.0 * eights) * every, steps, False)
-            g.ones_c[a, l] = not_negligible(c)
-        for l in range(lanes if others else 0):
-            eights = np.floor(0.125 * r.offset[l])
-            steps = lane(b.steps, l)
-            c, g.eights_s[a, l] = formulas.growth(8.0 * (a + eights) * every, steps, True)
-            g.eights_c[a, l] = not_negligible(c)
-            c, s = formulas.growth((a + r.offset[l] - 8.0 * eights) * every, steps, True)
+            steps, eights = lane(b.steps, l), np.floor(0.125 * r.offset[l])
+            c, s = formulas.growth(8.0 * (a + eights) * every, steps, others)
+            g.eights_c[a, l], g.eights_s[a, l] = not_negligible(c), s
+            c, s = formulas.growth((a + r.offset[l] - 8.0 * eights) * every, steps, others)
             g.ones_c[a, l], g.ones_s[a, l] = not_negligible(c), s
 
 
@@ -355,17 +350,11 @@ def enter_table(b, r, lanes, first_number, every, top, others):
     """
     unusual = 0
     for l in range(lanes):
-        n = first_number + every * (top + GROUP * r.place[l])
-        c, s = formulas.pair(n, lane(b.steps, l), False)
-        r.table_c[l], r.table_s[l] = not_negligible(select(s < 1.0, np.inf, c)), s
-    if others:
-        for l in range(lanes):
-            n, steps = first_number + every * (top + GROUP * r.place[l]), lane(b.steps, l)
-            c, s = formulas.pair(n, steps, True)
-            r.table_c[l] = select(steps.kind > PASSES, c, r.table_c[l])
-            r.table_s[l] = s
-    for l in range(lanes):
-        unusual += select(abs(r.table_c[l]) < np.inf, 0, 1)
+        steps = lane(b.steps, l)
+        c, s = formulas.pair(first_number + every * (top + GROUP * r.place[l]), steps, others)
+        c = select((steps.kind == PASSES) & (s < 1.0), np.inf, c)
+        r.table_c[l], r.table_s[l] = not_negligible(c), s
+        unusual += select(abs(c) < np.inf, 0, 1)
     return unusual > 0
 
 
@@ -385,24 +374,30 @@ def take_seeds(r, group, width, abreast, lanes, others):
 
 
 @formula
-def enter_eight(b, r, g, lanes, a, others):
-    """Fill the coordinates at one of eight rows."""
+def fill_line(b, r, g, lanes, row, others, line):
+    """Compute the states of a row of a group, and of those beside it."""
+    if row % EIGHT == 0:
+        for l in range(lanes):
+            next_c = g.eights_c[row // EIGHT, l]
+            c = r.seed_c[l] * next_c
+            if others:
+                next_s, square = g.eights_s[row // EIGHT, l], b.steps.square[l]
+                c, r.s[l] = formulas.product(r.seed_c[l], r.seed_s[l], next_c, next_s, square)
+            r.c[l] = not_negligible(c)
     for l in range(lanes):
-        r.c[l] = not_negligible(r.seed_c[l] * g.eights_c[a, l])
-    for l in range(lanes if others else 0):
-        c, s, square = r.seed_c[l], r.seed_s[l], b.steps.square[l]
-        r.c[l], r.s[l] = formulas.product(c, s, g.eights_c[a, l], g.eights_s[a, l], square)
+        next_c, s = g.ones_c[row % EIGHT, l], 1.0
+        c = r.c[l] * next_c
+        if others:
+            next_s, square = g.ones_s[row % EIGHT, l], b.steps.square[l]
+            c, s = formulas.product(r.c[l], r.s[l], next_c, next_s, square)
+        line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
 
 
 @formula
-def fill_line(b, r, g, lanes, row, others, line):
-    """Compute the states of a row, and of those beside it."""
-    for l in range(0 if others else lanes):
-        c = r.c[l] * g.ones_c[row, l]
-        line[2 * l], line[2 * l + 1] = formulas.quotient(c, 1.0, lane(b.forms, l))
-    for l in range(lanes if others else 0):
-        square = b.steps.square[l]
-        c, s = formulas.product(r.c[l], r.s[l], g.ones_c[row, l], g.ones_s[row, l], square)
+def fill_line_at_times(b, r, lanes, others, line):
+    """Compute the states at the times of the lanes."""
+    for l in range(lanes):
+        c, s = formulas.pair(r.number[l], lane(b.steps, l), others)
         line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
 
 
@@ -426,19 +421,26 @@ def fill_rows(part, parts, motion, parameters, omega, steps, rows, lanes, out, e
         used = fill_lanes(b.problem, r, parameters, omega, first, width, abreast, direction)
         others, special = enter(b, r, motion, used)
         special |= write_ends(b, r, first, width, used, ends)
-        enter_growth(b, r, g, used, every, others)
+        if others:
+            enter_growth(b, r, g, used, every, True)
+        else:
+            enter_growth(b, r, g, used, every, False)
         start = low + skipped
         for top in range(start, min(start + some, end), GROUP * abreast):
-            unusual = enter_table(b, r, used, first_number, every, top, others)
+            if others:
+                unusual = enter_table(b, r, used, first_number, every, top, True)
+            else:
+                unusual = enter_table(b, r, used, first_number, every, top, False)
             for at in range(top, min(top + GROUP * abreast, end), abreast):
                 row = (at - top) % GROUP
                 if row == 0:
                     take_seeds(r, (at - top) // GROUP, width, abreast, used, others)
-                if row % EIGHT == 0:
-                    enter_eight(b, r, g, used, row // EIGHT, others)
+                if others:
+                    fill_line(b, r, g, used, row, True, line)
+                else:
+                    fill_line(b, r, g, used, row, False, line)
                 if at + abreast <= begin:
                     continue
-                fill_line(b, r, g, used, row % EIGHT, others, line)
                 if special or unusual or (at == 0 and first_number == 0.0):
                     for l in range(used):
                         r.number[l] = first_number + every * (at + r.offset[l])
@@ -476,12 +478,10 @@ def fill_states(part, parts, motion, parameters, omega, times, to, lanes, out, e
         for j in range(skipped, min(skipped + some, times.size), abreast):
             for l in range(used):
                 r.number[l] = times[min(j + int(r.offset[l]), times.size - 1)]
-            for l in range(0 if others else used):
-                c, s = formulas.pair(r.number[l], lane(b.steps, l), False)
-                line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
-            for l in range(used if others else 0):
-                c, s = formulas.pair(r.number[l], lane(b.steps, l), True)
-                line[2 * l], line[2 * l + 1] = formulas.quotient(c, s, lane(b.forms, l))
+            if others:
+                fill_line_at_times(b, r, used, True, line)
+            else:
+                fill_line_at_times(b, r, used, False, line)
             count = width * min(abreast, times.size - j)
             for l in range(count if count_unusual(r, used, line) else 0):
                 correct(b, r, l, line, found)

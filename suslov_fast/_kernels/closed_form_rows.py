@@ -176,8 +176,8 @@ def enter(b, r, motion, lanes):
     """Fill the orbits of a block; return True if some neither pass nor rest, and True if some
     states may have to be computed one by one.
 
-    The first answer is the argument `others` of the loops below: as a constant, so that no loop over
-    orbits that pass computes sines.
+    The first is the argument `others` of the loops below: as a constant, so that a loop over orbits
+    that pass computes no sines.
     """
     back, flows = motion
     for l in range(lanes):

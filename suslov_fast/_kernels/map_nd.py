@@ -311,7 +311,7 @@ def unit_of_state(largest, before):
     return larger(smaller(size + before, 1023.0), -1022.0)
 
 
-@inner
+@formula
 def take_unit(b, l, size):
     """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
     change, ended, unit, largest = b.exponent[l] - size, b.status[l] != OK, two_to_the(size), 0.0
@@ -323,7 +323,7 @@ def take_unit(b, l, size):
     b.longest[l], b.low[l], b.high[l] = bounds(b.reach[l], b.eps[l], largest, unit)
 
 
-@inner
+@formula
 def enter_body(b, l, J, I, eps):
     """Enter a body and a step size, 0 if every state is fixed."""
     M = unit_of_moments(J)

@@ -138,7 +138,9 @@ def workers(store, kind, seed, kills):
 
     def kill(client):
         while len(killed) < kills and not over.wait(chance.uniform(0.1, 1.0)):
-            pids = list(client.run(os.getpid).values())
+            pids = []
+            with suppress(OSError):  # a worker that is being killed does not answer
+                pids = list(client.run(os.getpid, on_error="ignore").values())
             if pids:
                 os.kill(chance.choice(pids), signal.SIGKILL)
                 killed.append(1)

@@ -21,6 +21,7 @@ from .body_3d import Suslov3D
 from .body_gyrostat import SuslovGyrostat
 from .body_nd import SuslovND
 from .polynomial import Polynomial, exact_array, nonzero, numbers, plain, rational
+from .scaling import J_I_rotor
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -204,14 +205,9 @@ class QuadraticField(Body):
             return body
         instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
 
-        def array_of(value: Any) -> Any:
-            return value if body.shape else exact_array("body", value, np.shape(value))
-
-        if isinstance(body, SuslovND):
-            J, I = array_of(body.J), array_of(body.I)
-        else:
-            parts = np.broadcast_arrays(body.I1, body.I2, body.I23, np.negative(body.I13))
-            J, I = (array_of(np.stack(some, axis=-1)) for some in (parts[:2], parts[2:]))
+        J, I, rotor = J_I_rotor(body)
+        if not body.shape:
+            J, I, rotor = (exact_array("body", each, each.shape) for each in (J, I, rotor))
         unit = np.eye(body.dimension, dtype=np.int64)
         # J_i x_i' = sum_j I_j x_j x_i - I_i sum_j x_j x_j
         q = unit[:, :, np.newaxis] * I[..., np.newaxis, np.newaxis, :]
@@ -219,7 +215,7 @@ class QuadraticField(Body):
         if not isinstance(body, SuslovGyrostat):
             return cls(q)
         turn = np.array([[0, -1], [1, 0]])
-        return cls(q, turn * (np.asarray(array_of(body.k))[..., np.newaxis] / J)[..., np.newaxis])
+        return cls(q, turn * (rotor / J)[..., np.newaxis])
 
     @classmethod
     def _of_components(
@@ -270,23 +266,15 @@ class QuadraticField(Body):
         Those with k = D are last. The coefficients are (T,), or (..., T) of a batch, rounded once.
         """
         D = self.dimension
-        if self.shape:
-            table = np.zeros((*self.shape, D, D + 1, D + 1))
-            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
-            table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
-            indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))
-            indices = indices[np.argsort(indices[:, 2] == D, kind="stable")].T
-            return np.ascontiguousarray(indices), table[(..., *indices)]
-        found: dict[tuple[int, ...], float] = {}
+        table = np.zeros((*self.shape, D, D + 1, D + 1))
         try:
-            for i, each in enumerate(self.polynomials):
-                for powers, c in each.terms.items():
-                    found[(i, *powers, D, D)[:3]] = float(c)
+            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
         except OverflowError:
             raise wrong("body", "coefficients in the range of float64", self) from None
-        places = sorted(found, key=lambda place: (place[2] == D, place))
-        indices = np.array(places, np.int64).reshape(-1, 3)
-        return np.ascontiguousarray(indices.T), np.array([found[each] for each in places])
+        table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
+        indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))
+        indices = indices[np.argsort(indices[:, 2] == D, kind="stable")].T
+        return np.ascontiguousarray(indices), table[(..., *indices)]
 
     @cached_property
     def gradient(self) -> QuadraticField:

@@ -27,16 +27,19 @@ class InUnits(NamedTuple):
     products: NDArray[np.intc]
 
 
+def J_I_rotor(body: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return J and I (..., m), as in n dimensions, and the momentum (..., 1) of a rotor."""
+    if isinstance(body, SuslovND):
+        return *body.parameters, np.zeros(1)
+    I1, I2, I13, I23, *k = body.parameters
+    J = np.stack(np.broadcast_arrays(I1, I2), axis=-1)
+    I = np.stack(np.broadcast_arrays(I23, np.negative(I13)), axis=-1)
+    return J, I, np.asarray(k[0] if k else 0.0)[..., np.newaxis]
+
+
 def in_units(body: Any) -> InUnits:
     """Return a body in units in which J and I are of the order of 1."""
-    if isinstance(body, SuslovND):
-        J, I = body.parameters
-        rotor = np.zeros(1)
-    else:
-        I1, I2, I13, I23, *k = body.parameters
-        J = np.stack(np.broadcast_arrays(I1, I2), axis=-1)
-        I = np.stack(np.broadcast_arrays(I23, np.negative(I13)), axis=-1)
-        rotor = np.asarray(k[0] if k else 0.0)[..., np.newaxis]
+    J, I, rotor = J_I_rotor(body)
     ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))
     moments = sum(ends) // 2
     products = np.frexp(np.maximum(abs(I).max(axis=-1, keepdims=True), abs(rotor)))[1]

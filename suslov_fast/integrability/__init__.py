@@ -12,9 +12,9 @@ measures and first integrals, are evidence for or against integrability::
     hk_bases(map, 2).integrals
     darboux_polynomials(map, 3)
 
-All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
-agree on each result. A seed determines primes, points and lines. The module needs python-flint:
-``pip install 'suslov_fast[algebra]'``.
+All arithmetic is exact: Darboux polynomials are found over the rationals, all else modulo random
+primes of 62 bits, two of which must agree on each result. A seed determines primes, points and
+lines. The module needs python-flint: ``pip install 'suslov_fast[algebra]'``.
 """
 
 try:

@@ -34,15 +34,19 @@ def polynomial_ring(n: int, context: Any, **modulus: Any) -> Any:
     return context.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex", **modulus)
 
 
-def polynomials_with(rows: Matrix | None, exponents: Exponents) -> Polynomials:
+def coprime(row: Any) -> list[int]:
+    """Return integers with the ratios of a row of rational numbers."""
+    factor = math.lcm(*(int(a.denominator) for a in row))
+    numerators = [int(a * factor) for a in row]
+    divisor = math.gcd(*numerators) or 1
+    return [a // divisor for a in numerators]
+
+
+def polynomials_with(rows: Any, exponents: Exponents) -> Polynomials:
     """Return polynomials with the same span whose integer coefficients are short and coprime."""
     if not rows:
         return ()
-    integers = []
-    for row in rows:
-        numerators = flint.fmpq_mat([[fmpq(a) for a in row]]).numer_denom()[0].entries()
-        divisor = math.gcd(*(int(a) for a in numerators))
-        integers.append([a // divisor for a in numerators])
+    integers = [coprime(row) for row in rows]
     ring = polynomial_ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
     polynomials = []
     for short in flint.fmpz_mat(integers).lll().tolist():
@@ -60,7 +64,10 @@ def monomial_values(exponents: Exponents, x: Any) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Basis of the null space: the last nonzero entry of a vector is 1, and 0 in the others."""
+    """Basis of the null space: the last nonzero entry of each vector is 0 in the others.
+
+    Modulo a prime that entry is 1.
+    """
     columns, dimension = matrix.nullspace()
     return integer_rows(columns.transpose())[:dimension]
 

@@ -167,10 +167,10 @@ def _recurrence(d: list[int]) -> Any:
     """Return the characteristic polynomial of the shortest recurrence; None if none is certain."""
     for order in range(len(d) // 2):
         hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
-        reduced, rank = flint.fmpq_mat(hankel).rref()
+        reduced, _ = flint.fmpq_mat(hankel).rref()
         coefficients = [-reduced[i, order] for i in range(order)]
         # Every infinite sequence of integers with a recurrence has one of integers.
-        if rank <= order and all(a.q == 1 for a in coefficients):
+        if all(a.q == 1 for a in coefficients):
             c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
             if not any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()):
                 return c

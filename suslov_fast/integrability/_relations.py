@@ -23,6 +23,8 @@ from ._exact import (
     Polynomials,
     Residues,
     confirmed,
+    coprime,
+    fmpq,
     monomial_values,
     null_space,
     over_rationals,
@@ -191,8 +193,7 @@ def darboux_polynomials(
 
     For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
     quotients of two such polynomials are first integrals. The equations for the coefficients are
-    those of random integer points, 10 more than there are monomials, solved modulo primes; further
-    points confirm the result over the rationals.
+    those of random integer points, 10 more than there are monomials, solved exactly.
 
     Parameters
     ----------
@@ -217,8 +218,7 @@ def darboux_polynomials(
     TypeError, ValueError
         If an argument, or what `cofactor` returns, is not as above.
     ArithmeticError
-        If the coefficients have more than 1000 digits, or if the map or the cofactor is undefined
-        at most points.
+        If the map or the cofactor is undefined at most points.
 
     Examples
     --------
@@ -238,31 +238,13 @@ def darboux_polynomials(
         C = lambda x: constant  # noqa: E731
     rng = random.Random(seed)
 
-    def samples(count: int) -> list[tuple[Point, Point, Fraction]]:
-        found = []
-        for _ in range(2 * count):
-            x = tuple(Fraction(rng.randrange(-(2**30), 2**30)) for _ in range(map.dimension))
-            with contextlib.suppress(ZeroDivisionError):  # at poles
-                found.append((x, map(x), exact_array("cofactor", C(x), (), exact=True).item()))
-            if len(found) == count:
-                return found
-        raise ArithmeticError("the map or the cofactor is undefined at most points")
-
-    equations = samples(len(exponents) + _MORE)
-
-    def solutions(p: int) -> Residues:
-        number = Arithmetic(map, p).number
-        rows = []
-        for x, image, c in equations:
-            before, after = (monomial_values(exponents, [number(a) for a in y]) for y in (x, image))
-            rows.append(list(after - number(c) * before))
-        return null_space(flint.nmod_mat(rows, p))
-
-    basis = over_rationals(rng, solutions)
-    if basis is None:
-        raise ArithmeticError("the coefficients have more than 1000 digits")
-    for x, image, c in samples(3):
-        defect = monomial_values(exponents, image) - c * monomial_values(exponents, x)
-        if any(np.array(row) @ defect for row in basis):
-            raise ArithmeticError("the polynomials fail at test points")
-    return polynomials_with(basis, exponents)
+    equations: list[list[int]] = []
+    for _ in range(2 * (len(exponents) + _MORE)):
+        x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
+        with contextlib.suppress(ZeroDivisionError):  # at poles
+            image, c = map(x), fmpq(exact_array("cofactor", C(x), (), exact=True).item())
+            before, after = (monomial_values(exponents, [fmpq(a) for a in y]) for y in (x, image))
+            equations.append(coprime(after - c * before))
+        if len(equations) == len(exponents) + _MORE:
+            return polynomials_with(null_space(flint.fmpz_mat(equations)), exponents)
+    raise ArithmeticError("the map or the cofactor is undefined at most points")

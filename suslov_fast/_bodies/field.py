@@ -267,11 +267,15 @@ class QuadraticField(Body):
         """
         D = self.dimension
         table = np.zeros((*self.shape, D, D + 1, D + 1))
-        try:
+        if self.shape:
             q, table[..., :D, D], table[..., D, D] = self._arrays.values()
+            table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
+        try:
+            for i, each in enumerate(self.polynomials):
+                for powers, c in each.terms.items():
+                    table[(i, *powers, D, D)[:3]] = float(c)
         except OverflowError:
             raise wrong("body", "coefficients in the range of float64", self) from None
-        table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
         indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))
         indices = indices[np.argsort(indices[:, 2] == D, kind="stable")].T
         return np.ascontiguousarray(indices), table[(..., *indices)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,16 @@ from .matter import admissible_I3, check_triangles, shortest_rotation_to_last, w
 _APART = 1800
 
 
-def check_apart(I1: float | FloatArray, I2: float | FloatArray) -> None:
-    """Raise ValueError if products of the moments, or with states, leave the range of float64."""
+def set_in_3d(body: Any) -> None:
+    """Check the parameters of a body in three dimensions, and set read-only copies."""
+    body._set(**{name: getattr(body, name) for name in body._names()})
+    I1, I2 = body.I1, body.I2
     if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():
         raise ValueError(
             f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
             f"{np.min(I1)} to {np.max(I1)} and {np.min(I2)} to {np.max(I2)}"
         )
+    warn_of_I3(body)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,9 +79,7 @@ class Suslov3D(Body):
     }
 
     def __post_init__(self) -> None:
-        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, I3=self.I3)
-        check_apart(self.I1, self.I2)
-        warn_of_I3(self.I1, self.I2, self.I13, self.I23, self.I3)
+        set_in_3d(self)
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.

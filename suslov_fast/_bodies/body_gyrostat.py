@@ -7,8 +7,7 @@ from typing import ClassVar, NoReturn
 
 from .._checks import FloatArray
 from .base import Body
-from .body_3d import Suslov3D, check_apart
-from .matter import warn_of_I3
+from .body_3d import Suslov3D, set_in_3d
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,6 +70,4 @@ class SuslovGyrostat(Body):
         )
 
     def __post_init__(self) -> None:
-        self._set(I1=self.I1, I2=self.I2, I13=self.I13, I23=self.I23, k=self.k, I3=self.I3)
-        check_apart(self.I1, self.I2)
-        warn_of_I3(self.I1, self.I2, self.I13, self.I23, self.I3)
+        set_in_3d(self)

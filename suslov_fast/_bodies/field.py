@@ -324,19 +324,16 @@ class QuadraticField(Body):
     def __eq__(self, other: object) -> bool:
         if self.shape or not isinstance(other, QuadraticField):
             return super().__eq__(other)
-        return self._single == other._single and np.array_equal(self.K, other.K)
+        same = self.polynomials == other.polynomials and self.H == other.H
+        return same and np.array_equal(self.K, other.K)
 
     def __hash__(self) -> int:
-        return super().__hash__() if self.shape else hash(self._single)
+        return super().__hash__() if self.shape else hash(self.polynomials)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.shape:
             return super().__reduce__()
-        return self._of_components, (*self._single, self.K)
-
-    @property
-    def _single(self) -> tuple[tuple[Polynomial, ...], Polynomial | None]:
-        return self.polynomials, self.H
+        return self._of_components, (self.polynomials, self.H, self.K)
 
     def __repr__(self) -> str:
         if self.shape:

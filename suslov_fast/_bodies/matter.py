@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, warn
 
-# Each iteration of Newton's method at least doubles the number of digits near a root, and gains one
-# bit far from it.
-_ITERATIONS = 80
 # Rounding tolerance of the triangle inequality, which is an equality for flat bodies; a change of
 # the basis of the tensor is included.
 _ROUNDING = 1e-14
@@ -25,16 +22,11 @@ def _fits(moments: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
     return fits
 
 
-def warn_of_I3(
-    I1: float | FloatArray,
-    I2: float | FloatArray,
-    I13: float | FloatArray,
-    I23: float | FloatArray,
-    I3: float | FloatArray | None,
-) -> None:
+def warn_of_I3(body: Any) -> None:
     """Warn, once for a batch, of an I3 that no body has."""
-    if I3 is None:
+    if body.I3 is None:
         return
+    I1, I2, I13, I23, I3 = body.I1, body.I2, body.I13, body.I23, body.I3
     entries = np.broadcast_arrays(I1, 0.0, I13, 0.0, I2, I23, I13, I23, I3)
     tensors = np.stack(entries, axis=-1).reshape(-1, 3, 3)
     fits = _fits(np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True)))
@@ -102,7 +94,7 @@ def admissible_I3(
     f(s) = m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) > 0,
 
     where A is the product of inertia that belongs to the larger of I1 and I2. f is concave: it has
-    no root or two, which Newton's method approaches from outside.
+    no root or two, one on each side of its maximum.
     """
     I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
     _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
@@ -119,18 +111,12 @@ def admissible_I3(
         first, second = _over(A, s), _over(B, s + 2.0 * d)
         return 2.0 * (first * first + second * second) - 0.5
 
-    def bend(s: FloatArray) -> FloatArray:
-        first, second = _over(A, s), _over(B, s + 2.0 * d)
-        return -4.0 * (_over(first * first, s) + _over(second * second, s + 2.0 * d))
-
+    zero, most = np.zeros_like(m), 2.0 * m
     with np.errstate(all="ignore"):
-        start = np.maximum(2.0 * A, np.maximum(2.0 * (B - d), 0.0))
-        # Where A = 0, f may fall from s = 0 on.
-        top = np.where(slope(start) <= 0, start, _newton(slope, bend, start))
-        exists = (f(top) > 0) & (top < 2.0 * m)
-        left = 4.0 * A * A / (m + np.sqrt(np.maximum(m * m - 4.0 * A * A, 0.0)))
-        low = np.where(f(left) >= 0, left, _newton(f, slope, left))
-        high = _newton(f, slope, 2.0 * m)
+        top, _ = _bisected(lambda s: slope(s) > 0, zero, most)
+        exists = f(top) > 0
+        low, _ = _bisected(lambda s: f(s) < 0, zero, top)
+        _, high = _bisected(lambda s: f(s) > 0, top, most)
         ends = [np.where(exists, np.ldexp(d + s, exponent), np.nan)[()] for s in (low, high)]
     return ends[0], ends[1]
 
@@ -140,16 +126,13 @@ def _over(v: FloatArray, w: FloatArray) -> FloatArray:
     return np.where(v == 0, 0.0, v / w)
 
 
-def _newton(
-    function: Callable[[FloatArray], FloatArray],
-    derivative: Callable[[FloatArray], FloatArray],
-    s: FloatArray,
-) -> FloatArray:
-    """Return a root approached from one side, or the start if it is a root."""
-    for _ in range(_ITERATIONS):
-        value = function(s)
-        following = s - np.where(value == 0, 0.0, value / derivative(s))
-        if (following == s).all():
-            break
-        s = np.where(np.isfinite(following), following, s)
-    return s
+def _bisected(
+    holds: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the last number from low on for which a condition holds, and its successor."""
+    start, stop = low.view(np.int64), high.view(np.int64)  # ordered as the numbers, which are >= 0
+    for _ in range(64):
+        middle = start + (stop - start) // 2
+        inside = holds(middle.view(np.float64))
+        start, stop = np.where(inside, middle, start), np.where(inside, stop, middle)
+    return start.view(np.float64), stop.view(np.float64)

@@ -149,8 +149,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    instance("body", body, IN_3D)
-    (state,), batch = check(body, (*IN_3D, SuslovND), {"omega": omega})
+    (state,), batch = check(body, IN_3D, {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
     return _turned_vector(vector, _turn(3, rotation, attitude))

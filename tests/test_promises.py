@@ -250,7 +250,7 @@ def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
     whole = list(row.values(*problem_of))
     same(name, kind, pieces, whole)
     for module, constant, value in (
-        (evaluation, "SLAB", 16), (evaluation, "COPIES", 16), (evaluation, "TASKS", 1),
+        (evaluation, "SLAB", 16), (evaluation, "NUMBERS", 16), (evaluation, "TASKS", 1),
         (closed_form_runs, "SLICE", 2**10), (lyapunov, "_SLAB", 2**8),
         (attitude_of, "_SLICE", 2**10),
     ):  # fmt: skip

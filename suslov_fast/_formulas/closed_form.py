@@ -473,7 +473,8 @@ def pair(n, o, others):
     others   False if the orbit is known to pass or rest
     """
     c, s = multiples(smaller(n, LONGEST) - o.lag, o.v, o.k, o, others)
-    unknown = (n > EXACT) & (n < np.inf) & (o.r < 0.0)
+    # The lag hides a fraction below rounding.
+    unknown = (o.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
     return select(unknown, np.nan, c), s
 
 

@@ -128,10 +128,16 @@ def _sums(
             frames = np.eye(D)[order].swapaxes(-2, -1).copy()
         diagonals, work = np.empty(flat.shape[:-1]), _COST * flat.size * D
         _threads.run(orthonormalise, work, threads, flat, frames, diagonals, scratch)
-        lengths += np.log(diagonals).sum(axis=0).reshape(lengths.shape)
+        lengths = _sum(lengths, np.log(diagonals).reshape(-1, *lengths.shape))
         logarithms, invariant = log_det(body, omega, eps, invariant)
-        of_det += logarithms.sum(axis=0)
+        of_det = _sum(of_det, logarithms)
     return lengths, of_det
+
+
+def _sum(total: FloatArray, terms: FloatArray) -> FloatArray:
+    """Return total + terms[0] + terms[1] + ..., in this order, which no batch changes."""
+    result: FloatArray = np.add.accumulate(np.concatenate([total[np.newaxis], terms]))[-1]
+    return result
 
 
 def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:

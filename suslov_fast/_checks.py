@@ -288,11 +288,17 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     return unit
 
 
-def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
-    matrices = vectors(name, value, n)
+def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    """Return matrices (..., n, n) of finite real numbers."""
+    matrices = vectors(name, value, n, allow_nan)
     if matrices.ndim < 2 or matrices.shape[-2] != n:
         raise wrong(name, f"shape (..., {n}, {n})", matrices.shape)
+    return matrices
+
+
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = square_matrices(name, value, n)
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     determinant = np.linalg.det(matrices)
     if error > 1e-10 or not (determinant > 0).all():

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.body_nd import SuslovND
-from .._checks import FloatArray, common_shape, instance, vectors
+from .._checks import FloatArray, common_shape, instance, square_matrices, vectors
 from .._docs import filled
 from .._engine.arguments import IN_3D, AnyBody, check
 
@@ -96,15 +96,15 @@ def from_matrix(
     """
     instance("body", body, (*IN_3D, SuslovND))
     n = body.dimension + 1
-    matrices = _square("matrix", matrix, n, allow_nan=True)
-    turn = _turn(n, rotation, None)
+    matrices = square_matrices("matrix", matrix, n, allow_nan=True)
+    turn = None if rotation is None else square_matrices("rotation", rotation, n)
     size = abs(matrices).max(axis=(-2, -1), initial=0.0, keepdims=True)
     excess = abs(0.5 * matrices + 0.5 * matrices.swapaxes(-2, -1))
     if (excess > _ROUNDING * size).any():
         raise ValueError(
             f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
         )
-    adapted = _turned(matrices, None if turn is None else turn.swapaxes(-2, -1))
+    adapted = _turned(matrices, turn)
     forbidden = abs(adapted[..., :-1, :-1])
     if (forbidden > _ROUNDING * n * size).any():
         raise ValueError(
@@ -190,8 +190,8 @@ def from_vector(
     """
     instance("body", body, IN_3D)
     array = vectors("vector", vector, 3, allow_nan=True)
-    turn = _turn(3, rotation, None)
-    adapted = _turned_vector(array, None if turn is None else turn.swapaxes(-2, -1))
+    turn = None if rotation is None else square_matrices("rotation", rotation, 3)
+    adapted = _turned_vector(array, turn)
     size = abs(array).max(axis=-1, initial=0.0)
     if (abs(adapted[..., 2]) > _ROUNDING * size).any():
         raise ValueError(
@@ -279,15 +279,8 @@ def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> Flo
     if rotation is not None and attitude is not None:
         raise ValueError("rotation, attitude: expected at most one of them, got both")
     if rotation is not None:
-        return _square("rotation", rotation, n).swapaxes(-2, -1)
-    return None if attitude is None else _square("attitude", attitude, n, allow_nan=True)
-
-
-def _square(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
-    matrices = vectors(name, value, n, allow_nan)
-    if matrices.ndim < 2 or matrices.shape[-2] != n:
-        raise ValueError(f"{name}: expected shape (..., {n}, {n}), got {matrices.shape}")
-    return matrices
+        return square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+    return None if attitude is None else square_matrices("attitude", attitude, n, allow_nan=True)
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:

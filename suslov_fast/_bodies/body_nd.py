@@ -70,7 +70,6 @@ class SuslovND(Body):
 
     @property
     def _labels(self) -> tuple[str, ...]:
-        """The labels of the components of a state."""
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
     @classmethod

@@ -38,7 +38,7 @@ kept         final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 
 import numpy as np
 
-from .._jit import Kernel, formula, lane, namespace, put, rows_of, share, stack
+from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
 from . import codes
 from .lanes import LANES, whole
 from .tiles import lead_of, missing_of_first_block, write_row
@@ -85,6 +85,7 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
     final, status, failed_at, resumed = kept
     constants, state = rows_of(map.Constants, LANES), rows_of(map.State, LANES)
     before, r, tile = rows_of(map.State, LANES), turns_block(), stack(_TILE)
+    code_of = stack(LANES)
     saves, lead, stride = len(saved) > 0, lead_of(saved), map.D * saved.shape[1]
     flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
     blocks, shift = blocks_of(span, saved)
@@ -95,16 +96,17 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
         lanes = whole(width)
         to_guard = 0
         for l in range(lanes):  # lanes beyond the last trajectory repeat it
-            i = first + min(l, width - 1)
-            code, guards, s, k = map.enter(parameters, omega, i)
+            code, guards, s, k = map.enter(parameters, omega, first + min(l, width - 1))
             put(state, l, s)
             put(constants, l, k)
-            to_guard += guards
-            if start == 0 and l < width:
-                status[i] = code
-                if code == codes.NONFINITE:  # the state, or the step in units of the motion
-                    unknown = np.isnan(omega[i, 0] + omega[i, 1] + omega[i, map.D - 1])
-                    failed_at[i] = 0 if unknown else 1
+            code_of[l] = code
+            to_guard += select(guards, 1, 0)
+        for l in range(width if start == 0 else 0):
+            status[first + l], total = int(code_of[l]), 0.0
+            for j in range(map.D):
+                total += omega[first + l, j]
+            if code_of[l] == codes.NONFINITE:  # the state is NaN, or the step is out of range
+                failed_at[first + l] = 0 if np.isnan(total) else 1
         if start > 0:
             for l in range(lanes):
                 for j in range(len(state)):

@@ -51,8 +51,8 @@ def enter(parameters, omega, i):
     rest1 = select(rests, omega1, 0.0) + m12 * c
     rest2 = select(rests, omega2, 0.0) + m22 * c
     X = select(omega1 + omega2 == omega1 + omega2, X, np.nan)
-    status = codes.SUPERCRITICAL if abs(Y) >= 1.0 else codes.OK
-    status = codes.NONFINITE if np.isnan(X) else status
+    status = select(abs(Y) >= 1.0, codes.SUPERCRITICAL, codes.OK)
+    status = select(X == X, status, codes.NONFINITE)
     scale = select(rests, 1.0, unit)
     constants = Constants(c, m11, -m12, m21, -m22, rest1, rest2, scale, bound)
     return status, not canonical_map.stays_bounded(X, Z, c, bound), State(X, Z), constants

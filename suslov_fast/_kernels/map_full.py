@@ -30,7 +30,7 @@ def enter(parameters, omega, i):
     missing, inverse = omega1 + omega2 + omega3 != omega1 + omega2 + omega3, two_to_the(-W)
     state = State(select(missing, np.nan, omega1 * inverse), omega2 * inverse, omega3 * inverse)
     constants = full_coefficients(I1, I2, I13, I23, eps, entry(parameters[5], i), W)
-    return codes.NONFINITE if missing else codes.OK, True, state, constants
+    return select(missing, codes.NONFINITE, codes.OK), True, state, constants
 
 
 @formula

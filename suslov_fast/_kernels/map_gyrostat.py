@@ -46,8 +46,8 @@ def enter(parameters, omega, i):
     # Out of range L and K are NaN: there is a state 0, and no next one.
     L0 = select(np.isnan(p.omega1), np.nan, select(np.isnan(K), 0.0, L))
     supercritical = 1.0 + b1 * b2 * K * (2.0 * L - K) <= Y * Y
-    status = codes.SUPERCRITICAL if supercritical else codes.OK
-    status = codes.NONFINITE if np.isnan(p.omega1) else status
+    status = select(supercritical, codes.SUPERCRITICAL, codes.OK)
+    status = select(np.isnan(p.omega1), codes.NONFINITE, status)
     constants = Constants(b1, b2, K, c, unit, units.bound_in(unit))
     return status, True, State(L0, Z, p.omega1, p.omega2), constants
 

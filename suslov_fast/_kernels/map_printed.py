@@ -48,8 +48,8 @@ def enter(parameters, omega, i):
     state = State(
         select(missing, np.nan, select(rests, omega1, p.omega1)), select(rests, omega2, p.omega2)
     )
-    status = codes.SUPERCRITICAL if abs(Y) >= 1.0 and not rests else codes.OK
-    return codes.NONFINITE if missing else status, True, state, constants
+    status = select((abs(Y) >= 1.0) & ~rests, codes.SUPERCRITICAL, codes.OK)
+    return select(missing, codes.NONFINITE, status), True, state, constants
 
 
 @formula

@@ -34,19 +34,15 @@ def polynomial_ring(n: int, context: Any, **modulus: Any) -> Any:
     return context.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex", **modulus)
 
 
-def coprime(row: Any) -> list[int]:
-    """Return integers with the ratios of a row of rational numbers."""
-    factor = math.lcm(*(int(a.denominator) for a in row))
-    numerators = [int(a * factor) for a in row]
-    divisor = math.gcd(*numerators) or 1
-    return [a // divisor for a in numerators]
-
-
 def polynomials_with(rows: Any, exponents: Exponents) -> Polynomials:
     """Return polynomials with the same span whose integer coefficients are short and coprime."""
     if not rows:
         return ()
-    integers = [coprime(row) for row in rows]
+    integers = []
+    for row in rows:
+        factor = math.lcm(*(a.denominator for a in row))
+        divisor = math.gcd(*(a.numerator for a in row))
+        integers.append([int(a * factor) // divisor for a in row])
     ring = polynomial_ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
     polynomials = []
     for short in flint.fmpz_mat(integers).lll().tolist():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,8 +24,6 @@ from ._exact import (
     Polynomials,
     Residues,
     confirmed,
-    coprime,
-    fmpq,
     monomial_values,
     null_space,
     over_rationals,
@@ -231,7 +230,9 @@ def darboux_polynomials(
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
     instance("map", map, KahanMap)
-    exponents = _exponents("degree", integer("degree", degree, 0), map.dimension)
+    degree = integer("degree", degree, 0)
+    exponents = _exponents("degree", degree, map.dimension)
+    homogeneous = tuple((degree - sum(e), *e) for e in exponents)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
         constant = exact_array("cofactor", cofactor, ()).item()
@@ -242,9 +243,12 @@ def darboux_polynomials(
     for _ in range(2 * (len(exponents) + _MORE)):
         x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
         with contextlib.suppress(ZeroDivisionError):  # at poles
-            image, c = map(x), fmpq(exact_array("cofactor", C(x), (), exact=True).item())
-            before, after = (monomial_values(exponents, [fmpq(a) for a in y]) for y in (x, image))
-            equations.append(coprime(after - c * before))
+            image, c = map(x), exact_array("cofactor", C(x), (), exact=True).item()
+            # With image = numerators / d, the equations times d**degree have integer coefficients.
+            d = math.lcm(*(a.denominator for a in image))
+            before = d**degree * monomial_values(exponents, [int(a) for a in x])
+            after = monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
+            equations.append(list(c.denominator * after - c.numerator * before))
         if len(equations) == len(exponents) + _MORE:
             return polynomials_with(null_space(flint.fmpz_mat(equations)), exponents)
     raise ArithmeticError("the map or the cofactor is undefined at most points")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from suslov_fast import Suslov3D, SuslovND
-from suslov_fast._engine import parts as engine
+from suslov_fast._engine import stretches as engine
 
 # No deadline, since the first call of a kernel compiles it.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
@@ -47,7 +47,7 @@ def rng():
 @pytest.fixture
 def small_parts(monkeypatch):
     """Divide runs into many parts, along the batch and along time."""
-    monkeypatch.setattr(engine, "_PART", 2**9)
+    monkeypatch.setattr(engine, "_STRETCH", 2**9)
     monkeypatch.setattr(engine, "_ABREAST", 1)
     monkeypatch.setattr(engine, "_LENGTH", 1)
 

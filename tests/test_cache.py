@@ -63,7 +63,7 @@ for name in sys.argv[2:]:
     loops.kernels[getattr(small, name)].CALLED(np.arange(3.0), out := np.zeros(3))
     print("result", name, *out)
 """
-KERNELS = r"loops\.(?:twice|half|opposite|opposite_twice)|kernels\._loop|kernels\._in_parts"
+KERNELS = r"loops\.(?:twice|half|opposite|opposite_twice)|kernels\._start|kernels\._in_parts"
 TWICE, HALF, OPPOSITE = "twice 0.0 2.0 4.0", "half 0.0 0.5 1.0", "opposite -0.0 -1.0 -2.0"
 
 

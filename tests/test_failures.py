@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import parts, threads
+from suslov_fast._engine import stretches, threads
 
 # No body has the I3 of some runs of the scheme in three components.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
@@ -126,7 +126,7 @@ def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, me
     expected = (whole.failed_at >= 0) & (np.arange(10)[:, None] >= whole.failed_at)
     assert (np.isnan(whole.omega).all(axis=-1) == expected).all()
     for steps in (1, 2, 3):
-        monkeypatch.setattr(parts, "_PART", 5 * steps)
+        monkeypatch.setattr(stretches, "_STRETCH", 5 * steps)
         cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore", save_every=None)
         assert (cut.failed_at == whole.failed_at).all()
         assert (cut.status == whole.status).all()

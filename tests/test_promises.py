@@ -15,7 +15,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
-from suslov_fast._engine import closed_form_runs, evaluation, jump, threads
+from suslov_fast._engine import closed_form_runs, evaluation, methods, threads
 from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import maps_3d, tiles
 from suslov_fast._kernels.blocks import LANES
@@ -95,7 +95,7 @@ def runs(kinds, function=sf.iterate, **options):
     def call(body, omega, eps, **others):
         run = function(body, omega, eps, STEPS, on_singular="ignore", **options, **others)
         more = (run.attitude,) if run.attitude is not None else ()
-        return run.omega, run.final, run.status, run.failed_at, *more
+        return run.states, run.final, run.status, run.failed_at, *more
 
     products = None if function is sf.iterate_full else 0
     units = [(0, products, 1)] * 2 + [(0, products, 0)] * 2
@@ -433,7 +433,7 @@ HARD = [
 def cut_further(monkeypatch):
     """Divide runs by the closed form into parts, too."""
     monkeypatch.setattr(closed_form_runs, "SLICE", 2**12)
-    monkeypatch.setattr(jump, "_EXPANDED", 2**11)
+    monkeypatch.setattr(methods, "_EXPANDED", 2**11)
     monkeypatch.setattr(engine, "_COPIED", 2**12)
 
 

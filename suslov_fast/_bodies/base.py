@@ -174,7 +174,7 @@ class Body:
 
         Returns
         -------
-        Suslov3D, SuslovND or SuslovGyrostat
+        body
 
         Raises
         ------

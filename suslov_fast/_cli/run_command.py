@@ -17,7 +17,6 @@ import numpy as np
 
 import suslov_fast as sf
 
-from .._engine.jump import JUMP
 from .._engine.memory import require
 from .._ensemble.workers import client_of
 from .._jit import compile_timer
@@ -102,10 +101,8 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
         if put is not None:
             put(entries_of(orbits))
     # The closed form takes no steps: steps that iteration would take are comparable.
-    long = options.save_every is not None or options.steps >= JUMP
-    jumps = long and orbits.method == "auto" and orbits.attitude is None
-    jumps = jumps and orbits._map.closed_form(body)
-    rate = "equivalent_steps_per_second" if jumps else "steps_per_second"
+    stepped = "state" in orbits._resume
+    rate = "steps_per_second" if stepped else "equivalent_steps_per_second"
     facts = facts_of(orbits, starts)
     return {**facts, "seconds": seconds, rate: count * options.steps / seconds}
 

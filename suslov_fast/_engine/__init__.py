@@ -1,1 +1,1 @@
-"""Calls of kernels with checked arguments: layout, parts, threads."""
+"""Calls of kernels with checked arguments: layout, stretches, threads."""

@@ -19,7 +19,7 @@ from .._kernels.lanes import LANES
 from . import threads as _threads
 from .layout import flat_arrays, for_loops
 from .memory import require
-from .parts import alike
+from .stretches import alike
 
 # States of one call of a kernel: some 10 ms. With a quarter of this, idle threads cost 5 %.
 SLICE = 2**24

@@ -61,13 +61,13 @@ def of_state(
         count = len(states)
         parameters = with_rotor(parameters)
         tasks = min(-(-period // LANES) * -(-count // period), TASKS)
-        report = np.zeros((tasks, 3), np.int64)
+        counts = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
-        _threads.run(kernel, work, threads, parameters, states, out_part, period, report)
-        if omega.size > LARGE and report[:, kernels.INFINITE].any():
+        _threads.run(kernel, work, threads, parameters, states, out_part, period, counts)
+        if omega.size > LARGE and counts[:, kernels.INFINITE].any():
             real_array(name, omega, allow_nan=True)
         if warn:
-            missing += [(begin + first, n) for n, first, _ in report.tolist() if n]
+            missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
     if missing:
         warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
     return out[()]

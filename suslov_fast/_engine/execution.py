@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,13 +40,14 @@ class Problem(NamedTuple):
     eps
         The step size, a number or of a shape that broadcasts to the batch.
     parameters
-        What `Map.parameters` returns: parameters of the body and eps, (B, ...) or (1, ...).
+        What `Map.parameters` returns: arrays (B, ...) or (1, ...).
     orientation
         (B, n, n), the orientations at step 0, or None.
     continued
         False for a single step that no other follows.
     progress
-        Called with the number of steps done so far, or None.
+        Called with the number of steps done so far, or None. The closed form does not call it, nor
+        do drivers of trajectories that another one left.
     """
 
     map: Map
@@ -269,6 +271,7 @@ def execute(
     earlier = 0 if before is None else span.rows_before
     rows = earlier + span.rows if span.save_every else 1
     shape = rows, *batch, D
+    # Besides the saved states: omega0, the last state, and up to 2 D numbers to go on from.
     numbers = (4 + rows * (out is None and span.save_every is not None)) * size * D
     if orientation is not None:
         numbers += rows * orientation.size
@@ -286,12 +289,9 @@ def execute(
             turns[:earlier] = before[1][:earlier]
     saved, final = (flat[earlier:], None) if span.save_every else (flat[:0], flat[0])
     output = _empty_output(problem, span, saved, flat_turns, final)
-    resume, run = resume or {}, problem.map.run
-    if progress:
-        with reporter(progress, span.steps - span.start) as report:
-            run(problem._replace(progress=report), span, resume, output)
-    else:
-        run(problem, span, resume, output)
+    total = span.steps - span.start
+    with reporter(progress, total) if progress else nullcontext() as report:
+        problem.map.run(problem._replace(progress=report), span, resume or {}, output)
 
     _, _, final, status, failed_at, resumable = output
     least = worst(status)
@@ -307,7 +307,7 @@ def execute(
     if orientation is not None:
         resumable["R0"] = orientation
     # The last state is that saved, also if a span of no steps follows.
-    saves_last = rows > 0 and span.steps % span.every == 0
-    final = states[-1] if saves_last else final.reshape(shape[1:])
+    last_is_saved = rows > 0 and span.steps % span.every == 0
+    final = states[-1] if last_is_saved else final.reshape(shape[1:])
     status, failed_at = status.reshape(batch), failed_at.reshape(batch)
     return Output(states, turns, final, status, failed_at, resumable)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numba
 import numpy as np
@@ -14,10 +13,10 @@ from .._kernels import map_field, map_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
-from . import threads
+from . import threads as _threads
 from .execution import NONE, Indices, Output, Problem, Resume, Span, with_status
 from .memory import require
-from .parts import parts_of
+from .stretches import stretches_of
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
@@ -39,19 +38,27 @@ def iterate(
     if problem.orientation is not None:
         (turn,) = _carried(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))
         turning = problem.parameters[-1], problem.orientation, turn, output.turns
-    kept = output.final, output.status, output.failed_at, state
+    results = output.final, output.status, output.failed_at, state
     before = problem.parameters, problem.omega0
-    for part, work in parts_of(problem, span, step, LANES):
-        threads.run(kernel, work, problem.threads, *before, part, output.saved, turning, kept)
+    for stretch, work in stretches_of(problem, span, step, LANES):
+        _threads.run(
+            kernel, work, problem.threads, *before, stretch, output.saved, turning, results
+        )
     return NONE
 
 
 def iterate_nd(
-    problem: Problem, span: Span, resume: Resume, output: Output, eliminates: bool = False
+    problem: Problem,
+    span: Span,
+    resume: Resume,
+    output: Output,
+    kernel: Kernel,
+    elimination: float = 0.0,
 ) -> Indices:
     """Iterate the n-dimensional map; return the trajectories for which steps in O(n) do not do.
 
-    If it eliminates, there are none: such steps are taken by elimination, or all of them.
+    There are none with elimination, whose cost in a step is `elimination` m**3, in steps of the 3D
+    map.
 
     Raises
     ------
@@ -59,11 +66,7 @@ def iterate_nd(
         If there is no room for elimination where that is needed.
     """
     size, m = problem.omega0.shape
-    kernel, step = map_nd.iterate, 8.0 * m
-    if problem.method == "gauss":
-        kernel, step = map_nd.iterate_by_elimination, m**3 / 3.0
-    elif eliminates:  # if every step needs elimination, a part takes some 0.3 s
-        step = max(step, m**3 / 48.0)
+    step, eliminates = max(8.0 * m, elimination * m**3), elimination > 0.0
     tasks, lanes = _tasks_and_lanes(size, problem.threads, eliminates)
     state, exponent = _carried(
         span, resume, output, state=np.empty((size, m)), exponent=np.empty(size)
@@ -73,7 +76,7 @@ def iterate_nd(
         (columns,) = _carried(span, resume, output, columns=turned.swapaxes(1, 2).copy())
         scratch = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
         turning = problem.parameters[-1], columns, output.turns, *scratch
-    kept = output.final, output.status, output.failed_at, state, exponent
+    results = output.final, output.status, output.failed_at, state, exponent
     M = m + m % 2
     # A build for a body that all lanes share pays only for the cheapest steps.
     shared = not eliminates and turning is None and max(map(len, problem.parameters[:2])) <= 1
@@ -82,29 +85,26 @@ def iterate_nd(
     advice = "method='rank2', fewer threads, or shorter steps"
     matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
     before = (*problem.parameters, problem.omega0)
-    after = output.saved, turning, kept, memory, matrices
-    for part, work in parts_of(problem, span, step, map_nd.LANES):
-        threads.run(kernel, work, problem.threads, before, part, *after)
+    after = output.saved, turning, results, memory, matrices
+    for stretch, work in stretches_of(problem, span, step, map_nd.LANES):
+        _threads.run(kernel, work, problem.threads, before, stretch, *after)
     if output.turns is not None and len(output.turns) and not span.rows:
         output.turns[-1] = columns.swapaxes(1, 2)
     return with_status(output.status, NEEDS_ELIMINATION)
-
-
-with_elimination = partial(iterate_nd, eliminates=True)
 
 
 def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
     """Iterate Kahan's map of a quadratic field."""
     size, D = problem.omega0.shape
     (state,) = _carried(span, resume, output, state=np.empty((size, D)))
-    kept = output.final, output.status, output.failed_at, state
+    results = output.final, output.status, output.failed_at, state
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
     memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 3, D, lanes))
-    before, after = (*problem.parameters, problem.omega0), (output.saved, kept, memory)
-    for part, work in parts_of(problem, span, step, lanes):
-        threads.run(map_field.iterate_field, work, problem.threads, before, part, *after)
+    before, after = (*problem.parameters, problem.omega0), (output.saved, results, memory)
+    for stretch, work in stretches_of(problem, span, step, lanes):
+        _threads.run(map_field.iterate_field, work, problem.threads, before, stretch, *after)
     return NONE
 
 

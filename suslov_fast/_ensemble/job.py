@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, integer, wrong
 from .._engine.execution import numbers_of_saved
-from .._engine.parts import alike
+from .._engine.stretches import alike
 from .._maps.record import Map
 from .._maps.registry import map_of
 from .reductions import reductions_of

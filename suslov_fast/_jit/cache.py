@@ -3,7 +3,7 @@
 Numba checks a cache file only against the source file of its kernel. Here the name of a kernel
 contains a digest of all sources that kernels are compiled from and one of the versions of the
 libraries, so every edit or upgrade makes a new file. A cache folder must be as trusted as the code
-itself. No other file of the package uses internals of Numba.
+itself.
 """
 
 import functools

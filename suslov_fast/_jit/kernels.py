@@ -59,12 +59,12 @@ class Kernel:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
             return
-        kinds = _kinds(arguments)
-        if kinds not in self._addresses:
-            found = map(numba.typeof, (0, 0, *arguments))
-            self._addresses[kinds] = _address(self.compiled, *found)
-        in_parts, loop = _loops()
-        loop(in_parts, self._addresses[kinds], threads, arguments)
+        key = _key(arguments)
+        if key not in self._addresses:
+            types_of_all = map(numba.typeof, (0, 0, *arguments))
+            self._addresses[key] = _address(self.compiled, *types_of_all)
+        in_parts_address, start = _loop_over_parts()
+        start(in_parts_address, self._addresses[key], threads, arguments)
 
 
 def kernel(function):
@@ -94,29 +94,29 @@ def _in_parts(function, kernel, data, parts):
         call(function, (kernel, data, np.int64(part), parts))
 
 
-def _loop(in_parts, kernel, parts, arguments):
+def _start(in_parts_address, kernel, parts, arguments):
     function, data = pack(arguments)
-    call(in_parts, (function, kernel, data, parts))
+    call(in_parts_address, (function, kernel, data, parts))
 
 
-def _kinds(argument):
+def _key(argument):
     """Return a key for the type of an argument, ten times faster than `numba.typeof`."""
     if isinstance(argument, tuple):
-        return tuple(map(_kinds, argument))
+        return tuple(map(_key, argument))
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
     return type(argument)
 
 
-def _address(compiled, *kinds):
+def _address(compiled, *argument_types):
     """Return the address of a function for arguments of these types."""
     # A tuple, as of a call: the key by which Numba stores code in the cache.
-    compiled.compile(kinds)
-    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+    compiled.compile(argument_types)
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*argument_types))).address
 
 
 @functools.cache
-def _loops():
+def _loop_over_parts():
     """Return the address of the loop over parts, and the function that starts it."""
     in_parts = enable_cache(_in_parts, functools.partial(called_from_python, parallel=True))
-    return _address(in_parts, *[types.int64] * 4), enable_cache(_loop, called_from_python)
+    return _address(in_parts, *[types.int64] * 4), enable_cache(_start, called_from_python)

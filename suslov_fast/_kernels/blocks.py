@@ -1,4 +1,4 @@
-"""The loop over steps, common to all maps in three dimensions.
+"""The loop over steps of every map of two or three components whose step is a formula.
 
 A block of up to LANES trajectories advances together, step by step: steps are outside, lanes
 inside, and LLVM places lanes side by side in vector registers. `run_blocks` is the loop; a map is a
@@ -11,7 +11,8 @@ enter(parameters, omega, i)       Return the status of trajectory i, True if its
                                   guarded, its State and its Constants.
 advance(k, s)                     Make one step of a trajectory that cannot meet a pole.
 show(k, s)                        Return the angular velocity.
-cause(k, s)                       Return the status of a trajectory that has no next state.
+cause(k, s)                       Return the status of a trajectory whose next state may not exist;
+                                  it is not used for one that has a next state.
 
 The first number of a state is NaN if there is none, and `show` then returns NaN. Lanes that are not
 guarded are not tested for this: without `guarded`, `enter` returns True unless no step can fail.
@@ -27,12 +28,12 @@ Arguments of a kernel, over a batch of B trajectories:
 
 parameters   arrays (B,) or (1,): parameters of the body, and the step size
 omega        (B, D), the states at step 0
-span         begin, end, start, stop, every, first_row: trajectories begin to end are taken from
+stretch      begin, end, start, stop, every, first_row: trajectories begin to end are taken from
              state start to state stop, states whose index is a multiple of `every` are saved,
              starting with index first_row * every
 saved        (rows, B, D); no rows if no states are saved
 turning      None, or the arrays of `turning_3d`: results at the saved states, or only the last
-kept         final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
+results      final (B, D), state `stop`; status (B,); failed_at (B,), written where a trajectory
              fails; the numbers of State (B, ...), from which a run is resumed, or (0, ...)
 """
 
@@ -52,10 +53,10 @@ CHECK_EVERY = 256
 
 
 @formula
-def blocks_of(span, saved):
+def blocks_of(stretch, saved):
     """Return how many blocks a call has, and by how much the first one is shorter."""
     shift = missing_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
-    return (span[1] - span[0] + shift + LANES - 1) // LANES, shift
+    return (stretch[1] - stretch[0] + shift + LANES - 1) // LANES, shift
 
 
 @formula
@@ -79,16 +80,16 @@ def write_starts(omega, flat, first, width):
             flat[D * (first + l) + k] = omega[first + l, k]
 
 
-def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
+def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results):
     """Take a part of the trajectories of a span from state `start` to state `stop`."""
-    begin, end, start, stop, every, first_row = span
-    final, status, failed_at, resumed = kept
+    begin, end, start, stop, every, first_row = stretch
+    final, status, failed_at, resumed = results
     constants, state = rows_of(map.Constants, LANES), rows_of(map.State, LANES)
     before, r, tile = rows_of(map.State, LANES), turns_block(), stack(_TILE)
     code_of = stack(LANES)
     saves, lead, stride = len(saved) > 0, lead_of(saved), map.D * saved.shape[1]
     flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
-    blocks, shift = blocks_of(span, saved)
+    blocks, shift = blocks_of(stretch, saved)
     first_block, last_block = share(blocks, part, parts)
     for block in range(first_block, last_block):
         first = begin + max(block * LANES - shift, 0)
@@ -179,7 +180,8 @@ def run_blocks(part, parts, parameters, omega, span, saved, turning, kept):
                     resumed[first + l, j] = state[j][l]
         if turning is not None:
             leave_turns(turning, r, first, width)
-            if not saves and len(turning[3]) > 0:
+            _, _, _, turns = turning
+            if not saves and len(turns) > 0:
                 write_turns(turning, r, 0, first, width)
 
 
@@ -191,5 +193,5 @@ def map_kernel(name, module):
         "settle": unchanged,
         "is_slow": never,
     }
-    own = {each: value for each, value in vars(module).items() if not each.startswith("_")}
-    return Kernel(run_blocks, name, map=namespace(name, **optional | own))
+    of_map = {each: value for each, value in vars(module).items() if not each.startswith("_")}
+    return Kernel(run_blocks, name, map=namespace(name, **optional | of_map))

@@ -148,10 +148,10 @@ def stop(b, x, l):
 
 
 @inner
-def enter(parameters, start, kept, first, end, b, x):
+def enter(parameters, start, results, first, end, b, x):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
     indices, values, eps, largest, initial = parameters
-    _, status, failed_at, state = kept
+    _, status, failed_at, state = results
     D, width = x.shape
     for l in range(width):
         stop(b, x, l)
@@ -184,21 +184,21 @@ def write(initial, b, x, first, end, n, target):
 
 
 @kernel
-def iterate_field(part, parts, parameters, span, saved, kept, room):
+def iterate_field(part, parts, parameters, stretch, saved, results, scratch):
     """Iterate the trajectories of a part of the tasks.
 
     parameters : indices and values of the terms, see above; the step size, and the largest
         absolute value of a quadratic coefficient, (B,) or (1,); the states at step 0, (B, D)
-    span : begin and end of the trajectories; start, stop; every, first_row of the saved states
+    stretch : begin and end of the trajectories; start, stop; every, first_row of the saved states
     saved : (rows, B, D)
-    kept : final (B, D); status, failed_at (B,); the states in the units of lanes (B, D). All but
+    results : final (B, D); status, failed_at (B,); the states in the units of lanes (B, D). All but
         `final` are read if start is not 0.
-    room : for equations (tasks, 2, D, D + 1, lanes), and for states (tasks, 3, D, lanes)
+    scratch : for equations (tasks, 2, D, D + 1, lanes), and for states (tasks, 3, D, lanes)
     """
     indices, values, _, _, initial = parameters
-    begin, last, start, stop_at, every, first_row = span
-    final, status, failed_at, state = kept
-    systems, states = room
+    begin, last, start, stop_at, every, first_row = stretch
+    final, status, failed_at, state = results
+    systems, states = scratch
     tasks, _, D, lanes = states.shape
     blocks = (last - begin + lanes - 1) // lanes
     first_task, last_task = share(tasks, part, parts)
@@ -209,7 +209,7 @@ def iterate_field(part, parts, parameters, span, saved, kept, room):
             x, after, again = states[task, 0], states[task, 1], states[task, 2]
             first = begin + block * lanes
             end = min(first + lanes, last)
-            enter(parameters, start, kept, first, end, b, x)
+            enter(parameters, start, results, first, end, b, x)
             n, place, next_saved = start, 0, stop_at + 1
             if saved.shape[0] > 0:
                 place = start // every + 1 - first_row if start > 0 else 0

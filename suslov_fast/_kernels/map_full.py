@@ -27,10 +27,10 @@ def enter(parameters, omega, i):
     I1, I2, I13, I23, eps = body_at(parameters[:5], i)
     omega1, omega2, omega3 = omega[i, 0], omega[i, 1], omega[i, 2]
     W = exponent(larger(larger(abs(omega1), abs(omega2)), abs(omega3)))
-    missing, inverse = omega1 + omega2 + omega3 != omega1 + omega2 + omega3, two_to_the(-W)
-    state = State(select(missing, np.nan, omega1 * inverse), omega2 * inverse, omega3 * inverse)
+    unknown, inverse = omega1 + omega2 + omega3 != omega1 + omega2 + omega3, two_to_the(-W)
+    state = State(select(unknown, np.nan, omega1 * inverse), omega2 * inverse, omega3 * inverse)
     constants = full_coefficients(I1, I2, I13, I23, eps, entry(parameters[5], i), W)
-    return select(missing, codes.NONFINITE, codes.OK), True, state, constants
+    return select(unknown, codes.NONFINITE, codes.OK), True, state, constants
 
 
 @formula

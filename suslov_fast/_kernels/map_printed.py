@@ -44,12 +44,12 @@ def enter(parameters, omega, i):
         select(rests, 0.0, k3), select(rests, 0.0, k4),
         select(rests, 1.0, unit), select(rests, np.inf, units.bound_in(unit)),
     )  # fmt: skip
-    missing = (omega1 + omega2 != omega1 + omega2) | select(rests, False, Y != Y)
+    unknown = (omega1 + omega2 != omega1 + omega2) | select(rests, False, Y != Y)
     state = State(
-        select(missing, np.nan, select(rests, omega1, p.omega1)), select(rests, omega2, p.omega2)
+        select(unknown, np.nan, select(rests, omega1, p.omega1)), select(rests, omega2, p.omega2)
     )
     status = select((abs(Y) >= 1.0) & ~rests, codes.SUPERCRITICAL, codes.OK)
-    return select(missing, codes.NONFINITE, status), True, state, constants
+    return select(unknown, codes.NONFINITE, status), True, state, constants
 
 
 @formula

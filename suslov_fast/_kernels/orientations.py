@@ -47,9 +47,9 @@ def reconstruct_nd(part, parts, omega, eps, number, before, out, scratch):
     batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
     n, (first, last) = m + 1, share(tasks, part, parts)
     for task in range(first, last):
-        room = scratch[task]
-        columns, gram, cleaned = room[:n], room[n : 2 * n], room[2 * n : 3 * n]
-        image, b = room[3 * n], room[3 * n + 1][:m]
+        memory = scratch[task]
+        columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
+        image, b = memory[3 * n], memory[3 * n + 1][:m]
         for i in range(task * batch // tasks, (task + 1) * batch // tasks):
             for r in range(n):
                 for c in range(n):

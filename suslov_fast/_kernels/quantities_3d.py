@@ -8,7 +8,7 @@ parameters   I1, I2, I13, I23, k and eps: arrays of `period` numbers each, or of
 omega        (count, 2), the states
 out          (count, size), the results
 period       number of states after which the bodies repeat
-report       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
+counts       (tasks, 3), at first 0; columns MISSING, FIRST and INFINITE
 """
 
 from typing import NamedTuple
@@ -92,11 +92,11 @@ def any_infinite(s):
     return infinite
 
 
-def evaluate(part, parts, parameters, omega, out, period, report):
+def evaluate(part, parts, parameters, omega, out, period, counts):
     """Evaluate a quantity in a part of the tasks."""
     bodies, s = rows_of(units.Body, LANES), rows_of(States, LANES)
     tile, flat, results = stack(_MOST), omega.reshape(omega.size), out.reshape(out.size)
-    count, tasks, shared = len(omega), len(report), True
+    count, tasks, shared = len(omega), len(counts), True
     for k in range(len(parameters)):
         shared &= parameters[k].size == 1
     times = (count + period - 1) // period
@@ -130,9 +130,9 @@ def evaluate(part, parts, parameters, omega, out, period, report):
                 result, total = tile[quantity.size * l], s.omega1[l] + s.omega2[l]
                 lost += (result != result) & (total == total)
             if lost > 0 and missing == 0:
-                report[task, FIRST] = first + first_missing(tile, quantity.size, s)
+                counts[task, FIRST] = first + first_missing(tile, quantity.size, s)
             missing += lost
-        report[task, MISSING], report[task, INFINITE] = missing, any_infinite(s)
+        counts[task, MISSING], counts[task, INFINITE] = missing, any_infinite(s)
 
 
 def leaving(*dimensions):

@@ -154,8 +154,8 @@ def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
     count, period, tasks = len(omega), max(len(J), len(I), len(eps)), len(scratch)
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
-        room, body, M, P, infinite[task] = scratch[task], -1, 0.0, 0.0, 0
-        s = Problem(room[0], room[1], room[2], room[3], room[4], room[5], room[6])
+        memory, body, M, P, infinite[task] = scratch[task], -1, 0.0, 0.0, 0
+        s = Problem(memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6])
         for state in range(task * count // tasks, (task + 1) * count // tasks):
             b = state % period
             if b != body:

@@ -42,9 +42,9 @@ def enter_turns(turning, omega, first, width, lanes, r):
     time_step, R0, quaternions, _ = turning
     for l in range(lanes):
         b = first + min(l, width - 1)
-        missing = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
+        unknown = np.isnan(omega[b, 0]) | np.isnan(omega[b, 1])
         for k in range(4):
-            r.q[k, l] = select(missing, np.nan, quaternions[b, k])
+            r.q[k, l] = select(unknown, np.nan, quaternions[b, k])
         r.time_step[l] = entry(time_step, b)
         r.omega1[l], r.omega2[l] = omega[b, 0], omega[b, 1]
         for i in range(3):
@@ -74,8 +74,8 @@ def turn_on(states, r, lanes):
 @inner
 def write_turns(turning, r, place, first, width):
     """Write orientations to row `place` of the results."""
-    turns, tile = turning[3], stack(_TILE)
-    q, R0 = r.q, r.R0
+    _, _, _, turns = turning
+    tile, q, R0 = stack(_TILE), r.q, r.R0
     for k in range(0, 9, 3):
         for l in range(width):
             tile[9 * l + k], tile[9 * l + k + 1], tile[9 * l + k + 2] = row_times_matrix(
@@ -88,6 +88,7 @@ def write_turns(turning, r, place, first, width):
 @formula
 def leave_turns(turning, r, first, width):
     """Write the quaternions from which a run is resumed."""
+    _, _, quaternions, _ = turning
     for l in range(width):
         for k in range(4):
-            turning[2][first + l, k] = r.q[k, l]
+            quaternions[first + l, k] = r.q[k, l]

@@ -69,9 +69,9 @@ def clean_up(columns, gram, cleaned):
 @inner
 def turn_lanes(b, turning, task, begin, end, n, start):
     """Rotate the orientations of a block to state n; `before` holds the previous states."""
-    time_step, columns, _, before, room = turning
+    time_step, columns, _, before, scratch = turning
     size = columns.shape[1]
-    middle, image = room[task, 2 * size], room[task, 2 * size + 1]
+    middle, image = scratch[task, 2 * size], scratch[task, 2 * size + 1]
     for l in range(end - begin):
         k = begin + l
         for i in range(size - 1):
@@ -81,7 +81,7 @@ def turn_lanes(b, turning, task, begin, end, n, start):
             eps = time_step[k if time_step.size > 1 else 0]
             turn(columns[k], middle[: size - 1], eps, image)
             if n % CLEAN_EVERY == 0:
-                clean_up(columns[k], room[task, :size], room[task, size : 2 * size])
+                clean_up(columns[k], scratch[task, :size], scratch[task, size : 2 * size])
         elif b.status[l] != OK:
             for r in range(size):
                 for c in range(size):

@@ -31,7 +31,7 @@ class Kept(NamedTuple):
 
 
 # Per-trajectory arrays that kernels write and resume from; files hold them as results.
-ENDS = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
+STATUSES = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Map:
     run
         Function that fills the output of a run.
     kept
-        Arrays needed to resume a run, in addition to `ENDS`.
+        Arrays needed to resume a run, in addition to `STATUSES`.
     quantities
         The methods of `Trajectories` that apply to its runs.
     samples
@@ -61,8 +61,6 @@ class Map:
         kernels of the map.
     conserved
         The functions of (body, omega, eps) whose drift the summary of a run of a body reports.
-    closed_form
-        True for a body for which the method "auto" evaluates a closed form, without orientations.
     carries_attitude
         True if runs can include the orientation.
     variable, meaning
@@ -81,7 +79,6 @@ class Map:
     quantities: frozenset[str]
     samples: tuple[tuple[Any, tuple[float, ...]], ...]
     conserved: Callable[[Any], tuple[str, ...]] = lambda body: ()
-    closed_form: Callable[[Any], bool] = lambda body: False
     carries_attitude: bool = True
     variable: str = "omega"
     meaning: str = "angular velocity"
@@ -90,7 +87,7 @@ class Map:
     @property
     def resume(self) -> tuple[Kept, ...]:
         """All arrays needed to resume a run."""
-        return *self.kept, *ENDS
+        return *self.kept, *STATUSES
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""

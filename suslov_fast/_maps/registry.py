@@ -64,7 +64,8 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
 
     Returns
     -------
-    Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+    body
+        A body or a field.
 
     Raises
     ------

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from .._bodies.body_gyrostat import SuslovGyrostat
-from .._engine.jump import run_gyrostat
 from .._engine.layout import for_loops
+from .._engine.methods import gyrostat_steps, run_3d
 from .record import Kept, Map
 
 MAP = Map(
@@ -13,7 +15,7 @@ MAP = Map(
     title="Discrete Suslov gyrostat",
     methods=("auto", "canonical"),
     parameters=for_loops,
-    run=run_gyrostat,
+    run=partial(run_3d, by_steps=gyrostat_steps),
     kept=(
         Kept("state", ("flat", 4)),
         Kept("turn", ("flat", 4), attitude=True),
@@ -23,5 +25,4 @@ MAP = Map(
     ),
     samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
     conserved=lambda body: ("first_integral",),
-    closed_form=lambda body: True,
 )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from .._bodies.body_nd import SuslovND
-from .._bodies.integrable import are_solved, is_solved
-from .._engine.jump import run_nd
+from .._bodies.integrable import are_solved
 from .._engine.layout import for_loops
+from .._engine.methods import run_nd
 from .record import Kept, Map
 
 
@@ -33,5 +33,4 @@ MAP = Map(
         (SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
     ),
     conserved=_conserved,
-    closed_form=lambda body: bool(is_solved(*body.parameters).any()),
 )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .._checks import one_of, real_array, wrong
 from .._engine.execution import numbers_of_saved
-from .._maps.record import ENDS, Map
+from .._maps.record import STATUSES, Map
 from .._maps.registry import map_named
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | No
 
 def entries_of(run: Trajectories) -> Entries:
     """Return the entries of a run."""
-    results = "eps", *(each.name for each in ENDS), "attitude"
+    results = "eps", *(each.name for each in STATUSES), "attitude"
     last_is_saved = run.save_every is None or run.steps % run.save_every == 0
     arrays = {
         run._map.variable: run.states,
@@ -138,7 +138,7 @@ def run_of(entries: Entries) -> dict[str, Any]:
     start = len(RESUME)
     resume = {name[start:]: each for name, each in entries.items() if name.startswith(RESUME)}
     if "state" in resume:
-        resume |= {each.name: entries[each.name].reshape(-1) for each in ENDS}
+        resume |= {each.name: entries[each.name].reshape(-1) for each in STATUSES}
     return {
         **{name: entries[name] for name in ("status", "failed_at")},
         "states": states,

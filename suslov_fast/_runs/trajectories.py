@@ -67,8 +67,8 @@ class Trajectories:
         `omega`, is the same array, and ``np.asarray(run)`` gives it, too.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time of the states.
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        The body.
+    body
+        The body or field.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))

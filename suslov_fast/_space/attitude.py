@@ -123,9 +123,9 @@ def attitude(
     for first, stop in _slices(rows, size * n * n):
         work = (stop - first) * size * n * n * _TURNING if size > lanes else 0
         before = (R0, carried) if in_3d else (first - 1, turns[first - 1])
-        room = () if in_3d else (scratch,)
+        more = () if in_3d else (scratch,)
         of_states = flat[first - 1 : stop], flat_eps
-        _threads.run(kernel, work, threads, *of_states, *before, turns[first:stop], *room)
+        _threads.run(kernel, work, threads, *of_states, *before, turns[first:stop], *more)
     return turns.reshape((rows, *batch, n, n))
 
 

@@ -199,8 +199,8 @@ def from_vector(
             f"{np.nanmax(abs(adapted[..., 2])):.2g} along it"
         )
     batch = common_shape({"body": body.shape, "vector": adapted.shape[:-1]})
-    missing = np.isnan(adapted).any(axis=-1, keepdims=True)
-    return np.broadcast_to(np.where(missing, np.nan, adapted[..., :2]), (*batch, 2)).copy()
+    unknown = np.isnan(adapted).any(axis=-1, keepdims=True)
+    return np.broadcast_to(np.where(unknown, np.nan, adapted[..., :2]), (*batch, 2)).copy()
 
 
 @filled

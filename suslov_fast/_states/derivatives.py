@@ -13,7 +13,7 @@ from .._bodies.scaling import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import WithoutRotor, check, refuse_rotor
-from .table import find
+from .table import evaluate
 
 
 @filled
@@ -53,7 +53,7 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return find("jacobian", body, omega, eps, threads)
+    return evaluate("jacobian", body, omega, eps, threads)
 
 
 @filled
@@ -98,7 +98,7 @@ def matrix(
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    return find("matrix", body, omega, eps, threads)
+    return evaluate("matrix", body, omega, eps, threads)
 
 
 @filled

@@ -20,7 +20,7 @@ def _of_states(
 ) -> Callable[..., FloatArray]:
     """Return the evaluation of `function(body, x, eps)`, in parts; NaN of states that are NaN."""
 
-    def find(
+    def evaluate(
         body: QuadraticField, x: FloatArray, eps: Any, batch: Any, threads: int | None, name: str
     ) -> FloatArray:
         D = body.dimension
@@ -30,7 +30,7 @@ def _of_states(
             unknown = np.isnan(x).any(axis=-1)
         return np.where(np.reshape(unknown, (*unknown.shape, *(1,) * axes)), np.nan, found)[()]
 
-    return find
+    return evaluate
 
 
 def _terms(body: QuadraticField, x: FloatArray) -> tuple[Any, ...]:

@@ -27,12 +27,12 @@ Batch = tuple[int, ...]
 def _by_kernel(kernel: Kernel, axes: int = 0) -> Callable[..., FloatArray]:
     """Return the evaluation by a kernel of a quantity with `axes` axes."""
 
-    def find(
+    def evaluate(
         body: SuslovND, omega: FloatArray, eps: Step, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
         return of_state_nd(kernel, body, omega, eps, batch, threads, (body.dimension,) * axes)
 
-    return find
+    return evaluate
 
 
 def _by_numpy(
@@ -43,7 +43,7 @@ def _by_numpy(
     `solved` is the name of a public function that needs a solved body.
     """
 
-    def find(
+    def evaluate(
         body: SuslovND, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
     ) -> FloatArray:
         if solved:
@@ -51,7 +51,7 @@ def _by_numpy(
         result = (body.dimension,) * axes
         return by_slabs(function, body, omega, eps, batch, result, warn=axes > 0)
 
-    return find
+    return evaluate
 
 
 def _of_three(kernel: Kernel, body: Suslov3D, state: FloatArray, eps: FloatArray) -> FloatArray:

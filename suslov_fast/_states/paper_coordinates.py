@@ -11,7 +11,7 @@ from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import refuse_rotor
-from .table import find
+from .table import evaluate
 
 
 @filled
@@ -47,7 +47,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
     array([-0.625, -0.75 ])
     """
     refuse_rotor(body, "to_xy", "iterate or flow")
-    return find("to_xy", body, omega, None, threads)
+    return evaluate("to_xy", body, omega, None, threads)
 
 
 @filled
@@ -82,7 +82,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> Flo
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return find("from_xy", body, xy, None, threads, "xy")
+    return evaluate("from_xy", body, xy, None, threads, "xy")
 
 
 class ClosedForm(NamedTuple):
@@ -144,5 +144,5 @@ def closed_form(
     array([-0.95    , -1.030413, -1.102959, -1.167933])
     """
     refuse_rotor(body, "closed_form", "exact")
-    constants = find("closed_form", body, omega0, eps, threads, "omega0")
+    constants = evaluate("closed_form", body, omega0, eps, threads, "omega0")
     return ClosedForm(*(constants[..., k][()] for k in range(4)))

@@ -22,10 +22,10 @@ from . import of_fields, of_nd
 # Quantities without a step size.
 _OF_STATES = "energy", "vector_field", "reaction", "to_xy", "from_xy"
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
-Finder = Callable[..., FloatArray]
+Evaluation = Callable[..., FloatArray]
 
 # Of both bodies in three dimensions.
-_WITH_ROTOR: dict[str, Finder] = {
+_WITH_ROTOR: dict[str, Evaluation] = {
     "energy": partial(of_state, kernels.energy, ()),
     "first_integral": partial(of_state, kernels.first_integral, ()),
     "modified_energy": partial(of_state, kernels.modified_energy, ()),
@@ -38,7 +38,7 @@ _WITH_ROTOR: dict[str, Finder] = {
     "jacobian": partial(of_state, kernels.jacobian, (2, 2)),
     "matrix": partial(of_state, kernels.matrix, (2, 2)),
 }
-TABLE: dict[type[Any], dict[str, Finder]] = {
+TABLE: dict[type[Any], dict[str, Evaluation]] = {
     Suslov3D: {
         **_WITH_ROTOR,
         "to_xy": partial(of_state, kernels.to_xy, (2,)),
@@ -51,7 +51,7 @@ TABLE: dict[type[Any], dict[str, Finder]] = {
 }
 
 
-def find(
+def evaluate(
     quantity: str,
     body: Any,
     omega: ArrayLike,
@@ -66,6 +66,6 @@ def find(
     )
     components = ("x", "y") if name == "xy" else None
     arrays, batch = check(body, kinds, arguments, components, later=True)
-    finder = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
+    evaluation = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
     state, step_size = (*arrays, None)[:2]
-    return finder(body, state, step_size, batch, thread_count(threads), name)
+    return evaluation(body, state, step_size, batch, thread_count(threads), name)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray
 from .._docs import filled
-from .table import find
+from .table import evaluate
 
 
 @filled
@@ -41,7 +41,7 @@ def vector_field(body: Any, omega: ArrayLike, *, threads: int | None = None) -> 
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    return find("vector_field", body, omega, None, threads)
+    return evaluate("vector_field", body, omega, None, threads)
 
 
 @filled
@@ -86,4 +86,4 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    return find("reaction" if eps is None else "discrete_reaction", body, omega, eps, threads)
+    return evaluate("reaction" if eps is None else "discrete_reaction", body, omega, eps, threads)

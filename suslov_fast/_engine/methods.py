@@ -1,4 +1,18 @@
-"""Runs by the method "auto", which evaluates the closed form if possible."""
+"""Which algorithms compute a run.
+
+A driver computes what it can, and leaves the other trajectories to the next:
+
+"auto" in 3D    closed form (leaves orbits near overflow, and some with t >= 1), steps
+"auto" in nD    closed form (leaves bodies that are not solved), rank 2, rank 2 or elimination
+"canonical"     steps in canonical coordinates, or of the gyrostat
+"ds2"           steps as printed
+"rank2"         rank 2: steps in O(n) (leaves trajectories with a step that needs elimination),
+                rank 2 or elimination
+"gauss"         elimination
+
+With orientations "auto" uses no closed form. If only the last of less than JUMP states is saved, it
+uses none in 3D, and in nD only for what rank 2 leaves.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from .._bodies.integrable import is_solved
-from .._kernels import codes, maps_3d
+from .._kernels import codes, map_nd, maps_3d
 from .._kernels.closed_form_rows import NOT_FOUND
 from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
 from .execution import (
@@ -24,27 +38,26 @@ from .execution import (
 )
 from .layout import for_kernel
 from .reduced_runs import Reduced, of_n_3, reduce
-from .stepping import iterate, iterate_nd, with_elimination
+from .stepping import iterate, iterate_nd
 
 # Number of steps from which on the closed form is faster if only the last state is saved.
 JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
 _EXPANDED = 2**19
 
-canonical = partial(iterate, kernel=maps_3d.canonical)
-printed = partial(iterate, kernel=maps_3d.printed)
-gyrostat = partial(iterate, kernel=maps_3d.gyrostat, step=2.0)
+canonical_steps = partial(iterate, kernel=maps_3d.canonical)
+printed_steps = partial(iterate, kernel=maps_3d.printed)
+gyrostat_steps = partial(iterate, kernel=maps_3d.gyrostat, step=2.0)
+by_rank2 = partial(iterate_nd, kernel=map_nd.iterate)
+# If every step needs elimination, a stretch takes some 0.3 s.
+by_rank2_or_elimination = partial(iterate_nd, kernel=map_nd.iterate, elimination=1.0 / 48.0)
+by_elimination = partial(iterate_nd, kernel=map_nd.iterate_by_elimination, elimination=1.0 / 3.0)
 
 
 def run_suslov(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
     """Compute a run of a body in three dimensions without a rotor."""
-    by_steps = printed if problem.method == "ds2" else canonical
+    by_steps = printed_steps if problem.method == "ds2" else canonical_steps
     run_3d(problem, span, resume, output, by_steps)
-
-
-def run_gyrostat(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
-    """Compute a run of a gyrostat."""
-    run_3d(problem, span, resume, output, gyrostat)
 
 
 def run_3d(
@@ -54,29 +67,24 @@ def run_3d(
     output: Output,
     by_steps: Driver,
 ) -> None:
-    """Evaluate the closed form, and iterate the orbits that it leaves; or iterate all."""
-    if _may_jump(problem, span) and not _is_short(span):
-        drivers = closed_form, by_steps
-        in_turn(drivers, problem, span, resume, output, from_0=True)
-    else:
-        by_steps(problem, span, resume, output)
+    """Compute a run of a body in three dimensions."""
+    jumps = _may_jump(problem, span) and not _is_short(span)
+    drivers = (closed_form, by_steps) if jumps else (by_steps,)
+    in_turn(drivers, problem, span, resume, output, from_0=jumps)
 
 
 def run_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
-    """Compute a run in n dimensions: by the closed form, by steps in O(n), by elimination.
-
-    The choice for a trajectory does not depend on the others.
-    """
-    drivers: tuple[Driver, ...] = iterate_nd, with_elimination
+    """Compute a run in n dimensions; the choice for a trajectory does not depend on the others."""
+    drivers: list[Driver] = [by_rank2, by_rank2_or_elimination]
     if problem.method == "gauss":
-        drivers = (with_elimination,)
-    elif _may_jump(problem, span) and _is_short(span):
-        # From step 0: the division of a run must not decide where the closed form is used, which
-        # is more accurate next to a pole than elimination.
-        span, resume = span_of(0, span.steps, span.save_every), {}
-        drivers = iterate_nd, closed_form_nd, with_elimination
+        drivers = [by_elimination]
     elif _may_jump(problem, span):
-        drivers = closed_form_nd, iterate_nd, with_elimination
+        is_short = _is_short(span)
+        drivers.insert(1 if is_short else 0, closed_form_nd)
+        if is_short:
+            # From step 0: the division of a run must not decide where the closed form is used,
+            # which is more accurate next to a pole than elimination.
+            span, resume = span_of(0, span.steps, span.save_every), {}
     in_turn(drivers, problem, span, resume, output)
 
 
@@ -101,11 +109,19 @@ def closed_form(problem: Problem, span: Span, resume: Resume, output: Output) ->
     orbits = Orbits(parameters, problem.omega0, False, ends, problem.threads)
     if len(output.saved):
         first = span.rows_before
-        rows = Rows(1.0, 0.0, float(span.every), first, first + len(output.saved), -first, 1)
+        rows = Rows(
+            sign=1.0,
+            first=0.0,
+            every=float(span.every),
+            begin=first,
+            end=first + len(output.saved),
+            origin=-first,
+            direction=1,
+        )
         fill_rows(orbits, rows, output.saved, missing)
     if not span.saves_last:
         last = output.final[np.newaxis]
-        fill_states(orbits, 1.0, np.array([ends[2]]), np.zeros(1, np.intp), last, missing)
+        fill_states(orbits, 1.0, np.array([float(span.steps)]), np.zeros(1, np.intp), last, missing)
     return with_status(output.status, NOT_FOUND)
 
 
@@ -117,7 +133,7 @@ def closed_form_nd(problem: Problem, span: Span, resume: Resume, output: Output)
         return np.arange(size)
     if m == 2:
         three = problem._replace(parameters=(*map(for_kernel, of_n_3(J, I)), eps))
-        in_turn((closed_form, canonical), three, span, {}, output, from_0=True)
+        in_turn((closed_form, canonical_steps), three, span, {}, output, from_0=True)
         left = NONE
     else:
         reduced = reduce(problem.parameters, problem.omega0, problem.threads)
@@ -146,10 +162,9 @@ def _expand(
     """Fill rows of the saved states of some trajectories, and their last states."""
     (begin, end), (row, stop) = lanes, rows
     stop = min(stop, len(output.saved))
-    # The rows before belong to steps before the part.
-    before, last = span.rows_before - 1, stop == len(output.saved)
-    start = (row + before) * span.every if row else span.start
-    steps = span.steps if last else (stop + before) * span.every
+    last = stop == len(output.saved)
+    start = (span.rows_before + row - 1) * span.every if row else span.start
+    steps = span.steps if last else (span.rows_before + stop - 1) * span.every
     states, final = np.empty((stop - row, end - begin, 2)), np.empty((end - begin, 2))
     three = problem._replace(
         batch=(end - begin,),
@@ -161,7 +176,8 @@ def _expand(
     if part.saves_last:
         final = states[-1]
     found = Output(states, None, final, status, failed_at, {})
-    in_turn((closed_form, canonical), three, part, {}, found, from_0=True)
+    in_turn((closed_form, canonical_steps), three, part, {}, found, from_0=True)
     if len(states):
         reduced.expand(states, output.saved[row:stop], begin, problem.threads)
-    reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, problem.threads)
+    if last:
+        reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, problem.threads)

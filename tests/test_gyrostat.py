@@ -330,8 +330,9 @@ def test_far_along_a_periodic_orbit(rng, k):
             if n == 3:
                 assert naive.relative_error(exact_orbit(parameters, omega, n)[-1],
                                             turned(parameters, omega, n)) < 1e-15  # fmt: skip
-    with pytest.warns(RuntimeWarning, match="1 of 1 states"):
-        assert np.isnan(sf.exact(body, omega, 0.3, 1e19)).all()
+    for states, steps in ((sf.exact, (0.3, 1e19)), (sf.flow, (1e19 / abs(k),))):
+        with pytest.warns(RuntimeWarning, match="1 of 1 states"):
+            assert np.isnan(states(body, omega, *steps)).all()
 
 
 def test_statuses_at_poles():

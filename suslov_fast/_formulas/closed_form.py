@@ -8,7 +8,9 @@ psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a ste
 (p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
 
 G**2 = T**2 - K**2 = L**2. The state is U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z)
-are its dimensionless coordinates. Those of state n are quotients of quadratic forms in (p_n, q_n),
+are its dimensionless coordinates; X and K are those of `coordinates.dimensionless` divided by
+sqrt(2). On the page of the gyrostat e, g, R, T, L, m and K are delta, chi, rho, delta L, delta nu,
+delta mu and delta k. The coordinates of state n are quotients of quadratic forms in (p_n, q_n),
 and so in other coordinates (c, s). There are three kinds of orbits that move:
 
 PASSES    From one steady state to the other. (c, s) = (w_n, 1), where w_n = w_0 r**n with
@@ -62,6 +64,8 @@ LONGEST = 2.0**990
 # Logarithms of the largest X, Y or K: below the first the flow is as good as the map; below the
 # second nothing moves; above the third squares leave the range of float64.
 SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
+# Phases of this many quarter turns or more are not known.
+LONGEST_PHASE = 2.0**52
 # Numbers of steps above this are not known to be even or odd.
 EXACT = 2.0**53
 # A flow whose unit of time is farther from 1 than this power of two is out of range.
@@ -71,7 +75,8 @@ LONGEST_UNIT = 960.0
 PART_OF_COEFFICIENTS = 300.0
 # A ratio w above 2**this is stored as the pair (f, 2**-k).
 LARGE = 200.0
-# An orbit with larger L, which begins at larger |Y| / L, is next to a pole for long.
+# Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
+# PASSES cancel.
 LARGE_ROOT = 8.0
 # w and s whose squares are negligible, and subnormal, which is slow.
 NO_SQUARE = 1e-100
@@ -81,8 +86,8 @@ LEAST_ROOT = 2.0**-100
 NEAR_POLE = 2.0**20
 # Couplings below this, in units in which k is 1, are none.
 UNCOUPLED = 1e-150
-# 2 / pi, as a sum of two numbers.
-QUARTER_TURNS = 0.6366197723675814, -3.935735335036497e-17
+# As a sum of two numbers.
+TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 
 # Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is where the map is
 # undefined, 0 / 0; no pole can be met; |T| >= 1.
@@ -96,7 +101,9 @@ class Start(NamedTuple):
 
     X, Y and K are sums of two numbers, and X is 0 for a state at rest.
 
-    time     the logarithm of the unit of time in steps
+    coupling   e |g|, in the unit of X; 0 if g = 0
+    order      1, or 0 for the flow and slow orbits
+    time       the logarithm of the unit of time in steps
     """
 
     X: float
@@ -119,7 +126,10 @@ class Start(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """R, T, L**2, L as a sum of two numbers, L - |Y|, and r."""
+    """R, T, L**2, L as a sum of two numbers, L - |Y|, and r.
+
+    root   L, or m if L**2 < 0, and then r has no meaning
+    """
 
     R: float
     T: float
@@ -134,7 +144,7 @@ class Steps(NamedTuple):
     """Constants of (c, s) after n steps.
 
     log_r   log |r|, as a sum of two numbers
-    v       of PASSES: w_n = v 2**k r**(n - lag)
+    v       of PASSES: w_n = v 2**power r**(n - lag)
     root    L or m
     square  m**2, or 0 for L
     turns   b in quarter turns, or 0, as a sum of two numbers
@@ -145,7 +155,7 @@ class Steps(NamedTuple):
     log_r: float
     log_lost: float
     v: float
-    k: float
+    power: float
     lag: float
     root: float
     square: float
@@ -175,12 +185,13 @@ def start(back, flows, given):
     given   I1, I2, I13, I23, k, eps, omega1 and omega2
     """
     E = exponent(given.eps)
-    own = given.eps * two_to_the(-E)
+    # The exponent of eps is kept apart: for a slow orbit X, Y and K would underflow.
+    eps = given.eps * two_to_the(-E)
     I1, I2, I13, I23, k, _, omega1, omega2 = given
     p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
-    _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, own, p.omega1, p.omega2)
+    _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, eps, p.omega1, p.omega2)
     e = twofold.root(twofold.quotient((0.25, 0.0), two_product(p.I1, p.I2)))
-    e = twofold.product(e, (own, 0.0))
+    e = twofold.product(e, (eps, 0.0))
     l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
     X, X_lost = twofold.product(e, l)
     K, K_lost = twofold.product(e, (p.k, 0.0))
@@ -199,18 +210,17 @@ def start(back, flows, given):
     coupled = g > UNCOUPLED
     inverse = 1.0 / select(coupled, g, 1.0)
     g1, g2 = select(coupled, g1 * inverse, 1.0), select(coupled, g2 * inverse, 0.0)
-    # The signs of U + i V, and of X and K.
-    whole, half = select(own < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
-    coupling = whole * (e[0] * g)
-    U = half * select(coupled, u / coupling, whole * (root1 * p.omega1))
-    V = back * select(coupled, -Y / coupling, whole * (root2 * p.omega2))
-    first, second = whole * half, whole * back
-    of_X, of_Y = half * factor, back * factor
+    sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
+    coupling = sign_of_eps * (e[0] * g)
+    U = sign_of_K * select(coupled, u / coupling, sign_of_eps * (root1 * p.omega1))
+    V = back * select(coupled, -Y / coupling, sign_of_eps * (root2 * p.omega2))
+    sign_of_U, sign_of_V = sign_of_eps * sign_of_K, sign_of_eps * back
+    of_X, of_Y = sign_of_K * factor, back * factor
     X, X_lost, K, K_lost = X * of_X, X_lost * of_X, K * of_X, K_lost * of_X
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
     undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - Y_lost == 0.0)
-    rests = (X == 0.0) | (own == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
+    rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time < MOTIONLESS)
     far = (~rests) & select(slow, abs(time) > LONGEST_UNIT, of_step + size > FAST)
     supercritical = coupled & (~slow) & (Y * Y >= 1.0 + K * (2.0 * X - K))
@@ -220,158 +230,155 @@ def start(back, flows, given):
     fate = select(far | (total != total), OUT_OF_RANGE, fate)
     fate = select(omega1 + omega2 != omega1 + omega2, UNKNOWN, fate)
     return Start(
-        select(rests, 0.0, X),
-        X_lost,
-        Y,
-        Y_lost,
-        K,
-        K_lost,
-        U,
-        V,
-        select(coupled, coupling, 0.0) * factor,
-        first * g1 / root1,
-        -second * g2 / root1,
-        first * g2 / root2,
-        second * g1 / root2,
-        unit.W,
-        select(slow, 0.0, 1.0),
-        time,
-        fate,
+        X=select(rests, 0.0, X),
+        X_lost=X_lost,
+        Y=Y,
+        Y_lost=Y_lost,
+        K=K,
+        K_lost=K_lost,
+        U=U,
+        V=V,
+        coupling=select(coupled, coupling, 0.0) * factor,
+        f11=sign_of_U * g1 / root1,
+        f12=-sign_of_V * g2 / root1,
+        f21=sign_of_U * g2 / root2,
+        f22=sign_of_V * g1 / root2,
+        power=unit.W,
+        order=select(slow, 0.0, 1.0),
+        time=time,
+        fate=fate,
     )
 
 
 @formula
-def levels(o):
+def levels(start):
     """The `Levels` of an orbit."""
-    X, Y, K, order, lost = o.X, o.Y, o.K, o.order, o.Y_lost
+    X, Y, Y_lost, K, order = start.X, start.Y, start.Y_lost, start.K, start.order
     below = 1.0 / np.sqrt(1.0 + order * X * X)
-    R = np.sqrt(o.U * o.U + o.V * o.V) * below
-    T = o.coupling * R
+    R = np.sqrt(start.U * start.U + start.V * start.V) * below
+    T = start.coupling * R
     X1, Y1, K1 = X * below, Y * below, K * below
     square = Y1 * Y1 + X1 * (X1 - 2.0 * K1) - order * (K * X1) * (K * X1)
     least = LEAST_ROOT * T
     square = select(abs(square) > least * least, square, least * least)
     root = np.sqrt(abs(square))
-    plus, minus = (1.0 + order * Y) + order * lost, (1.0 - order * Y) - order * lost
+    # L - |Y| = (L**2 - Y**2) / (L + |Y|), whose terms do not cancel.
+    plus, minus = (1.0 + order * Y) + order * Y_lost, (1.0 - order * Y) - order * Y_lost
     gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + order * K * X)) / (root + abs(Y))
-    # A gap that is small beside |Y| and 1 - |Y| extends the digits of |Y|.
-    more = gap + select(Y > 0.0, lost, -lost)
+    # If it is small beside |Y| and |1 - |Y||, L = |Y| + gap has more digits than the root.
     near = smaller(abs(Y), select(order > 0.0, abs(1.0 - abs(Y)), abs(Y)))
     extends = (2.0 * abs(gap) <= near) & (square > 0.0)
-    root, lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
+    more = gap + select(Y > 0.0, Y_lost, -Y_lost)
+    root, root_lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
+    # r = (1 - L**2) / (1 + L)**2, and 1 - L**2 = ((1 + K X)**2 - Y**2) / (1 + X**2).
     share = below / (1.0 + order * root)
     r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
-    return Levels(R, T, square, root, lost, gap, r)
+    return Levels(R, T, square, root, root_lost, gap, r)
 
 
 @formula
-def logarithm_of_ratio(T, T_lost, r):
-    """Return log |r|, as a sum of two numbers, for r = (1 - T) / (1 + T)."""
-    k = halvings(abs(r))
-    d, d_lost = two_sum(1.0, -T)
-    # Near t = 1 only r has the digits of 1 - T, unless T has them.
-    near = (T_lost == 0.0) & (abs(d) < 0.5)
-    d, d_lost = select(near, r * (1.0 + T), d), select(near, 0.0, d_lost)
-    s, s_lost = two_sum(1.0, T)
-    # r = 2**k m, and log m = 2 artanh(q), q = (m - 1)/(m + 1).
-    scale = two_to_the(-k)
+def logarithm_of_ratio(L, L_lost, r):
+    """Return log |r|, as a sum of two numbers, for r = (1 - L) / (1 + L)."""
+    power = halvings(abs(r))
+    d, d_lost = two_sum(1.0, -L)
+    # Near L = 1 only r has the digits of 1 - L, unless L_lost has them.
+    near = (L_lost == 0.0) & (abs(d) < 0.5)
+    d, d_lost = select(near, r * (1.0 + L), d), select(near, 0.0, d_lost)
+    s, s_lost = two_sum(1.0, L)
+    # r = 2**power f, and log f = 2 artanh(q), q = (f - 1)/(f + 1).
+    scale = two_to_the(-power)
     scale = select(r < 0.0, -scale, scale)
     d, d_lost = scale * d, scale * d_lost
-    # T_lost comes last, as it may be larger than 1. For large T, where scale = -1, it cancels in
+    # L_lost comes last, as it may be larger than 1. For large L, where scale = -1, it cancels in
     # the first sum.
     above, lost = two_sum(d, -s)
-    above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * T_lost)
+    above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * L_lost)
     below, lost = two_sum(d, s)
-    below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * T_lost)
+    below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * L_lost)
     q = above / below
     back, back_lost = two_product(q, below)
     q_lost = (((above - back) - back_lost) + (above_lost - q * below_lost)) / below
-    total, lost = sum_of_ordered(k * LN2_HIGH, 2.0 * q)
-    lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + k * LN2_LOW)
+    total, lost = sum_of_ordered(power * LN2_HIGH, 2.0 * q)
+    lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + power * LN2_LOW)
     high = total + lost
     return high, lost - (high - total)
 
 
 @formula
-def larger_sum(o, e):
-    """The larger of S - L Y and S + L Y, S = L**2 + K X, and True if it is the first.
+def larger_sum(start, levels):
+    """The one of larger size of S - L Y and S + L Y, S = L**2 + K X, and True if it is the first.
 
     Their product is X**2 T**2 (1 - L**2).
     """
-    S = e.root * e.root + o.K * o.X
-    return S + select(S < 0.0, -1.0, 1.0) * (e.root * abs(o.Y)), (o.Y < 0.0) == (S >= 0.0)
+    S, LY = levels.root * levels.root + start.K * start.X, levels.root * abs(start.Y)
+    return S + select(S < 0.0, -1.0, 1.0) * LY, (start.Y < 0.0) == (S >= 0.0)
 
 
 @formula
-def steps(o, e):
+def steps(start, levels):
     """The `Steps` of an orbit that does not turn, and the kind of any."""
-    X, T, L, r = o.X, e.T, e.root, e.r
-    # Next to L = 0 the coordinates of PASSES cancel, unless r < 0, and next to poles if L is large.
-    passes = (e.square >= 0.25 * T * T) | (o.order * e.square >= 1.0)
-    passes = passes & ((o.order * L < LARGE_ROOT) | (abs(o.Y) < LARGE_ROOT * L))
-    kind = select(passes, PASSES, select(e.square > 0.0, NEARS, TURNS))
-    kind = select((X == 0.0) | (o.fate < 0.0), RESTS, kind)
-    high, low = logarithm_of_ratio(L, e.root_lost, r)
-    slow, unit = o.order == 0.0, -2.0 * two_to_the(o.time)
-    high, low = select(slow, L * unit, high), select(slow, e.root_lost * unit, low)
-    decays = (kind == PASSES) | (kind == NEARS)
+    X, T, L, r, order = start.X, levels.T, levels.root, levels.r, start.order
+    # The coordinates of PASSES cancel next to L = 0, except for r < 0, and next to poles for large
+    # L; those of NEARS do not.
+    apart = (levels.square >= 0.25 * T * T) | (order * levels.square >= 1.0)
+    apart = apart & ((order * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
+    kind = select(apart, PASSES, select(levels.square > 0.0, NEARS, TURNS))
+    kind = select((X == 0.0) | (start.fate < 0.0), RESTS, kind)
+    passes, decays = kind == PASSES, (kind == PASSES) | (kind == NEARS)
+    high, low = logarithm_of_ratio(L, levels.root_lost, r)
+    # For the flow log r is -2 L.
+    slow, unit = order == 0.0, -2.0 * two_to_the(start.time)
+    high, low = select(slow, L * unit, high), select(slow, levels.root_lost * unit, low)
     ends = decays & (r == 0.0)
 
     # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
-    passes = kind == PASSES
-    total, from_0 = larger_sum(o, e)
-    X = select(passes, X, 1.0)
-    k = exponent(X)
-    X = X * two_to_the(-k) * T * (1.0 + o.order * L)
-    v = select(from_0, X, total) / select(from_0, total, X)
-    v_k = exponent(v)
+    total, from_0 = larger_sum(start, levels)
+    factor = select(passes, X, 1.0)
+    power = exponent(factor)
+    other = factor * two_to_the(-power) * T * (1.0 + order * L)
+    v = select(from_0, other, total) / select(from_0, total, other)
+    v_power = exponent(v)
     return Steps(
-        kind,
-        select(decays, r, 1.0),
-        select(ends, NO_POWER, select(decays, high, 0.0)),
-        select(decays & ~ends, low, 0.0),
-        select(passes, v * two_to_the(-v_k), select(decays, 1.0, 0.0)),
-        select(passes, select(from_0, k, -k) + v_k, 0.0),
-        select(passes & ~from_0, o.order, 0.0),
-        L,
-        0.0,
-        0.0,
-        0.0,
+        kind=kind,
+        r=select(decays, r, 1.0),
+        log_r=select(ends, NO_POWER, select(decays, high, 0.0)),
+        log_lost=select(decays & ~ends, low, 0.0),
+        v=select(passes, v * two_to_the(-v_power), select(decays, 1.0, 0.0)),
+        power=select(passes, select(from_0, power, -power) + v_power, 0.0),
+        lag=select(passes & ~from_0, order, 0.0),
+        root=L,
+        square=0.0,
+        turns=0.0,
+        turns_lost=0.0,
     )
 
 
 @formula
-def turning(o, e, s):
-    """The `Steps` of an orbit that may turn: b is computed with twice the digits."""
+def turning(start, levels, steps):
+    """The last four `Steps` of an orbit that may turn: b is computed with twice the digits."""
     # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2)
-    X, Y, K, order = (o.X, o.X_lost), (o.Y, o.Y_lost), (o.K, o.K_lost), (o.order, 0.0)
+    X, Y, K = (start.X, start.X_lost), (start.Y, start.Y_lost), (start.K, start.K_lost)
+    order, turns = (start.order, 0.0), steps.kind == TURNS
     KX = twofold.product(K, X)
     beyond = twofold.difference(twofold.plus(KX, KX), twofold.square(X))
     beyond = twofold.difference(beyond, twofold.square(Y))
     beyond = twofold.plus(beyond, twofold.product(order, twofold.square(KX)))
     below = twofold.plus((1.0, 0.0), twofold.product(order, twofold.square(X)))
     square = twofold.quotient(beyond, below)
-    least, turns = (LEAST_ROOT * e.T) * (LEAST_ROOT * e.T), s.kind == TURNS
+    least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
     known = turns & (square[0] > least)
     square = select(known, square[0], select(turns, least, 1.0)), select(known, square[1], 0.0)
     m = twofold.root(square)
     # The angle of the flow is m, and of the map the arctangent.
-    slow, unit, large = o.order == 0.0, two_to_the(o.time), m[0] > 1.0
+    slow, unit, large = start.order == 0.0, two_to_the(start.time), m[0] > 1.0
     one, over = twofold.quotient((1.0, 0.0), m)
     angle, lost = twofold.arctangent((select(large, one, m[0]), select(large, over, m[1])))
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
-    angle, lost = twofold.product((angle, lost), QUARTER_TURNS)
+    angle, lost = twofold.product((angle, lost), TWO_OVER_PI)
     above, rest = twofold.difference((1.0, 0.0), (angle, lost))
     large = large & ~slow
-    return Steps(
-        s.kind,
-        s.r,
-        s.log_r,
-        s.log_lost,
-        s.v,
-        s.k,
-        s.lag,
-        select(turns, m[0], s.root),
+    return (
+        select(turns, m[0], steps.root),
         select(turns, square[0], 0.0),
         select(turns, select(large, above, angle), 0.0),
         select(turns, select(large, rest, lost), 0.0),
@@ -379,16 +386,16 @@ def turning(o, e, s):
 
 
 @formula
-def has_two_forms(s):
+def has_two_forms(steps):
     """Test that odd n have other `Forms`."""
-    return (s.kind == NEARS) & (s.r < 0.0)
+    return (steps.kind == NEARS) & (steps.r < 0.0)
 
 
 @formula
-def frame(o, size):
+def frame(start, size):
     """The matrix from (U, -V) times `size` to omega in a unit of which `rest_of` is left."""
-    unit = size * two_to_the(within(o.power, PART_OF_COEFFICIENTS))
-    return o.f11 * unit, -o.f12 * unit, o.f21 * unit, -o.f22 * unit
+    unit = size * two_to_the(within(start.power, PART_OF_COEFFICIENTS))
+    return start.f11 * unit, -start.f12 * unit, start.f21 * unit, -start.f22 * unit
 
 
 @formula
@@ -398,113 +405,128 @@ def rest_of(power):
 
 
 @formula
-def forms(o, e, s, given):
+def forms(start, levels, steps, given):
     """The `Forms` of an orbit that passes; one that rests, or has no states, is constant."""
-    moves, one = s.kind == PASSES, 1.0 + o.order * e.root
-    f11, f12, f21, f22 = frame(o, e.R / e.T)
-    y, K, L, r = e.T / one, o.K, e.root, e.r
+    moves, one = steps.kind == PASSES, 1.0 + start.order * levels.root
+    f11, f12, f21, f22 = frame(start, levels.R / levels.T)
+    y, K, L, r = levels.T / one, start.K, levels.root, levels.r
     return Forms(
-        select(moves, r, 0.0),
-        select(moves, -K / (e.T * one), 0.0),
-        select(o.fate < 0.0, np.nan, 1.0),
-        select(moves, r * (f12 * L - f11 * K), 0.0),
-        select(moves, f11 * y, 0.0),
-        select(moves, -f12 * L - f11 * K, given.omega1),
-        select(moves, r * (f22 * L - f21 * K), 0.0),
-        select(moves, f21 * y, 0.0),
-        select(moves, -f22 * L - f21 * K, given.omega2),
+        d11=select(moves, r, 0.0),
+        d12=select(moves, -K / (levels.T * one), 0.0),
+        d22=select(start.fate < 0.0, np.nan, 1.0),
+        x1=select(moves, r * (f12 * L - f11 * K), 0.0),
+        y1=select(moves, f11 * y, 0.0),
+        z1=select(moves, -f12 * L - f11 * K, given.omega1),
+        x2=select(moves, r * (f22 * L - f21 * K), 0.0),
+        y2=select(moves, f21 * y, 0.0),
+        z2=select(moves, -f22 * L - f21 * K, given.omega2),
     )
 
 
 @formula
-def other_forms(o, e, s, passing, odd):
-    """The `Forms` of an orbit of the other kinds, else those given.
+def turning_forms(start, levels, steps):
+    """The `Forms` of an orbit that turns."""
+    X, Y, K, U, V, TR = start.X, start.Y, start.K, start.U, start.V, levels.T * levels.R
+    f11, f12, f21, f22 = frame(start, 1.0)
+    y_u, y_v = -K * V, -(TR + K * U)
+    z_u, z_v = -(K * K * U + TR * (X + K)), V * steps.square
+    return Forms(
+        d11=1.0, d12=-Y, d22=2.0 * K * X - steps.square,
+        x1=f11 * U - f12 * V, y1=f11 * y_u + f12 * y_v, z1=f11 * z_u + f12 * z_v,
+        x2=f21 * U - f22 * V, y2=f21 * y_u + f22 * y_v, z2=f21 * z_u + f22 * z_v,
+    )  # fmt: skip
 
-    Where r < 0, those of odd n are others, for |r|**n in place of r**n.
+
+@formula
+def near_forms(start, levels, odd):
+    """The `Forms` of NEARS, for even or odd n.
+
+    Where r < 0, (c, s) is that of |r|**n; for odd n the orbit is from (-X, Y) / (1 + 2 K X / L**2).
     """
-    X, Y, K, U, V, T, L = o.X, o.Y, o.K, o.U, o.V, e.T, s.root
-    turns, passes = s.kind == TURNS, s.kind <= PASSES
-    # Of NEARS: L - Y, and S - L Y.
-    total, is_first = larger_sum(o, e)
-    gap = select(Y < 0.0, L + abs(Y), e.gap)
-    XT = X * T * (1.0 + o.order * L)
-    m = select(is_first, total, e.r * (XT / total) * XT)
-    # Odd n: an orbit from (-X, Y) / (1 + 2 K X / L**2).
+    X, Y, K, T, L = start.X, start.Y, start.K, levels.T, levels.root
+    gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
+    XT = X * T * (1.0 + start.order * L)
+    total, is_first = larger_sum(start, levels)
+    minus = select(is_first, total, levels.r * (XT / total) * XT)  # S - L Y
     more, sign = select(odd, 2.0 * (K * X / L), 0.0), select(odd, -1.0, 1.0)
     gap, one = gap + more, 1.0 + more / L
-    TR = T * e.R
-    f11, f12, f21, f22 = frame(o, select(turns, 1.0, e.R / select(turns, 1.0, T)))
-    x_u, x_v = select(turns, U, sign * X - K * one), select(turns, -V, Y)
-    y_u, y_v = select(turns, -K * V, sign * L * X - K * gap), select(turns, -(TR + K * U), -m)
-    z_u = select(turns, -(K * K * U + TR * (X + K)), -2.0 * m * K)
-    z_v = select(turns, V * s.square, -2.0 * m * L)
+    f11, f12, f21, f22 = frame(start, levels.R / T)
+    x_u, y_u, z_u = sign * X - K * one, sign * L * X - K * gap, -2.0 * minus * K
+    z_v = -2.0 * minus * L
     return Forms(
-        select(passes, passing.d11, select(turns, 1.0, one)),
-        select(passes, passing.d12, select(turns, -Y, gap)),
-        select(passes, passing.d22, select(turns, 2.0 * K * X - s.square, 2.0 * m)),
-        select(passes, passing.x1, f11 * x_u + f12 * x_v),
-        select(passes, passing.y1, f11 * y_u + f12 * y_v),
-        select(passes, passing.z1, f11 * z_u + f12 * z_v),
-        select(passes, passing.x2, f21 * x_u + f22 * x_v),
-        select(passes, passing.y2, f21 * y_u + f22 * y_v),
-        select(passes, passing.z2, f21 * z_u + f22 * z_v),
-    )
+        d11=one, d12=gap, d22=2.0 * minus,
+        x1=f11 * x_u + f12 * Y, y1=f11 * y_u - f12 * minus, z1=f11 * z_u + f12 * z_v,
+        x2=f21 * x_u + f22 * Y, y2=f21 * y_u - f22 * minus, z2=f21 * z_u + f22 * z_v,
+    )  # fmt: skip
 
 
 @formula
-def power_of_ratio(n, o):
-    """p, k and a sign s for which r**n = s (1 + p) 2**k, k an integer.
+def select_forms(first, a, b):
+    """`select` of two `Forms`."""
+    return Forms(
+        select(first, a.d11, b.d11), select(first, a.d12, b.d12), select(first, a.d22, b.d22),
+        select(first, a.x1, b.x1), select(first, a.y1, b.y1), select(first, a.z1, b.z1),
+        select(first, a.x2, b.x2), select(first, a.y2, b.y2), select(first, a.z2, b.z2),
+    )  # fmt: skip
 
-    s is NaN if no such number exists: between two states of L >= 1.
+
+@formula
+def power_of_ratio(n, steps):
+    """p, an integer `power` and a sign for which r**n = sign (1 + p) 2**power.
+
+    The sign is NaN if no such number exists: between two states of L >= 1.
     """
-    x, lost = two_product(n, o.log_r)
-    lost = lost + n * o.log_lost
+    x, lost = two_product(n, steps.log_r)
+    lost = lost + n * steps.log_lost
     endless = x < NO_POWER
-    p, k = exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
-    even = is_integer(0.5 * abs(n)) | (o.r >= 0.0)
-    exists = is_integer(abs(n)) | (o.r > 0.0)
-    return p, k, select(exists, select(even, 1.0, -1.0), np.nan)
+    p, power = exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
+    sign = select(is_integer(0.5 * abs(n)) | (steps.r >= 0.0), 1.0, -1.0)
+    exists = is_integer(abs(n)) | (steps.r > 0.0)
+    return p, power, select(exists, sign, np.nan)
 
 
 @formula
-def pair(n, o, others):
+def pair(n, steps, any_kind):
     """(c, s) after n steps; NaN where there is no such state.
 
-    others   False if the orbit is known to pass or rest
+    any_kind   False if the orbit is known to pass or rest
     """
-    c, s = multiples(smaller(n, LONGEST) - o.lag, o.v, o.k, o, others)
+    c, s = multiples(smaller(n, LONGEST) - steps.lag, steps.v, steps.power, steps, any_kind)
     # The lag hides a fraction below rounding.
-    unknown = (o.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
+    unknown = (steps.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
     return select(unknown, np.nan, c), s
 
 
 @formula
-def growth(n, o, others):
-    """By what n steps multiply (c, s), see `product`."""
-    c, s = multiples(n, 1.0, 0.0, o, others)
-    return c, select(o.kind > PASSES, s, 0.0)
+def growth(n, steps, any_kind):
+    """By what n steps multiply (c, s), see `combined`."""
+    c, s = multiples(n, 1.0, 0.0, steps, any_kind)
+    return c, select(steps.kind > PASSES, s, 0.0)
 
 
 @formula
-def multiples(n, v, k, o, others):
-    """`pair` of an orbit that begins at the ratio v 2**k."""
-    p, k_n, sign = power_of_ratio(n, o)
-    f, k = sign * (v + v * p), k + k_n
-    large = k >= LARGE
-    c, s = select(large, f, scaled(f, smaller(k, LARGE))), select(large, scaled(1.0, -k), 1.0)
-    if others:
+def multiples(n, v, power, steps, any_kind):
+    """`pair` of an orbit that begins at the ratio v 2**power."""
+    p, more, sign = power_of_ratio(n, steps)
+    f, power = sign * (v + v * p), power + more
+    large = power >= LARGE
+    c = select(large, f, scaled(f, smaller(power, LARGE)))
+    s = select(large, scaled(1.0, -power), 1.0)
+    if any_kind:
         # Near 1 the distance from 1 is more precise.
-        rest = select(k == 0.0, -p, 1.0 - abs(c)) * (0.5 / o.root)
-        sine, cosine = sine_and_cosine(n, o.turns, o.turns_lost)
-        turns = o.kind == TURNS
-        c = select(turns, cosine, select(o.kind == NEARS, abs(c), c))
-        s = select(turns, sine / o.root, select(o.kind == NEARS, rest, s))
+        rest = select(power == 0.0, -p, 1.0 - abs(c)) * (0.5 / steps.root)
+        sine, cosine = sine_and_cosine(n, steps.turns, steps.turns_lost)
+        turns, nears = steps.kind == TURNS, steps.kind == NEARS
+        c = select(turns, cosine, select(nears, abs(c), c))
+        s = select(turns, sine / steps.root, select(nears, rest, s))
     return c, s
 
 
 @formula
-def product(c, s, next_c, next_s, square):
-    """(c, s) after the steps of both pairs."""
+def combined(c, s, next_c, next_s, square):
+    """(c, s) after both: (c c', s) for PASSES, (c c', s + c s') for NEARS, and for TURNS the pair
+    of the sum of the angles.
+    """
     return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
 
 
@@ -515,48 +537,52 @@ def sine_and_cosine(n, turns, turns_lost):
     half = 0.5 * high
     whole = (half + TO_INTEGER) - TO_INTEGER
     low = low + n * turns_lost
-    half = select(abs(half) < 2.0**51, (half - whole) + 0.5 * low, np.nan)
+    half = select(abs(high) < LONGEST_PHASE, (half - whole) + 0.5 * low, np.nan)
     sine, cosine = of_quarter_turns(2.0 * abs(half))
     return select(half < 0.0, -sine, sine), cosine
 
 
 @formula
-def quotient(c, s, o):
+def omega_of(c, s, forms):
     """omega for a pair (c, s)."""
     cc = c * select(abs(c) > NO_SQUARE, c, 0.0)
     ss = s * select(abs(s) > NO_SQUARE, s, 0.0)
     cs = 2.0 * c * s
-    inverse = 1.0 / ((o.d11 * cc + o.d22 * ss) + o.d12 * cs)
+    inverse = 1.0 / ((forms.d11 * cc + forms.d22 * ss) + forms.d12 * cs)
     return (
-        ((o.x1 * cc + o.z1 * ss) + o.y1 * cs) * inverse,
-        ((o.x2 * cc + o.z2 * ss) + o.y2 * cs) * inverse,
+        ((forms.x1 * cc + forms.z1 * ss) + forms.y1 * cs) * inverse,
+        ((forms.x2 * cc + forms.z2 * ss) + forms.y2 * cs) * inverse,
     )
 
 
 @formula
-def is_pole(c, s, o):
-    """Test that the denominator of `quotient` is 0 to rounding."""
-    first, second, third = o.d11 * c * c, 2.0 * o.d12 * c * s, o.d22 * s * s
+def is_pole(c, s, forms):
+    """Test that the denominator of `omega_of` is 0 to rounding, or NaN."""
+    first, second, third = forms.d11 * c * c, 2.0 * forms.d12 * c * s, forms.d22 * s * s
     size = (abs(first) + abs(third)) + abs(second)
     return ~(abs((first + third) + second) > ZERO_TO_ROUNDING * size)
 
 
 @formula
-def exact_size(o, e, s):
-    """A size of states from which on they are computed one by one: they may be at a pole."""
-    f11, f12, f21, f22 = frame(o, e.R)
+def recompute_from(start, levels, steps):
+    """The size of states from which on each is computed again alone, as it may be at a pole."""
+    f11, f12, f21, f22 = frame(start, levels.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
-    may_meet = (s.kind != RESTS) & (o.fate == SUPERCRITICAL)
-    size = select(may_meet, NEAR_POLE * size * (1.0 + e.T + o.K), np.inf)
-    return select((o.fate < 0.0) | has_two_forms(s), 0.0, size)
+    may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)
+    size = select(may_meet, NEAR_POLE * size * (1.0 + levels.T + start.K), np.inf)
+    return select((start.fate < 0.0) | has_two_forms(steps), 0.0, size)
 
 
 @formula
-def step_to_pole(forms, o, second):
-    """The real n, but for the sign of r**n, at the first or second zero of the denominator."""
+def step_to_pole(forms, steps, second):
+    """The real number of steps to the first or second zero of the denominator, for |r|**n.
+
+    np.log suffices: the caller tries the steps beside it.
+    """
     d11, d12, d22 = forms.d11, forms.d12, forms.d22
     total = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
     ratio = d22 / total if second else total / d11  # of c and s
-    if o.kind == NEARS:
-        return -np.log1p(2.0 * o.root / ratio) / o.log_r
-    return o.lag + (np.log(abs(ratio / o.v)) - o.k * math.log(2.0)) / o.log_r
+    if steps.kind == NEARS:
+        return -np.log1p(2.0 * steps.root / ratio) / steps.log_r
+    log_w = np.log(abs(ratio / steps.v)) - steps.power * math.log(2.0)
+    return steps.lag + log_w / steps.log_r

@@ -16,7 +16,7 @@ body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
     "body": """\
 body : Suslov3D or SuslovND
     The body, or a batch of them.""",
-    "body_in_3d": """\
+    "body_or_gyrostat": """\
 body : Suslov3D or SuslovGyrostat
     The body, or a batch of them.""",
     "body_3d": """\

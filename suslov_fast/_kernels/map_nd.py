@@ -31,15 +31,15 @@ from .units_nd import unit_of, unit_of_moments
 
 method = namespace("method")  # of steps: `step`
 
-# Trajectories of a block: enough to prevent sums over components from stalling on memory just
-# written. Blocks of a run that eliminates have fewer: see `elimination`.
+# Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
+# just written. Blocks of a run that eliminates have fewer: see `elimination`.
 LANES = 64
-# A step in a lane: solved by `solve2`, solved if no d is small, left to the bordered system or to
-# elimination, or done by them.
-SOLVED, SOLVED_IF_FAR, LEFT, DONE = 0.0, 1.0, 2.0, 3.0
+# A step in a lane: solved by `solve2`, solved if no d is small, open, or done by the bordered
+# system.
+SOLVED, SOLVED_IF_FAR, OPEN, DONE = 0.0, 1.0, 2.0, 3.0
 # Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
-# and the last component has J = infinity, I = omega = 0. (LLVM tests once for all i for
-# overlap of written rows with others: the pairs must lie in two halves, not side by side.)
+# and the last component has J = infinity, I = omega = 0. They are not 2 i and 2 i + 1: at i and
+# M/2 + i LLVM tests once, for all i, whether written rows overlap others.
 
 
 class Block(NamedTuple):
@@ -55,20 +55,20 @@ class Block(NamedTuple):
     reach: object  # see `bounds`
     eps: object  # in the unit of omega; 0 for fixed states
     exponent: object  # of the unit of omega
-    unit: object
+    unit: object  # 2**exponent; NaN if the lane has ended
     longest: object  # bounds of |omega|**2, see `bounds`
     low: object
     high: object
     status: object  # of trajectories that have ended, else OK
-    p: object
-    square: object
+    p: object  # I . omega
+    square: object  # |omega|**2
     half: object  # eps p / 2
     alpha: object  # sums, see `solve2`
     beta: object
     gamma: object
     of_omega: object  # factors in delta, see `solve2`
     of_I: object
-    outcome: object  # SOLVED, SOLVED_IF_FAR, LEFT or DONE
+    outcome: object  # SOLVED, SOLVED_IF_FAR, OPEN or DONE
 
 
 @formula
@@ -94,7 +94,7 @@ def at(values, i, l):
 
 
 @formula
-def put(values, i, l, number):
+def set_at(values, i, l, number):
     """Set an entry of J or I."""
     if values.ndim == 1:
         values[i] = number
@@ -116,7 +116,7 @@ def step(b, matrices, task):
 def step_by_elimination(b, matrices, task):
     """Take a step by elimination in all lanes."""
     for l in range(b.omega.shape[1]):
-        b.half[l], b.outcome[l] = 0.5 * b.eps[l] * b.p[l], LEFT
+        b.half[l], b.outcome[l] = 0.5 * b.eps[l] * b.p[l], OPEN
     eliminate_lanes(b, matrices[task])
     measure(b)
 
@@ -134,6 +134,7 @@ def sums(b):
             I_i, I_j, w_i, w_j = at(b.I, i, l), at(b.I, j, l), b.omega[i, l], b.omega[j, l]
             r_i, r_j = 1.0 / (at(b.J, i, l) - b.half[l]), 1.0 / (at(b.J, j, l) - b.half[l])
             b.inverse[i, l], b.inverse[j, l] = r_i, r_j
+            # Not +=, which adds the terms to each other first.
             b.alpha[l] = b.alpha[l] + I_i * r_i * w_i + I_j * r_j * w_j
             b.beta[l] = b.beta[l] + I_i * r_i * I_i + I_j * r_j * I_j
             b.gamma[l] = b.gamma[l] + w_i * r_i * w_i + w_j * r_j * w_j
@@ -150,7 +151,7 @@ def solve(b):
         accurate = (det > FAR * FAR * size) & (b.square[l] < b.longest[l])
         solved = accurate & (b.half[l] < b.near[l])
         unsolved += select(solved, 0, 1)
-        b.outcome[l] = select(solved, SOLVED, select(accurate, SOLVED_IF_FAR, LEFT))
+        b.outcome[l] = select(solved, SOLVED, select(accurate, SOLVED_IF_FAR, OPEN))
         b.of_omega[l], b.of_I[l] = of_omega, of_I
     return unsolved == 0
 
@@ -186,16 +187,17 @@ def repair(b, matrices, task):
     Without matrices, trajectories that need elimination end; another run restarts them.
     """
     M, lanes = b.omega.shape
-    left = False
+    any_open = False
     for l in range(lanes):
         if b.outcome[l] != SOLVED:
             b.outcome[l] = bordered(b, l)
-            left |= b.outcome[l] == LEFT
+            any_open |= b.outcome[l] == OPEN
     if matrices is None:
         for l in range(lanes):
-            if b.outcome[l] == LEFT:
+            if b.outcome[l] == OPEN:
+                # By NaN `units_serve` fails, and `renew_units` ends the lane.
                 b.status[l], b.omega[0, l] = NEEDS_ELIMINATION, np.nan
-    elif left:
+    elif any_open:
         eliminate_lanes(b, matrices[task])
     for l in range(lanes):
         if b.outcome[l] != SOLVED:
@@ -206,46 +208,48 @@ def repair(b, matrices, task):
 
 @inner
 def bordered(b, l):
-    """Take the step in a lane by the bordered system, unless `solve2` is accurate after all."""
+    """Take the step in a lane by the bordered system, unless `solve2` is accurate after all; return
+    the outcome, OPEN if neither is accurate.
+    """
     M = b.omega.shape[0]
     eps, half, p, square = b.eps[l], b.half[l], b.p[l], b.square[l]
-    k, smallest, second = 0, np.inf, np.inf
+    j, least, second = 0, np.inf, np.inf
     for i in range(M):
         ratio = abs(1.0 - half / at(b.J, i, l))
-        if ratio < smallest:
-            k, smallest, second = i, ratio, smallest
+        if ratio < least:
+            j, least, second = i, ratio, least
         else:
             second = min(second, ratio)
-    if b.outcome[l] == SOLVED_IF_FAR and smallest > FAR:
+    if b.outcome[l] == SOLVED_IF_FAR and least > FAR:
         return SOLVED
     alpha, beta, gamma = 0.0, 0.0, 0.0
     for i in range(M):
-        if i != k:
+        if i != j:
             I_i, w, r = at(b.I, i, l), b.omega[i, l], b.inverse[i, l]
             alpha += I_i * r * w
             beta += I_i * r * I_i
             gamma += w * r * w
-    of_omega, of_I, delta_k, regular = solve_bordered(
-        at(b.J, k, l), at(b.I, k, l), b.omega[k, l], eps, p, square, alpha, beta, gamma
+    of_omega, of_I, delta, regular = solve_bordered(
+        at(b.J, j, l), at(b.I, j, l), b.omega[j, l], eps, p, square, alpha, beta, gamma
     )
     if not (regular and second > FAR_ENOUGH and square < b.longest[l]):
-        return LEFT
+        return OPEN
     for i in range(M):
-        if i != k:
+        if i != j:
             b.omega[i, l] += (of_omega * b.omega[i, l] - of_I * at(b.I, i, l)) * b.inverse[i, l]
-    b.omega[k, l] += delta_k
+    b.omega[j, l] += delta
     return DONE
 
 
 @inner
 def eliminate_lanes(b, matrix):
-    """Take the step by elimination in lanes where it is left."""
+    """Take the step by elimination in open lanes."""
     m, _, lanes = matrix.shape
     fill_matrix(b, matrix)
     eliminate(matrix)
     for i in range(m):
         for l in range(lanes):
-            b.omega[i, l] = select(b.outcome[l] == LEFT, matrix[i, m, l], b.omega[i, l])
+            b.omega[i, l] = select(b.outcome[l] == OPEN, matrix[i, m, l], b.omega[i, l])
 
 
 @inner
@@ -277,11 +281,11 @@ def fill_matrix(b, matrix):
 
 @formula
 def units_serve(b):
-    """Return True if the units of all lanes remain valid."""
-    left = 0
+    """Return True if all states are finite and in the range of their units."""
+    outside = 0
     for l in range(b.omega.shape[1]):
-        left += select((b.square[l] > b.low[l]) & (b.square[l] < b.high[l]), 0, 1)
-    return left == 0
+        outside += select((b.square[l] > b.low[l]) & (b.square[l] < b.high[l]), 0, 1)
+    return outside == 0
 
 
 @inner
@@ -296,8 +300,9 @@ def renew_units(b, begin, end, n, failed_at):
                 infinite |= size * b.unit[l] == np.inf
                 largest = larger(size, largest)
             if (undefined or infinite) and b.status[l] == OK:
-                regular = undefined and b.half[l] - b.half[l] == 0.0
-                b.status[l] = SINGULAR if regular else NONFINITE
+                # NaN from finite terms is a pole, otherwise an overflow.
+                finite = b.half[l] - b.half[l] == 0.0
+                b.status[l] = SINGULAR if undefined and finite else NONFINITE
             if b.status[l] != OK and begin + l < end and failed_at[begin + l] < 0:
                 failed_at[begin + l] = n
             take_unit(b, l, unit_of_state(largest, b.exponent[l]))
@@ -307,43 +312,43 @@ def renew_units(b, begin, end, n, failed_at):
 @formula
 def unit_of_state(largest, before):
     """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
-    size = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
-    return larger(smaller(size + before, 1023.0), -1022.0)
+    power = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
+    return larger(smaller(power + before, 1023.0), -1022.0)
 
 
 @formula
-def take_unit(b, l, size):
-    """Change to the unit 2**size in a lane, or to the state 0 if the trajectory has ended."""
-    change, ended, unit, largest = b.exponent[l] - size, b.status[l] != OK, two_to_the(size), 0.0
+def take_unit(b, l, power):
+    """Change to the unit 2**power in a lane, or to the state 0 if the trajectory has ended."""
+    change, ended, unit, largest = b.exponent[l] - power, b.status[l] != OK, two_to_the(power), 0.0
     for i in range(b.omega.shape[0]):
         b.omega[i, l] = 0.0 if ended else scaled(b.omega[i, l], change)
         largest = larger(abs(b.omega[i, l]), largest)
-    b.exponent[l], b.unit[l] = size, np.nan if ended else unit
-    b.eps[l] = 0.0 if ended else scaled(b.eps_input[l], size + b.of_body[l])
+    b.exponent[l], b.unit[l] = power, np.nan if ended else unit
+    b.eps[l] = 0.0 if ended else scaled(b.eps_input[l], power + b.of_body[l])
     b.longest[l], b.low[l], b.high[l] = bounds(b.reach[l], b.eps[l], largest, unit)
 
 
 @formula
 def enter_body(b, l, J, I, eps):
     """Enter a body and a step size, 0 if every state is fixed."""
-    M = unit_of_moments(J)
-    P = unit_of(I, M)
-    of_moments, of_products = two_to_the(-M), two_to_the(-P)
+    of_J = unit_of_moments(J)
+    of_I = unit_of(I, of_J)
+    factor_J, factor_I = two_to_the(-of_J), two_to_the(-of_I)
     smallest, I_square = np.inf, 0.0
     for i in range(b.omega.shape[0]):
         J_i, I_i = np.inf, 0.0
         if i < J.size:
-            J_i, I_i = J[i] * of_moments, I[i] * of_products
-        put(b.J, i, l, J_i)
-        put(b.I, i, l, I_i)
+            J_i, I_i = J[i] * factor_J, I[i] * factor_I
+        set_at(b.J, i, l, J_i)
+        set_at(b.I, i, l, I_i)
         smallest = smaller(J_i, smallest)
         I_square += I_i * I_i
     b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
-    b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, P - M
+    b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, of_I - of_J
 
 
 @inner
-def enter(parameters, start, kept, begin, end, b):
+def enter(b, parameters, start, kept, begin, end):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
     J, I, eps, initial = parameters
     _, status, failed_at, state, exponents = kept
@@ -369,7 +374,7 @@ def enter(parameters, start, kept, begin, end, b):
 
 
 @inner
-def write(initial, b, begin, end, n, target):
+def write(b, initial, begin, end, n, target):
     """Write the states n of a block; fixed states and the first are copies of the input."""
     for l in range(end - begin):
         k = begin + l
@@ -382,10 +387,10 @@ def write(initial, b, begin, end, n, target):
 
 
 @inner
-def leave(initial, b, begin, end, stop, kept):
+def leave(b, initial, begin, end, stop, kept):
     """Write the last states, in the unit of the input and in those of the lanes."""
     final, status, _, state, exponents = kept
-    write(initial, b, begin, end, stop, final)
+    write(b, initial, begin, end, stop, final)
     for l in range(end - begin):
         k = begin + l
         status[k], exponents[k] = b.status[l], b.exponent[l]
@@ -396,18 +401,18 @@ def leave(initial, b, begin, end, stop, kept):
 def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrices):
     """Iterate the trajectories of a part of the tasks.
 
-    parameters : J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
-    span : begin and end of the trajectories; start, stop; every, first_row of the saved states
-    saved : (rows, B, m)
-    turning : None, or the step size in the unit of time of omega (B,) or (1,); the transposed
-        orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
-        (tasks, 2 n + 2, n)
-    kept : final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m), and
-        exponent (B,). All but `final` are read if start is not 0.
-    room : for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-        (tasks, 2, M, lanes)
-    matrices : (tasks, m, m + 1, lanes), where lanes is WIDTH; None if trajectories
-        that need elimination end with the status NEEDS_ELIMINATION
+    parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
+    span         begin and end of the trajectories; start, stop; every, first_row of `saved`
+    saved        (rows, B, m)
+    turning      None, or the step size in the unit of time of omega (B,) or (1,); the transposed
+                 orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
+                 (tasks, 2 n + 2, n)
+    kept         final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m),
+                 and exponent (B,). All but `final` are read if start is not 0.
+    room         for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
+                 (tasks, 2, M, lanes)
+    matrices     (tasks, m, m + 1, lanes), where lanes is WIDTH; None if trajectories that need
+                 elimination end with the status NEEDS_ELIMINATION
     """
     first, last, start, stop, every, first_row = span
     bodies, states = room
@@ -417,22 +422,22 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         b = block(bodies[task], states[task])
-        for k in range(task * blocks // tasks, (task + 1) * blocks // tasks):
-            begin = first + k * lanes
+        for number in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+            begin = first + number * lanes
             end = min(begin + lanes, last)
-            enter(parameters, start, kept, begin, end, b)
-            n, row, next_saved = start, 0, stop + 1
+            enter(b, parameters, start, kept, begin, end)
+            n, saved_row, next_saved = start, 0, stop + 1
             if saved.shape[0] > 0:
-                row = start // every + 1 - first_row if start > 0 else 0
+                saved_row = start // every + 1 - first_row if start > 0 else 0
                 next_saved = (start // every + 1) * every if start > 0 else 0
             while True:
                 if turning is not None:
                     turn_lanes(b, turning, task, begin, end, n, start)
                 if n == next_saved:
-                    write(initial, b, begin, end, n, saved[row])
+                    write(b, initial, begin, end, n, saved[saved_row])
                     if turning is not None:
-                        write_turns(turning, begin, end, row)
-                    row, next_saved = row + 1, next_saved + every
+                        write_turns(turning, begin, end, saved_row)
+                    saved_row, next_saved = saved_row + 1, next_saved + every
                 if n == stop:
                     break
                 until = min(next_saved, stop) if turning is None else n + 1
@@ -441,7 +446,7 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
                     n += 1
                     if not units_serve(b):
                         renew_units(b, begin, end, n, failed_at)
-            leave(initial, b, begin, end, stop, kept)
+            leave(b, initial, begin, end, stop, kept)
 
 
 iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=step))

@@ -130,7 +130,7 @@ def to_vector(
 
     Parameters
     ----------
-    %(body_in_3d)s
+    %(body_or_gyrostat)s
     %(omega_3d)s
     %(frame)s
 
@@ -163,7 +163,7 @@ def from_vector(
 
     Parameters
     ----------
-    %(body_in_3d)s
+    %(body_or_gyrostat)s
     vector : array_like(float, shape=(..., 3))
         Angular velocities that obey the constraint: normal to the constrained axis of the body.
         Where one is NaN, so is the result.

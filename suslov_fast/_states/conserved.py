@@ -42,7 +42,7 @@ def energy(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatA
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    return evaluate("energy", body, omega, None, threads)
+    return evaluate("energy", body, {"omega": omega}, threads)
 
 
 @filled
@@ -88,7 +88,7 @@ def first_integral(
     >>> float(first_integral(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     0.265344729629
     """
-    return evaluate("first_integral", body, omega, eps, threads)
+    return evaluate("first_integral", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled
@@ -126,7 +126,7 @@ def modified_energy(
     >>> float(modified_energy(body, step(body, [1.0, 0.5], eps=0.2), eps=0.2).round(12))
     2.122757837035
     """
-    return evaluate("modified_energy", body, omega, eps, threads)
+    return evaluate("modified_energy", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled
@@ -170,7 +170,7 @@ def criticality(
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    return evaluate("criticality", body, omega, eps, threads)
+    return evaluate("criticality", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled
@@ -213,7 +213,7 @@ def rotation_number(
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate("rotation_number", body, omega, eps, threads)
+    return evaluate("rotation_number", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled
@@ -261,4 +261,4 @@ def invariant_density(
     >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
     -0.096052391
     """
-    return evaluate("invariant_density", body, omega, eps, threads)
+    return evaluate("invariant_density", body, {"omega": omega, "eps": eps}, threads)

@@ -53,7 +53,7 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return evaluate("jacobian", body, omega, eps, threads)
+    return evaluate("jacobian", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled
@@ -98,7 +98,7 @@ def matrix(
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    return evaluate("matrix", body, omega, eps, threads)
+    return evaluate("matrix", body, {"omega": omega, "eps": eps}, threads)
 
 
 @filled

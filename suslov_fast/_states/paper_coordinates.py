@@ -47,7 +47,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
     array([-0.625, -0.75 ])
     """
     refuse_rotor(body, "to_xy", "iterate or flow")
-    return evaluate("to_xy", body, omega, None, threads)
+    return evaluate("to_xy", body, {"omega": omega}, threads)
 
 
 @filled
@@ -82,7 +82,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> Flo
         raise ValueError(
             "body: expected I13 or I23 other than 0, got both 0, where (x, y) is 0 for every omega"
         )
-    return evaluate("from_xy", body, xy, None, threads, "xy")
+    return evaluate("from_xy", body, {"xy": xy}, threads)
 
 
 class ClosedForm(NamedTuple):
@@ -144,5 +144,5 @@ def closed_form(
     array([-0.95    , -1.030413, -1.102959, -1.167933])
     """
     refuse_rotor(body, "closed_form", "exact")
-    constants = evaluate("closed_form", body, omega0, eps, threads, "omega0")
+    constants = evaluate("closed_form", body, {"omega0": omega0, "eps": eps}, threads)
     return ClosedForm(*(constants[..., k][()] for k in range(4)))

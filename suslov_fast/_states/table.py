@@ -19,8 +19,6 @@ from .._engine.threads import thread_count
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
 
-# Quantities without a step size.
-_OF_STATES = "energy", "vector_field", "reaction", "to_xy", "from_xy"
 # (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
 Evaluation = Callable[..., FloatArray]
 
@@ -52,18 +50,11 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 
 
 def evaluate(
-    quantity: str,
-    body: Any,
-    omega: ArrayLike,
-    eps: ArrayLike | None,
-    threads: int | None,
-    name: str = "omega",
+    quantity: str, body: Any, arguments: dict[str, ArrayLike], threads: int | None
 ) -> FloatArray:
-    """Check the arguments of a public function, whose states are called `name`, and evaluate it."""
+    """Check the arguments of a public function, the states first, and evaluate a quantity."""
     kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
-    arguments: dict[str, Any] = (
-        {name: omega} if quantity in _OF_STATES else {name: omega, "eps": eps}
-    )
+    name = next(iter(arguments))
     components = ("x", "y") if name == "xy" else None
     arrays, batch = check(body, kinds, arguments, components, later=True)
     evaluation = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))

@@ -41,7 +41,7 @@ def vector_field(body: Any, omega: ArrayLike, *, threads: int | None = None) -> 
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    return evaluate("vector_field", body, omega, None, threads)
+    return evaluate("vector_field", body, {"omega": omega}, threads)
 
 
 @filled
@@ -86,4 +86,6 @@ def reaction(
     >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    return evaluate("reaction" if eps is None else "discrete_reaction", body, omega, eps, threads)
+    if eps is None:
+        return evaluate("reaction", body, {"omega": omega}, threads)
+    return evaluate("discrete_reaction", body, {"omega": omega, "eps": eps}, threads)

@@ -587,7 +587,7 @@ def test_warm_up_calls_all_functions(monkeypatch):
     monkeypatch.setattr(warm_up, "_COUNTS", (3,))
     monkeypatch.setattr(warm_up, "_STEPS", 8)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore", sf.SingularStepWarning)
         called = {name for name, job in warm_up._jobs() if job()}
     others = ("plot", "animate", "ensemble", "open", "from_matrix", "from_vector", "explore")
     others += ("body_from_dict",)

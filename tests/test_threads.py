@@ -265,3 +265,14 @@ def test_threads_that_cannot_be_started(error, monkeypatch):
     assert calls == ["serial"]
     assert len(started) == 2
     assert threading.active_count() == threads_before
+
+
+def test_stretches_of_a_run_with_one_thread(body, monkeypatch, small_parts):
+    """Their length, and so the time between calls of `progress`, is that of one thread."""
+    options, calls = {"method": "canonical", "threads": 1}, []
+    for available in (1, 64):
+        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", available)
+        calls.append([])
+        omega0, report = np.ones((8 * LANES, 2)), lambda *n: calls[-1].append(n)
+        sf.iterate(body, omega0, 0.1, 20, **options, progress=report)
+    assert calls[0] == calls[1]

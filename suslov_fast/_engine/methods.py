@@ -22,7 +22,6 @@ import numpy as np
 
 from .._bodies.integrable import is_solved
 from .._kernels import codes, map_nd, maps_3d
-from .._kernels.closed_form_rows import NOT_FOUND
 from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
 from .execution import (
     NONE,
@@ -122,7 +121,7 @@ def closed_form(problem: Problem, span: Span, resume: Resume, output: Output) ->
     if not span.saves_last:
         last = output.final[np.newaxis]
         fill_states(orbits, 1.0, np.array([float(span.steps)]), np.zeros(1, np.intp), last, missing)
-    return with_status(output.status, NOT_FOUND)
+    return with_status(output.status, codes.NEEDS_STEPS)
 
 
 def closed_form_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:

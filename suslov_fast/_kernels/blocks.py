@@ -42,7 +42,7 @@ import numpy as np
 from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
 from . import codes
 from .lanes import LANES, whole
-from .tiles import lead_of, missing_of_first_block, write_row
+from .tiles import lead_of, shortening_of_first_block, write_row
 from .turning_3d import enter_turns, leave_turns, start_turns, turn_on, turns_block, write_turns
 
 map = namespace("map")  # of the map that a kernel iterates
@@ -55,7 +55,7 @@ CHECK_EVERY = 256
 @formula
 def blocks_of(stretch, saved):
     """Return how many blocks a call has, and by how much the first one is shorter."""
-    shift = missing_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
+    shift = shortening_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
     return (stretch[1] - stretch[0] + shift + LANES - 1) // LANES, shift
 
 

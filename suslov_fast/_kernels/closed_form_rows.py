@@ -48,7 +48,7 @@ from .._formulas.units import Problem
 from .._jit import formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
 from .lanes import entry, whole
-from .tiles import lead_of, missing_of_first_block, write_row
+from .tiles import lead_of, shortening_of_first_block, write_row
 
 BASE, GROUP = 8, 64
 # A block of 64 orbits takes 60 KB.
@@ -58,8 +58,6 @@ _TILE = 2 * LANES
 TASK = 2**16
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
-# The status of a trajectory that must be iterated.
-NOT_FOUND = -3
 
 
 class Block(NamedTuple):
@@ -145,7 +143,7 @@ def plan_of(trajectories, out, count, length, most):
     while 2 * abreast * batch <= LANES and abreast < most and batch == out.shape[1]:
         abreast *= 2
     if abreast == 1:
-        shift = missing_of_first_block(lead_of(out), out.shape[1], 2)
+        shift = shortening_of_first_block(lead_of(out), out.shape[1], 2)
     blocks = (batch + shift + LANES - 1) // LANES
     at_once = abreast * length
     rows_per_task = max(TASK // (at_once * max(min(batch, LANES), 1)), 1) * at_once
@@ -268,13 +266,13 @@ def end_of(b, lanes, l, stop):
     fate, kind = b.start.fate[l], b.steps.kind[l]
     if fate < 0.0:
         if fate == OUT_OF_RANGE:
-            return NOT_FOUND, np.inf
+            return codes.NEEDS_STEPS, np.inf
         return (codes.NONFINITE, 0.0) if fate == UNKNOWN else (codes.SINGULAR, 1.0)
     if fate == SUPERCRITICAL:
         if kind == RESTS:
             return codes.SUPERCRITICAL, np.inf
         if kind == TURNS:  # which of its steps comes next to a pole is not known
-            return NOT_FOUND, np.inf
+            return codes.NEEDS_STEPS, np.inf
         fails, infinite = first_missing(b, lanes, l, stop)
         code = codes.NONFINITE if infinite else codes.SINGULAR
         return code if fails < np.inf else codes.SUPERCRITICAL, fails
@@ -286,7 +284,7 @@ def end_of(b, lanes, l, stop):
         least = min(b.problem.I1[l], b.problem.I2[l]) / max(b.problem.I1[l], b.problem.I2[l])
         largest = b.levels.R[l] * (1.0 + X) / np.sqrt(least)
         if exponent(largest) + 3.0 + b.start.power[l] > LARGEST_EXPONENT:
-            return NOT_FOUND, np.inf
+            return codes.NEEDS_STEPS, np.inf
     return codes.OK, np.inf
 
 

@@ -348,10 +348,10 @@ def enter_body(b, l, J, I, eps):
 
 
 @inner
-def enter(b, parameters, start, kept, begin, end):
+def enter(b, parameters, start, results, begin, end):
     """Enter trajectories at state `start`; lanes beyond the last repeat it."""
     J, I, eps, initial = parameters
-    _, status, failed_at, state, exponents = kept
+    _, status, failed_at, state, exponents = results
     for l in range(b.omega.shape[1]):
         k = min(begin + l, end - 1)
         enter_body(b, l, J[min(k, len(J) - 1)], I[min(k, len(I) - 1)], eps[min(k, eps.size - 1)])
@@ -387,9 +387,9 @@ def write(b, initial, begin, end, n, target):
 
 
 @inner
-def leave(b, initial, begin, end, stop, kept):
+def leave(b, initial, begin, end, stop, results):
     """Write the last states, in the unit of the input and in those of the lanes."""
-    final, status, _, state, exponents = kept
+    final, status, _, state, exponents = results
     write(b, initial, begin, end, stop, final)
     for l in range(end - begin):
         k = begin + l
@@ -398,25 +398,25 @@ def leave(b, initial, begin, end, stop, kept):
             state[k, i] = b.omega[i, l]
 
 
-def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrices):
+def run_tasks(part, parts, parameters, stretch, saved, turning, results, scratch, matrices):
     """Iterate the trajectories of a part of the tasks.
 
     parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
-    span         begin and end of the trajectories; start, stop; every, first_row of `saved`
+    stretch      begin and end of the trajectories; start, stop; every, first_row of `saved`
     saved        (rows, B, m)
     turning      None, or the step size in the unit of time of omega (B,) or (1,); the transposed
-                 orientations (B, n, n), updated; turns (rows, B, n, n); room (tasks, m, lanes) and
-                 (tasks, 2 n + 2, n)
-    kept         final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m),
+                 orientations (B, n, n), updated; turns (rows, B, n, n); scratch (tasks, m, lanes)
+                 and (tasks, 2 n + 2, n)
+    results      final (B, m); status, failed_at (B,); the states in units of 2**exponent (B, m),
                  and exponent (B,). All but `final` are read if start is not 0.
-    room         for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
+    scratch      for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
                  (tasks, 2, M, lanes)
     matrices     (tasks, m, m + 1, lanes), where lanes is WIDTH; None if trajectories that need
                  elimination end with the status NEEDS_ELIMINATION
     """
-    first, last, start, stop, every, first_row = span
-    bodies, states = room
-    initial, failed_at = parameters[3], kept[2]
+    first, last, start, stop, every, first_row = stretch
+    bodies, states = scratch
+    initial, failed_at = parameters[3], results[2]
     tasks, lanes = states.shape[0], states.shape[3]
     blocks = (last - first + lanes - 1) // lanes
     first_task, last_task = share(tasks, part, parts)
@@ -425,7 +425,7 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
         for number in range(task * blocks // tasks, (task + 1) * blocks // tasks):
             begin = first + number * lanes
             end = min(begin + lanes, last)
-            enter(b, parameters, start, kept, begin, end)
+            enter(b, parameters, start, results, begin, end)
             n, saved_row, next_saved = start, 0, stop + 1
             if saved.shape[0] > 0:
                 saved_row = start // every + 1 - first_row if start > 0 else 0
@@ -446,7 +446,7 @@ def run_tasks(part, parts, parameters, span, saved, turning, kept, room, matrice
                     n += 1
                     if not units_serve(b):
                         renew_units(b, begin, end, n, failed_at)
-            leave(b, initial, begin, end, stop, kept)
+            leave(b, initial, begin, end, stop, results)
 
 
 iterate = Kernel(run_tasks, "iterate_nd", method=namespace("rank2", step=step))

@@ -36,7 +36,7 @@ def write_row(tile, flat, start, size, stride, lead):
 
 
 @formula
-def missing_of_first_block(lead, batch, D):
-    """Return the number of lanes missing in the first block: others start on cache lines."""
+def shortening_of_first_block(lead, batch, D):
+    """Return by how many lanes the first block is shorter: others start on cache lines."""
     fits = (lead >= 0) & (batch * D % LINE == 0) & (lead % D == 0) & (LINE % D == 0)
     return -(lead // D) % (LINE // D) if fits else 0

@@ -67,9 +67,10 @@ def run_3d(
     by_steps: Driver,
 ) -> None:
     """Compute a run of a body in three dimensions."""
-    jumps = _may_jump(problem, span) and not _is_short(span)
-    drivers = (closed_form, by_steps) if jumps else (by_steps,)
-    in_turn(drivers, problem, span, resume, output, from_0=jumps)
+    if _may_jump(problem, span) and not _is_short(span):
+        in_turn((closed_form, by_steps), problem, span, resume, output, from_0=True)
+    else:
+        by_steps(problem, span, resume, output)
 
 
 def run_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> None:

@@ -282,6 +282,8 @@ def in_units(body, moments, products, rotor):
 def test_units(rng, name, kind):
     """Powers of two of the units change no bit of a result that float64 can hold."""
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (20,), (20,), (20,))
+    if not row.units:  # such as `flow`, whose times have a unit, too
+        return
     before = list(row.values(body, omega, eps))
     rounding = 1e-13 if kind == "solved" or (name, kind) in ROUNDED else 0.0
     far = kind == "3D" and name.startswith("iterate")

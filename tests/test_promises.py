@@ -276,8 +276,6 @@ def in_units(body, moments, products, rotor):
     return type(body)(**{n: np.ldexp(v, powers[n]) for n, v in body._values.items()})
 
 
-# The times of `flow` stay as they are: phases of gyrostats become too large to be known.
-@pytest.mark.filterwarnings("ignore:.* exceeds the range of float64:RuntimeWarning")
 @every_case
 def test_units(rng, name, kind):
     """Powers of two of the units change no bit of a result that float64 can hold."""

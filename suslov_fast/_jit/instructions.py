@@ -193,6 +193,18 @@ def call(typing, address, numbers):
     return types.void(types.int64, numbers), emit
 
 
+def _borrowed(context, builder, kind, value):
+    """Return an argument whose arrays count no references, which threads would wait for."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = _borrowed(context, builder, each, builder.extract_value(value, k))
+        value = builder.insert_value(value, element, k)
+    return value
+
+
 @intrinsic
 def pack(typing, arguments):
     """Return the address of a function, and that of its data, for use while the caller runs.
@@ -202,7 +214,7 @@ def pack(typing, arguments):
     result = types.UniTuple(types.int64, 2)
 
     def emit(context, builder, signature, values):
-        (packed,) = values
+        packed = _borrowed(context, builder, arguments, values[0])
         with builder.goto_entry_block():
             memory = builder.alloca(packed.type)
         builder.store(packed, memory)

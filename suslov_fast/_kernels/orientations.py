@@ -14,27 +14,55 @@ from .._formulas.implicit import (
     unit_of,
 )
 from .._formulas.rotation import mean
-from .._jit import formula, kernel, share
+from .._jit import formula, inner, kernel, share
 from .lanes import LANES
 from .turning_3d import enter_turns, leave_turns, turn_on, turns_block, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 
+# Loops are inner functions: in a kernel, serial calls of functions that take arrays would count the
+# references of these.
+@inner
+def turn_block(block, omega, turning):
+    """Fill the orientations of a block."""
+    r, batch, first = turns_block(), omega.shape[1], block * LANES
+    width, states = min(LANES, batch - first), omega.reshape(omega.size)
+    enter_turns(turning, omega[0], first, width, width, r)
+    for n in range(len(turning[3])):
+        begin = (n + 1) * batch + first
+        turn_on(states[2 * begin : 2 * (begin + width)], r, width)
+        write_turns(turning, r, n, first, width)
+    leave_turns(turning, r, first, width)
+
+
 @kernel
 def reconstruct(part, parts, omega, eps, R0, quaternions, out):
     """Fill orientations, with the arrays of `turning_3d`."""
-    turning, r = (eps, R0, quaternions, out), turns_block()
-    batch, states = omega.shape[1], omega.reshape(omega.size)
-    first_block, last_block = share((batch + LANES - 1) // LANES, part, parts)
-    for block in range(first_block, last_block):
-        first = block * LANES
-        width = min(LANES, batch - first)
-        enter_turns(turning, omega[0], first, width, width, r)
-        for n in range(len(out)):
-            begin = (n + 1) * batch + first
-            turn_on(states[2 * begin : 2 * (begin + width)], r, width)
-            write_turns(turning, r, n, first, width)
-        leave_turns(turning, r, first, width)
+    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
+    for block in range(first, last):
+        turn_block(block, omega, (eps, R0, quaternions, out))
+
+
+@inner
+def turn_some(task, omega, eps, number, before, out, scratch):
+    """Fill the orientations for the trajectories of a task."""
+    batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
+    n, memory = m + 1, scratch[task]
+    columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
+    image, b = memory[3 * n], memory[3 * n + 1][:m]
+    for i in range(task * batch // tasks, (task + 1) * batch // tasks):
+        for r in range(n):
+            for c in range(n):
+                columns[c, r] = before[i, r, c]
+        for k in range(len(out)):
+            for j in range(m):
+                b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
+            turn(columns, b, eps[i], image)
+            if (number + k + 1) % CLEAN_EVERY == 0:
+                clean_up(columns, gram, cleaned)
+            for r in range(n):
+                for c in range(n):
+                    out[k, i, r, c] = columns[c, r]
 
 
 @kernel
@@ -44,25 +72,9 @@ def reconstruct_nd(part, parts, omega, eps, number, before, out, scratch):
     `number` is the index of the first state; before (B, n, n), the orientations there;
     scratch (tasks, 3 n + 2, n).
     """
-    batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
-    n, (first, last) = m + 1, share(tasks, part, parts)
+    first, last = share(len(scratch), part, parts)
     for task in range(first, last):
-        memory = scratch[task]
-        columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
-        image, b = memory[3 * n], memory[3 * n + 1][:m]
-        for i in range(task * batch // tasks, (task + 1) * batch // tasks):
-            for r in range(n):
-                for c in range(n):
-                    columns[c, r] = before[i, r, c]
-            for k in range(len(out)):
-                for j in range(m):
-                    b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
-                turn(columns, b, eps[i], image)
-                if (number + k + 1) % CLEAN_EVERY == 0:
-                    clean_up(columns, gram, cleaned)
-                for r in range(n):
-                    for c in range(n):
-                        out[k, i, r, c] = columns[c, r]
+        turn_some(task, omega, eps, number, before, out, scratch)
 
 
 @formula
@@ -111,6 +123,18 @@ def follows(equations, row, omega, k, i):
     return not strays(left, step, size, distance)
 
 
+@inner
+def follow_block(block, equations, number, omega, stray):
+    """Fill the index of the first inconsistent state of each trajectory of a block."""
+    for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
+        row = min(i, len(equations[1]) - 1)
+        k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
+        while k < end and follows(equations, row, omega, k, i):
+            k += 1
+        if k < end:
+            stray[i] = number + k + 1
+
+
 @kernel
 def follow(part, parts, root, h, I, rotor, number, omega, stray):
     """Find states that are not the image of the previous state.
@@ -121,11 +145,6 @@ def follow(part, parts, root, h, I, rotor, number, omega, stray):
     number   index of the first state in `omega`
     stray    (B,), the index of the first such state, or -1; read and written
     """
-    first, last = share(omega.shape[1], part, parts)
-    for i in range(first, last):
-        row = min(i, len(h) - 1)
-        k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
-        while k < end and follows((root, h, I, rotor), row, omega, k, i):
-            k += 1
-        if k < end:
-            stray[i] = number + k + 1
+    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
+    for block in range(first, last):
+        follow_block(block, (root, h, I, rotor), number, omega, stray)

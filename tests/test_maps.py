@@ -1,4 +1,4 @@
-"""What every map of the registry must do, and a map that a test registers."""
+"""The contract of every map of the registry, and of one that a test registers."""
 
 import json
 import sys

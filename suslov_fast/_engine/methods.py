@@ -1,4 +1,4 @@
-"""Which algorithms compute a run.
+"""The choice of the algorithms that compute a run.
 
 A driver computes what it can, and leaves the other trajectories to the next:
 

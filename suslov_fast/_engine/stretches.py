@@ -14,7 +14,7 @@ from .execution import Problem, Span
 # Work of a thread in a stretch, in steps of one trajectory of the 3D map.
 _STRETCH = 2**26
 # Least numbers of trajectories and of steps of a stretch, if there are as many, each divided by the
-# work of a step: entering a trajectory costs some 30 steps of the 3D map.
+# work of a step: entering a trajectory costs tens of steps of the 3D map.
 _ABREAST, _LENGTH = 2**13, 2**8
 # Cost of saving a state, in steps of the 3D map.
 _SAVING = 8

@@ -69,7 +69,7 @@ class Block(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """How the work is divided.
+    """The division of the work into tasks.
 
     abreast   number of rows, or times, side by side in a block
     shift     by how much the first block is shorter

@@ -336,11 +336,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 def open_arrays(job: Job) -> Arrays:
     """Return the arrays written during a run, by name."""
     group = _group(job.store, mode="r+")
-    # Chunks of NaN are written like others: testing for them takes longer.
-    return {
-        name: group[name].with_config({"write_empty_chunks": True})
-        for name in (MARKS, RECORDS, *job.states, *job.results)
-    }
+    return {name: group[name] for name in (MARKS, RECORDS, *job.states, *job.results)}
 
 
 def withdraw(job: Job, arrays: Arrays, tile: int, all_data: bool) -> None:
@@ -353,8 +349,7 @@ def withdraw(job: Job, arrays: Arrays, tile: int, all_data: bool) -> None:
         parts |= {name: (slice(None), *where) for name in job.states}
     for name, part in parts.items():
         # A chunk that holds only the fill value is removed.
-        array = arrays[name].with_config({"write_empty_chunks": False})
-        array[part] = array.fill_value
+        arrays[name][part] = arrays[name].fill_value
 
 
 def open_dataset(store: Any, with_dask: bool = True) -> Any:

@@ -1,7 +1,11 @@
-"""Paragraphs shared by the docstrings of several public functions."""
+"""What the docstrings of several public functions share: parameters, errors, and other paragraphs.
+
+A docstring holds only what is particular to its function; `filled` completes it.
+"""
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable
 from textwrap import indent
@@ -9,32 +13,29 @@ from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-PARAGRAPHS = {
-    "any_body": """\
-body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-    The body or field, or a batch of them.""",
-    "body": """\
-body : Suslov3D or SuslovND
-    The body, or a batch of them.""",
-    "body_or_gyrostat": """\
-body : Suslov3D or SuslovGyrostat
-    The body, or a batch of them.""",
-    "body_3d": """\
-body : Suslov3D
-    The body, or a batch of them.""",
+# The parameter `body`, by its annotation.
+BODIES = {
+    "BodyOrField": "Suslov3D, SuslovND, SuslovGyrostat or QuadraticField",
+    "AnyBody": "Suslov3D, SuslovND or SuslovGyrostat",
+    "WithoutRotor": "Suslov3D or SuslovND",
+    "BodyIn3D": "Suslov3D or SuslovGyrostat",
+    "BodyIn3D | QuadraticField": "Suslov3D, SuslovGyrostat or QuadraticField",
+    "Suslov3D": "Suslov3D",
+}
+
+# Other parameters, by name.
+PARAMETERS = {
     "omega": """\
 omega : array_like(float, shape=(..., D))
-    Angular velocities. The result is NaN for states that are NaN.""",
-    "omega_3d": """\
-omega : array_like(float, shape=(..., 2))
-    Angular velocities (Omega1, Omega2). The result is NaN for states that are NaN.""",
+    Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in; or states of a field.
+    The result is NaN for states that are NaN.""",
+    "omega0": """\
+omega0 : array_like(float, shape=(..., D))
+    State 0, or in continuous time that at time 0. The result is NaN where it is NaN.""",
     "eps": """\
 eps : array_like(float, shape=(...))
-    Step size, in the unit of time of the angular velocities.""",
-    "eps0": """\
-eps : array_like(float, shape=(...))
-    Step size, in the unit of time of the angular velocities; a negative one gives the inverse
-    map.""",
+    Step size, in the unit of time of the angular velocities; a negative one is that of the
+    inverse map.""",
     "steps": """\
 steps : int
     Number of steps, 0 or more.""",
@@ -55,7 +56,8 @@ progress : bool or callable, optional
 dims : str or sequence of str, optional
     Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
     name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
-    coordinate: ``data.sel(eps=0.2)``.
+    coordinate: ``data.sel(eps=0.2)``.""",
+    "coords": """\
 coords : mapping, optional
     Coordinates along them, as `xarray.Dataset.assign_coords` takes them.""",
     "threads": """\
@@ -63,49 +65,47 @@ threads : int, optional
     Number of threads, by default Numba's. Results do not depend on it.""",
     "rotation": """\
 rotation : array_like(float, shape=(..., n, n)), optional
-    The matrix that `from_inertia` or `from_mass_tensor` returned with the body, if the input
-    is in the basis in which the inertia was given; by default it is in the adapted basis.""",
-    "frame": """\
-rotation : array_like(float, shape=(..., n, n)), optional
-    The matrix that `from_inertia` or `from_mass_tensor` returned with the body. With it the
-    result is in the basis in which the inertia was given, without it in the adapted basis.
+    The matrix that `from_inertia` or `from_mass_tensor` returned with the body. With it, vectors
+    and matrices are in the basis in which the inertia was given, else in the adapted basis.""",
+    "attitude": """\
 attitude : array_like(float, shape=(..., n, n)), optional
-    Orientations, as :func:`suslov_fast.attitude` returns them. With them the result is in
-    space.""",
-    "panel": """\
+    Orientations, as :func:`suslov_fast.attitude` returns them, in place of `rotation`. With them
+    the result is in space.""",
+    "letter": """\
 letter : str, optional
-    Letter of the panel, written above it.
+    Letter of the panel, written above it.""",
+    "ax": """\
 ax : matplotlib.axes.Axes, optional
-    Axes to draw on; by default those of a new figure.
+    Axes to draw on; by default those of a new figure.""",
+    "map": """\
+map : KahanMap
+    Made by `kahan`.""",
+    "seed": """\
+seed : int, optional
+    Seed of the random primes, points and lines.""",
+}
 
-Returns
--------
-matplotlib.axes.Axes""",
-    "invalid": """\
-TypeError, ValueError
-    If an argument has a wrong type or shape, or is infinite.""",
-    "invalid_frame": """\
-TypeError, ValueError
-    If an argument has a wrong type or shape or is infinite, or if both `rotation` and
-    `attitude` are given.""",
-    "invalid_run": """\
-TypeError, ValueError
-    If an argument has a wrong type or shape, or is infinite; before any work.
-MemoryError
-    If the result does not fit in memory.
-ImportError
-    If `progress` is True and tqdm is not installed.
-SingularStepError
-    If `on_singular` is "raise" and a trajectory fails.""",
+# Lines ``%(name)s`` of docstrings.
+PARAGRAPHS = {
     "needs_xarray": """\
 ImportError
     If a required library is not installed: ``pip install 'suslov_fast[xarray]'``.""",
     "needs_large": """\
 ImportError
     If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.""",
+    "errors_of_runs": """\
+MemoryError
+    If the result does not fit in memory.
+ImportError
+    If `progress` is True and tqdm is not installed.
+SingularStepError
+    If `on_singular` is "raise" and a trajectory fails.""",
     "not_solved": """\
 NotIntegrableError
     If no closed form is known for the body; in three dimensions there always is one.""",
+    "not_integrable": """\
+NotIntegrableError
+    If no first integral is known for the body.""",
     "next_states": """\
 The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`, at
 poles.""",
@@ -114,19 +114,43 @@ At a pole there is no next state: :func:`iterate` and :func:`step` stop there, w
 status SINGULAR. The closed form continues past the pole, as the birational map does:
 :func:`exact` and :func:`limits` return the states after it, and only the state directly after
 the pole is NaN.""",
-    "not_integrable": """\
-NotIntegrableError
-    If no first integral is known for the body.""",
 }
+
+# Of every public function.
+INVALID = """\
+TypeError, ValueError
+    If an argument has a wrong type or shape, or is infinite; before any work.
+"""
 
 
 def filled(function: F) -> F:
-    """Replace each line ``%(name)s`` of a docstring with the paragraph of that name."""
-    if function.__doc__:  # None with `python -OO`
-        function.__doc__ = re.sub(
-            r"^( *)%\((\w+)\)s$",
-            lambda found: indent(PARAGRAPHS[found[2]], found[1]),
-            function.__doc__,
-            flags=re.MULTILINE,
-        )
+    """Complete a docstring: lines ``%(name)s``, and what its sections leave out.
+
+    Parameters follow the signature. The errors raised include `INVALID` unless the section Raises
+    has its own ValueError.
+    """
+    if not function.__doc__:  # None with `python -OO`
+        return function
+    text = re.sub(
+        r"^( *)%\((\w+)\)s$",
+        lambda found: indent(PARAGRAPHS[found[2]], found[1]),
+        inspect.cleandoc(function.__doc__),
+        flags=re.MULTILINE,
+    )
+    summary, *parts = re.split(r"^(\w+)\n-+\n", text, flags=re.MULTILINE)
+    sections = {"Parameters": "", "Returns": "", "Raises": ""}
+    sections |= dict(zip(parts[::2], parts[1::2], strict=True))
+    given = re.split(r"\n(?=\w)", sections["Parameters"].strip())
+    own = {name: each for each in given for name in each.partition(" :")[0].split(", ")}
+    paragraphs = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        if name == "body" and name not in own:
+            own[name] = f"body : {BODIES[parameter.annotation]}\n    A single one, or a batch."
+        if name not in ("self", "cls"):
+            paragraphs.append(own.get(name) or PARAMETERS[name])
+    sections["Parameters"] = "\n".join(dict.fromkeys(paragraphs))
+    if "ValueError" not in sections["Raises"]:
+        sections["Raises"] = INVALID + sections["Raises"]
+    complete = (f"{k}\n{'-' * len(k)}\n{each.strip()}" for k, each in sections.items() if each)
+    function.__doc__ = "\n\n".join([summary.strip(), *complete]) + "\n"
     return function

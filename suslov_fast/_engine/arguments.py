@@ -14,6 +14,7 @@ from .._bodies.field import QuadraticField
 from .._checks import aligned, common_shape, instance, real_number, rotations, states, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
+BodyIn3D = Suslov3D | SuslovGyrostat
 BodyOrField = AnyBody | QuadraticField
 WithoutRotor = Suslov3D | SuslovND
 

@@ -58,17 +58,14 @@ def ensemble(
 
     Parameters
     ----------
-    %(any_body)s
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
         read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
         the first time for a digest that identifies them.
-    %(eps0)s
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
-    %(save_every)s
     reductions : sequence of str, optional
         Quantities of each trajectory, accumulated over the saved states, or, with
         ``save_every=None``, over all states, of which only the last is stored:
@@ -79,7 +76,6 @@ def ensemble(
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
         As in :func:`iterate`.
-    %(dims)s
     chunk : int or mapping, optional
         Number of trajectories of a tile, or sizes along `dims` and "n", the saved states. By
         default the states of a chunk take 16 MiB, or the size of 64 trajectories if that is more.

@@ -26,10 +26,8 @@ def step_full(
 
     Parameters
     ----------
-    %(body_3d)s
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
-    %(eps)s
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
 
@@ -37,10 +35,6 @@ def step_full(
     -------
     ndarray(float, shape=(..., 3))
         %(next_states)s
-
-    Raises
-    ------
-    %(invalid)s
 
     Examples
     --------
@@ -73,18 +67,10 @@ def iterate_full(
 
     Parameters
     ----------
-    %(body_3d)s
     omega0 : array_like(float, shape=(..., 3))
         Initial angular velocities (Omega1, Omega2, Omega3).
-    %(eps0)s
-    %(steps)s
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
-    %(save_every)s
-    %(out)s
-    %(threads)s
-    %(on_singular)s
-    %(progress)s
 
     Returns
     -------
@@ -94,7 +80,7 @@ def iterate_full(
 
     Raises
     ------
-    %(invalid_run)s
+    %(errors_of_runs)s
 
     Notes
     -----

@@ -25,22 +25,10 @@ def step(
 
     For a :class:`QuadraticField` it is a step of Kahan's map, and omega is the state x.
 
-    Parameters
-    ----------
-    %(any_body)s
-    omega : array_like(float, shape=(..., D))
-        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in.
-    %(eps0)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(..., D))
         %(next_states)s
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -83,12 +71,9 @@ def iterate(
 
     Parameters
     ----------
-    %(any_body)s
     omega0 : array_like(float, shape=(..., D))
         Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. A
         trajectory whose initial state is NaN fails at step 0.
-    %(eps0)s
-    %(steps)s
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last, in memory that
         `omega` and `final` of the result share.
@@ -110,10 +95,6 @@ def iterate(
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or the initial rotation matrix (by default the identity), to compute the orientation
         of the body at every step, for any `save_every`; see :func:`attitude`.
-    %(out)s
-    %(threads)s
-    %(on_singular)s
-    %(progress)s
 
     Returns
     -------
@@ -121,7 +102,7 @@ def iterate(
 
     Raises
     ------
-    %(invalid_run)s
+    %(errors_of_runs)s
 
     Notes
     -----

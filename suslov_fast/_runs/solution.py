@@ -35,14 +35,9 @@ def exact(
 
     Parameters
     ----------
-    %(any_body)s
-    omega0 : array_like(float, shape=(..., D))
-        State 0.
-    %(eps)s
     n : array_like(float, shape=() or (N,))
         Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
         real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
-    %(threads)s
 
     Returns
     -------
@@ -54,7 +49,6 @@ def exact(
 
     Raises
     ------
-    %(invalid)s
     MemoryError
         If the states do not fit in memory.
     %(not_solved)s
@@ -97,12 +91,8 @@ def flow(
 
     Parameters
     ----------
-    %(any_body)s
-    omega0 : array_like(float, shape=(..., D))
-        The angular velocity at time 0.
     time : array_like(float, shape=() or (N,))
         Times, positive or negative, in the unit of time of omega0.
-    %(threads)s
 
     Returns
     -------
@@ -112,7 +102,6 @@ def flow(
 
     Raises
     ------
-    %(invalid)s
     %(not_solved)s
 
     Notes
@@ -142,14 +131,6 @@ def limits(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map for n to minus and to plus infinity.
 
-    Parameters
-    ----------
-    %(any_body)s
-    omega0 : array_like(float, shape=(..., D))
-        A state of the orbit.
-    %(eps)s
-    %(threads)s
-
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
@@ -160,7 +141,6 @@ def limits(
 
     Raises
     ------
-    %(invalid)s
     %(not_solved)s
 
     Notes

@@ -135,6 +135,7 @@ class Trajectories:
         )
         return self
 
+    @filled
     def extend(
         self,
         steps: int,
@@ -148,9 +149,7 @@ class Trajectories:
         Parameters
         ----------
         steps : int
-            Number of additional steps, 0 or more.
-        threads, on_singular, progress
-            As in :func:`iterate`; earlier failures are not reported again.
+            Number of additional steps, 0 or more. Failures before them are not reported again.
 
         Returns
         -------
@@ -159,8 +158,7 @@ class Trajectories:
 
         Raises
         ------
-        TypeError, ValueError, MemoryError, ImportError, SingularStepError
-            As :func:`iterate` does.
+        %(errors_of_runs)s
 
         Examples
         --------
@@ -272,6 +270,7 @@ class Trajectories:
         values: FloatArray = function(self.body, self.states, *eps)
         return values
 
+    @filled
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
 
@@ -281,8 +280,6 @@ class Trajectories:
         ----------
         components : tuple of int
             Indices of the components on the horizontal and the vertical axis.
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default those of a new figure.
 
         Returns
         -------
@@ -332,10 +329,6 @@ class Trajectories:
         Parameters are not repeated along axes on which they do not vary, `final` is a variable only
         if the last state is not saved, and no array is copied.
 
-        Parameters
-        ----------
-        %(dims)s
-
         Returns
         -------
         xarray.Dataset
@@ -369,11 +362,18 @@ class Trajectories:
 
         The result cannot be resumed: its :meth:`extend` raises ValueError.
 
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            The dataset, or a selection of trajectories from it.
+
+        Returns
+        -------
+        Trajectories
+
         Raises
         ------
         %(needs_xarray)s
-        TypeError, ValueError
-            If it is not such a dataset.
         """
         from .labelled import entries_of_dataset
         from .schema import run_of

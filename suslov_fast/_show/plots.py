@@ -53,7 +53,10 @@ def plot_phase(
         Number of level curves, at least 1.
     legend : bool
         Draw a legend below the axes.
-    %(panel)s
+
+    Returns
+    -------
+    matplotlib.axes.Axes
 
     Raises
     ------

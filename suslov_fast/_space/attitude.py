@@ -26,6 +26,7 @@ from .._checks import (
 )
 from .._docs import filled
 from .._engine import threads as _threads
+from .._engine.arguments import AnyBody
 from .._engine.evaluation import TASKS
 from .._engine.layout import flat_parameter, for_kernel
 from .._kernels import orientations as kernels
@@ -39,25 +40,21 @@ _TURNING, _CHECKING = 10, 10
 
 @filled
 def attitude(
-    body: Any,
+    body: AnyBody,
     omega: ArrayLike,
     eps: ArrayLike,
     R0: ArrayLike | None = None,
     *,
     threads: int | None = None,
 ) -> FloatArray:
-    """Orientation of the body along stored trajectories.
+    """Orientation of the body along stored trajectories, eps being their step size.
 
     Parameters
     ----------
-    %(any_body)s
     omega : array_like(float, shape=(N + 1, ..., D))
         All states of trajectories, as :func:`iterate` returns them, including NaN after a failure.
-    %(eps)s
-        It must be the step size of the states.
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix, the orientation at the first state; by default the identity.
-    %(threads)s
 
     Returns
     -------
@@ -69,9 +66,9 @@ def attitude(
 
     Raises
     ------
-    %(invalid)s
-    ValueError
-        If states are not consecutive, for example in a run that saved every k-th state only.
+    TypeError, ValueError
+        If an argument has a wrong type or shape or is infinite, or states are not consecutive, for
+        example in a run that saved every k-th state only.
 
     Notes
     -----

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray, common_shape, instance, square_matrices, vectors
 from .._docs import filled
-from .._engine.arguments import IN_3D, AnyBody, check
+from .._engine.arguments import IN_3D, AnyBody, BodyIn3D, check
 
 # Relative tolerance of antisymmetry and of the constraint.
 _ROUNDING = 1e-12
@@ -26,21 +25,11 @@ def to_matrix(
 ) -> FloatArray:
     """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(frame)s
-
     Returns
     -------
     ndarray(float, shape=(..., n, n))
         In three dimensions, the matrix whose product with a vector v is the vector product of
         (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
-
-    Raises
-    ------
-    %(invalid_frame)s
 
     Examples
     --------
@@ -70,11 +59,9 @@ def from_matrix(
 
     Parameters
     ----------
-    %(any_body)s
     matrix : array_like(float, shape=(..., n, n))
         Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
         basis. Where one is NaN, so is the result.
-    %(rotation)s
 
     Returns
     -------
@@ -120,7 +107,7 @@ def from_matrix(
 
 @filled
 def to_vector(
-    body: Suslov3D | SuslovGyrostat,
+    body: BodyIn3D,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -128,20 +115,10 @@ def to_vector(
 ) -> FloatArray:
     """Angular velocity as a vector, in three dimensions.
 
-    Parameters
-    ----------
-    %(body_or_gyrostat)s
-    %(omega_3d)s
-    %(frame)s
-
     Returns
     -------
     ndarray(float, shape=(..., 3))
         (Omega1, Omega2, 0), or its components in the other basis.
-
-    Raises
-    ------
-    %(invalid_frame)s
 
     Examples
     --------
@@ -157,17 +134,15 @@ def to_vector(
 
 @filled
 def from_vector(
-    body: Suslov3D | SuslovGyrostat, vector: ArrayLike, *, rotation: ArrayLike | None = None
+    body: BodyIn3D, vector: ArrayLike, *, rotation: ArrayLike | None = None
 ) -> FloatArray:
     """Angular velocities from vectors, the inverse of :func:`to_vector`.
 
     Parameters
     ----------
-    %(body_or_gyrostat)s
     vector : array_like(float, shape=(..., 3))
         Angular velocities that obey the constraint: normal to the constrained axis of the body.
         Where one is NaN, so is the result.
-    %(rotation)s
 
     Returns
     -------
@@ -215,21 +190,11 @@ def momentum(
 
     With a rotor it is I Omega + k e3.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(frame)s
-
     Returns
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
         A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
         that of omega.
-
-    Raises
-    ------
-    %(invalid_frame)s
 
     Notes
     -----

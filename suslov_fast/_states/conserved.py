@@ -5,36 +5,26 @@ States have any shape (..., D): one, a batch, or a whole run, time first.
 
 from __future__ import annotations
 
-from typing import Any
-
 from numpy.typing import ArrayLike
 
+from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._docs import filled
+from .._engine.arguments import AnyBody, BodyIn3D, BodyOrField
 from .table import evaluate
 
 
 @filled
-def energy(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
+def energy(body: BodyOrField, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
 
     In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2. The map conserves
     :func:`first_integral` instead.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of inertia times that of omega squared.
-
-    Raises
-    ------
-    %(invalid)s
 
     Examples
     --------
@@ -47,7 +37,7 @@ def energy(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatA
 
 @filled
 def first_integral(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """First integral F of the map.
 
@@ -57,13 +47,6 @@ def first_integral(
     F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the length of the component of omega
     orthogonal to I.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(eps)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(...))
@@ -71,7 +54,6 @@ def first_integral(
 
     Raises
     ------
-    %(invalid)s
     %(not_integrable)s
 
     Notes
@@ -93,7 +75,7 @@ def first_integral(
 
 @filled
 def modified_energy(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
@@ -101,21 +83,10 @@ def modified_energy(
     error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F,
     also with a rotor.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(eps)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of inertia times that of omega squared.
-
-    Raises
-    ------
-    %(invalid)s
 
     Examples
     --------
@@ -131,22 +102,14 @@ def modified_energy(
 
 @filled
 def criticality(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
     It is constant along an orbit. If -1 < t < 1, the orbit follows the continuous motion. Otherwise
     the step is too long, and the orbit jumps across the line of steady states. For a gyrostat it is
     t = e A, with e = eps / (2 sqrt(I1 I2)) and A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2), which
-    is the same for k = 0; the orbit can meet a pole only if abs(t) >= 1.
-
-    Parameters
-    ----------
-    %(body)s
-    %(omega)s
-    %(eps)s
-        t has its sign.
-    %(threads)s
+    is the same for k = 0; the orbit can meet a pole only if abs(t) >= 1. t has the sign of eps.
 
     Returns
     -------
@@ -155,7 +118,6 @@ def criticality(
 
     Raises
     ------
-    %(invalid)s
     %(not_integrable)s
 
     Notes
@@ -175,29 +137,17 @@ def criticality(
 
 @filled
 def rotation_number(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyIn3D, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
     It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
     body without a rotor, and for a gyrostat where abs(k) <= A.
 
-    Parameters
-    ----------
-    body : Suslov3D or SuslovGyrostat
-        The body, or a batch of them.
-    %(omega_3d)s
-    %(eps)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(...))
         Between -1/2 and 1/2, with the sign of k eps.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -218,32 +168,19 @@ def rotation_number(
 
 @filled
 def invariant_density(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyIn3D | QuadraticField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Density of the invariant measure of the map, in (Omega1, Omega2).
 
     rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2; for a gyrostat x + k
     takes the place of x. With the :func:`jacobian` J at omega, rho(next omega) det J = rho(omega),
-    signs included.
-
-    Parameters
-    ----------
-    body : Suslov3D or SuslovGyrostat
-        The body, or a batch of them.
-    %(omega_3d)s
-    %(eps)s
-        For eps = 0 it is a density of the continuous motion.
-    %(threads)s
+    signs included. For eps = 0 it is a density of the continuous motion.
 
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of 1 / omega over that of inertia to the third power. It has the sign of x, and
         is infinite on the line x = 0 of steady states.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----

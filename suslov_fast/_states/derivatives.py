@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,32 +10,21 @@ from .._bodies.body_nd import SuslovND
 from .._bodies.scaling import in_units
 from .._checks import FloatArray
 from .._docs import filled
-from .._engine.arguments import WithoutRotor, check, refuse_rotor
+from .._engine.arguments import BodyOrField, WithoutRotor, check, refuse_rotor
 from .table import evaluate
 
 
 @filled
 def jacobian(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
-
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(eps)s
-    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
         with one :class:`SingularStepWarning`, where a state has no next state.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -58,27 +45,16 @@ def jacobian(
 
 @filled
 def matrix(
-    body: Any, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     For a gyrostat A(omega; eps) next_omega = A(0; -eps) omega.
 
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(eps)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         A, dimensionless.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -107,10 +83,8 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    %(body)s
     c : array_like(float, shape=(...))
         Position on the line of steady states, in the unit of omega over that of inertia.
-    %(eps)s
 
     Returns
     -------
@@ -118,10 +92,6 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
         Dimensionless. The first is 1, for the direction along the line; the others multiply the
         distance from it. Their magnitude is above 1 on the repelling half of the line, below
         1 on the attracting half, and infinite at a pole.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----

@@ -14,7 +14,7 @@ from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import check
+from .._engine.arguments import BodyOrField, check
 from .._engine.evaluation import TASKS
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
@@ -34,20 +34,14 @@ _NEXT_TO_1 = 0.1
 
 @filled
 def lyapunov_exponents(
-    body: Any, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
+    body: BodyOrField, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
     Parameters
     ----------
-    %(any_body)s
-    omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities. The result is NaN for states that are NaN.
-    %(eps)s
-        A negative one gives the inverse map.
     steps : int
         Number of steps, 1 or more.
-    %(threads)s
 
     Returns
     -------
@@ -55,10 +49,6 @@ def lyapunov_exponents(
         Exponents per step, the largest first; divide by eps for rates per unit of time. -inf if
         a step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails
         before its last step.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----

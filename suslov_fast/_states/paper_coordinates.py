@@ -20,21 +20,11 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
 
     The steady states are the line x = 0. x is accurate to rounding near that line too.
 
-    Parameters
-    ----------
-    %(body_3d)s
-    %(omega_3d)s
-    %(threads)s
-
     Returns
     -------
     ndarray(float, shape=(..., 2))
         x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
         of omega.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -54,22 +44,17 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
 def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
 
+    I13 and I23 must not both be 0.
+
     Parameters
     ----------
-    %(body_3d)s
-        I13 and I23 must not both be 0.
     xy : array_like(float, shape=(..., 2))
         Coordinates (x, y). Where one is NaN, so is the result.
-    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
         (Omega1, Omega2).
-
-    Raises
-    ------
-    %(invalid)s
 
     Examples
     --------
@@ -102,16 +87,8 @@ def closed_form(
 
     In the coordinates of :func:`to_xy` state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
-    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2.
-
-    Parameters
-    ----------
-    %(body_3d)s
-    omega0 : array_like(float, shape=(..., 2))
-        State 0. Where it is NaN, so are the results.
-    %(eps)s
-        0 gives the constants of the continuous motion.
-    %(threads)s
+    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2. eps = 0 gives the constants of the
+    continuous motion.
 
     Returns
     -------
@@ -120,10 +97,6 @@ def closed_form(
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
         -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
         0 at rest.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----

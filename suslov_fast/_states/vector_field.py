@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray
 from .._docs import filled
+from .._engine.arguments import AnyBody, BodyOrField
 from .table import evaluate
 
 
 @filled
-def vector_field(body: Any, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
+def vector_field(body: BodyOrField, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Time derivative of omega in the continuous motion.
-
-    Parameters
-    ----------
-    %(any_body)s
-    %(omega)s
-    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         In the unit of omega squared.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----
@@ -46,18 +35,15 @@ def vector_field(body: Any, omega: ArrayLike, *, threads: int | None = None) -> 
 
 @filled
 def reaction(
-    body: Any, omega: ArrayLike, eps: ArrayLike | None = None, *, threads: int | None = None
+    body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None, *, threads: int | None = None
 ) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
     Parameters
     ----------
-    %(any_body)s
-    %(omega)s
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
         equations between each state and its next one, without it that of the continuous equations.
-    %(threads)s
 
     Returns
     -------
@@ -65,10 +51,6 @@ def reaction(
         In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
         matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
         given and a state has no next state.
-
-    Raises
-    ------
-    %(invalid)s
 
     Notes
     -----

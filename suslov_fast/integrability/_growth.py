@@ -13,10 +13,12 @@ import flint
 import numpy as np
 
 from .._checks import instance, integer, wrong
+from .._docs import filled
 from ._exact import confirmed
 from ._maps import Arithmetic, KahanMap, evaluate
 
 
+@filled
 def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
@@ -26,12 +28,8 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Parameters
     ----------
-    map : KahanMap
-        Made by `kahan`.
     n : int
         Number of iterates.
-    seed : int, optional
-        Seed of the random primes and lines.
 
     Returns
     -------
@@ -40,8 +38,6 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type, or n is negative.
     ArithmeticError
         If every line runs into points without an image.
 

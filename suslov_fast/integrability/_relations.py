@@ -16,6 +16,7 @@ import numpy as np
 
 from .._bodies.polynomial import exact_array
 from .._checks import instance, integer, wrong
+from .._docs import filled
 from . import _exact
 from ._exact import (
     Exponents,
@@ -59,6 +60,7 @@ class HKBasis:
         return polynomials_with(self.basis, self.monomials)
 
 
+@filled
 def hk_bases(
     map: KahanMap, monomials: int | Sequence[Sequence[int]], *, point: Any = None, seed: int = 0
 ) -> HKBasis:
@@ -73,15 +75,11 @@ def hk_bases(
 
     Parameters
     ----------
-    map : KahanMap
-        Made by `kahan`.
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
         100.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------
@@ -91,8 +89,6 @@ def hk_bases(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type, length or sign.
     ArithmeticError
         If the orbit of `point`, or of most points, ends at a pole.
 
@@ -185,6 +181,7 @@ def _independent(modular: Arithmetic, exponents: Exponents, rng: random.Random) 
     return int(modular.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
 
 
+@filled
 def darboux_polynomials(
     map: KahanMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
@@ -196,15 +193,11 @@ def darboux_polynomials(
 
     Parameters
     ----------
-    map : KahanMap
-        Made by `kahan`.
     degree : int
         Largest degree of P.
     cofactor : number or callable, optional
         C: a rational number, or a function that takes a point, a tuple of fractions, and returns
         a rational number, exactly. By default it is ``map.determinant``.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------

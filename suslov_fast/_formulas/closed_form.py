@@ -32,8 +32,8 @@ import numpy as np
 
 from .._jit import formula, select, two_product
 from . import twofold, units
-from .canonical_map import ZERO_TO_ROUNDING
 from .coordinates import (
+    ZERO_TO_ROUNDING,
     dimensionless,
     rotor_twofold,
     sum_of_ordered,
@@ -50,12 +50,12 @@ from .elementary import (
     is_integer,
     larger,
     logarithm_beyond,
+    of_quarter_turns,
     scaled,
     smaller,
     two_to_the,
     within,
 )
-from .trigonometric import of_quarter_turns
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5

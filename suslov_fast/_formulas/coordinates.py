@@ -2,10 +2,13 @@
 
 import numpy as np
 
-from .._jit import formula, two_product
+from .._jit import formula, select, two_product
 
-# |X| + |Y| below this: a step changes the state by less than one part in 1e150.
-MOTIONLESS = 1e-150
+# A denominator this much smaller than its own terms is zero to rounding: the state is on a pole.
+# Rounding of the body, the state and the terms may amount to four units 2**-53.
+ZERO_TO_ROUNDING = 2.0**-50
+# Numbers below this are soon subnormal if they decrease, and then at least four times slower.
+NEGLIGIBLE = 2.0**-960
 
 
 @formula
@@ -100,9 +103,10 @@ def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 
 @formula
-def at_rest(I13, I23, eps, X, Y):
-    """Test that the map is the identity, or changes this state by less than rounding."""
-    return (I13 == 0.0) & (I23 == 0.0) | (eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
+def shifted(Y, lost):
+    """Return c, 0 where Y is small and 1 where 1 - Y is, and Z = c - (Y + lost), for the maps."""
+    c = select(Y > 0.5, 1.0, 0.0)
+    return c, (c - Y) - lost
 
 
 @formula
@@ -112,9 +116,3 @@ def from_canonical(I1, I2, I13, I23, eps):
     m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(a2) / eps, 0.0)
     m12, m22 = from_xy(I1, I2, I13, I23, 0.0, a2 / eps)
     return m11, m12, m21, m22
-
-
-@formula
-def angular_velocity(m11, m12, m21, m22, rest1, rest2, unit, X, Y):
-    """omega = (m (X, Y) + rest) unit; both are NaN where X is."""
-    return (m11 * X + m12 * Y + rest1) * unit, (m21 * X + m22 * Y + rest2) * unit

@@ -1,6 +1,7 @@
-"""Conserved quantities of both bodies in three dimensions, l = I13 Omega1 + I23 Omega2 + k.
+"""Conserved quantities of both bodies in three dimensions, with those of Section 4.
 
-A formula gets a problem in the units of `units`; k = 0 is the body without a rotor.
+A formula gets a problem in the units of `units`; k = 0 is the body without a rotor, and
+l = I13 Omega1 + I23 Omega2 + k.
 """
 
 import math
@@ -8,13 +9,16 @@ import math
 import numpy as np
 
 from .._jit import formula, select
-from .coordinates import dimensionless, rotor
-from .elementary import exponent, larger, two_to_the
-from .trigonometric import arctangent
+from .coordinates import dimensionless, rotor, to_xy
+from .elementary import arctangent, exponent, larger, logarithm, two_to_the
 from .twofold import difference, plus, product, square
 
 # The number below 1.
 BELOW_ONE = 1.0 - 2.0**-53
+# T below this: artanh(T) / T is 1, and T may have lost digits.
+TINY = 1e-150
+# s above this: s**2 + 1 is s**2.
+LARGE = 1e8
 
 
 @formula
@@ -42,17 +46,6 @@ def invariant_density(I1, I2, I13, I23, k, eps, omega1, omega2):
     l = rotor(I13, I23, k, omega1, omega2)
     step = eps * l
     return 1.0 / (l * (4.0 * I1 * I2 + step * step))
-
-
-@formula
-def level(X, Y):
-    """T = sqrt((X**2 + 2 Y**2) / (2 + X**2)) of `canonical_map`, conserved by the map."""
-    # Units in which the sums of squares are in range.
-    size = abs(X) + abs(Y) + 1e-300
-    above, below = 1.0 / size, 1.0 / (abs(X) + 1.0)
-    X1, Y1, X2 = X * above, Y * above, X * below
-    squares = (X1 * X1 + 2.0 * Y1 * Y1) / (X2 * X2 + 2.0 * below * below)
-    return size * below * np.sqrt(squares)
 
 
 @formula
@@ -105,3 +98,38 @@ def rotation_number(I1, I2, I13, I23, k, eps, omega1, omega2):
     turns = arctangent(tangent, 1.0) / math.pi
     turns = select((k < 0.0) != (eps < 0.0), -turns, turns)
     return select(rest > 0.0, turns, select(rest <= 0.0, 0.0, np.nan))
+
+
+@formula
+def inverse_hyperbolic_sine(s):
+    size = abs(s)
+    root = select(size > LARGE, size, np.sqrt(1.0 + size * size))
+    # log(size + root), as minus the log of the inverse, which is 1 minus an accurate number.
+    inverse = 1.0 / (root + size)
+    less = select(size > LARGE, size, size + size * size / (root + 1.0))
+    value = -logarithm(inverse, less * inverse)
+    value = select(size < np.inf, value, size)
+    return select(s < 0.0, -value, value)
+
+
+@formula
+def constants(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Constants h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
+
+    With T = |t| and r = (1 - T) / (1 + T),
+    k1 = -(2 / eps) artanh(t) = sqrt(h / (I1 I2)) log(r) / T,
+    and sinh(k2) = y / (|x| sqrt(I1 I2 (1 - T**2))).
+    """
+    t = criticality(I1, I2, I13, I23, k, eps, omega1, omega2)
+    T, (x, y) = abs(t), to_xy(I1, I2, I13, I23, k, eps, omega1, omega2)
+    X, Y, lost, _ = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
+    below = 1.0 + 0.5 * X * X
+    h = 0.25 * (x * x + y / I1 * (y / I2)) / below
+    complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / below  # 1 - T**2
+    inverse = 1.0 / (1.0 + T)
+    log_r = logarithm(complement * inverse * inverse, 2.0 * (select(T < 1.0, T, 1.0)) * inverse)
+    k1 = np.sqrt(h / (I1 * I2)) * (select(T > TINY, log_r / T, -2.0))
+    k2 = inverse_hyperbolic_sine(y / (abs(x) * np.sqrt(I1 * I2 * complement)))
+    k2 = select(h == 0.0, 0.0, k2)
+    below_critical = abs(Y) < 1.0
+    return h, select(below_critical, k1, np.nan), select(below_critical, k2, np.nan), t

@@ -27,7 +27,6 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas import closed_form as formulas
-from .._formulas.canonical_map import NEGLIGIBLE
 from .._formulas.closed_form import (
     EXACT,
     LONGEST_PHASE,
@@ -43,6 +42,7 @@ from .._formulas.closed_form import (
     Start,
     Steps,
 )
+from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import exponent, scaled
 from .._formulas.units import Problem
 from .._jit import formula, inner, kernel, lane, put, rows_of, select, share, stack

@@ -1,16 +1,36 @@
-"""The map in three dimensions in the coordinates (X, Y), for `blocks`."""
+"""The map in three dimensions in the dimensionless coordinates (X, Y), for `blocks`.
+
+In these, one map serves every body and step size: equation (8), solved, is
+
+X_next = X (1 + Y) / (1 - Y + X**2),  Y_next = Y - X X_next.
+
+A state is stored as (X, Z) with Z = c - Y. The constant c of an orbit is 0 where Y is small, and 1
+where 1 - Y is small, so that neither is a difference of rounded numbers.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas import canonical_map, coordinates, units
-from .._formulas.elementary import larger, two_to_the
+from .._formulas import coordinates, units
+from .._formulas.coordinates import NEGLIGIBLE, ZERO_TO_ROUNDING
+from .._formulas.elementary import larger, smaller, two_to_the
 from .._jit import formula, select
 from . import codes
 from .lanes import body_at
 
 D = 2
+
+# |X| + |Y| below this: a step changes the state by less than one part in 1e150.
+MOTIONLESS = 1e-150
+# Above this |X|, in the first state of an orbit or near a pole, the new Y is not a small change of
+# the old one.
+LARGE = 2.0
+# Below this |X|, X**2 is subnormal. It is negligible relative to a state that moves.
+SMALLEST_SQUARED = 2.0**-510
+# Bound of |X| + |Z| of orbits with c = 0, -1 < Y <= 1/2 and |X| < LARGE, which reach no pole: by
+# H = (X**2 + 2 Y**2)/(2 + X**2), which is conserved, X**2 is below 6 and |Y| below 1.
+LARGEST_BOUNDED = 5.0
 
 
 class State(NamedTuple):
@@ -40,11 +60,11 @@ def enter(parameters, omega, i):
     X, Y, lost, _ = coordinates.dimensionless(*p)
     m11, m12, m21, m22 = coordinates.from_canonical(p.I1, p.I2, p.I13, p.I23, p.eps)
     # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state does not change.
-    rests = coordinates.at_rest(p.I13, p.I23, p.eps, X, Y)
+    rests = (p.I13 == 0.0) & (p.I23 == 0.0) | (p.eps == 0.0) | (abs(X) + abs(Y) < MOTIONLESS)
     m11, m12 = select(rests, 0.0, m11), select(rests, 0.0, m12)
     m21, m22 = select(rests, 0.0, m21), select(rests, 0.0, m22)
     X, Y, lost = select(rests, 0.0, X), select(rests, 0.0, Y), select(rests, 0.0, lost)
-    c, Z = canonical_map.shifted(Y, lost)
+    c, Z = coordinates.shifted(Y, lost)
     unit = two_to_the(u.W)
     largest = larger(larger(abs(m11), abs(m12)), larger(abs(m21), abs(m22)))
     bound = units.bound_in(unit) / largest
@@ -54,43 +74,68 @@ def enter(parameters, omega, i):
     status = select(abs(Y) >= 1.0, codes.SUPERCRITICAL, codes.OK)
     status = select(X == X, status, codes.NONFINITE)
     scale = select(rests, 1.0, unit)
+    bounded = (c == 0.0) & (Z < 1.0) & (abs(X) < LARGE) & (bound > LARGEST_BOUNDED)
     constants = Constants(c, m11, -m12, m21, -m22, rest1, rest2, scale, bound)
-    return status, not canonical_map.stays_bounded(X, Z, c, bound), State(X, Z), constants
+    return status, not bounded, State(X, Z), constants
 
 
 @formula
 def advance(k, s):
-    return canonical_map.canonical_step(s.X, s.Z, 0.0)
+    """Equation (8), with c = 0."""
+    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + s.X * s.X)
+    return X, s.Z + s.X * X
 
 
 @formula
 def careful(k, s):
-    return canonical_map.careful_step(s.X, s.Z)
+    X0 = select(is_slow(s), 0.0, s.X)
+    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + X0 * s.X)
+    return X, s.Z + X0 * X
+
+
+@formula
+def denominator(k, s):
+    """Return 1 - Y + X**2, and True if it is finite and differs from 0 beyond rounding.
+
+    The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
+    For |Y| < 1 nothing is taken for 0.
+    """
+    square = select(is_slow(s), 0.0, s.X) * s.X
+    d = ((1.0 - k.c) + s.Z) + square
+    return d, abs(d) > ZERO_TO_ROUNDING * smaller(1.0 + square, 2.0**20 * square)
 
 
 @formula
 def guarded(k, s):
-    return canonical_map.guarded_step(s.X, s.Z, k.c, k.bound)
+    d, regular = denominator(k, s)
+    X0 = select(is_slow(s), 0.0, s.X)
+    X = s.X * ((1.0 + k.c) - s.Z) / d
+    # c - (Y (1 - Y) - X**2) / (1 - Y + X**2), which then cancels nowhere.
+    quotient = ((1.0 + k.c) * (X0 * s.X) + s.Z * ((1.0 - k.c) + s.Z)) / d
+    Z = select(abs(s.X) > LARGE, quotient, s.Z + X0 * X)
+    exists = regular & (abs(X) + abs(Z) < k.bound)
+    return select(exists, X, np.nan), select(exists, Z, np.nan)
 
 
 @formula
 def show(k, s):
-    return coordinates.angular_velocity(
-        k.m11, k.m12, k.m21, k.m22, k.rest1, k.rest2, k.scale, s.X, s.Z
-    )
+    """omega; both are NaN where X is."""
+    omega1, omega2 = k.m11 * s.X + k.m12 * s.Z, k.m21 * s.X + k.m22 * s.Z
+    return (omega1 + k.rest1) * k.scale, (omega2 + k.rest2) * k.scale
 
 
 @formula
 def cause(k, s):
-    d, regular = canonical_map.denominator(s.X, s.Z, k.c)
+    d, regular = denominator(k, s)
     return codes.SINGULAR if np.isfinite(d) and not regular else codes.NONFINITE
 
 
 @formula
 def settle(k, s):
-    return canonical_map.without_negligible(s.X, s.Z, k.c), s.Z
+    # Near the smallest normal number, and converging to a fixed point.
+    return select((abs(s.X) < NEGLIGIBLE) & (k.c < s.Z), 0.0, s.X), s.Z
 
 
 @formula
 def is_slow(s):
-    return canonical_map.has_subnormal_square(s.X)
+    return abs(s.X) < SMALLEST_SQUARED

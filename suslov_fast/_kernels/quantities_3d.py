@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas import continuous, coordinates, integrals, linearised, section4, units
+from .._formulas import coordinates, equations, integrals, units
 from .._formulas.elementary import exponent, larger, scaled
 from .._jit import Kernel, formula, lane, namespace, put, rows_of, share, stack
 from .lanes import LANES
@@ -215,8 +215,8 @@ def from_xy_at_state(body, x, y):
 energy = of_formulas("energy", 1, as_given, energy_at_state)
 from_xy = of_formulas("from_xy", 2, units.of_body, from_xy_at_state)
 _REACTION = (-1, 2, 2), (1, 0, 2)
-reaction = of_two_terms("reaction", continuous.reaction, *_REACTION)
-discrete_reaction = of_two_terms("discrete_reaction", continuous.discrete_reaction, *_REACTION)
+reaction = of_two_terms("reaction", equations.reaction, *_REACTION)
+discrete_reaction = of_two_terms("discrete_reaction", equations.discrete_reaction, *_REACTION)
 
 first_integral = of_body("first_integral", integrals.first_integral, (-1, 0, 2))
 modified_energy = of_body("modified_energy", integrals.modified_energy, (1, 0, 2))
@@ -224,7 +224,7 @@ criticality = of_body("criticality", integrals.criticality, (0, 0, 0))
 rotation_number = of_body("rotation_number", integrals.rotation_number, (0, 0, 0))
 invariant_density = of_body("invariant_density", integrals.invariant_density, (-2, -1, -1))
 to_xy = of_body("to_xy", coordinates.to_xy, (0, 1, 1), (1, 1, 1))
-vector_field = of_body("vector_field", continuous.vector_field, (-1, 1, 2), (-1, 1, 2))
-jacobian = of_body("jacobian", linearised.jacobian, *[(0, 0, 0)] * 4)
-matrix = of_body("matrix", linearised.matrix, *[(0, 0, 0)] * 4)
-constants = of_body("constants", section4.constants, (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0))
+vector_field = of_body("vector_field", equations.vector_field, (-1, 1, 2), (-1, 1, 2))
+jacobian = of_body("jacobian", equations.jacobian, *[(0, 0, 0)] * 4)
+matrix = of_body("matrix", equations.matrix, *[(0, 0, 0)] * 4)
+constants = of_body("constants", integrals.constants, (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0))

@@ -1,5 +1,5 @@
-"""The derivative of the map of both bodies in three dimensions, and the matrix that the paper
-inverts.
+"""The equations of motion of both bodies in three dimensions, the reaction of their constraint, and
+the derivative of the map.
 
 A formula gets a problem in the units of `units`; k = 0 is the body without a rotor.
 """
@@ -7,8 +7,7 @@ A formula gets a problem in the units of `units`; k = 0 is the body without a ro
 import numpy as np
 
 from .._jit import formula, select
-from .canonical_map import ZERO_TO_ROUNDING, shifted
-from .coordinates import dimensionless
+from .coordinates import ZERO_TO_ROUNDING, dimensionless, rotor, shifted, sum_of_products
 from .elementary import smaller
 
 # |X| + |Y| + |K| below this: the derivative is the identity plus a small matrix, computed
@@ -17,15 +16,64 @@ NEAR_IDENTITY = 0.25
 
 
 @formula
+def vector_field(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Derivatives of Omega1 and Omega2, from equation (2): -l Omega2 / I1 and l Omega1 / I2."""
+    l = rotor(I13, I23, k, omega1, omega2)
+    return -omega2 * l / I1, omega1 * l / I2
+
+
+@formula
+def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """The terms l' and (I1 - I2) Omega1 Omega2 of equation (2), whose difference the multiplier is.
+
+    l' = I13 Omega1' + I23 Omega2', with l as a factor.
+    """
+    l = rotor(I13, I23, k, omega1, omega2)
+    return l * (I23 * omega1 / I2 - I13 * omega2 / I1), (I1 - I2) * (omega1 * omega2)
+
+
+@formula
 def denominator(X, Y, lost, K):
     """D = 1 - Y + X (X - K / 2) of the next state; NaN where it is 0 to rounding.
 
-    As in `canonical_map` the threshold decreases towards X = 0.
+    As in `map_canonical` the threshold decreases towards X = 0.
     """
     c, Z = shifted(Y, lost)
     size = abs(X) * (abs(X) + 0.5 * abs(K))
     D = ((1.0 - c) + Z) + X * (X - 0.5 * K)
     return select(abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size), D, np.nan)
+
+
+@formula
+def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Terms of equation (4), as those above: (l_next - l) / eps and
+    (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
+
+    Both are rational functions of the state with the denominator of the next state, and in these
+    no terms cancel that do not cancel in the result.
+    """
+    X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
+    D = denominator(X, Y, lost, K)
+    a, half = I1 * I2, 0.5 * eps
+    l, x = rotor(I13, I23, k, omega1, omega2), sum_of_products(I13, omega1, I23, omega2)
+    y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
+    slope = l * ((y - half * l * x) / a) / D
+    of_1 = I1 * omega1 * omega1 * (I13 * omega1 + k)
+    of_2 = I2 * omega2 * omega2 * (I23 * omega2 + k)
+    mean = (omega1 * omega2 * (1.0 - 0.5 * K * X) + half * (of_1 - of_2) / a) / D
+    return slope, (I1 - I2) * mean
+
+
+@formula
+def matrix(I1, I2, I13, I23, k, eps, omega1, omega2):
+    """Entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
+    h1, h2 = 0.5 * eps / I1, 0.5 * eps / I2
+    return (
+        1.0 + h1 * (I13 * omega2),
+        h1 * (I13 * omega1 + 2.0 * I23 * omega2 + k),
+        -h2 * (2.0 * I13 * omega1 + I23 * omega2 + k),
+        1.0 - h2 * (I23 * omega1),
+    )
 
 
 @formula
@@ -65,16 +113,4 @@ def jacobian(I1, I2, I13, I23, k, eps, omega1, omega2):
         both * I2 * (d11 - d22) + ratio * (across * d21 - along * d12),
         both * I1 * (d11 - d22) + (across * d12 - along * d21) / ratio,
         identity + (across * d11 + along * d22 - shear),
-    )
-
-
-@formula
-def matrix(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """Entries (11, 12, 21, 22) of the matrix that the paper inverts before equation (5)."""
-    h1, h2 = 0.5 * eps / I1, 0.5 * eps / I2
-    return (
-        1.0 + h1 * (I13 * omega2),
-        h1 * (I13 * omega1 + 2.0 * I23 * omega2 + k),
-        -h2 * (2.0 * I13 * omega1 + I23 * omega2 + k),
-        1.0 - h2 * (I23 * omega1),
     )

@@ -69,6 +69,42 @@ def test_formulas_and_kernels_are_pure_numerics_and_allocate_nothing():
         assert not {name.rpartition(".")[2] for name in calls if "." in name} & ALLOCATING, path
 
 
+def test_only_allocations_return_memory_on_the_stack():
+    """LLVM may use the memory of another function again after its return."""
+    functions = [
+        (node, {ast.unparse(each) for each in node.decorator_list})
+        for path in (*FORMULAS, *KERNELS)
+        for node in NODES[path]
+        if isinstance(node, ast.FunctionDef)
+    ]
+    sources = {"stack", "rows_of"} | {node.name for node, how in functions if "allocation" in how}
+
+    def holds(node, names):
+        if isinstance(node, ast.Subscript):  # a number
+            return False
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in sources:
+            return True
+        if isinstance(node, ast.Name) and node.id in names:
+            return True
+        return any(holds(each, names) for each in ast.iter_child_nodes(node))
+
+    found = set()
+    for function, how in functions:
+        nodes = list(ast.walk(function))
+        names = {
+            each.id
+            for node in nodes
+            if isinstance(node, ast.Assign) and holds(node.value, set())
+            for each in ast.walk(node.targets[0])
+            if isinstance(each, ast.Name)
+        }
+        returns = [node.value for node in nodes if isinstance(node, ast.Return) and node.value]
+        if any(holds(value, names) for value in returns):
+            found.add(function.name)
+            assert "allocation" in how, function.name
+    assert found
+
+
 def importing(path):
     """Yield the modules that a file imports from, except those for type checkers only."""
     checking = {

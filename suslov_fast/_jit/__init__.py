@@ -14,11 +14,12 @@ from .instructions import (
     two_product,
 )
 from .kernels import Kernel, kernel, namespace, share
-from .options import formula, inner
+from .options import allocation, formula, inner
 
 __all__ = [
     "LINE",
     "Kernel",
+    "allocation",
     "compile_timer",
     "expect_store",
     "formula",

@@ -34,6 +34,14 @@ def formula(function):
     return enable_cache(_distinct(function), numba.njit(forceinline=True, **_INNER))
 
 
+def allocation(function):
+    """Compile a function that returns arrays on the `stack`: Numba inlines it before it compiles.
+
+    A `formula` has a stack frame until LLVM inlines it, so that LLVM may use its memory again.
+    """
+    return enable_cache(_distinct(function), numba.njit(inline="always", **_INNER))
+
+
 def _distinct(function):
     """Name a function defined by a factory after its free variables.
 

@@ -45,7 +45,7 @@ from .._formulas.closed_form import (
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import exponent, scaled
 from .._formulas.units import Problem
-from .._jit import formula, inner, kernel, lane, put, rows_of, select, share, stack
+from .._jit import allocation, formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
 from .lanes import entry, whole
 from .tiles import lead_of, shortening_of_first_block, write_row
@@ -121,7 +121,7 @@ class Growth(NamedTuple):
     ones_s: object
 
 
-@formula
+@allocation
 def block():
     return Block(
         rows_of(Problem, LANES),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .._formulas.elementary import larger
-from .._jit import LINE, formula, inner, select, stack, subtract_product
+from .._jit import LINE, allocation, inner, select, stack, subtract_product
 
 # Usual and largest numbers of systems side by side. 128 take 0.6 of the time for 3 equations, and
 # 0.9 for 12; matrices of 64 then leave the second cache.
@@ -12,7 +12,7 @@ WIDTH, WIDEST = 32, 128
 ZERO_TO_ROUNDING = 2.0**-50
 
 
-@formula
+@allocation
 def row():
     """Return memory for a number of each system."""
     return stack(WIDEST)

@@ -1,15 +1,9 @@
 """Trajectories side by side: a block of up to LANES of them advances together."""
 
-from .._jit import LINE, formula, stack
+from .._jit import LINE, formula
 
 # In loops over steps 64 lanes lose a quarter to the outer loop; 256 are no faster.
 LANES = 128
-
-
-@formula
-def row():
-    """Return a number for each lane, on the stack."""
-    return stack(LANES)
 
 
 @formula

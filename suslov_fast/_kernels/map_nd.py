@@ -23,7 +23,7 @@ from .._formulas.nd_map import (
     solve2,
     solve_bordered,
 )
-from .._jit import Kernel, formula, inner, namespace, select, share, stack
+from .._jit import Kernel, allocation, formula, inner, namespace, select, share, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
 from .turning_nd import turn_lanes, write_turns
@@ -71,13 +71,13 @@ class Block(NamedTuple):
     outcome: object  # SOLVED, SOLVED_IF_FAR, OPEN or DONE
 
 
-@formula
+@allocation
 def row():
     """Return a number of each lane, on the stack."""
     return stack(LANES)
 
 
-@formula
+@allocation
 def block(bodies, states):
     """Return a block whose components are in the memory of a task."""
     return Block(

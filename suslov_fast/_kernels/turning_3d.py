@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import formula, inner, select, stack
-from .lanes import LANES, entry, row
+from .._jit import allocation, formula, inner, select, stack
+from .lanes import LANES, entry
 from .tiles import lead_of, write_row
 
 _TILE = 9 * LANES
@@ -30,10 +30,10 @@ class Turns(NamedTuple):
     R0: object  # (9, LANES), the orientation at state 0, row by row
 
 
-@formula
+@allocation
 def turns_block():
     q, R0 = stack(4, LANES), stack(9, LANES)
-    return Turns(q, row(), row(), row(), R0)
+    return Turns(q, stack(LANES), stack(LANES), stack(LANES), R0)
 
 
 @formula

@@ -21,7 +21,7 @@ from ._runs.solution import flow as flow
 from ._runs.solution import limits as limits
 from ._runs.trajectories import SingularStepError as SingularStepError
 from ._runs.trajectories import Trajectories as Trajectories
-from ._show.explore.notebook import explore as explore
+from ._show.explore.server import explore as explore
 from ._show.plots import animate_body as animate_body
 from ._show.plots import plot_phase as plot_phase
 from ._space.attitude import attitude as attitude

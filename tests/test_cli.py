@@ -315,31 +315,31 @@ def test_orientation():
 
 # Exit status, command line, and a part of the message on stderr.
 MISTAKES = """
-2 | | expected one of run, info, warm-up, pictures, animate, explore, got nothing
+2 | | the following arguments are required: COMMAND
 2 | walk | invalid choice: 'walk' (choose from
 2 | --steps | the following arguments are required: COMMAND
-2 | run --step 3 | unknown argument --step; did you mean --steps?
-2 | run now | unknown argument now; see `suslov-fast run --help`
+2 | run --step 3 | unrecognized arguments: --step 3
+2 | run now | unrecognized arguments: now
 2 | run --I1 4 | expected all of --I1 --I2 --I13 --I23, got no --I2 --I13 --I23; --picture N takes
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | expected a step size with a body of your own, got none; wri
 2 | run --picture 1 --J 4,5 | expected the parameters of one body, got --I1 --I13 --I2 --I23 --J
 2 | run --eps | --eps: expected one argument
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
-1 | run --steps 1000000000 --save-every 1 | raise --save-every, or write -o FILE.zarr, which
-1 | run --trajectories 1e12 --steps 9 | lower --trajectories, or write -o FILE.zarr, which is
+1 | run --steps 1000000000 --save-every 1 | raise save_every or divide the batch
+1 | run --trajectories 1e12 --steps 9 | fewer initial states, or `ensemble`, need less
 2 | run --extent -1 | extent: expected a positive number, got -1.0
 2 | run --threads 100000 | argument --threads: got 100000: The number of threads must be between
 2 | run --method rk4 | method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'
 2 | run --omega0 1 | --omega0: expected 2 numbers, got 1
 2 | run --omega0 1,x | --omega0: expected numbers separated by commas without spaces, got '1,x'
-2 | run --omega0 1 2 | unknown argument 2; see `suslov-fast run --help`; a list is written 1,2
+2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --picture 1 --I1 -3 | body: I1: expected a positive moment of inertia, got -3.0
 2 | run --picture 1 --I1 nan | body: I1: expected finite real numbers, got nan
 2 | run --I1 4,3 --I2 1 --I13 1 --I23 1 --eps 1 | --I1: expected one number, got 2
 2 | run --eps x | --eps: expected a number, got 'x'
 2 | run --eps nan | run: eps: expected finite real numbers, got nan
 2 | run --body ok.json | expected a step size with a body of your own, got none
-2 | run --body ok.json --picture 1 | expected one body, got --body and --picture
+2 | run --body ok.json --picture 1 | argument --picture: not allowed with argument --body
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: Expecting value: line 1 column 10
 1 | run --body deep.json --eps 1 | deep.json: maximum recursion depth exceeded
@@ -359,15 +359,14 @@ MISTAKES = """
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
 2 | run --inertia good.npy --eps 1 | argument --inertia: I: expected shape (n, n), got (4, 2)
 2 | run --inertia tensor.npy --eps 1 --axis 0,0,0 | --inertia: a: expected an axis other than 0, got
-2 | run --mass-tensor good.npy --picture 1 | expected one body, got --mass-tensor and --picture
+2 | run --mass-tensor good.npy --picture 1 | --picture: not allowed with argument --mass-tensor
 2 | run --axis 1,2,3 | expected --axis only with --inertia or --mass-tensor, got it alone
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 2 | run -o good.npy | -o/--output: expected the name of a .npz or .zarr file, got 'good.npy'
 2 | run --chunk 5 | argument --chunk: expected -o FILE.zarr with it, got none
 2 | run --scheduler here -o o.zarr | --scheduler: expected an address such as tcp://127.0.0.1:8786
-1 | run --steps 1e9 --save-every 1 --trajectories 1e9 -o o.zarr | expected 16,000,000,016.0 GB
-1 | run -o folder.zarr --force | expected the name of a Zarr store to write, got another folder
+1 | run -o folder.zarr --force | expected a new name or a store in format 4, got another
 2 | run -o o.zarr --sweep mass=1:2:3 | --sweep: expected one of eps, I1, I2, I13, I23, I3, got mass
 2 | run -o o.zarr --sweep eps=1:2:3 --eps 1 | --sweep: expected eps given once, got it twice
 2 | run -o o.zarr --sweep eps=1:2:3 --sweep eps=1:2:3 | run: dims: expected a distinct name

@@ -12,7 +12,6 @@ from test_trajectories import RUNS, assert_same_run, same
 
 import suslov_fast as sf
 from suslov_fast._engine import memory
-from suslov_fast._ensemble import codecs
 from suslov_fast._runs import replacing as _replacing
 
 # No body has the I3 of some runs of the scheme in three components.
@@ -159,23 +158,6 @@ def test_inconsistent_entries(name, value, message, tmp_path):
     RUNS["turning"].save(path)
     altered(path, **{name: value(RUNS["turning"]) if callable(value) else value})
     refused(path, rf"run.npz: .*{message}")
-
-
-def test_nonstandard_codecs_are_refused():
-    standard, other = {"name": "bytes"}, {"name": "numcodecs.pickle"}
-    nested = [
-        {"name": "sharding_indexed", "configuration": {key: [standard, other]}}
-        for key in ("codecs", "index_codecs")
-    ]
-
-    def checked(*used):
-        metadata = SimpleNamespace(to_dict=lambda: {"codecs": used})
-        return codecs.checked("omega", SimpleNamespace(metadata=metadata))
-
-    for wrong in (other, *nested):
-        with pytest.raises(ValueError, match=r"omega: .* got codecs numcodecs\.pickle"):
-            checked(standard, wrong)
-    checked(standard, {"name": "zstd"})
 
 
 def test_damage_is_found_or_harmless(path):

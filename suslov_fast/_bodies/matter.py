@@ -1,4 +1,4 @@
-"""Inertia tensors of physically realizable bodies, and their ellipsoids."""
+"""Inertia tensors of physically realizable bodies."""
 
 from __future__ import annotations
 
@@ -63,25 +63,6 @@ def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
     rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
     rotation[..., -1, :] += 2.0 * up[..., 0]
     return rotation @ first
-
-
-def ellipsoid_of_inertia(
-    parameters: tuple[float, float, float, float], I3: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return semi-axes of the points r with r.I r constant, the largest 1, and their directions.
-
-    The parameters are I1, I2, I13 and I23; ValueError if there is no ellipsoid.
-    """
-    I1, I2, I13, I23 = parameters
-    moments, directions = np.linalg.eigh(
-        np.array([[I1, 0.0, I13], [0.0, I2, I23], [I13, I23, I3]], dtype=np.float64)
-    )
-    if not moments[0] > 0:
-        raise ValueError(
-            f"I3: expected one with a positive definite inertia tensor, got {I3} and the "
-            f"principal moment {moments[0]:.3g}"
-        )
-    return np.sqrt(moments[0] / moments), directions
 
 
 def admissible_I3(

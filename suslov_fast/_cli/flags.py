@@ -6,7 +6,6 @@ This module has no slow imports, so `--help` and usage errors are fast.
 from __future__ import annotations
 
 import argparse
-import difflib
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -155,8 +154,8 @@ _NAMES = {"output": ["-o", "--output"], "file": ["file"], "link": ["link"]}
 class Command(NamedTuple):
     """A subcommand: its function, text, options in groups, and changes of their settings.
 
-    The list of commands shows the first sentence of the text. PARAMETERS stands for the parameters
-    of all bodies.
+    The list of commands shows the first sentence of the text. PARAMETERS are those of all bodies;
+    of options joined by | only one may be given.
     """
 
     function: str
@@ -169,7 +168,7 @@ class Command(NamedTuple):
 STORE = "chunk scheduler sweep compression reduce verify"
 _BODY = {
     "body (a picture, all parameters, a file or a tensor; tables are .npy or .csv)": (
-        "picture PARAMETERS body inertia mass_tensor axis eps"
+        "picture|body|inertia|mass_tensor axis PARAMETERS eps"
     )
 }
 COMMANDS = {
@@ -220,7 +219,7 @@ COMMANDS = {
         },
     ),
     "explore": Command(
-        "explore.explore",
+        "pictures.explore",
         "Vary a body, a step size and an initial state on a browser page. The page shows the "
         "orbit, its regime and the body in space, and makes no other network requests. Ctrl-C "
         "ends the server.",
@@ -248,9 +247,6 @@ def flag(name: str) -> str:
 
 
 class _Parser(argparse.ArgumentParser):
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings, allow_abbrev=False)
-
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
@@ -260,27 +256,16 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="suslov-fast",
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
+        allow_abbrev=False,
     )
     parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
-    parsers = parser.add_subparsers(
-        title="commands, each with a --help of its own",
-        dest="command",
-        metavar="COMMAND",
-        required=True,
-    )
+    title = "commands, each with a --help of its own"
+    parsers = parser.add_subparsers(title=title, dest="command", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
-        first_sentence = command.text.partition(".")[0]
-        _fill(parsers.add_parser(name, help=first_sentence, description=command.text), command)
-    if not words:
-        parser.error(f"expected one of {', '.join(COMMANDS)}, got nothing")
-    options, rest = parser.parse_known_args(_with_negative_values(words))
-    if rest:
-        known = re.findall(r"--[\w-]+", parsers.choices[options.command].format_usage())
-        close = difflib.get_close_matches(rest[0].partition("=")[0], known, 1, cutoff=0.75)
-        see = f"see `suslov-fast {options.command} --help`; a list is written 1,2 without spaces"
-        hint = f"did you mean {close[0]}?" if close else see
-        parser.error(f"unknown argument {rest[0]}; {hint}")
-    return options
+        first = command.text.partition(".")[0]
+        own = parsers.add_parser(name, help=first, description=command.text, allow_abbrev=False)
+        _fill(own, command)
+    return parser.parse_args(_with_negative_values(words))
 
 
 def _with_negative_values(words: Sequence[str]) -> list[str]:
@@ -296,14 +281,17 @@ def _with_negative_values(words: Sequence[str]) -> list[str]:
 
 def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
     """Add the options of a subcommand."""
-    for title, names in command.groups.items():
+    for title, words in command.groups.items():
         group: Any = parser.add_argument_group(title) if title else parser
-        for name in names.split():
-            if name == "PARAMETERS":
+        for word in words.split():
+            if word == "PARAMETERS":
                 _add_parameters(group)
                 continue
-            settings = {**OPTIONS[name], **command.changes.get(name, {})}
-            group.add_argument(*_NAMES.get(name, [flag(name)]), **settings)
+            names = word.split("|")
+            place = group.add_mutually_exclusive_group() if len(names) > 1 else group
+            for name in names:
+                settings = {**OPTIONS[name], **command.changes.get(name, {})}
+                place.add_argument(*_NAMES.get(name, [flag(name)]), **settings)
 
 
 def _add_parameters(group: Any) -> None:

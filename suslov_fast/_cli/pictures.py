@@ -1,13 +1,18 @@
-"""`suslov-fast pictures` and `suslov-fast animate`."""
+"""`suslov-fast pictures`, `suslov-fast animate` and `suslov-fast explore`."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+import threading
+import webbrowser
 from typing import Any
 
 from .._bodies.paper import PICTURES
 from .._runs.replacing import replacing
 from .._show import plots
+from .._show.explore.parameters import query_of_link
+from .._show.explore.server import Server
 from .._show.style import style
 from .flags import CommandError
 from .problem import orientation_of, problem_of
@@ -57,3 +62,25 @@ def animate(options: argparse.Namespace) -> str:
         moving.save(str(part), writer=writer(fps=25), dpi=options.dpi, progress_callback=progress)
         part.rename(new)
     return str(path)
+
+
+def explore(options: argparse.Namespace) -> None:
+    """Serve the page until a signal ends it."""
+    with about("argument LINK"):
+        query = f"?{query_of_link(options.link)}" if options.link is not None else ""
+    try:
+        server = Server(options.port)
+    except (OSError, OverflowError) as error:
+        expected = f"expected a free port, got {options.port}: {error}"
+        raise CommandError(f"argument --port: {expected}") from error
+    try:
+        with server:
+            address = server.url + query
+            print(address, flush=True)
+            if sys.stderr is not None and sys.stderr.isatty():
+                print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
+            if not options.no_browser:  # which may block its thread
+                threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
+            server.serve_forever(poll_interval=0.1)
+    except KeyboardInterrupt:
+        return

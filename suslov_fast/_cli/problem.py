@@ -28,21 +28,17 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     swept = {name: low for name, low, *_ in getattr(options, "sweep", [])}
     if twice := swept.keys() & {*given, *(["eps"] if options.eps is not None else [])}:
         raise UsageError(f"argument --sweep: expected {twice.pop()} given once, got it twice")
-    kinds_of_source = "body", "inertia", "mass_tensor", "picture"
-    sources = [name for name in kinds_of_source if getattr(options, name) is not None]
-    if len(sources) > 1:
-        raise UsageError(f"expected one body, got {flag(sources[0])} and {flag(sources[1])}")
-    if options.axis is not None and sources not in (["inertia"], ["mass_tensor"]):
+    if options.axis is not None and not (options.inertia or options.mass_tensor):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
     body, rotation, eps = None, None, options.eps if options.eps is not None else swept.get("eps")
-    if sources == ["body"]:
+    if options.body:
         with about(options.body):
             body = body_from_dict(json.loads(options.body.read_text(encoding="utf-8-sig")))
-    elif sources == ["picture"] or not (sources or given):
+    elif options.inertia or options.mass_tensor:
+        body, rotation = _of_tensor(options)
+    elif options.picture or not given:
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
         body, eps = picture.body, picture.eps if eps is None else eps
-    elif sources:
-        body, rotation = _of_tensor(options)
     given |= {name: [low] for name, low in swept.items() if name in names}
     if given:
         body = _with_parameters(body, given)

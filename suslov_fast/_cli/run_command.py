@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shutil
 import time
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from inspect import signature
@@ -17,15 +16,13 @@ import numpy as np
 
 import suslov_fast as sf
 
-from .._engine.memory import require
-from .._ensemble.workers import client_of
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
 from .flags import STORE, CommandError, UsageError, flag
 from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
-from .terminal import about, progress_bar, require_new, require_space
+from .terminal import about, progress_bar, require_new
 
 # Duration in seconds, without compilation, above which one-time work such as starting threads is
 # negligible; shorter runs are timed a second time.
@@ -62,34 +59,16 @@ def _settings(function: Any, options: argparse.Namespace) -> Facts:
     return settings if orientation is None else {**settings, "attitude": orientation}
 
 
-def _count(starts: Any) -> int:
-    return math.prod(starts.shape if isinstance(starts, sf.RandomStarts) else starts.shape[:-1])
-
-
-def _nbytes(options: argparse.Namespace, body: Any, count: int) -> int:
-    """Return the number of bytes of the saved states."""
-    rows = 1 if options.save_every is None else options.steps // options.save_every + 1
-    D: int = body.dimension
-    turning = options.attitude or options.orientation is not None
-    return 8 * (D + turning * (D + 1) ** 2) * count * rows
-
-
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Iterate and write a batch."""
-    path, count = options.output, _count(starts)
+    path = options.output
     if path is not None:
         require_new(path, options.force)
-    nbytes = _nbytes(options, body, count)
-    less = "lower --trajectories" if options.save_every is None else "raise --save-every"
-    more = f"{less}, or write -o FILE.zarr, which is computed in parts"
-    require(nbytes + 64 * count * body.dimension, more)
     if isinstance(starts, sf.RandomStarts):
-        starts = starts.states(count, 0, body.dimension)
+        starts = starts.states(starts.shape[0], dimension=body.dimension)
     settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
     # A file that cannot be written is detected before the run.
     with about(path), nullcontext() if path is None else place_for(path) as put:
-        if path is not None:
-            require_space(path, nbytes)
         with about("run"), progress_bar("iterating") as progress:
             for _ in range(2):
                 with compile_timer() as compiling:
@@ -103,33 +82,27 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     # The closed form takes no steps: steps that iteration would take are comparable.
     stepped = "state" in orbits._resume
     rate = "steps_per_second" if stepped else "equivalent_steps_per_second"
-    facts = facts_of(orbits, starts)
-    return {**facts, "seconds": seconds, rate: count * options.steps / seconds}
+    steps = orbits.status.size * options.steps
+    return {**facts_of(orbits, starts), "seconds": seconds, rate: steps / seconds}
 
 
 def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Create, complete or extend a store."""
     path, sweeps = options.output, options.sweep
-    settings = {**_settings(sf.ensemble, options), "store": path}
-    settings["reductions"] = options.reduce
+    settings = {**_settings(sf.ensemble, options), "store": path, "reductions": options.reduce}
     settings["dims"] = (*(name for name, *_ in sweeps), "trajectory")
     body, eps_of_all = _swept(body, eps, sweeps)
-    if not path.exists() and (options.save_every or not options.reduce):
-        count = _count(starts) * math.prod(count for *_, count in sweeps)
-        require_space(path, _nbytes(options, body, count))
     begin = time.perf_counter()
-    with ExitStack() as stack:
-        with about("argument --scheduler"):
-            settings["scheduler"] = stack.enter_context(client_of(options.scheduler))
-        progress = stack.enter_context(progress_bar("iterating"))
-        stack.enter_context(about(path))
+    with progress_bar("iterating") as progress, about(path):
         compute = partial(sf.ensemble, body, starts, eps_of_all, **settings, progress=progress)
         try:
             compute()
         except (ValueError, TypeError) as error:
             if path.name not in str(error):  # the arguments are invalid
                 raise UsageError(f"run: {error}") from error
-            if not options.force or not (path / "zarr.json").exists():
+            if not (path / "zarr.json").exists():
+                raise
+            if not options.force:
                 raise CommandError(f"{error}; --force replaces it") from error
             shutil.rmtree(path)  # the store of another run
             compute()

@@ -35,17 +35,12 @@ def info(options: argparse.Namespace) -> str:
     """Return the summaries of saved runs; of several, each has the name of its file."""
     texts = []
     for path in options.file:
-        name = {"file": str(path)} if len(options.file) > 1 else {}
-        texts.append(text_of({**name, **_facts_of_file(path)}, options.json))
-    return ("\n" if options.json else "\n\n").join(texts)
-
-
-def _facts_of_file(path: Path) -> Facts:
-    if path.suffix.lower() == ".zarr":
+        facts: Facts = {"file": str(path)} if len(options.file) > 1 else {}
         with about(path):
-            return facts_of_store(path)
-    with about(path):
-        return facts_of(sf.Trajectories.load(path))
+            in_store = path.suffix.lower() == ".zarr"
+            facts |= facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
+        texts.append(text_of(facts, options.json))
+    return ("\n" if options.json else "\n\n").join(texts)
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:

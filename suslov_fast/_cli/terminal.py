@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -57,12 +56,3 @@ def require_new(path: Path, force: bool) -> None:
     """Raise CommandError if a file exists, unless it may be replaced."""
     if not force and path.is_file():
         raise CommandError(f"{path}: expected a new name, got one that exists; --force replaces it")
-
-
-def require_space(path: Path, nbytes: int) -> None:
-    """Raise CommandError if the disk has too little space for a file."""
-    with about(path):
-        free = shutil.disk_usage(path.absolute().parent).free
-    if nbytes > free:
-        expected = f"expected {nbytes / 1e9:,.1f} GB of free space"
-        raise CommandError(f"{path}: {expected}, got {free / 1e9:,.1f} GB")

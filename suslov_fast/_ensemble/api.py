@@ -121,8 +121,8 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
+    from .compute import client_of
     from .store import dataset_of, only_writer, open_dataset, prepare, resolved
-    from .workers import client_of
 
     store = resolved(store)
     check_progress(progress)
@@ -150,7 +150,7 @@ def ensemble(
 
 def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
     """Compute the unfinished tiles of a store."""
-    from . import compute, store, workers
+    from . import compute, store
 
     arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))
     marks = arrays[store.MARKS]
@@ -187,9 +187,9 @@ def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
 
         show(made)
         if client is None:
-            compute.run(job, arrays, unfinished, stored, stop)
+            compute.run_here(job, arrays, unfinished, stored, stop)
         else:
-            workers.run(job, client, unfinished, stored, stop)
+            compute.run_on_workers(job, client, unfinished, stored, stop)
     if left := np.count_nonzero(done != job.steps):
         raise KeyboardInterrupt(
             f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "

@@ -1,4 +1,4 @@
-"""Computing and writing a tile, piece by piece; the engine of this process.
+"""Computing and writing tiles, piece by piece, in this process or on the workers of Dask.
 
 A piece is a range of steps of a tile. It is written in this order: states; results, with the last
 piece; the record, from which the next piece starts. Each chunk is one object, which a store
@@ -14,7 +14,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
+from itertools import islice
 from threading import Event
 from types import FrameType
 from typing import Any
@@ -22,11 +24,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray
+from .._checks import FloatArray, instance
 from .._engine.execution import Output, Span, execute, problem_of, span_of
 from .job import Job, step_work
 from .reductions import reductions_of
-from .store import RECORDS, Arrays, advice
+from .starts import RandomStarts
+from .store import RECORDS, Arrays, advice, open_arrays
 
 # Called with a tile and the number of its stored steps.
 Stored = Callable[[int, int], object]
@@ -36,6 +39,9 @@ Piece = tuple[Span, Output, Values]
 # Duration of a piece in seconds, which limits the loss if a process is killed, and the work of the
 # first one, in trajectory-steps of the 3D map.
 _DURATION, _FIRST = 20.0, 2**30
+# Number of times that Dask recomputes a tile after an error, and tiles queued per thread of a
+# worker: no thread is idle, and few initial states are in memory.
+_RETRIES, _WAITING = 2, 2
 
 
 def pieces(
@@ -166,7 +172,7 @@ def stopping() -> Iterator[Event]:
             signal.signal(number, handler)
 
 
-def run(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
+def run_here(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
     """Compute tiles with all threads, each piece while the previous one is written."""
 
     def keep(tile: int, piece: Piece) -> None:
@@ -187,3 +193,54 @@ def run(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Ev
             if stop.is_set():
                 break
         writing.result()
+
+
+def client_of(scheduler: Any) -> AbstractContextManager[Any]:
+    """Return the context of a client, passed as such or by the address of its scheduler, or None.
+
+    It closes only clients made here.
+    """
+    if scheduler is None:
+        return nullcontext()
+    from distributed import Client
+
+    instance("scheduler", scheduler, (Client, str))
+    if isinstance(scheduler, Client):
+        return nullcontext(scheduler)
+    made: AbstractContextManager[Any] = Client(scheduler, set_as_default=False)
+    return made
+
+
+def run_on_workers(
+    job: Job, client: Any, tiles: Sequence[int], stored: Stored, stop: Event
+) -> None:
+    """Compute tiles on the workers; a stop request lets current tiles finish."""
+    from distributed import as_completed
+
+    def submit(tile: int) -> Any:
+        part, starts = job.part(tile), None
+        if not isinstance(job.source, RandomStarts):  # sent with the task
+            part, starts = replace(part, source=None), job.starts(tile)
+        return client.submit(_compute, part, tile, starts, pure=False, retries=_RETRIES)
+
+    left = iter(tiles)
+    abreast = _WAITING * max(1, sum(client.nthreads().values()))
+    futures = as_completed([submit(each) for each in islice(left, abreast)], loop=client.loop)
+    try:
+        for future in futures:
+            stored(future.result(), job.steps)
+            if not stop.is_set():
+                for tile in islice(left, 1):
+                    futures.add(submit(tile))
+    except BaseException:
+        client.cancel(list(futures.futures))
+        raise
+
+
+def _compute(part: Job, tile: int, starts: FloatArray | None) -> int:
+    """Compute the missing pieces of a tile on one thread; return its index."""
+    arrays = open_arrays(part)
+    starts = part.starts(tile) if starts is None else starts
+    for piece in pieces(part, tile, starts, arrays, 1):
+        write(part, tile, piece, arrays)
+    return tile

@@ -33,7 +33,6 @@ from .._kernels.codes import NOT_COMPUTED
 from .._maps.registry import map_named
 from .._runs import labelled
 from .._runs.schema import header_of, schema_of
-from .codecs import checked
 from .job import Job, require_same
 from .reductions import reductions_of
 
@@ -169,8 +168,6 @@ def _progress(store: Any) -> tuple[int, Any]:
     notes = _notes_in(copies)
     if not notes or dict(copies.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
         raise ValueError("zarr.json is damaged or missing")
-    for name, member in copies.members(max_depth=None):
-        checked(name, member)
     names = (*notes["known"], *notes["computed"], MARKS, RECORDS)
     arrays = {name: _metadata(root, name) for name in names}
     latest = _notes_in(root)
@@ -197,16 +194,12 @@ def _progress(store: Any) -> tuple[int, Any]:
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
     """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
-    Raises ValueError if the store holds another run, or is damaged, and FileExistsError if the
-    path is not a Zarr store. The next call completes the work of a process killed here.
+    Raises ValueError if the store holds another run, is damaged, or is no store of a run. The next
+    call completes the work of a process killed here.
     """
     import zarr
 
     store = job.store
-    if _group(store) is _group(store, PROGRESS) is None and not _is_free(store):
-        received = "another folder" if os.path.isdir(store) else "a file"
-        message = f"expected the name of a Zarr store to write, got {received}"
-        raise OSError(errno.EEXIST, message, store)
     notes = _described(store)
     if not notes:
         options = {"zarr_format": 3, "use_consolidated": False, "attributes": _UNFINISHED}
@@ -241,7 +234,7 @@ def _write(job: Job, dataset: Any, notes: dict[str, Any]) -> None:
     place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
     for name in sorted(set(notes["known"]) - set(dataset.variables)):
         try:
-            array = checked(name, zarr.open_array(place / name, mode="r", zarr_format=3))
+            array = zarr.open_array(place / name, mode="r", zarr_format=3)
             variable = array.metadata.dimension_names, array[...], dict(array.attrs)
         except (FileNotFoundError, *_DAMAGE) as error:
             raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error

@@ -300,7 +300,6 @@ class Trajectories:
         >>> len(ax.lines)
         2
         """
-        from .._show.figures import axes_for, plot_orbits
         from .._show.style import style
 
         D = self.states.shape[-1]
@@ -311,6 +310,8 @@ class Trajectories:
         states = self.states.reshape(len(self), -1, D)
         symbols = self._map.symbols(self.body)
         with style():
+            from .._show.figures import axes_for, plot_orbits
+
             axes = axes_for(ax, (5.0, 5.0))
             plot_orbits(axes, states, (first, second))
             axes.set_xlabel(symbols[first])

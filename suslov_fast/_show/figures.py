@@ -1,12 +1,39 @@
-"""Axes and panel letters of all pictures, and orbits in a plane."""
+"""Figures in the style of all pictures: orbits in a plane, and a rotating body with hidden lines.
+
+Importing this module imports Matplotlib.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import LightSource
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
+from .._bodies.body_3d import Suslov3D
+from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
+from .geometry import ellipsoid
+from .style import style, styled
+
+_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
+# Lengths, relative to an ellipsoid in a sphere of radius 0.85.
+_BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
+
+
+class StyledFigure(Figure):
+    """A figure that is saved in the style it was drawn in."""
+
+    def savefig(self, *arguments: Any, **keywords: Any) -> None:
+        """Save the figure, as `matplotlib.figure.Figure.savefig` does."""
+        with style():
+            super().savefig(*arguments, **keywords)
 
 
 def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> Any:
@@ -15,10 +42,6 @@ def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> A
     The figure, with width and height in inches, is not shown in a window. The letter is above the
     panel, outside data and legends.
     """
-    from matplotlib.axes import Axes
-
-    from .styled_figure import StyledFigure
-
     if ax is None:
         ax = StyledFigure(figsize=size, layout="constrained").add_subplot()
     elif not isinstance(ax, Axes) or ax.name == "3d":
@@ -34,8 +57,6 @@ def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> N
     Colours follow the size of the first state, so that neighbouring orbits look alike; above the
     axes stands which components of how many are shown.
     """
-    from matplotlib import colormaps
-
     size = np.sqrt((states[0] ** 2).sum(axis=-1))
     rank = size.argsort().argsort() / max(1, len(size) - 1)
     colours = colormaps["viridis"](0.05 + 0.85 * rank)
@@ -47,3 +68,73 @@ def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> N
         shown = " and ".join(str(k + 1) for k in components)
         notes.insert(0, f"components {shown} of {states.shape[-1]}")
     axes.set_title("; ".join(notes), fontsize="small")
+
+
+def turning_body(
+    body: Suslov3D | SuslovGyrostat, rotations: FloatArray, eps: float
+) -> tuple[Any, Callable[[int], list[Any]]]:
+    """Return a figure, and a function that draws the body in a given state."""
+    radii, principal, I3, _ = ellipsoid(body)
+    radii = _BODY * radii
+    surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
+    path = _PATH * rotations[:, :, 2]
+    axes = StyledFigure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
+    axes.computed_zorder = False
+    axes.set_proj_type("ortho")
+
+    @styled
+    def draw(number: int) -> list[Any]:
+        axes.clear()
+        R, eye, light = rotations[number], _towards_eye(axes), LightSource(azdeg=150.0, altdeg=55.0)
+        # A convex body hides an axis that leaves it through the side turned away, and, of a curve
+        # outside its sphere, the part behind its centre.
+        look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
+        turned = np.einsum("ij,jkl->ikl", R, surface)
+        axes.plot_surface(*turned, rcount=65, ccount=65, zorder=2, **look)
+        for k, (colour, name) in enumerate(_AXES):
+            normal = principal / radii**2 @ (principal.T[:, k])
+            reach = 1.0 / np.sqrt(normal[k])
+            order = 3 if R @ normal @ eye > 0 else 1
+            ends = np.outer([reach, _TIP], R[:, k]).T
+            axes.plot(*ends, color=colour, linewidth=2.2, zorder=order)
+            look = {"color": colour, "ha": "center", "va": "center", "zorder": order}
+            outline = [withStroke(linewidth=3.0, foreground="white")]
+            axes.text(*(_NAME * R[:, k]), name, path_effects=outline, **look)
+        past = path[: number + 1]
+        _plot_around(axes, past, past @ eye >= 0)
+        axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
+        axes.set_box_aspect((1, 1, 1), zoom=1.25)
+        axes.set_axis_off()
+        title = f"time {number * eps:.2f}: ellipsoid of inertia, $I_3$ = {I3:.3g}; path of axis $a$"
+        axes.set_title(title, y=0.0, fontsize="small")
+        return []
+
+    return axes.figure, draw
+
+
+def _sphere() -> FloatArray:
+    """Return the points (3, 33, 65) of a grid on the unit sphere."""
+    pole = 1e-3  # patches with two equal corners have no normal for shading
+    v = np.linspace(np.pi - pole, pole, 33)  # normals point outwards
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)
+    return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
+
+
+def _towards_eye(axes: Any) -> FloatArray:
+    """Return the unit vector from axes in three dimensions to the eye."""
+    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+
+
+def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> None:
+    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it in a lighter colour.
+
+    The part behind ends at the first point of the part in front, so that there is no gap.
+    """
+    behind = ~in_front
+    behind[1:] |= ~in_front[:-1]
+    behind[:-1] |= ~in_front[1:]
+    for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):
+        part = np.where(shown[:, np.newaxis], points, np.nan)
+        axes.plot(*part.T, zorder=order, alpha=alpha, color="crimson", linewidth=1.2)

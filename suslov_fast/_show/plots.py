@@ -14,10 +14,8 @@ from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
 from .._states.vector_field import vector_field
-from .figures import axes_for
-from .plane import check_moving, half_angle, level, meeting_phase, on_level, steady_line
+from .geometry import check_moving, half_angle, level, meeting_phase, on_level, steady_line
 from .style import styled
-from .turning import turning_body
 
 # Lines differ in style as well as in colour.
 _LINE = "crimson"
@@ -78,6 +76,8 @@ def plot_phase(
     [-4.0, 4.0]
     """
     from matplotlib import colormaps
+
+    from .figures import axes_for
 
     check_moving(body)
     g, k = half_angle(body)
@@ -163,6 +163,8 @@ def animate_body(
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
     from matplotlib.animation import FuncAnimation
+
+    from .figures import turning_body
 
     if np.ndim(eps):
         raise wrong("eps", "a single number", eps)

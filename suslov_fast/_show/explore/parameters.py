@@ -30,14 +30,9 @@ class Parameters(NamedTuple):
     k: float = 0.0
 
     @property
-    def without_rotor(self) -> Suslov3D:
-        """The body at k = 0; ValueError if the parameters are invalid."""
-        return Suslov3D(*self[:4])
-
-    @property
     def body(self) -> Suslov3D | SuslovGyrostat:
         """The body; ValueError if the parameters are invalid."""
-        return SuslovGyrostat(*self[:4], self.k) if self.k else self.without_rotor
+        return SuslovGyrostat(*self[:4], self.k) if self.k else Suslov3D(*self[:4])
 
     @property
     def omega0(self) -> list[float]:

@@ -17,8 +17,7 @@ from ..._space.scattering import scattering_angle
 from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
 from ..._states.vector_field import vector_field
-from ..ellipsoid import ellipsoid
-from ..plane import half_angle, level, meeting_phase, on_level, steady_line
+from ..geometry import ellipsoid, half_angle, level, meeting_phase, on_level, steady_line
 from .parameters import Parameters
 
 Body = Suslov3D | SuslovGyrostat
@@ -89,14 +88,13 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     within = np.isfinite(run.time)
     of_flow = np.full_like(run.omega, np.nan)
     of_flow[within] = flow(body, start, run.time[within])
-    without_rotor = parameters.without_rotor
     return {
         "parameters": parameters._asdict(),
         "time": [_finite(each) for each in run.time],
         "omega": _finite(run.omega),
         "flow": _finite(of_flow),
         "attitude": _finite(run.attitude.reshape(-1, 9)),
-        "spatial": _finite(to_vector(without_rotor, run.omega, attitude=run.attitude)),
+        "spatial": _finite(to_vector(body, run.omega, attitude=run.attitude)),
         "line": line,
         "levels": {
             "F": [_finite(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
@@ -117,8 +115,10 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "energy": _finite(energy(body, start)),
             "omega_minus": _finite(minus),
             "omega_plus": _finite(plus),
-            "scattering_angle": None if parameters.k else _finite(scattering_angle(without_rotor)),
-            "I3": _finite(without_rotor.admissible_I3()),
+            "scattering_angle": (
+                _finite(scattering_angle(body)) if isinstance(body, Suslov3D) else None
+            ),
+            "I3": _finite(Suslov3D(*parameters[:4]).admissible_I3()),
         },
         "python": (
             f"from suslov_fast import {type(body).__name__}, iterate\n\n"

@@ -1,4 +1,4 @@
-"""Curves in the plane (Omega1, Omega2): the steady states, and levels of F."""
+"""Curves in the plane (Omega1, Omega2), and ellipsoids of inertia, for drawings of bodies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
-from .._checks import FloatArray, instance
+from .._checks import FloatArray, instance, wrong
 
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
@@ -78,3 +78,26 @@ def steady_line(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray
     g, k = half_angle(body)
     middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2]) + 0.0
     return middle, np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
+
+
+def ellipsoid(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray, float, bool]:
+    """Return the points r with r.I r constant, I the inertia tensor of a single body.
+
+    These are the semi-axes, the largest being 1, their directions as columns, the corresponding I3,
+    and True if it is admissible. I3 is that of the body, by default the middle of the interval of
+    admissible values, or, if that is empty, a value with a positive definite inertia tensor.
+    Raises ValueError if the tensor is not positive definite.
+    """
+    I1, I2, I13, I23 = map(float, body.parameters[:4])
+    low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
+    if body.I3 is not None:
+        I3 = float(body.I3)
+    elif np.isfinite(low):
+        I3 = float(0.5 * (low + high))
+    else:
+        I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    moments, axes = np.linalg.eigh(np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]))
+    if not moments[0] > 0:
+        expected = "one with a positive definite inertia tensor"
+        raise wrong("I3", expected, f"{I3} and the principal moment {moments[0]:.3g}")
+    return np.sqrt(moments[0] / moments), axes, I3, bool(low < I3 < high)

@@ -81,6 +81,18 @@ def iterated(step, omega, steps):
     return states
 
 
+def kahan_step(f, eps, x):
+    """(y - x) / eps = -f(x) / 2 + 2 f((x + y) / 2) - f(y) / 2 for quadratic f, linear in y."""
+    x, eps = exactly(*x), mpf(eps)
+
+    def residual(y):
+        middle = f([(a + b) / 2 for a, b in zip(x, y, strict=True)])
+        terms = zip(x, y, f(x), middle, f(y), strict=True)
+        return [b - a - eps * (2 * m - (p + q) / 2) for a, b, p, m, q in terms]
+
+    return solve_affine(residual, len(x))
+
+
 def step_full(I1, I2, I13, I23, eps, I3, omega):
     parameters, state = exactly(I1, I2, I13, I23, eps, I3), exactly(*omega)
     return solve_affine(lambda v: ds(*parameters, state, v), 3)

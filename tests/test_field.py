@@ -6,32 +6,15 @@ import pickle
 import subprocess
 import sys
 from fractions import Fraction as F
+from functools import partial
 
-import mpmath
+import naive
 import numpy as np
 import pytest
+from test_quantities import error
 
-from suslov_fast import (
-    QuadraticField,
-    SingularStepWarning,
-    Status,
-    Suslov3D,
-    SuslovGyrostat,
-    SuslovND,
-    Trajectories,
-    energy,
-    exact,
-    first_integral,
-    invariant_density,
-    iterate,
-    jacobian,
-    lyapunov_exponents,
-    matrix,
-    modified_energy,
-    open_ensemble,
-    step,
-    vector_field,
-)
+import suslov_fast as sf
+from suslov_fast import QuadraticField, Status, Suslov3D, SuslovGyrostat, SuslovND
 from suslov_fast import _cli as cli
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
@@ -105,7 +88,7 @@ def test_fields_of_bodies():
     ):
         field = QuadraticField.of(body)
         x = rng.normal(size=(*body.shape, body.dimension))
-        np.testing.assert_allclose(field(x), vector_field(body, x), atol=1e-14)
+        np.testing.assert_allclose(field(x), sf.vector_field(body, x), atol=1e-14)
         assert (field.shape, field.dimension) == (body.shape, body.dimension)
         assert QuadraticField.of(field) is field
     single = QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9))
@@ -151,6 +134,13 @@ def test_python_flint_is_not_needed():
     assert done.stdout == "(Fraction(-2, 1),)\n"
 
 
+HUGE, ONES = QuadraticField([[[F(10) ** 400]]]), np.ones(4)
+
+
+def changed(field, **entries):
+    return QuadraticField.from_dict(field.to_dict() | entries)
+
+
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -174,16 +164,15 @@ def test_python_flint_is_not_needed():
         (lambda: of_hamiltonian(lambda x: x[0], 2, [[0]]), ValueError, r"K: .*\(2, 2\).*\(1, 1\)"),
         (lambda: QuadraticField.of(3), TypeError, "body: expected Suslov3D.*got int"),
         (lambda: LORENZ([1, 2]), ValueError, r"x: expected shape \(3,\), got \(2,\)"),
-        (
-            lambda: QuadraticField.from_dict(LORENZ.to_dict() | {"linear": [["a"]]}),
-            ValueError,
-            'linear: .*"p/q", got \'a\'',
-        ),
-        (
-            lambda: QuadraticField.from_dict(HENON.to_dict() | {"H": [[1.0, 0]]}),
-            ValueError,
-            "H, K: expected those of the coefficients",
-        ),
+        (lambda: changed(LORENZ, linear=[["a"]]), ValueError, 'linear: .*"p/q", got \'a\''),
+        (lambda: changed(HENON, H=[[1.0, 0]]), ValueError, "H, K: expected those of the coeffic"),
+        (lambda: sf.step(HUGE, [1.0], 0.1), ValueError, "body: .* in the range of float64"),
+        (lambda: sf.energy(LORENZ, ONES[:3]), TypeError, "from_hamiltonian, got a field without"),
+        (lambda: sf.modified_energy(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),
+        (lambda: sf.invariant_density(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),
+        (lambda: sf.iterate(LORENZ, ONES[:3], 1, 1).energy(), TypeError, "without a Hamiltonian"),
+        (lambda: sf.first_integral(HENON, ONES, 1), TypeError, "got .*; fields have step, iterate"),
+        (lambda: sf.exact(HENON, ONES, 1, 3), TypeError, "got .*; fields have step, iterate"),
     ],
 )  # fmt: skip
 def test_bad_input(call, error, message):
@@ -191,87 +180,66 @@ def test_bad_input(call, error, message):
         call()
 
 
-def volterra(n):
-    return of_function(lambda x: [x[i] * (x[(i + 1) % n] - x[i - 1]) for i in range(n)], n)
+def henon_rates(x):
+    q1, q2, p1, p2 = x
+    return p1, p2, -q1 - 2 * q1 * q2, q2**2 - q2 - q1**2
 
 
-def random_field(rng, D, shape=()):
-    size = 0.3 / D
-    coefficients = (size * rng.normal(size=(*shape, *(D,) * k)) for k in (3, 2, 1))
-    return QuadraticField(*coefficients)
+def volterra(x):
+    return [x[i] * (x[i + 1 - len(x)] - x[i - 1]) for i in range(len(x))]
 
 
-def runge_kutta_step(f, x, eps):
-    """Solve (y - x) / eps = -f(x) / 2 + 2 f((x + y) / 2) - f(y) / 2, which is linear in y."""
-
-    def residual(y):
-        return y - x - eps * (2 * f((x + y) / 2) - (f(x) + f(y)) / 2)
-
-    start = residual(0 * x)
-    columns = [residual(unit) - start for unit in np.eye(len(x), dtype=object)]
-    matrix = mpmath.matrix(np.transpose(columns).tolist())
-    return np.array([*mpmath.lu_solve(matrix, mpmath.matrix([*-start]))], object)
+def rotor(x):
+    return naive.vector_field(2.3, 1.4, 0.5, -0.7, x, 0.9)
 
 
-def precise(x):
-    return np.array([*map(mpmath.mpf, x)], object)
+def decay(x):
+    return (0.25 - 0.5 * x[0],)
 
 
-def exactly(field):
-    """The field as a function of arrays of numbers of any type."""
-
-    def value(polynomial, x):
-        terms = polynomial.terms.items()
-        return sum(
-            math.prod([mpmath.mpf(c.numerator) / c.denominator, *(x[i] for i in powers)])
-            for powers, c in terms
-        )
-
-    return lambda x: np.array([value(each, x) for each in field.polynomials], object)
+PROBLEMS = [
+    (LORENZ, lorenz, [1.0, 2.0, 20.0], 1 / 64, 40),
+    (HENON, henon_rates, [0.125, 0.25, 0.25, -0.125], -0.25, 200),
+    (of_function(volterra, 7), volterra, [1.0, 0.5, 0.75, 1.25, 0.5, 1.0, 2.0], 0.125, 60),
+    (QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)), rotor, [1.1, -0.4], 0.35, 60),
+    (of_function(decay, 1), decay, [3.0], 0.5, 30),
+]
 
 
-@pytest.mark.parametrize(
-    ("field", "x", "eps", "steps"),
-    [
-        (LORENZ, [1.0, 2.0, 20.0], 1 / 64, 40),
-        (HENON, [0.125, 0.25, 0.25, -0.125], -0.25, 200),
-        (volterra(7), [1.0, 0.5, 0.75, 1.25, 0.5, 1.0, 2.0], 0.125, 60),
-        (QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)), [1.1, -0.4], 0.35, 60),
-        (QuadraticField(np.zeros((1, 1, 1)), [[-0.5]], [0.25]), [3.0], 0.5, 30),
-    ],
-)  # fmt: skip
-def test_orbits_against_the_runge_kutta_form(field, x, eps, steps):
-    with mpmath.workdps(60):
-        expected, f = [precise(x)], exactly(field)
-        for _ in range(steps):
-            expected.append(runge_kutta_step(f, expected[-1], eps))
-        found = iterate(field, x, eps, steps).x
-        for row, y in zip(found, expected, strict=True):
-            assert max(abs(row - y)) <= 1e-13 * max(abs(y))
+@pytest.mark.parametrize(("field", "f", "x", "eps", "steps"), PROBLEMS)
+def test_against_the_runge_kutta_form(field, f, x, eps, steps):
+    """Orbits, and the field and its derivatives."""
+    step = partial(naive.kahan_step, f, eps)
+    exact = naive.iterated(step, x, steps)
+    assert naive.worst_error(sf.iterate(field, x, eps, steps).x, exact) < 1e-13
+    assert error(sf.vector_field(field, x), f(naive.exactly(*x))) < 1e-14
+    assert error(sf.jacobian(field, x, eps), naive.derivative(step, x)) < 1e-13
+    slope = np.array(naive.derivative(f, x), float)
+    np.testing.assert_allclose(sf.matrix(field, x, eps), np.eye(len(x)) - eps / 2 * slope, 1e-14)
 
 
 def test_published_orbits():
     """Values of runs in 60 digits."""
     prey = of_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
     np.testing.assert_allclose(
-        iterate(prey, [0.5, 0.7], 1 / 8, 200).final,
+        sf.iterate(prey, [0.5, 0.7], 1 / 8, 200).final,
         [0.4904468907172823201, 1.337749716137072884],
         rtol=1e-13,
     )
-    np.testing.assert_allclose(
-        iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500).final,
-        [0.251219885039800047, 0.12357749590236766, -0.02024485246071989, -0.2466615457776315],
-        rtol=1e-13,
-    )
+    orbit = sf.iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500)
+    last = [0.251219885039800047, 0.12357749590236766, -0.02024485246071989, -0.2466615457776315]
+    np.testing.assert_allclose(orbit.final, last, rtol=1e-13)
+    np.testing.assert_allclose(orbit.modified_energy(), 0.07516523812165594102, rtol=1e-14)
+    ends = [0.0768229166666667, 0.0769873869]
+    np.testing.assert_allclose(orbit.energy()[[0, -1]], ends, rtol=1e-7)
 
 
 def test_poles_overflow_and_rest():
     square = QuadraticField([[[1]]])  # x / (1 - eps x)
     x = [[8.0], [7.0], [np.nan], [1e200], [0.0], [-0.0], [4.0]]
-    with pytest.warns(
-        SingularStepWarning, match="2 of 7 traj.*: singular step, first: 0 at step 1"
-    ):
-        run = iterate(square, x, 1 / 8, 3)
+    message = "2 of 7 traj.*: singular step, first: 0 at step 1"
+    with pytest.warns(sf.SingularStepWarning, match=message):
+        run = sf.iterate(square, x, 1 / 8, 3)
     S, N, ok = Status.SINGULAR, Status.NONFINITE, Status.OK
     assert run.status.tolist() == [S, ok, N, N, ok, ok, S]
     assert run.failed_at.tolist() == [1, -1, 0, 1, -1, -1, 2]
@@ -280,49 +248,23 @@ def test_poles_overflow_and_rest():
     assert np.signbit(run.x[:, 5]).all()
     # A regular matrix with rows of very different size, and a singular one.
     stiff = QuadraticField(np.zeros((2, 2, 2)), np.diag([-1e40, -1.0]))
-    assert iterate(stiff, [1.0, 1.0], 0.5, 2).x.tolist() == [[1, 1], [-1, 0.6], [1, 0.36]]
+    assert sf.iterate(stiff, [1.0, 1.0], 0.5, 2).x.tolist() == [[1, 1], [-1, 0.6], [1, 0.36]]
     swap = QuadraticField(np.zeros((2, 2, 2)), [[0, 1e30], [1e-30, 0]])
-    assert iterate(swap, [1.0, 1.0], 2.0, 1, on_singular="ignore").status == S
+    assert sf.iterate(swap, [1.0, 1.0], 2.0, 1, on_singular="ignore").status == S
     field = QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25))
-    assert (iterate(field, [-0.75, 1.5], 0.3, 5).x == [-0.75, 1.5]).all()  # f = 0
-    assert (iterate(LORENZ, [0.0, 0.0, 0.0], 1 / 64, 5).x == 0).all()
+    assert (sf.iterate(field, [-0.75, 1.5], 0.3, 5).x == [-0.75, 1.5]).all()  # f = 0
+    assert (sf.iterate(LORENZ, [0.0, 0.0, 0.0], 1 / 64, 5).x == 0).all()
 
 
-@pytest.mark.parametrize("D", [1, 2, 3, 12])
-def test_bits_depend_on_the_problem_alone(D):
-    rng = np.random.default_rng(D)
-    field, x, eps = random_field(rng, D), rng.normal(size=(70, D)), rng.uniform(-0.2, 0.2, 70)
-    run = iterate(field, x, eps, 9)
-    assert run.ok
-    for k in (0, 33, 69):
-        np.testing.assert_array_equal(iterate(field, x[k], eps[k], 9).x, run.x[:, k])
-    np.testing.assert_array_equal(
-        iterate(field, x[::-1], eps[::-1], 9, save_every=3).x, run.x[::3, ::-1]
-    )
-    np.testing.assert_array_equal(iterate(field, x, eps, 4).extend(5).x, run.x)
-    coefficients = [
-        np.asarray(each, float) for each in (field.quadratic, field.linear, field.constant)
-    ]
-    batch = QuadraticField(np.tile(coefficients[0], (70, 1, 1, 1)), *coefficients[1:])
-    np.testing.assert_array_equal(iterate(batch, x, eps, 9).x, run.x)
-    # Other units of length, 2**k, and of time, 2**m.
-    for k, m in ((3, 5), (600, -300), (-650, 300), (0, 900), (-400, -500)):
-        scaled = (
-            np.ldexp(each, power)
-            for each, power in zip(coefficients, (-k - m, -m, k - m), strict=True)
-        )
-        other = iterate(QuadraticField(*scaled), np.ldexp(x, k), np.ldexp(eps, m), 9)
-        np.testing.assert_array_equal(other.x, np.ldexp(run.x, k))
-
-
-def test_threads_and_batches_of_fields():
-    rng = np.random.default_rng(0)
-    fields, x = random_field(rng, 5, (40, 1)), rng.normal(size=(40, 50, 5))
-    run = iterate(fields, x, 0.1, 300, save_every=None)
-    np.testing.assert_array_equal(iterate(fields, x, 0.1, 300, save_every=None, threads=1).x, run.x)
-    one = QuadraticField(fields.quadratic[7, 0], fields.linear[7, 0], fields.constant[7, 0])
-    np.testing.assert_array_equal(iterate(one, x[7], 0.1, 300).final, run.final[7])
-    np.testing.assert_array_equal(run.status < 0, np.isnan(run.final).any(axis=-1))
+def test_many_variables(rng):
+    """One field, and as many equal ones as there are states."""
+    q, l, c = (0.025 * rng.normal(size=(12,) * axes) for axes in (3, 2, 1))
+    x, eps = rng.normal(size=(70, 12)), rng.uniform(-0.2, 0.2, 70)
+    run = sf.iterate(QuadraticField(q, l, c), x, eps, 9)
+    several = QuadraticField(np.tile(q, (70, 1, 1, 1)), l, c)
+    np.testing.assert_array_equal(sf.iterate(several, x, eps, 9).x, run.x)
+    alone = sf.iterate(QuadraticField(q, l, c), x[69], eps[69], 9)
+    np.testing.assert_array_equal(alone.x, run.x[:, 69])
 
 
 def test_bodies_as_fields():
@@ -332,144 +274,34 @@ def test_bodies_as_fields():
         (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 0.4),
     ):
         x = np.full((2, body.dimension), 0.4)
-        np.testing.assert_allclose(
-            iterate(QuadraticField.of(body), x, eps, 20).x, iterate(body, x, eps, 20).omega, 1e-12
-        )
+        run = sf.iterate(QuadraticField.of(body), x, eps, 20)
+        np.testing.assert_allclose(run.x, sf.iterate(body, x, eps, 20).omega, 1e-12)
 
 
-@pytest.mark.parametrize(
-    "field", [of_function(lambda x: (x[0] / 3, x[0] - x[1]), 2), HENON, BATCH], ids=str
-)
-def test_files_and_datasets_hold_the_field_exactly(field, tmp_path):
-    x = np.full((3, 2, field.dimension), 0.1)
-    run, whole = iterate(field, x, 0.01, 5), iterate(field, x, 0.01, 8)
-    run.save(tmp_path / "run.npz")
-    loaded = Trajectories.load(tmp_path / "run.npz")
-    assert loaded == run
-    assert (loaded.body, loaded.body.H) == (field, field.H)
-    assert loaded.extend(3) == whole
-    pytest.importorskip("xarray")
-    data = run.to_xarray()
-    assert data.attrs["title"] == "Kahan map of a quadratic field"
-    assert data.component.values.tolist() == [f"x{i + 1}" for i in range(field.dimension)]
-    assert Trajectories.from_xarray(data).body == field
-    assert iterate(field, data.x[-1], 0.01, 3).x.shape == (4, *x.shape)
+@pytest.mark.parametrize(("field", "eps"), [(HENON, 0.25), (RIGID, -0.02)])
+def test_hamiltonian_fields_conserve_modified_energy_and_measure(rng, field, eps):
+    x = rng.uniform(-0.5, 0.5, (6, field.dimension))
+    after = sf.step(field, x, eps)
+    before = sf.modified_energy(field, x, eps)
+    np.testing.assert_allclose(sf.modified_energy(field, after, eps), before, rtol=1e-13)
+    exact = [float(field.H(list(map(F, y)))) for y in x]
+    np.testing.assert_allclose(sf.energy(field, x), exact, 1e-14)
+    density, following = (sf.invariant_density(field, state, eps) for state in (x, after))
+    determinant = np.linalg.det(sf.jacobian(field, x, eps))
+    np.testing.assert_allclose(following * determinant, density, 1e-12)
+    x[1, 0] = np.nan
+    for quantity in (sf.modified_energy, sf.invariant_density):
+        assert np.isnan(quantity(field, x, eps)).tolist() == [False, True] + [False] * 4
 
 
-def test_what_a_run_of_a_field_refuses():
-    with pytest.raises(TypeError, match=r"attitude: .*QuadraticField have no orientation"):
-        iterate(LORENZ, [1.0, 2.0, 3.0], 0.1, 3, attitude=True)
-    with pytest.raises(ValueError, match=r"omega: expected shape \(..., 3\), got \(2,\)"):
-        step(LORENZ, [1.0, 2.0], 0.1)
-    with pytest.raises(AttributeError, match="x"):
-        _ = iterate(LORENZ, [1.0, 2.0, 3.0], 0.1, 3).omega
-    huge = QuadraticField([[[F(10) ** 400]]])
-    with pytest.raises(ValueError, match="body: expected coefficients in the range of float64"):
-        step(huge, [1.0], 0.1)
-
-
-@pytest.mark.parametrize(("field", "x", "eps"), [
-    (LORENZ, [1.0, 2.0, 20.0], 0.1), (HENON, [0.3, -0.5, 0.2, 0.7], -0.4),
-    (QuadraticField([[[1]]], [[0.5]], [-0.25]), [1.5], 0.2),
-])  # fmt: skip
-def test_derivative_and_equations(field, x, eps):
-    h = mpmath.mpf(10) ** -25
-    with mpmath.workdps(60):
-        f, x = exactly(field), precise(x)
-        state = x.astype(float)
-        for j, unit in enumerate(np.eye(len(x), dtype=object)):
-            ahead, behind = (runge_kutta_step(f, x + s * h * unit, eps) for s in (1, -1))
-            column = ((ahead - behind) / (2 * h)).astype(float)
-            found = jacobian(field, state, eps)[:, j]
-            np.testing.assert_allclose(found, column, 0, 1e-13 * abs(column).max())
-            expected = unit - eps * (f(x + unit) - f(x - unit)) / 4
-            found = matrix(field, state, eps)[:, j]
-            np.testing.assert_allclose(found, expected.astype(float), 0, 1e-14)
-        np.testing.assert_allclose(vector_field(field, state), f(x).astype(float), 1e-14, 1e-15)
-
-
-def test_hamiltonian_fields_conserve_modified_energy_and_measure():
-    orbit = iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500)
-    np.testing.assert_allclose(orbit.modified_energy(), 0.07516523812165594102, rtol=1e-14)
-    np.testing.assert_allclose(
-        orbit.energy()[[0, -1]], [0.0768229166666667, 0.0769873869], rtol=1e-7
-    )
-    for field, eps in ((HENON, 0.25), (RIGID, -0.02)):
-        x = np.random.default_rng(0).uniform(-0.5, 0.5, (6, field.dimension))
-        after = step(field, x, eps)
-        np.testing.assert_allclose(
-            modified_energy(field, after, eps), modified_energy(field, x, eps), rtol=1e-13
-        )
-        np.testing.assert_allclose(
-            energy(field, x), [float(field.H(list(map(F, y)))) for y in x], 1e-14
-        )
-        determinant = np.linalg.det(jacobian(field, x, eps))
-        np.testing.assert_allclose(
-            invariant_density(field, after, eps) * determinant,
-            invariant_density(field, x, eps),
-            1e-12,
-        )
-    assert np.isnan(modified_energy(HENON, [np.nan] * 4, 0.1))
-
-
-def test_exponents_of_fields():
-    x, steps = [1.0, 2.0, 20.0], 400
-    logs = np.log(
-        abs(np.linalg.det(jacobian(LORENZ, iterate(LORENZ, x, 1 / 64, steps - 1).x, 1 / 64)))
-    )
-    found = lyapunov_exponents(LORENZ, x, 1 / 64, steps)
-    assert abs(found.sum() - logs.mean()) <= 1e-12 * abs(logs).mean()
-    assert found[0] > found[1] > found[2]
-    both = QuadraticField(np.stack([LORENZ.quadratic.astype(float)] * 2), LORENZ.linear)
-    np.testing.assert_allclose(lyapunov_exponents(both, x, 1 / 64, steps), [found] * 2, rtol=1e-9)
-
-
-def test_quantities_of_batches():
-    x = np.random.default_rng(0).normal(size=(7, 2, 3))
-    for function, *more in ((vector_field,), (matrix, 0.1), (jacobian, 0.1)):
-        whole = function(BATCH, x, *more)
-        for k in range(2):
-            one = QuadraticField(BATCH.quadratic[k], BATCH.linear)
-            np.testing.assert_allclose(function(one, x[:, k], *more), whole[:, k], 1e-12, 1e-12)
-        assert np.isnan(function(LORENZ, [np.nan, 1, 2], *more)).all()
-    far = np.array([1e200, -1e199, 1e198])  # in another unit
-    np.testing.assert_array_equal(
-        vector_field(QuadraticField(LORENZ.quadratic * F(1, 2**660)), far * 1.0),
-        2.0**660 * vector_field(QuadraticField(LORENZ.quadratic), far / 2.0**660),
-    )
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: energy(LORENZ, [1, 2, 3]), "from_hamiltonian, got a field without a Hamiltonian"),
-        (lambda: modified_energy(LORENZ, [1, 2, 3], 0.1), "without a Hamiltonian"),
-        (lambda: invariant_density(LORENZ, [1, 2, 3], 0.1), "without a Hamiltonian"),
-        (lambda: iterate(LORENZ, [1, 2, 3], 0.1, 1).energy(), "without a Hamiltonian"),
-        (lambda: first_integral(HENON, np.ones(4), 0.1), "got QuadraticField; fields have step"),
-        (lambda: exact(HENON, np.ones(4), 0.1, 3), "got QuadraticField; fields have step, iterate"),
-    ],
-)
-def test_quantities_that_a_field_lacks(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()
-
-
-def test_stores_and_the_command_hold_the_hamiltonian(tmp_path, capsys, monkeypatch):
+def test_a_store_holds_the_hamiltonian(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pytest.importorskip("zarr")
     pytest.importorskip("dask")
     (tmp_path / "field.json").write_text(json.dumps(HENON.to_dict()))
-    starts = "--omega0 0.125,0.25,0.25,-0.125 --eps 0.25 --steps 20 --save-every 4"
-    for line in (f"run --body field.json -o run.zarr {starts}", "info run.zarr"):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(line.split())
-        assert not ended.value.code
+    with pytest.raises(SystemExit, match="0"):
+        cli.main("run --body field.json --eps 0.25 --steps 9 --save-every 3 -o run.zarr".split())
     said = capsys.readouterr().out
-    assert said.count("H = x1^2*x2") == 2
+    assert "H = x1^2*x2" in said
     assert "drift of E_mod" in said
-    run = Trajectories.from_xarray(open_ensemble(tmp_path / "run.zarr"))
-    assert run.body == HENON
-    np.testing.assert_array_equal(
-        run.x[:, 0], iterate(HENON, [0.125, 0.25, 0.25, -0.125], 0.25, 20, save_every=4).x
-    )
+    assert sf.Trajectories.from_xarray(sf.open_ensemble(tmp_path / "run.zarr")).body == HENON

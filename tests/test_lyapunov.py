@@ -7,7 +7,9 @@ import pytest
 import suslov_fast as sf
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
-
+LORENZ = sf.QuadraticField.from_function(
+    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+)
 
 # Orbits with t > 1 jump through infinity.
 BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
@@ -17,7 +19,8 @@ BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
     ("body", "omega", "eps", "steps", "tolerance"),
     [(THREE, [1.0, 0.5], eps, steps, 1e-13) for eps in (0.2, -0.2) for steps in (1, 2, 40)]
     + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
-    + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)],
+    + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
+    + [(LORENZ, [1.0, 2.0, 20.0], 1 / 64, 100, 1e-12)],
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
     """Compare with NumPy's QR of each Jacobian, and the sum with the mean of log |det|."""

@@ -50,6 +50,12 @@ KINDS = {
     ),
     "nD": (lambda r, shape: nd(r, shape, r.uniform(0.5, 4, (*shape, 4)), 4), 4),
     "solved": (lambda r, shape: nd(r, shape, r.uniform(0.5, 4, (*shape, 1)), 3), 3),
+    "field": (
+        lambda r, shape: sf.QuadraticField(
+            *(r.normal(size=(*shape, *(5,) * axes)) / 10 for axes in (3, 2, 1))
+        ),
+        5,
+    ),
 }
 
 
@@ -111,7 +117,7 @@ def solutions(body, omega, eps, **options):
     return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, FORWARD, SCATTERED))
 
 
-FORWARD, SCATTERED = np.arange(40), np.array([-1e9, -3, 0, 7, 700, 1e9])
+FORWARD, SCATTERED = np.arange(3, 43), np.array([-1e9, -3, 0, 7, 700, 1e9])
 ROWS = {
     "energy": of_states(sf.energy, "3D gyrostat nD", (1, 0, 2)),
     "first_integral": of_steps(sf.first_integral, "3D gyrostat solved", (-1, 0, 2)),
@@ -121,18 +127,18 @@ ROWS = {
     "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
     "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
     "from_xy": of_states(sf.from_xy, "3D", name="xy"),
-    "vector_field": of_states(sf.vector_field, "3D gyrostat nD", (-1, 1, 2)),
+    "vector_field": of_states(sf.vector_field, "3D gyrostat nD field", (-1, 1, 2)),
     "reaction": of_states(sf.reaction, "3D gyrostat nD", (1, None, 2)),
     "discrete reaction": of_steps(sf.reaction, "3D gyrostat nD", (1, None, 2)),
-    "jacobian": of_steps(sf.jacobian, "3D gyrostat nD", (0, 0, 0)),
-    "matrix": of_steps(sf.matrix, "3D gyrostat nD", (0, 0, 0)),
+    "jacobian": of_steps(sf.jacobian, "3D gyrostat nD field", (0, 0, 0)),
+    "matrix": of_steps(sf.matrix, "3D gyrostat nD field", (0, 0, 0)),
     "closed_form": of_steps(
         sf.closed_form, "3D", (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0), name="omega0"
     ),
-    "step": of_steps(sf.step, "3D gyrostat nD solved", (0, 0, 1), threads=False),
+    "step": of_steps(sf.step, "3D gyrostat nD solved field", (0, 0, 1), threads=False),
     "step_full": of_steps(sf.step_full, "full", (0, None, 1), threads=False),
-    "iterate": runs("3D gyrostat nD solved", save_every=3),
-    "iterate: last states": runs("3D gyrostat nD solved", save_every=None),
+    "iterate": runs("3D gyrostat nD solved field", save_every=3),
+    "iterate: last states": runs("3D gyrostat nD solved field", save_every=None),
     "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
     "iterate: canonical": runs("3D gyrostat", method="canonical"),
     "iterate: ds2": runs("3D", method="ds2", attitude=True),
@@ -151,14 +157,16 @@ ROWS = {
     "attitude": of_steps(orientations, "3D gyrostat nD", TURNS, timed=(0,), name="omega0"),
     "lyapunov_exponents": of_steps(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
-        "3D gyrostat nD", (0, 0, 0), name="omega0",
+        "3D gyrostat nD field", (0, 0, 0), name="omega0",
     ),
     "to_matrix": of_states(sf.to_matrix, "3D gyrostat nD", (0, 0, 1), threads=False),
     "to_vector": of_states(sf.to_vector, "3D gyrostat", (0, 0, 1), threads=False),
     "momentum": of_states(sf.momentum, "3D gyrostat nD", (1, None, 1), threads=False),
 }  # fmt: skip
 # LAPACK may round differently if matrices are aligned differently in memory.
-ROUNDED = {("jacobian", "nD"): 1e-13, ("lyapunov_exponents", "nD"): 1e-13}
+ROUNDED = {
+    (name, kind): 1e-13 for name in ("jacobian", "lyapunov_exponents") for kind in ("nD", "field")
+}
 
 every_case = pytest.mark.parametrize(
     ("name", "kind"),
@@ -185,9 +193,11 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
 
 def part(body, index, batch):
     """Select bodies of a batch."""
-    own, values = type(body)._own_axes, map(np.asarray, body._values.values())
-    whole = [np.broadcast_to(v, (*batch, *v.shape[v.ndim - own :])) for v in values]
-    return type(body)(*(each[index] for each in whole))
+    parts = {}
+    for name, value in body._values.items():
+        own = np.shape(value)[np.ndim(value) - body._axes(name) :]
+        parts[name] = np.broadcast_to(value, (*batch, *own))[index]
+    return type(body)(**parts)
 
 
 def same(name, kind, first, second):
@@ -218,27 +228,30 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(name, kind, alone, [each[index] for each in values])
 
 
-# One function for each kind of loop, except that of test_nd.py: parallel loops compile slowly.
-# tests/slow/test_threads.py tests all functions.
+# One function for each kind of loop, except that of test_nd.py: parallel loops compile slowly, and
+# the others are slow tests.
 THREADED = [
     ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),
-    ("attitude", "3D"),
+    ("attitude", "3D"), ("iterate", "field"),
 ]  # fmt: skip
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("name", "kind"), THREADED)
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        pytest.param(name, kind, marks=[pytest.mark.slow] * ((name, kind) not in THREADED))
+        for name, row in ROWS.items()
+        for kind in row.kinds
+        if row.threads
+    ],
+)
 def test_threads(rng, monkeypatch, name, kind):
-    check_threads(rng, monkeypatch, name, kind)
-
-
-def check_threads(rng, monkeypatch, name, kind):
     row, problem_of = ROWS[name], sample(rng, kind)
-    if row.threads:
-        alone = list(row.values(*problem_of, threads=1))
-        monkeypatch.setattr(threads, "CROSSOVER", 0)
-        same(name, kind, alone, list(row.values(*problem_of, threads=2)))
-        same(name, kind, alone, list(row.values(*problem_of)))
+    alone = list(row.values(*problem_of, threads=1))
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    same(name, kind, alone, list(row.values(*problem_of, threads=2)))
+    same(name, kind, alone, list(row.values(*problem_of)))
 
 
 @every_case
@@ -273,6 +286,8 @@ UNITS_OF_RUNS = [*UNITS, (0, 0, 990), (0, 0, -990)]
 def in_units(body, moments, products, rotor):
     powers = dict.fromkeys(body._names(), moments) | dict.fromkeys(body._couplings, products)
     powers["k"] = rotor
+    powers["quadratic"], powers["linear"] = products - moments, rotor - moments
+    powers["constant"] = 2 * rotor - products - moments
     return type(body)(**{n: np.ldexp(v, powers[n]) for n, v in body._values.items()})
 
 
@@ -439,9 +454,6 @@ def cut_further(monkeypatch):
     monkeypatch.setattr(engine, "_COPIED", 2**12)
 
 
-every_hard_problem = pytest.mark.parametrize(("make", "method", "m"), HARD)
-
-
 def run(body, omega, eps, steps, **options):
     return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
 
@@ -450,13 +462,13 @@ def assert_same_run(first, second, chosen=slice(None)):
     """Compare a run with chosen trajectories of another, bit for bit."""
     for name in ("final", "status", "failed_at"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name)[chosen], name)
-    np.testing.assert_array_equal(first.omega, second.omega[:, chosen])
+    np.testing.assert_array_equal(first.states, second.states[:, chosen])
     assert (first.attitude is None) == (second.attitude is None)
     if first.attitude is not None:
         np.testing.assert_array_equal(first.attitude, second.attitude[:, chosen])
 
 
-@every_hard_problem
+@pytest.mark.parametrize(("make", "method", "m"), HARD)
 @pytest.mark.parametrize("save_every", [1, 5, None])
 def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
     """Batch, order and parts change no bit; "auto" and "rank2" miss the same states."""
@@ -483,6 +495,17 @@ def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
     assert_same_run(parts, whole)
     assert seen == sorted(seen)
     assert seen[-1] == (options["steps"],) * 2
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("m", [2, 4])
+def test_threads_of_hard_problems(rng, monkeypatch, m):
+    problem = solved_and_others(rng, 150, m)
+    alone = run(*problem, 500, save_every=2, threads=1)
+    monkeypatch.setattr(threads, "CROSSOVER", 1)  # serial within one block
+    cut_further(monkeypatch)
+    assert_same_run(run(*problem, 500, save_every=2), alone)
 
 
 @pytest.mark.parametrize("k", [-1000, -600, 600, 1000])
@@ -514,7 +537,7 @@ CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
         *(("3D", method, turns, 2) for method in ("auto", "canonical", "ds2") for turns in (0, 1)),
         ("gyrostat", "canonical", 0, 2),
         *((kind, "auto", turns, 3) for kind in ("gyrostat", "nD", "solved") for turns in (0, 1)),
-        ("nD", "gauss", 0, 4), ("full", None, 0, 3),
+        ("nD", "gauss", 0, 4), ("field", "auto", 0, 5), ("full", None, 0, 3),
         *((make, method, 0, m) for make, method, m in HARD),
     ],
 )  # fmt: skip

@@ -57,6 +57,11 @@ EQUAL = sf.SuslovND([2.0] * 3, [0.1, 0.2, 0.3])
 iterate, full = (partial(partial, f, on_singular="ignore") for f in (sf.iterate, sf.iterate_full))
 SWEPT = sf.Suslov3D([[1.0], [2.0], [3.0]], 1, [[0.1, 0.2]], 0)
 SWEPT_ND = sf.SuslovND([[[1.0, 2.0]], [[3.0, 1.0]]], [0.2, 0.1])
+THIRD = sf.QuadraticField.from_function(lambda x: (x[0] / 3, x[0] - x[1]), 2)
+HENON = sf.QuadraticField.from_hamiltonian(
+    lambda x: (x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 2
+)
+FIELDS = sf.QuadraticField(np.arange(54.0).reshape(2, 3, 3, 3), np.eye(3))
 
 
 class Runs(dict):
@@ -90,6 +95,9 @@ RUNS = Runs(
     nd_bodies=iterate(SWEPT_ND, STARTS, 0.1, 4, method="gauss"),
     gyrostat=iterate(GYROSTAT, STARTS, SIZES, 6, save_every=4, attitude=True),
     gyrostat_last=iterate(GYROSTATS, ODD[0], 0.35, 6, save_every=None),
+    field=iterate(THIRD, STARTS, 0.01, 5),
+    fields=iterate(FIELDS, THREES[:2], 0.01, 5, save_every=None),
+    hamiltonian=iterate(HENON, STARTS, 0.01, 5),
     full=full(BODY, THREES, SIZES, 6, 3.0, save_every=4),
     full_bodies=full(sf.Suslov3D(4, 2, -0.5, -0.3, I3=[[3.0], [4.0]]), THREES, 0.1, 4),
     full_last=full(BODY, THREES[0], 0.1, 4, 3.0, save_every=None),
@@ -139,7 +147,7 @@ def test_times(body, sweep):
 
 def test_repr_is_one_line():
     for run in map(RUNS.__getitem__, RUNS):
-        assert re.fullmatch(r"Trajectories\(omega: .{,98}\)", repr(run))
+        assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
         assert "<table>" in run._repr_html_()
     assert repr(RUNS["failed"]) == (
         "Trajectories(omega: (6, 2, 2), n: 0, 1 ... 5, eps: 1, failed: 1 of 2)"

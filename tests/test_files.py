@@ -12,7 +12,7 @@ from test_trajectories import RUNS, assert_same_run, same
 
 import suslov_fast as sf
 from suslov_fast._engine import memory
-from suslov_fast._runs import replacing as _replacing
+from suslov_fast._runs import files
 
 # No body has the I3 of some runs of the scheme in three components.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
@@ -99,7 +99,7 @@ def test_pipes_and_devices_are_not_read(tmp_path):
 
 
 def test_a_run_larger_than_memory(path, tmp_path, monkeypatch):
-    """Memory is tested after the headers of the arrays are read, and before the arrays are."""
+    """Memory is tested before the arrays are read."""
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
         np.save(tmp_path / "bomb.npy", np.zeros(10**7))
         archive.write(tmp_path / "bomb.npy", "bomb.npy")
@@ -148,7 +148,7 @@ ENTRIES = [
         np.array(5),
         "format: expected 4, that of this version, got 5, of suslov_fast [^:]*$",
     ),
-    ("omega", np.array([print], dtype=object), r"omega.npy: \d+ bytes, shape \(1,\) of object"),
+    ("omega", np.array([print], dtype=object), "Object arrays cannot be loaded"),
 ]
 
 
@@ -189,7 +189,7 @@ def test_a_failed_write_keeps_the_old_file(path, tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_replacing, "os", SimpleNamespace(**vars(os) | {"replace": fail}))
+    monkeypatch.setattr(files, "os", SimpleNamespace(**vars(os) | {"replace": fail}))
     with pytest.raises(KeyboardInterrupt):
         RUNS["turning"].save(path)
     monkeypatch.undo()
@@ -248,12 +248,18 @@ def test_other_paths_are_not_replaced(tmp_path):
     assert (path / "thesis.tex").exists()
 
 
-@pytest.mark.parametrize("change", [lambda data: data + bytes(8), lambda data: data[:-8]])
-def test_an_entry_of_another_size_than_its_header_says(path, change):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data + bytes(8), r"omega\.npy: more data than shape \(5, 5, 2\) needs"),
+        (lambda data: data[:-8], "expected 400 bytes got 392"),
+    ],
+)
+def test_an_entry_of_another_size_than_its_header_says(path, change, message):
     with zipfile.ZipFile(path) as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
     entries["omega.npy"] = change(entries["omega.npy"])
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in entries.items():
             archive.writestr(name, data)
-    refused(path, r"omega\.npy: \d+ bytes, shape \(5, 5, 2\) of float64")
+    refused(path, message)

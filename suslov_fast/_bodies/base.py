@@ -141,12 +141,6 @@ class Body:
         )
         return f"<{name} of shape {self.shape}: {text}>"
 
-    def _repr_latex_(self) -> str:
-        """Return the parameters as a formula, for notebooks; of a batch the shape and ranges."""
-        shape = f" of shape {self.shape}" if self.shape else ""
-        terms = [f"{_symbol(name)} = {_brief(value)}" for name, value in self._values.items()]
-        return r",\quad ".join([rf"$\text{{{type(self).__name__}{shape}}}", *terms]) + "$"
-
     def to_dict(self) -> dict[str, Any]:
         """Return the class and the parameters, without loss, for JSON.
 
@@ -209,16 +203,3 @@ def _frozen(array: FloatArray) -> float | FloatArray:
     # Memory of a bytes object can never be made writeable.
     frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
     return frozen if array.ndim else float(array)
-
-
-def _symbol(name: str) -> str:
-    """Return the name of a parameter in LaTeX: `I_{13}`."""
-    return f"{name[0]}_{{{name[1:]}}}" if name[1:] else name
-
-
-def _brief(value: float | FloatArray) -> str:
-    """Return the text of one or a few numbers, or the range of many."""
-    if np.size(value) > _LINE // 10:
-        return rf"{np.min(value):g} \ldots {np.max(value):g}"
-    text = ", ".join(f"{each:g}" for each in np.ravel(value))
-    return f"({text})" if np.ndim(value) else text

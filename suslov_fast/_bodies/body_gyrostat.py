@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NoReturn
+from typing import ClassVar
 
 from .._checks import FloatArray
 from .base import Body
@@ -60,14 +60,6 @@ class SuslovGyrostat(Body):
     _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
     _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")
     _meanings: ClassVar[dict[str, str]] = {**Suslov3D._meanings, "k": "momentum of the rotor"}
-
-    @classmethod
-    def from_inertia(cls, *arguments: object, **options: object) -> NoReturn:
-        """Raise TypeError: an inertia tensor says nothing of the rotor."""
-        raise TypeError(
-            "SuslovGyrostat.from_inertia does not exist: pass I1, I2, I13 and I23 of "
-            "Suslov3D.from_inertia, and k"
-        )
 
     def __post_init__(self) -> None:
         set_in_3d(self)

@@ -343,13 +343,6 @@ class QuadraticField(Body):
         short = textwrap.shorten(", ".join(equations), _LINE, placeholder=" ...")
         return f"QuadraticField({short})"
 
-    def _repr_latex_(self) -> str:
-        if self.shape or self.dimension > _LINE // 20:
-            return super()._repr_latex_()
-        style = "x_{{{}}}", " ", "^{{{}}}", r"\frac{{{}}}{{{}}}"
-        texts = enumerate((each.text(*style) for each in self.polynomials), start=1)
-        return "$" + r",\quad ".join(rf"\dot x_{{{i}}} = {text}" for i, text in texts) + "$"
-
     def to_dict(self) -> dict[str, Any]:
         """Return the coefficients as nested lists, without loss, for JSON.
 

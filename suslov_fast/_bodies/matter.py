@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,52 +67,20 @@ def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
 def admissible_I3(
     I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the open interval of I3 for which tr(T)/2 - T is positive definite; NaN where none is.
+    """Return the open interval of I3 where A = tr(T)/2 - T is positive definite; NaN if none is.
 
-    With d = |I1 - I2|, m = min(I1, I2) and s = I3 - d the condition is s > 0 and
-
-    f(s) = m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) > 0,
-
-    where A is the product of inertia that belongs to the larger of I1 and I2. f is concave: it has
-    no root or two, one on each side of its maximum.
+    A = B (I3 - P) with B = diag(1, 1, -1) / 2, so it is singular where I3 is an eigenvalue of P. B
+    has one negative eigenvalue: A is positive definite between the two largest of P, or nowhere.
     """
     I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
     _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
     I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
-    d, m = abs(I1 - I2), np.minimum(I1, I2)
-    A, B = np.where(I1 > I2, I13, I23), np.where(I1 > I2, I23, I13)
-    # For d = 0 the two terms have the same pole, and are combined.
-    A, B = np.where(d == 0, np.hypot(A, B), abs(A)), np.where(d == 0, 0.0, abs(B))
-
-    def f(s: FloatArray) -> FloatArray:
-        return m - 0.5 * s - _over(2.0 * A * A, s) - _over(2.0 * B * B, s + 2.0 * d)
-
-    def slope(s: FloatArray) -> FloatArray:
-        first, second = _over(A, s), _over(B, s + 2.0 * d)
-        return 2.0 * (first * first + second * second) - 0.5
-
-    zero, most = np.zeros_like(m), 2.0 * m
-    with np.errstate(all="ignore"):
-        top, _ = _bisected(lambda s: slope(s) > 0, zero, most)
-        exists = f(top) > 0
-        low, _ = _bisected(lambda s: f(s) < 0, zero, top)
-        _, high = _bisected(lambda s: f(s) > 0, top, most)
-        ends = [np.where(exists, np.ldexp(d + s, exponent), np.nan)[()] for s in (low, high)]
-    return ends[0], ends[1]
-
-
-def _over(v: FloatArray, w: FloatArray) -> FloatArray:
-    """Return v / w, or 0 where v is 0."""
-    return np.where(v == 0, 0.0, v / w)
-
-
-def _bisected(
-    holds: Callable[[FloatArray], NDArray[np.bool_]], low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the last number from low on for which a condition holds, and its successor."""
-    start, stop = low.view(np.int64), high.view(np.int64)  # ordered as the numbers, which are >= 0
-    for _ in range(64):
-        middle = start + (stop - start) // 2
-        inside = holds(middle.view(np.float64))
-        start, stop = np.where(inside, middle, start), np.where(inside, stop, middle)
-    return start.view(np.float64), stop.view(np.float64)
+    zero = np.zeros_like(I1)
+    rows = (I1 - I2, zero, 2 * I13), (zero, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+    P = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    ends = np.sort(np.linalg.eigvals(P).real, axis=-1)[..., 1:]
+    middle = ends.mean(axis=-1)[..., np.newaxis, np.newaxis]
+    A = np.array([[0.5], [0.5], [-0.5]]) * (middle * np.eye(3) - P)
+    exists = (np.linalg.eigvalsh(A) > 0).all(axis=-1)
+    low, high = (np.where(exists, np.ldexp(ends[..., k], exponent), np.nan)[()] for k in (0, 1))
+    return low, high

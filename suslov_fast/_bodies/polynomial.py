@@ -152,23 +152,14 @@ class Polynomial:
         return hash(frozenset(self.terms.items()))
 
     def __repr__(self) -> str:
-        return self.text("x{}", "*", "^{}", "{}/{}")
-
-    def text(self, variable: str, times: str, power: str, quotient: str) -> str:
         """Return the polynomial as text, the terms of highest degree first."""
         terms = []
         for powers, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
             a = abs(c)
-            size = str(a)
-            if a.denominator > 2**20:
-                size = str(plain(a))
-            elif a.denominator > 1:
-                size = quotient.format(a.numerator, a.denominator)
-            factors = [] if a == 1 and powers else [size]
+            factors = [] if a == 1 and powers else [str(plain(a) if a.denominator > 2**20 else a)]
             for i in dict.fromkeys(powers):
-                times_i = powers.count(i)
-                suffix = power.format(times_i) if times_i > 1 else ""
-                factors.append(variable.format(i + 1) + suffix)
-            terms.append((" - " if c < 0 else " + ") + times.join(factors))
+                power = powers.count(i)
+                factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
+            terms.append((" - " if c < 0 else " + ") + "*".join(factors))
         whole = "".join(terms) or " + 0"
         return whole[3:] if whole[1] == "+" else f"-{whole[3:]}"

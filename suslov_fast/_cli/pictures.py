@@ -9,7 +9,7 @@ import webbrowser
 from typing import Any
 
 from .._bodies.paper import PICTURES
-from .._runs.replacing import replacing
+from .._runs.files import replacing
 from .._show import plots
 from .._show.explore.parameters import query_of_link
 from .._show.explore.server import Server

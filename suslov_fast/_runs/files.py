@@ -1,21 +1,22 @@
-"""Runs in files: a .npz holds each entry of `schema` under its name."""
+"""Runs in files, written atomically: a .npz holds each entry of `schema` under its name."""
 
 from __future__ import annotations
 
-import math
+import errno
 import os
+import secrets
 import stat
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._checks import wrong
 from .._engine.memory import require
-from .replacing import replacing
 from .schema import Entries, run_of
 
 PathLike = str | os.PathLike[str]
@@ -65,10 +66,10 @@ def _entries(path: PathLike) -> Entries:
     """Return the arrays of a .npz, after a check of their sizes."""
     try:
         with zipfile.ZipFile(path) as archive:
-            nbytes = sum(_size_of(archive, info) for info in archive.infolist())
-        require(nbytes, "the run in this file is too large for this machine")
-        with np.load(path, allow_pickle=False) as arrays:
-            return dict(arrays)
+            members = archive.infolist()
+            nbytes = sum(each.file_size for each in members)
+            require(nbytes, "the run in this file is too large for this machine")
+            return {each.filename.removesuffix(".npy"): _array(archive, each) for each in members}
     except MemoryError:
         raise
     except Exception as error:  # readers raise various errors for damaged files
@@ -77,16 +78,40 @@ def _entries(path: PathLike) -> Entries:
         ) from error
 
 
-def _size_of(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> int:
-    """Return the size of an array in memory; ValueError if that of its entry differs.
-
-    Otherwise the entry might not be read to its end, where its checksum is compared.
-    """
-    form = np.lib.format
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
     with archive.open(info) as file:
-        readers = {(1, 0): form.read_array_header_1_0, (2, 0): form.read_array_header_2_0}
-        shape, _, dtype = readers[form.read_magic(file)](file)
-        size = math.prod(shape) * dtype.itemsize
-        if file.tell() + size != info.file_size:
-            raise ValueError(f"{info.filename}: {info.file_size} bytes, shape {shape} of {dtype}")
-    return size
+        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+        if file.read(1):  # otherwise this reads the end, where the checksum is compared
+            raise ValueError(f"{info.filename}: more data than shape {array.shape} needs")
+    return array
+
+
+@contextmanager
+def replacing(path: PathLike) -> Iterator[Path]:
+    """Create a new file next to `path`, which replaces `path` at the end.
+
+    It is created before the computation, so a path that is not writable is detected immediately.
+    The file mode is kept; for a link, its target is replaced.
+
+    Raises OSError, with what was expected and received as its `strerror`.
+    """
+    try:
+        target = Path(os.path.realpath(path))  # a deleted working directory has no path
+        mode = target.stat().st_mode if target.exists() else None
+        if mode is not None and not stat.S_ISREG(mode):
+            kind = "a folder" if stat.S_ISDIR(mode) else "neither a file nor a folder"
+            raise FileExistsError(errno.EEXIST, kind)
+        new = target.with_name(f".{secrets.token_hex(8)}.part")
+        new.touch(exist_ok=False)
+    except OSError as error:
+        received = error.strerror or type(error).__name__
+        message = f"expected a name in a folder that can be written to, got {received}"
+        raise OSError(error.errno or errno.EIO, message, os.fspath(path)) from error
+    try:
+        yield new
+        if mode is not None:
+            os.chmod(new, stat.S_IMODE(mode))
+        os.replace(new, target)
+    finally:
+        with suppress(OSError):
+            new.unlink()

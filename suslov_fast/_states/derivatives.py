@@ -113,10 +113,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     J, I, _, moments, products = in_units(body)
     spectrum = _spectrum(J, I)
     with np.errstate(all="ignore"):
-        where, step_size = (
-            np.asarray(where)[..., np.newaxis],
-            np.asarray(step_size)[..., np.newaxis],
-        )
+        where, step_size = (np.asarray(each)[..., np.newaxis] for each in (where, step_size))
         speed = np.ldexp(where, products) * np.ldexp(step_size, products - moments)
         Y = 0.5 * speed * spectrum
         result = np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0))
@@ -130,29 +127,16 @@ def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
     if J.shape[-1] == 2:
         trace: FloatArray = (I * (I / J[..., ::-1])).sum(axis=-1, keepdims=True)
         return trace
-    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric and maps sqrt(J) I to 0. A reflection of an
-    # axis into that direction maps the other axes to a basis of its complement.
-    square, root = (I * I).sum(axis=-1, keepdims=True), np.sqrt(J)
-    null, across = np.broadcast_arrays(root * I, I / root)
-    basis = _complement(null)
-    inverse = np.broadcast_to(square / J, null.shape)[..., np.newaxis]
-    projected = across[..., np.newaxis, :] @ basis
-    symmetric = basis.swapaxes(-2, -1) @ (inverse * basis) - projected.swapaxes(-2, -1) * projected
-    # Each eigenvalue lies between two of the |I|**2 / J_i.
-    bounds = np.sort(inverse[..., 0], axis=-1)
-    return np.clip(np.linalg.eigvalsh(symmetric), bounds[..., :-1], bounds[..., 1:])
-
-
-def _complement(vectors: FloatArray) -> FloatArray:
-    """Return orthonormal bases (..., m, m - 1) orthogonal to vectors (..., m), 0 included."""
-    m = vectors.shape[-1]
-    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit = np.where(size > 0, vectors / np.where(size > 0, size, 1.0), np.eye(m)[0])
-    # Householder reflection of the first axis into plus or minus the unit vector.
-    normal = unit.copy()
-    normal[..., 0] += np.copysign(1.0, unit[..., 0])
-    square = (normal * normal).sum(axis=-1)[..., np.newaxis, np.newaxis]
-    reflection: FloatArray = (
-        np.eye(m) - 2.0 / square * normal[..., :, np.newaxis] * normal[..., np.newaxis, :]
+    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric, maps sqrt(J) I to 0, and has no negative
+    # eigenvalues.
+    square, across = I * I, I / np.sqrt(J)
+    diagonal = np.eye(I.shape[-1], dtype=bool)
+    others = np.where(diagonal, 0.0, square[..., np.newaxis, :]).sum(axis=-1)
+    symmetric = np.where(
+        diagonal,
+        (others / J)[..., np.newaxis],
+        -across[..., :, np.newaxis] * across[..., np.newaxis, :],
     )
-    return reflection[..., 1:]
+    # Each eigenvalue lies between two of the |I|**2 / J_i.
+    bounds = np.sort(square.sum(axis=-1, keepdims=True) / J, axis=-1)
+    return np.clip(np.linalg.eigvalsh(symmetric)[..., 1:], bounds[..., :-1], bounds[..., 1:])

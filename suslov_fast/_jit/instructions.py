@@ -13,30 +13,11 @@ from numba.extending import intrinsic
 
 from .options import formula
 
-_DOUBLE, _BIT, _BYTE, _WORD = ir.DoubleType(), ir.IntType(1), ir.IntType(8), ir.IntType(64)
+_DOUBLE, _BYTE, _WORD = ir.DoubleType(), ir.IntType(8), ir.IntType(64)
 LINE = 8  # numbers of a cache line, and of the longest vector
 # Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
 # then take 1.4 times as long. On AMD's it saves up to a third where rows share lines, or nothing.
 _PREFETCHES = binding.get_host_cpu_name().startswith("znver")
-
-
-@intrinsic
-def _select(typing, condition, first, second):
-    kinds = {type(types.unliteral(each)) for each in (first, second)}
-    result = {types.Boolean: types.boolean, types.Integer: types.int64}.get(kinds.pop())
-    result = types.float64 if kinds or result is None else result
-
-    def emit(context, builder, signature, arguments):
-        bit = arguments[0]
-        if bit.type.width != 1:
-            bit = builder.trunc(bit, _BIT)
-        first, second = (
-            context.cast(builder, value, kind, result)
-            for value, kind in zip(arguments[1:], signature.args[1:], strict=True)
-        )
-        return builder.select(bit, first, second)
-
-    return result(types.boolean, types.unliteral(first), types.unliteral(second)), emit
 
 
 @intrinsic
@@ -235,7 +216,8 @@ def pack(typing, arguments):
 
 # The reasons, measured on AVX2 with the closed form (entering an orbit takes 26 ns):
 #
-# select        a ternary is a branch, which prevents SIMD: 110 ns
+# select        not an instruction: both values are computed, so that LLVM can choose without a
+#               branch, as SIMD needs; a ternary of expressions is a branch: 110 ns
 # two_product   the error of a product takes one FMA, or 16 other operations
 # stack         LLVM knows that rows on the stack do not overlap; other arrays it compares in pairs
 #               at run time, and does not vectorize with eight: 110 ns
@@ -300,8 +282,13 @@ if config.DISABLE_JIT:
         """Prefetch the cache line of target[i] for writing, on AMD's processors."""
 
 else:
-    select, stack, rows_of, lane, put = _select, _stack, _rows_of, _lane, _put
+    stack, rows_of, lane, put = _stack, _rows_of, _lane, _put
     stream_line, subtract_product, expect_store = _stream_line, _subtract_product, _expect_store
+
+    @formula
+    def select(condition, first, second):
+        """Return `first` where the condition holds, else `second`; both are computed."""
+        return first if condition else second
 
     @formula
     def two_product(v, w):

@@ -12,10 +12,10 @@ from ._ensemble.api import ensemble as ensemble
 from ._ensemble.api import open_ensemble as open_ensemble
 from ._ensemble.starts import RandomStarts as RandomStarts
 from ._maps.registry import body_from_dict as body_from_dict
-from ._runs.full_scheme import iterate_full as iterate_full
-from ._runs.full_scheme import step_full as step_full
 from ._runs.iterate import iterate as iterate
+from ._runs.iterate import iterate_full as iterate_full
 from ._runs.iterate import step as step
+from ._runs.iterate import step_full as step_full
 from ._runs.solution import exact as exact
 from ._runs.solution import flow as flow
 from ._runs.solution import limits as limits

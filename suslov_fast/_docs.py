@@ -39,6 +39,9 @@ eps : array_like(float, shape=(...))
     "steps": """\
 steps : int
     Number of steps, 0 or more.""",
+    "I3": """\
+I3 : array_like(float, shape=(...)), optional
+    The third moment of inertia, positive; by default that of the body.""",
     "save_every": """\
 save_every : int or None
     Save the states 0, k, 2k, ... up to `steps`; None saves only the last.""",
@@ -80,6 +83,12 @@ ax : matplotlib.axes.Axes, optional
     "map": """\
 map : KahanMap
     Made by `kahan`.""",
+    "path": """\
+path : str or path-like
+    A name that ends in .npz.""",
+    "dimension": """\
+dimension : int
+    The number of variables, D.""",
     "seed": """\
 seed : int, optional
     Seed of the random primes, points and lines.""",

@@ -1,16 +1,18 @@
-"""The n-dimensional body."""
+"""The n-dimensional body, and all bodies in its form."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, inertia_matrix, real_array, unit_axis
 from .base import Body
 from .matter import shortest_rotation_to_last
+
+IntArray = NDArray[np.intc]
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -141,3 +143,26 @@ def _principal_axes(block: FloatArray) -> FloatArray:
     if np.linalg.det(axes) < 0:
         axes[:, np.argmin(abs(np.diag(axes)))] *= -1.0
     return axes.T
+
+
+def J_I_rotor(body: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return J and I (..., m), as in n dimensions, and the momentum (..., 1) of a rotor."""
+    if isinstance(body, SuslovND):
+        return *body.parameters, np.zeros(1)
+    I1, I2, I13, I23, *k = body.parameters
+    J = np.stack(np.broadcast_arrays(I1, I2), axis=-1)
+    I = np.stack(np.broadcast_arrays(I23, np.negative(I13)), axis=-1)
+    return J, I, np.asarray(k[0] if k else 0.0)[..., np.newaxis]
+
+
+def in_units(body: Any) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+    """Return J, I and k of a body, of the order of 1, and the exponents (..., 1) of their units.
+
+    These are 2**moments for J and 2**products for I and k. Kernels scale their own arguments.
+    """
+    J, I, rotor = J_I_rotor(body)
+    ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))
+    moments = sum(ends) // 2
+    products = np.frexp(np.maximum(abs(I).max(axis=-1, keepdims=True), abs(rotor)))[1]
+    J, I, rotor = np.ldexp(J, -moments), np.ldexp(I, -products), np.ldexp(rotor, -products)
+    return J, I, rotor, moments, products

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
+from .._docs import filled
 from .base import Body
 from .body_3d import Suslov3D
 from .body_gyrostat import SuslovGyrostat
-from .body_nd import SuslovND
+from .body_nd import J_I_rotor, SuslovND
 from .polynomial import Polynomial, exact_array, nonzero, numbers, plain, rational
-from .scaling import J_I_rotor
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -114,6 +114,7 @@ class QuadraticField(Body):
         vars(self).update(vars(self._of_components(tuple(map(Polynomial, terms)))))
 
     @classmethod
+    @filled
     def from_function(cls, f: Callable[[Any], Any], dimension: int) -> QuadraticField:
         """Return the field with components ``f(x)``.
 
@@ -123,8 +124,6 @@ class QuadraticField(Body):
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
             symbolic variables, so its coefficients remain exact: integers, fractions, or floats,
             which are taken as the binary numbers that they are.
-        dimension : int
-            The number of variables, D.
 
         Returns
         -------
@@ -145,6 +144,7 @@ class QuadraticField(Body):
         return cls._of_components(_values_of("f", f, n, n, 2))
 
     @classmethod
+    @filled
     def from_hamiltonian(
         cls, H: Callable[[Any], Any], dimension: int, K: Any = None
     ) -> QuadraticField:
@@ -155,8 +155,6 @@ class QuadraticField(Body):
         H : callable
             It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
             of :meth:`from_function` does.
-        dimension : int
-            The number of variables, D.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
@@ -267,13 +265,9 @@ class QuadraticField(Body):
         """
         D = self.dimension
         table = np.zeros((*self.shape, D, D + 1, D + 1))
-        if self.shape:
-            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
-            table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
         try:
-            for i, each in enumerate(self.polynomials):
-                for powers, c in each.terms.items():
-                    table[(i, *powers, D, D)[:3]] = float(c)
+            table[..., :D, :D] = np.triu(self.quadratic) + np.triu(self.quadratic, 1)
+            table[..., :D, D], table[..., D, D] = self.linear, self.constant
         except OverflowError:
             raise wrong("body", "coefficients in the range of float64", self) from None
         indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))

@@ -381,16 +381,12 @@ class Trajectories:
 
         return cls(**run_of(entries_of_dataset(dataset)))
 
+    @filled
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file that :meth:`load` reads, without loss.
 
         The file appears under its name only when it is complete. It replaces an existing file with
         the same mode, or the target of a link.
-
-        Parameters
-        ----------
-        path : str or path-like
-            A name that ends in .npz.
 
         Raises
         ------
@@ -407,13 +403,13 @@ class Trajectories:
             put(entries_of(self))
 
     @classmethod
+    @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
         """Read a run written by :meth:`save`.
 
-        Parameters
-        ----------
-        path : str or path-like
-            Its name, which ends in .npz.
+        Returns
+        -------
+        Trajectories
 
         Raises
         ------

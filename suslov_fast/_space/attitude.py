@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
-from .._bodies.body_nd import SuslovND
-from .._bodies.scaling import in_units
+from .._bodies.body_nd import SuslovND, in_units
 from .._checks import (
     FloatArray,
     aligned,
@@ -103,9 +102,10 @@ def attitude(
     threads = _threads.thread_count(threads)
     shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
     batch = common_shape({"body": body.shape, **shapes})
-    flat = _flat_states(states, batch)
+    rows, size, n = len(states), math.prod(batch), m + 1
+    states = np.expand_dims(states, tuple(range(1, len(batch) + 3 - states.ndim)))
+    flat = for_kernel(np.broadcast_to(states, (rows, *batch, m)).reshape(rows, size, m))
     _check_that_states_follow(body, flat, step_size, batch, threads)
-    rows, size, n = len(flat), math.prod(batch), m + 1
     turns = np.empty((rows, size, n, n))
     turns[0] = np.broadcast_to(start, (*batch, n, n)).reshape(turns.shape[1:])
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
@@ -124,15 +124,6 @@ def attitude(
         of_states = flat[first - 1 : stop], flat_eps
         _threads.run(kernel, work, threads, *of_states, *before, turns[first:stop], *more)
     return turns.reshape((rows, *batch, n, n))
-
-
-def _flat_states(states: FloatArray, batch: tuple[int, ...]) -> FloatArray:
-    """Return states (N + 1, ..., D) as the array (N + 1, B, D) for kernels."""
-    length, *own, m = states.shape
-    if tuple(own) != batch:
-        aligned = states.reshape(length, *(1,) * (len(batch) - len(own)), *own, m)
-        states = np.broadcast_to(aligned, (length, *batch, m))
-    return for_kernel(states.reshape(length, math.prod(batch), m))
 
 
 def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:

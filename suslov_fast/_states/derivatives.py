@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_nd import SuslovND
-from .._bodies.scaling import in_units
+from .._bodies.body_nd import SuslovND, in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import BodyOrField, WithoutRotor, check, refuse_rotor

@@ -158,34 +158,37 @@ def text_of(facts: Facts, as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts, allow_nan=False)
-    parameters = {name: each for name, each in facts["body"].items() if name != "body"}
-    text = parameters.pop("text", "")
-    values = [f"{name} = {_spell(each)}" for name, each in parameters.items()] or [text]
-    lines = [("file", facts["file"])] if "file" in facts else []
-    lines.append(("body", ", ".join(values)))
+    return "\n".join(f"{name:<16}{value}" for name, value in _lines(facts))
+
+
+def _lines(facts: Facts) -> Iterator[tuple[str, object]]:
+    if "file" in facts:
+        yield "file", facts["file"]
+    body = facts["body"]
+    values = (f"{name} = {_spell(each)}" for name, each in body.items() if name != "body")
+    yield "body", body.get("text") or ", ".join(values)
     if facts.get("rotation"):
-        lines.append(("rotation", "to the adapted basis of states; --json has it"))
-    lines += [
-        ("step size", f"eps = {_spell(facts['eps'])}"),
-        ("trajectories", f"{facts['trajectories']:,}"),
-        ("steps", f"{facts['steps']:,}"),
-    ]
+        yield "rotation", "to the adapted basis of states; --json has it"
+    yield "step size", f"eps = {_spell(facts['eps'])}"
+    yield "trajectories", f"{facts['trajectories']:,}"
+    yield "steps", f"{facts['steps']:,}"
     if "seconds" in facts:
-        lines += [("threads", facts["threads"]), ("wall time", f"{facts['seconds']:.4g} s")]
+        yield "threads", facts["threads"]
+        yield "wall time", f"{facts['seconds']:.4g} s"
     else:
-        lines += [("saved states", f"{facts['saved_states']:,}"), ("method", facts["method"])]
+        yield "saved states", f"{facts['saved_states']:,}"
+        yield "method", facts["method"]
     equivalent = "equivalent steps/s, by the closed form where it is faster"
     for key, unit in (("equivalent_steps", equivalent), ("steps", "steps/s")):
         if (rate := facts.get(f"{key}_per_second")) is not None:
-            lines.append(("speed", f"{rate:.3g} {unit}"))
+            yield "speed", f"{rate:.3g} {unit}"
     for name, change in facts["drift"].items():
-        lines.append((f"drift of {name}", f"{change:.2g}, largest relative"))
+        yield f"drift of {name}", f"{change:.2g}, largest relative"
     for name, count in facts["status"].items():
-        lines.append(("status", f"{count:,} {name}: {sf.Status[name].message}"))
+        yield "status", f"{count:,} {name}: {sf.Status[name].message}"
     for name in ("tiles_done", "written"):
         if facts.get(name):
-            lines.append((name.replace("_", " "), facts[name]))
-    return "\n".join(f"{name:<16}{value}" for name, value in lines)
+            yield name.replace("_", " "), facts[name]
 
 
 def _spell(value: Any) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,13 +12,15 @@ from numpy.typing import ArrayLike
 from .._checks import common_shape, integer, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of
-from .._engine.progress import Progress, check_progress, reporter
+from .._engine.progress import Progress, check_progress
 from .._maps.registry import map_of
 from .._runs.iterate import Method
 from .._runs.labelled import batch_names
+from .compute import client_of, finish
 from .job import Job, cut
 from .reductions import checked
 from .starts import RandomStarts, source_of
+from .store import dataset_of, only_writer, open_dataset, prepare, resolved
 
 if TYPE_CHECKING:
     import dask.array
@@ -121,9 +122,6 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    from .compute import client_of
-    from .store import dataset_of, only_writer, open_dataset, prepare, resolved
-
     store = resolved(store)
     check_progress(progress)
     record = map_of(body)
@@ -144,57 +142,8 @@ def ensemble(
     identity, dataset = job.identity(), dataset_of(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)
-        _finish(job, client, verify, progress)
+        finish(job, client, verify, progress)
     return open_dataset(job.store)
-
-
-def _finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
-    """Compute the unfinished tiles of a store."""
-    from . import compute, store
-
-    arrays, tiles = store.open_arrays(job), range(math.prod(job.grid))
-    marks = arrays[store.MARKS]
-    if verify:
-        done = np.full(len(tiles), -1)
-        marks[...] = done
-    else:
-        with store.advice(job.store):
-            done = np.asarray(marks[...])
-    for tile in tiles:
-        if verify:
-            done[tile] = compute.steps_stored(job.part(tile), tile, arrays)
-            if done[tile] == job.steps:
-                marks[tile] = job.steps
-        if done[tile] != job.steps and (verify or done[tile] >= 0):  # damaged, or of a shorter run
-            store.withdraw(job, arrays, tile, done[tile] < 0)
-    unfinished = np.flatnonzero(done != job.steps).tolist()
-    if not unfinished:
-        return
-    done = np.maximum(done, 0)
-    made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
-    with (
-        compute.stopping() as stop,
-        reporter(progress, math.prod(job.batch) * job.steps) as show,
-    ):
-
-        def stored(tile: int, steps: int) -> None:
-            nonlocal made
-            made += math.prod(job.shape(tile)) * (steps - int(done[tile]))
-            done[tile] = steps
-            if steps == job.steps:
-                marks[tile] = steps
-            show(made)
-
-        show(made)
-        if client is None:
-            compute.run_here(job, arrays, unfinished, stored, stop)
-        else:
-            compute.run_on_workers(job, client, unfinished, stored, stop)
-    if left := np.count_nonzero(done != job.steps):
-        raise KeyboardInterrupt(
-            f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
-            "repeat the call to resume"
-        )
 
 
 @filled
@@ -232,6 +181,4 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["tiles_done"]
     '3 of 3'
     """
-    from .store import open_dataset, resolved
-
     return open_dataset(resolved(store))

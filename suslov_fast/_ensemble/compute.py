@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, instance
 from .._engine.execution import Output, Span, execute, problem_of, span_of
+from .._engine.progress import Progress, reporter
 from .job import Job, step_work
 from .reductions import reductions_of
 from .starts import RandomStarts
-from .store import RECORDS, Arrays, advice, open_arrays
+from .store import MARKS, RECORDS, Arrays, advice, open_arrays, withdraw
 
 # Called with a tile and the number of its stored steps.
 Stored = Callable[[int, int], object]
@@ -44,7 +45,54 @@ _DURATION, _FIRST = 20.0, 2**30
 _RETRIES, _WAITING = 2, 2
 
 
-def pieces(
+def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
+    """Compute the unfinished tiles of a store; with `verify`, all that are damaged or missing."""
+    arrays, tiles = open_arrays(job), range(math.prod(job.grid))
+    marks = arrays[MARKS]
+    if verify:
+        done = np.full(len(tiles), -1)
+        marks[...] = done
+    else:
+        with advice(job.store):
+            done = np.asarray(marks[...])
+    for tile in tiles:
+        if verify:
+            done[tile] = _steps_stored(job.part(tile), tile, arrays)
+            if done[tile] == job.steps:
+                marks[tile] = job.steps
+        if done[tile] != job.steps and (verify or done[tile] >= 0):  # damaged, or of a shorter run
+            withdraw(job, arrays, tile, done[tile] < 0)
+    unfinished = np.flatnonzero(done != job.steps).tolist()
+    if not unfinished:
+        return
+    done = np.maximum(done, 0)
+    made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
+    with (
+        _stopping() as stop,
+        reporter(progress, math.prod(job.batch) * job.steps) as show,
+    ):
+
+        def stored(tile: int, steps: int) -> None:
+            nonlocal made
+            made += math.prod(job.shape(tile)) * (steps - int(done[tile]))
+            done[tile] = steps
+            if steps == job.steps:
+                marks[tile] = steps
+            show(made)
+
+        show(made)
+        if client is None:
+            _run_here(job, arrays, unfinished, stored, stop)
+        else:
+            _run_on_workers(job, client, unfinished, stored, stop)
+    if left := np.count_nonzero(done != job.steps):
+        raise KeyboardInterrupt(
+            f"stopped with {len(tiles) - left} of {len(tiles)} tiles in {job.store} finished; "
+            "repeat the call to resume"
+        )
+
+
+def _pieces(
     job: Job, tile: int, starts: FloatArray, arrays: Arrays, threads: int | None
 ) -> Iterator[Piece]:
     """Compute the missing pieces of a tile; yield spans, their results and reductions.
@@ -73,19 +121,19 @@ def pieces(
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         most, resume = int(speed * _DURATION), output.resume
         if len(output.saved):
-            before = reduced
             reduced = {
-                name: known[name].reduce(job.body, job.eps, output.saved, omega0)
+                name: known[name].combine(
+                    reduced.get(name, np.array(np.nan)),
+                    known[name].reduce(job.body, job.eps, output.saved, omega0),
+                )
                 for name in job.reductions
             }
-            for name in before:
-                reduced[name] = known[name].combine(before[name], reduced[name])
         yield span, output, reduced
         del output  # the next piece takes the same memory
         start = stop
 
 
-def write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
+def _write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     """Write a piece of a tile."""
     span, output, reduced = piece
     where, last = job.where(tile), span.steps == job.steps
@@ -123,7 +171,7 @@ def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
     return steps, {name: flat[name].copy() for name in names}, reduced
 
 
-def steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
+def _steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
     """Return the number of steps of a tile stored undamaged: the end of a piece, or -1.
 
     `job` is the part of the run in the tile. States are NaN only from `failed_at` on; other NaN
@@ -153,7 +201,7 @@ def steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
 
 
 @contextmanager
-def stopping() -> Iterator[Event]:
+def _stopping() -> Iterator[Event]:
     """Turn the first SIGINT or SIGTERM into a request to stop, if this is the main thread."""
     stop, before = Event(), {}
 
@@ -172,17 +220,17 @@ def stopping() -> Iterator[Event]:
             signal.signal(number, handler)
 
 
-def run_here(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
+def _run_here(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, stop: Event) -> None:
     """Compute tiles with all threads, each piece while the previous one is written."""
 
     def keep(tile: int, piece: Piece) -> None:
-        write(job, tile, piece, arrays)
+        _write(job, tile, piece, arrays)
         stored(tile, piece[0].steps)
 
     work = (
         (tile, piece)
         for tile in tiles
-        for piece in pieces(job.part(tile), tile, job.starts(tile), arrays, None)
+        for piece in _pieces(job.part(tile), tile, job.starts(tile), arrays, None)
     )
     with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
         writing: Future[Any] = writer.submit(int)  # nothing to wait for
@@ -211,7 +259,7 @@ def client_of(scheduler: Any) -> AbstractContextManager[Any]:
     return made
 
 
-def run_on_workers(
+def _run_on_workers(
     job: Job, client: Any, tiles: Sequence[int], stored: Stored, stop: Event
 ) -> None:
     """Compute tiles on the workers; a stop request lets current tiles finish."""
@@ -241,6 +289,6 @@ def _compute(part: Job, tile: int, starts: FloatArray | None) -> int:
     """Compute the missing pieces of a tile on one thread; return its index."""
     arrays = open_arrays(part)
     starts = part.starts(tile) if starts is None else starts
-    for piece in pieces(part, tile, starts, arrays, 1):
-        write(part, tile, piece, arrays)
+    for piece in _pieces(part, tile, starts, arrays, 1):
+        _write(part, tile, piece, arrays)
     return tile

@@ -71,7 +71,6 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     run = iterate(
         body, start, eps, parameters.steps, attitude=True, on_singular="ignore", threads=1
     )
-    assert run.attitude is not None
     t = float(criticality(body, start, eps))
     status = Status(int(run.status))
     drift = np.abs(run.first_integral() / run.first_integral()[0] - 1.0)
@@ -111,7 +110,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "numbers": {
             "criticality": _finite(t),
             "F": _finite(first_integral(body, start, eps)),
-            "drift": _finite(np.nanmax(drift)) if np.isfinite(drift).any() else None,
+            "drift": _finite(np.fmax.reduce(drift)),
             "energy": _finite(energy(body, start)),
             "omega_minus": _finite(minus),
             "omega_plus": _finite(plus),

@@ -20,7 +20,8 @@ BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
     [(THREE, [1.0, 0.5], eps, steps, 1e-13) for eps in (0.2, -0.2) for steps in (1, 2, 40)]
     + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
     + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
-    + [(LORENZ, [1.0, 2.0, 20.0], 1 / 64, 100, 1e-12)],
+    + [(LORENZ, [1.0, 2.0, 20.0], 1 / 64, 100, 1e-12)]
+    + [(m, None, 3.0, 8, 1e-11) for m in (3, 7)],  # negative pivots, and rows exchanged
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
     """Compare with NumPy's QR of each Jacobian, and the sum with the mean of log |det|."""
@@ -91,6 +92,9 @@ def test_steps_that_are_not_invertible(unit):
     exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)
     assert exponents[1] == -np.inf
     assert np.isfinite(exponents[0])
+    field = sf.QuadraticField(np.zeros((2, 2, 2)), [[-2, 0], [0, 1]])
+    exponents = sf.lyapunov_exponents(field, [[1.0, 2.0]], 1.0, 3)
+    np.testing.assert_allclose(exponents, [[np.log(3), -np.inf]], atol=1e-15)
 
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-8, 1e-12, 3e-15])

@@ -114,7 +114,7 @@ def logarithm_beyond(s):
 
 @formula
 def logarithm(value, distance):
-    """log(value) for 0 < value <= 1, where distance = 1 - value is more precise near 1."""
+    """log(value) for value > 0, where distance = 1 - value is more precise near 1."""
     k = halvings(value)
     m = value * two_to_the(-k)
     near = k == 0.0

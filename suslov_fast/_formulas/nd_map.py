@@ -34,12 +34,12 @@ def matrix_row(J_i, I_i, omega_i, eps):
 
 
 @formula
-def matrix_diagonal(J_i, others, eps):
-    """Return A_ii of `matrix_row` without the terms of component i, whose sum is 0.
+def slope_of_itself(J_i, others, eps):
+    """Return 1 - A_ii of `matrix_row` without the terms of component i, whose sum is 0.
 
     others = p - I_i omega_i, without cancellation.
     """
-    return 1.0 - 0.5 * eps * others / J_i
+    return 0.5 * eps * others / J_i
 
 
 @formula

@@ -18,8 +18,8 @@ from .._formulas.nd_map import (
     FAR_ENOUGH,
     SMALL,
     bounds,
-    matrix_diagonal,
     matrix_row,
+    slope_of_itself,
     solve2,
     solve_bordered,
 )
@@ -269,7 +269,7 @@ def fill_matrix(b, matrix):
         for l in range(lanes):
             J_i, I_i, w_i, eps = b.J[i, l], b.I[i, l], b.omega[i, l], b.eps[l]
             c[l], g[l] = matrix_row(J_i, I_i, w_i, eps)
-            diagonal[l] = matrix_diagonal(J_i, others[l] + matrix[i, m, l], eps)
+            diagonal[l] = 1.0 - slope_of_itself(J_i, others[l] + matrix[i, m, l], eps)
             others[l] = others[l] + I_i * w_i
             matrix[i, m, l] = w_i
         for j in range(m):

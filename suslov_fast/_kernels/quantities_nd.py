@@ -15,7 +15,7 @@ import numpy as np
 
 from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import scaled, two_to_the
-from .._formulas.nd_map import matrix_diagonal, matrix_row
+from .._formulas.nd_map import matrix_row, slope_of_itself
 from .._formulas.units import Units, leave
 from .._jit import Kernel, formula, inner, namespace, share
 from .units_nd import unit_of, unit_of_moments
@@ -97,8 +97,8 @@ def fill_vector_field(s, eps, out):
 
 
 @inner
-def fill_matrix(s, eps, out):
-    """Fill the matrix A(omega; eps) of equation (16)."""
+def fill_slopes(s, eps, out):
+    """Fill (eps/2) f'(omega), which the identity has more than the matrix A of equation (16)."""
     m, poison = s.omega.size, 0.0  # a NaN in the state makes all entries NaN
     for i in range(m):
         poison += 0.0 * s.omega[i]
@@ -106,9 +106,9 @@ def fill_matrix(s, eps, out):
         c, g = matrix_row(s.J[i], s.I[i], s.omega[i], eps)
         others = poison
         for j in range(m):
-            out[i * m + j] = poison - c * s.omega[j] - g * s.I[j]
+            out[i * m + j] = c * s.omega[j] + g * s.I[j] + poison
             others += s.I[j] * s.omega[j] if j != i else 0.0
-        out[i * m + i] = matrix_diagonal(s.J[i], others, eps)
+        out[i * m + i] = slope_of_itself(s.J[i], others, eps)
 
 
 @inner
@@ -186,5 +186,5 @@ def of_body(name, fill, *dimension):
 energy = of_body("energy_nd", fill_energy, 1, 0, 2)
 modified_energy = of_body("modified_energy_nd", fill_modified_energy, 1, 0, 2)
 vector_field = of_body("vector_field_nd", fill_vector_field, -1, 1, 2)
-matrix = of_body("matrix_nd", fill_matrix, 0, 0, 0)
+slopes = of_body("slopes_nd", fill_slopes, 0, 0, 0)
 reaction = Kernel(evaluate, "reaction_nd", quantity=namespace("reaction", at_state=fill_reaction))

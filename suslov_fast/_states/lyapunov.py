@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
@@ -18,16 +19,16 @@ from .._engine.arguments import BodyOrField, check
 from .._engine.evaluation import TASKS
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
-from .._kernels.frames import orthonormalise
+from .._jit import LINE
+from .._kernels.tangent_map import orthonormalise
 from .._maps.registry import map_of
+from .of_nd import derivatives_of
 from .table import TABLE
 
-# Size of the derivatives that are held at a time.
-_SLAB = 2**20
+# Number of entries of the derivatives that are held at a time.
+_SLAB = 2**18
 # Cost of a product of two numbers, in steps of the map.
 _COST = 2
-# In the matrix A of a step longer by this power of two its identity is lost in rounding.
-_LONGER = 200
 # t is computed exactly if 1 - t**2 is below this.
 _NEXT_TO_1 = 0.1
 
@@ -78,9 +79,9 @@ def lyapunov_exponents(
         return np.empty((*batch, body.dimension))
     with np.errstate(all="ignore"):
         lengths, of_det = _sums(body, state, step_size, batch, steps, threads)
-        # The last length is the least accurate, and follows from the determinant.
-        last = of_det - lengths[..., :-1].sum(axis=-1)
-        lengths[..., -1] = np.where(np.isnan(last), lengths[..., -1] + 0.0 * of_det, last)
+        # The last length is the least accurate, and follows from the others and the determinant.
+        last, lost = of_det - lengths[..., :-1].sum(axis=-1), (lengths[..., :-1] == -np.inf)
+        lengths[..., -1] = np.where(lost.any(axis=-1), lengths[..., -1], last)
     lengths[np.isnan(lengths).any(axis=-1)] = np.nan
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
@@ -102,32 +103,17 @@ def _sums(
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the sums of the logarithms of the diagonals of R, and of |det DPhi|."""
-    D, quantity = body.dimension, TABLE[map_of(body).body]["jacobian"]
-    frames, scratch = None, np.empty((TASKS, D))
-    lengths, of_det = np.zeros((*batch, D)), np.zeros(batch)
-    log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_matrix
-    invariant = None
-    problem = problem_of(map_of(body), body, batch, state, eps, threads=threads)
-    for omega in _slabs(problem, steps):
-        # A state without a next one has no derivative either.
-        before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
-        of_step = quantity(body, before, eps, before.shape[:-1], threads, "omega")
-        flat = of_step.reshape(len(of_step), -1, D, D)
-        if frames is None:  # directions that the first step annihilates come last
-            order = np.argsort((flat[0] == 0.0).all(axis=-2), axis=-1, kind="stable")
-            frames = np.eye(D)[order].swapaxes(-2, -1).copy()
-        diagonals, work = np.empty(flat.shape[:-1]), _COST * flat.size * D
-        _threads.run(orthonormalise, work, threads, flat, frames, diagonals, scratch)
-        lengths = _sum(lengths, np.log(diagonals).reshape(-1, *lengths.shape))
-        logarithms, invariant = log_det(body, omega, eps, invariant)
-        of_det = _sum(of_det, logarithms)
-    return lengths, of_det
-
-
-def _sum(total: FloatArray, terms: FloatArray) -> FloatArray:
-    """Return total + terms[0] + terms[1] + ..., in this order, which no batch changes."""
-    result: FloatArray = np.add.accumulate(np.concatenate([total[np.newaxis], terms]))[-1]
-    return result
+    D, size, kind = body.dimension, math.prod(batch), map_of(body)
+    scratch, of_det, invariant = np.empty((TASKS, 2 * D + 3, D, LINE)), np.zeros(size), None
+    log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_slopes
+    carried = np.zeros((size, D + 2, D))
+    carried[:, :D], carried[:, D] = np.eye(D), 1.0
+    for omega in _slabs(problem_of(kind, body, batch, state, eps, threads=threads), steps):
+        derivatives, logarithms, invariant = log_det(body, omega, eps, invariant, threads)
+        arrays = derivatives.reshape(-1, size, D, D), logarithms.reshape(-1, size), carried, of_det
+        _threads.run(orthonormalise, _COST * derivatives.size * D, threads, *arrays, scratch)
+    lengths = np.log(carried[:, D]) + carried[:, D + 1] * np.log(2.0)
+    return lengths.reshape(*batch, D), of_det.reshape(batch)
 
 
 def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
@@ -143,9 +129,9 @@ def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
 
 
 def _canonical(
-    body: Any, omega: FloatArray, eps: float | FloatArray, G: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return log |det DPhi| of the steps between states in three dimensions, and 1 - t**2.
+    body: Any, omega: FloatArray, eps: float | FloatArray, G: FloatArray | None, threads: int | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return DPhi and log |det DPhi| of the steps between states in three dimensions, and 1 - t**2.
 
     With X = e l, Y and K = e k of the module `_kernels.map_gyrostat`, the invariant density gives
     det DPhi = (1 + Y + K X) / (1 - Y + 2 X**2 - K X) (1 + X_next**2) / (1 + X**2). Next to t = 1
@@ -170,32 +156,19 @@ def _canonical(
     wide = 2.0 * (X * (X - K))
     of_step = _logarithm(above, KX + Y) - _logarithm(below + wide, KX - Y + wide)
     ratio, change = (1.0 + square[1:]) / (1.0 + square[:-1]), square[1:] - square[:-1]
-    return of_step[:-1] + _logarithm(ratio, change / (1.0 + square[:-1])), G
+    logarithms = of_step[:-1] + _logarithm(ratio, change / (1.0 + square[:-1]))
+    # A state without a next one has no derivative either.
+    before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
+    jacobian = TABLE[map_of(body).body]["jacobian"]
+    return jacobian(body, before, eps, before.shape[:-1], threads, "omega"), logarithms, G
 
 
-def _by_matrix(
-    body: Any, omega: FloatArray, eps: float | FloatArray, _: FloatArray | None
-) -> tuple[FloatArray, None]:
-    """Return log |det A(omega_next; -eps)| - log |det A(omega; eps)| of the steps."""
-    matrix, batch = TABLE[map_of(body).body]["matrix"], omega.shape[:-1]
-    power = np.clip(1000 - np.frexp(eps)[1], 0, _LONGER)  # A(omega; 2**power eps) exists
-    unit = np.ldexp(1.0, power)[..., np.newaxis, np.newaxis]
-    change = matrix(body, omega, np.ldexp(eps, power), batch, None, "omega")
-    change = (change - np.eye(body.dimension)) / unit
-    return _log_det(-change[1:]) - _log_det(change[:-1]), None
-
-
-def _log_det(change: FloatArray) -> FloatArray:
-    """Return log |det(1 + change)|, without adding 1 where all is small."""
-    small = np.asarray(abs(change).sum(axis=-1).max(axis=-1) < 0.5)
-    result: FloatArray = np.linalg.slogdet(np.eye(change.shape[-1]) + change)[1]
-    rest, total = np.where(small[..., np.newaxis, np.newaxis], change, 0.0), np.zeros(small.shape)
-    for k in range(change.shape[-1]):
-        pivot = rest[..., k, k].copy()
-        total += np.log1p(pivot)
-        row = rest[..., k : k + 1, :] / (1.0 + pivot)[..., np.newaxis, np.newaxis]
-        rest = rest - rest[..., :, k : k + 1] * row
-    return np.where(small, total, result)
+def _by_slopes(
+    body: Any, omega: FloatArray, eps: float | FloatArray, _: Any, threads: int | None
+) -> tuple[FloatArray, FloatArray, None]:
+    slopes = TABLE[map_of(body).body]["slopes"]
+    found = slopes(body, omega, eps, omega.shape[:-1], threads, "omega")
+    return *derivatives_of(found[:-1], found[1:], threads), None
 
 
 def _logarithm(value: FloatArray, less_1: FloatArray) -> FloatArray:

@@ -53,13 +53,18 @@ def _vector_field(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
     return _sums(values, i, body.dimension)
 
 
-def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
+def _slopes(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
+    """Return (eps/2) f'(x)."""
     D = body.dimension
     i, j, k, along_k, along_j, _ = _terms(body, x)
     slopes = np.concatenate([along_j, along_k], axis=-1)
     slopes = _sums(slopes, np.concatenate([i * (D + 1) + j, i * (D + 1) + k]), D * (D + 1))
-    jacobian = slopes.reshape(*x.shape, D + 1)[..., :D]
-    return np.eye(D) - 0.5 * np.asarray(eps)[..., np.newaxis, np.newaxis] * jacobian
+    half = 0.5 * np.asarray(eps)[..., np.newaxis, np.newaxis]
+    return np.asarray(half * slopes.reshape(*x.shape, D + 1)[..., :D])
+
+
+def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
+    return np.eye(body.dimension) - _slopes(body, x, eps)
 
 
 def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
@@ -83,12 +88,13 @@ def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> 
     return density
 
 
-_MATRIX = _of_states(_matrix, 2)
+_SLOPES = _of_states(_slopes, 2)
 QUANTITIES = {
     "energy": _of_states(_energy),
     "modified_energy": _of_states(_modified_energy),
     "invariant_density": _of_states(_invariant_density),
     "vector_field": _of_states(_vector_field, 1),
-    "jacobian": _of_states(partial(jacobian_by, _MATRIX), 2, warn=True),
-    "matrix": _MATRIX,
+    "jacobian": _of_states(partial(jacobian_by, _SLOPES), 2, warn=True),
+    "matrix": _of_states(_matrix, 2),
+    "slopes": _SLOPES,
 }

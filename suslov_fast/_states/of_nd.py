@@ -13,11 +13,14 @@ from .._bodies.body_nd import SuslovND
 from .._bodies.integrable import check_solved
 from .._checks import FloatArray
 from .._engine import reduced_runs
-from .._engine.evaluation import by_slabs, of_state, of_state_nd
+from .._engine import threads as _threads
+from .._engine.evaluation import TASKS, by_slabs, of_state, of_state_nd
 from .._engine.execution import execute, problem_of, span_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
+from .._kernels.elimination import WIDTH
+from .._kernels.tangent_map import differentiate
 from .._maps.registry import map_of
 
 Step = float | FloatArray | None
@@ -88,18 +91,34 @@ def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArr
 
 
 def jacobian_by(
-    matrix: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
+    slopes: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
 ) -> FloatArray:
-    """Return A(omega; eps)**-1 A(omega_next; -eps)."""
-    following = next_states(body, omega, eps)
-    exists = np.asarray(np.isfinite(following).all(axis=-1))[..., np.newaxis, np.newaxis]
-    batch = omega.shape[:-1]
-    left = matrix(body, omega, eps, batch, None, "omega")
-    right = matrix(body, following, -eps, batch, None, "omega")
-    derivative: FloatArray = np.linalg.solve(
-        np.where(exists, left, np.eye(body.dimension)), np.where(exists, right, np.nan)
+    """Return (1 - S(omega))**-1 (1 + S(omega_next)), where S = (eps/2) f'."""
+    before, after = (
+        slopes(body, each, eps, omega.shape[:-1], None, "omega")
+        for each in (omega, next_states(body, omega, eps))
     )
-    return derivative
+    return derivatives_of(before, after, None)[0].reshape(before.shape)
+
+
+def derivatives_of(
+    slopes: FloatArray, following: FloatArray, threads: int | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (count, D, D) of steps and logarithms (count,) of their determinants."""
+    D = slopes.shape[-1]
+    before, after = slopes.reshape(-1, D, D), following.reshape(-1, D, D)
+    derivatives, logarithms = np.empty(before.shape), np.empty(len(before))
+    scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
+    arguments = before, after, derivatives, logarithms, scratch
+    _threads.run(differentiate, 2 * before.size * D, threads, *arguments)
+    return derivatives, logarithms
+
+
+def _matrix(
+    body: Any, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
+) -> FloatArray:
+    slopes = QUANTITIES["slopes"](body, omega, eps, batch, threads, name)
+    return np.eye(body.dimension) - slopes
 
 
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -123,6 +142,7 @@ QUANTITIES: dict[str, Callable[..., FloatArray]] = {
     "vector_field": _by_kernel(kernels.vector_field, 1),
     "reaction": _by_kernel(kernels.reaction, 2),
     "discrete_reaction": _by_numpy(_discrete_reaction, 2),
-    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.matrix, 2)), 2),
-    "matrix": _by_kernel(kernels.matrix, 2),
+    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.slopes, 2)), 2),
+    "matrix": _matrix,
+    "slopes": _by_kernel(kernels.slopes, 2),
 }

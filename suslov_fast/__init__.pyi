@@ -40,12 +40,12 @@ from ._states.conserved import rotation_number as rotation_number
 from ._states.derivatives import jacobian as jacobian
 from ._states.derivatives import matrix as matrix
 from ._states.derivatives import multipliers as multipliers
+from ._states.derivatives import reaction as reaction
+from ._states.derivatives import vector_field as vector_field
 from ._states.lyapunov import lyapunov_exponents as lyapunov_exponents
 from ._states.paper_coordinates import ClosedForm as ClosedForm
 from ._states.paper_coordinates import closed_form as closed_form
 from ._states.paper_coordinates import from_xy as from_xy
 from ._states.paper_coordinates import to_xy as to_xy
-from ._states.vector_field import reaction as reaction
-from ._states.vector_field import vector_field as vector_field
 
 __version__: str

@@ -154,17 +154,9 @@ class Suslov3D(Body):
         I12 = turned[..., 0, 1]
         gap = turned[..., 0, 0] - turned[..., 1, 1]
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
-        rotation = _about_e3(angle) @ to_e3
+        c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+        about_e3 = np.stack([c, s, zero, -s, c, zero, zero, zero, zero + 1.0], axis=-1)
+        rotation = about_e3.reshape((*angle.shape, 3, 3)) @ to_e3
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
         body = cls(I[..., 0, 0], I[..., 1, 1], I[..., 0, 2], I[..., 1, 2], I[..., 2, 2])
         return body, rotation
-
-
-def _about_e3(angle: FloatArray) -> FloatArray:
-    """Return the matrix that converts components to a basis rotated by an angle about e3."""
-    rotation = np.zeros((*np.shape(angle), 3, 3))
-    rotation[..., 0, 0] = rotation[..., 1, 1] = np.cos(angle)
-    rotation[..., 0, 1] = np.sin(angle)
-    rotation[..., 1, 0] = -np.sin(angle)
-    rotation[..., 2, 2] = 1.0
-    return rotation

@@ -20,7 +20,6 @@ from .._engine.execution import (
     Output,
     Problem,
     Resume,
-    Span,
     execute,
     numbers_of_saved,
     problem_of,
@@ -113,27 +112,6 @@ class Trajectories:
     # The map, and the arrays from which `extend` continues.
     _map: Map = field(kw_only=True)
     _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, problem: Problem, span: Span, output: Output) -> Trajectories:
-        """Return the results of a run."""
-        self = object.__new__(cls)
-        # Faster than `__init__`, which takes a tenth of a short run.
-        vars(self).update(
-            states=output.saved,
-            eps=problem.eps,
-            body=problem.body,
-            status=output.status,
-            failed_at=output.failed_at,
-            final=output.final,
-            method=problem.method,
-            steps=span.steps,
-            save_every=span.save_every,
-            attitude=output.turns,
-            _map=problem.map,
-            _resume=output.resume,
-        )
-        return self
 
     @filled
     def extend(
@@ -260,7 +238,7 @@ class Trajectories:
 
         Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
         """
-        return self._of_states("vector_field", "reaction", self.eps)
+        return self._of_states("derivatives", "reaction", self.eps)
 
     def _of_states(self, module: str, name: str, *eps: float | FloatArray) -> FloatArray:
         """Return a quantity of the saved states; TypeError if the map does not have it."""
@@ -479,7 +457,20 @@ def finish(
     if out is not None:
         out = checked_out(out, (span.rows or 1, *problem.batch, problem.omega0.shape[1]))
     output = execute(problem, span, progress, resume, out, before)
-    run = Trajectories.of(problem, span, output)
+    run = Trajectories(
+        output.saved,
+        problem.eps,
+        problem.body,
+        output.status,
+        output.failed_at,
+        output.final,
+        problem.method,
+        span.steps,
+        span.save_every,
+        output.turns,
+        output.resume,
+        _map=problem.map,
+    )
     since = 0 if before is None else start + 1
     if on_singular != "ignore" and (message := failures(output, since)):
         if on_singular == "raise":

@@ -13,7 +13,7 @@ from .._checks import FloatArray, integer, real_number, wrong
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
-from .._states.vector_field import vector_field
+from .._states.derivatives import vector_field
 from .geometry import check_moving, half_angle, level, meeting_phase, on_level, steady_line
 from .style import styled
 

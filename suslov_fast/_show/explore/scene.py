@@ -16,7 +16,7 @@ from ..._runs.solution import flow, limits
 from ..._space.scattering import scattering_angle
 from ..._space.vectors import to_vector
 from ..._states.conserved import criticality, energy, first_integral
-from ..._states.vector_field import vector_field
+from ..._states.derivatives import vector_field
 from ..geometry import ellipsoid, half_angle, level, meeting_phase, on_level, steady_line
 from .parameters import Parameters
 

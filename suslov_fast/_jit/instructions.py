@@ -78,15 +78,31 @@ def _places(context, builder, kind, rows, index, count):
     return [builder.gep(each.data, [index], inbounds=True) for each in arrays]
 
 
+def _numbers_of(kind):
+    """Return the type of the numbers of a lane, for that of a row or of a NamedTuple."""
+    if isinstance(kind, types.Array):
+        return kind.dtype
+    return types.BaseTuple.from_types([_numbers_of(each) for each in kind], kind.instance_class)
+
+
+def _load(context, builder, kind, rows, index):
+    """Return the number of a lane of a row, or the tuple of those of a NamedTuple."""
+    if isinstance(kind, types.Array):
+        data = context.make_array(kind)(context, builder, rows).data
+        return builder.load(builder.gep(data, [index], inbounds=True))
+    numbers = [
+        _load(context, builder, each, builder.extract_value(rows, k), index)
+        for k, each in enumerate(kind)
+    ]
+    return context.make_tuple(builder, _numbers_of(kind), numbers)
+
+
 @intrinsic
 def _lane(typing, rows, l):
-    result = types.NamedUniTuple(types.float64, len(rows), rows.instance_class)
-
     def emit(context, builder, signature, arguments):
-        places = _places(context, builder, rows, *arguments, len(rows))
-        return context.make_tuple(builder, result, [builder.load(each) for each in places])
+        return _load(context, builder, rows, *arguments)
 
-    return result(rows, types.intp), emit
+    return _numbers_of(rows)(rows, types.intp), emit
 
 
 @intrinsic
@@ -258,8 +274,8 @@ if config.DISABLE_JIT:
         return kind(*(np.empty(lanes) for _ in kind._fields))
 
     def lane(rows, l):
-        """Return the numbers of lane l of a NamedTuple of rows, as such a NamedTuple."""
-        return type(rows)(*(each[l] for each in rows))
+        """Return the numbers of lane l of rows in a NamedTuple, which may be nested, as a tuple."""
+        return type(rows)(*(lane(e, l) if isinstance(e, tuple) else e[l] for e in rows))
 
     def put(rows, l, numbers):
         """Store a tuple of numbers, or one: in lane l of rows, or from rows[l] on in an array."""

@@ -219,9 +219,10 @@ def enter(b, lanes, motion, used):
 
 
 @inner
-def state_of(n, steps, forms, rest):
+def state_at(orbit, rest, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
-    c, s = formulas.pair(n, steps, True)
+    forms = forms_of(orbit, n % 2.0 == 1.0)
+    c, s = formulas.pair(n, orbit.steps, True)
     omega1, omega2 = formulas.omega_of(c, s, forms)
     if formulas.is_pole(c, s, forms):
         omega1, omega2 = np.nan, np.nan
@@ -229,61 +230,54 @@ def state_of(n, steps, forms, rest):
 
 
 @formula
-def forms_of(b, l, odd):
+def forms_of(orbit, odd):
     """Return the forms of an even or odd number of steps."""
-    if formulas.has_two_forms(lane(b.steps, l)):
-        return formulas.near_forms(lane(b.start, l), lane(b.levels, l), odd)
-    return lane(b.forms, l)
+    if formulas.has_two_forms(orbit.steps):
+        return formulas.near_forms(orbit.start, orbit.levels, odd)
+    return orbit.forms
 
 
 @formula
-def state_at(b, lanes, l, n):
-    """Return state n of the orbit in a lane."""
-    return state_of(n, lane(b.steps, l), forms_of(b, l, n % 2.0 == 1.0), lanes.rest[l])
-
-
-@formula
-def first_missing(b, lanes, l, stop):
+def first_missing(orbit, rest, stop):
     """Return the index of the first state of an orbit with T >= 1 that does not exist, and True if
     it is infinite.
     """
     fails, infinite = np.inf, False
     for case in range(4):  # both zeros, for even and odd n
-        forms = forms_of(b, l, case > 1)
-        nearest = np.floor(formulas.step_to_pole(forms, lane(b.steps, l), case % 2) + 0.5)
+        forms = forms_of(orbit, case > 1)
+        nearest = np.floor(formulas.step_to_pole(forms, orbit.steps, case % 2) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):
-                omega1, omega2 = state_at(b, lanes, l, n)
+                omega1, omega2 = state_at(orbit, rest, n)
                 size = abs(omega1) + abs(omega2)
                 if not size < np.inf:
                     fails, infinite = n, size == np.inf
     return fails, infinite
 
 
-@formula
-def end_of(b, lanes, l, stop):
+@inner
+def end_of(orbit, rest, stop):
     """Return the status of an orbit at a step, and the index of its first missing state."""
-    fate, kind = b.start.fate[l], b.steps.kind[l]
-    if fate < 0.0:
-        if fate == OUT_OF_RANGE:
+    problem, start, levels, steps, _ = orbit
+    if start.fate < 0.0:
+        if start.fate == OUT_OF_RANGE:
             return codes.NEEDS_STEPS, np.inf
-        return (codes.NONFINITE, 0.0) if fate == UNKNOWN else (codes.SINGULAR, 1.0)
-    if fate == SUPERCRITICAL:
-        if kind == RESTS:
+        return (codes.NONFINITE, 0.0) if start.fate == UNKNOWN else (codes.SINGULAR, 1.0)
+    if start.fate == SUPERCRITICAL:
+        if steps.kind == RESTS:
             return codes.SUPERCRITICAL, np.inf
-        if kind == TURNS:  # which of its steps comes next to a pole is not known
+        if steps.kind == TURNS:  # which of its steps comes next to a pole is not known
             return codes.NEEDS_STEPS, np.inf
-        fails, infinite = first_missing(b, lanes, l, stop)
+        fails, infinite = first_missing(orbit, rest, stop)
         code = codes.NONFINITE if infinite else codes.SINGULAR
         return code if fails < np.inf else codes.SUPERCRITICAL, fails
-    if b.start.power[l] > 0.0 and kind != RESTS:
+    if start.power > 0.0 and steps.kind != RESTS:
         # |z| = R sqrt(1 + X**2), and X is largest where Y = 0.
-        order = b.start.order[l]
-        T = order * b.levels.T[l]
-        X = order * (b.start.K[l] + T) / ((1.0 - T) * (1.0 + T))
-        least = min(b.problem.I1[l], b.problem.I2[l]) / max(b.problem.I1[l], b.problem.I2[l])
-        largest = b.levels.R[l] * (1.0 + X) / np.sqrt(least)
-        if exponent(largest) + 3.0 + b.start.power[l] > LARGEST_EXPONENT:
+        T = start.order * levels.T
+        X = start.order * (start.K + T) / ((1.0 - T) * (1.0 + T))
+        least = min(problem.I1, problem.I2) / max(problem.I1, problem.I2)
+        largest = levels.R * (1.0 + X) / np.sqrt(least)
+        if exponent(largest) + 3.0 + start.power > LARGEST_EXPONENT:
             return codes.NEEDS_STEPS, np.inf
     return codes.OK, np.inf
 
@@ -296,7 +290,7 @@ def write_ends(b, lanes, first, width, used, ends):
     for l in range(width if len(status) else 0):
         code = codes.OK
         if b.start.fate[l] != REGULAR or b.start.power[l] > 0.0:
-            code, lanes.fails[l] = end_of(b, lanes, l, stop)
+            code, lanes.fails[l] = end_of(lane(b, l), lanes.rest[l], stop)
         status[first + l] = code
         if lanes.fails[l] < np.inf:
             failed_at[first + l] = int(lanes.fails[l])
@@ -319,28 +313,38 @@ def count_unusual(lanes, used, tile):
     return count
 
 
-@formula
-def correct(b, lanes, l, tile, missing):
-    """Compute the state of a lane if it is unusual; count it if it is missing."""
-    n, omega1, omega2 = lanes.number[l], tile[2 * l], tile[2 * l + 1]
-    fate, kind = b.start.fate[l], b.steps.kind[l]
+@inner
+def corrected(orbit, at, omega1, omega2):
+    """Return the state of a lane, computed again if it is unusual, and the place in `missing` where
+    it is counted if it is missing, else -1.
+    """
+    start, steps, n, place = orbit.start, orbit.steps, at.number, -1
     if n == 0.0:
-        omega1, omega2 = b.problem.omega1[l], b.problem.omega2[l]
-    elif abs(omega1) + abs(omega2) < lanes.recompute_from[l]:
-        omega1, omega2 = scaled(omega1, lanes.rest[l]), scaled(omega2, lanes.rest[l])
-    elif fate >= 0.0 and kind != RESTS:
-        omega1, omega2 = state_at(b, lanes, l, n)
+        omega1, omega2 = orbit.problem.omega1, orbit.problem.omega2
+    elif abs(omega1) + abs(omega2) < at.recompute_from:
+        omega1, omega2 = scaled(omega1, at.rest), scaled(omega2, at.rest)
+    elif start.fate >= 0.0 and steps.kind != RESTS:
+        omega1, omega2 = state_at(orbit, at.rest, n)
     size = abs(omega1) + abs(omega2)
-    if lanes.fails[l] <= n < np.inf:
+    if at.fails <= n < np.inf:
         omega1, omega2 = np.nan, np.nan
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        unknown_phase = kind == TURNS and LONGEST_PHASE <= n * b.steps.turns[l] < np.inf
-        if fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
-            missing[2] += 1.0
-        elif fate != UNKNOWN:
-            missing[0 if np.floor(n) == n and n <= EXACT else 1] += 1.0
+        unknown_phase = steps.kind == TURNS and LONGEST_PHASE <= n * steps.turns < np.inf
+        if start.fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
+            place = 2
+        elif start.fate != UNKNOWN:
+            place = 0 if np.floor(n) == n and n <= EXACT else 1
+    return omega1, omega2, place
+
+
+@formula
+def correct(b, lanes, l, tile, missing):
+    """Compute the state of a lane if it is unusual; count it if it is missing."""
+    omega1, omega2, place = corrected(lane(b, l), lane(lanes, l), tile[2 * l], tile[2 * l + 1])
     tile[2 * l], tile[2 * l + 1] = omega1, omega2
+    if place >= 0:
+        missing[place] += 1.0
 
 
 @formula

@@ -187,6 +187,8 @@ class Trajectories:
         return len(self.states)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # which NumPy 1.26 does not take
+            return np.asarray(self.states, dtype)
         return np.array(self.states, dtype, copy=copy)
 
     def __eq__(self, other: object) -> bool:

@@ -46,7 +46,7 @@ def test_the_third_component(body, rng):
     [(0.1, "0.0782", "-0.174"), (0.01, "0.081", "-2.42"), (0.001, "0.0812", "-24.9")],
 )
 def test_no_limit_unless_the_third_component_vanishes(eps, still, moving):
-    """Check the table in the docstring of `iterate_full`."""
+    """Check the numbers in the docstring of `iterate_full`."""
     for third, expected in ((0.0, still), (0.1, moving)):
         orbit = run(sf.Suslov3D(4, 2, -0.5, -0.3), [1.0, 0.5, third], eps, 1, 3)
         assert f"{(orbit.final[0] - 1.0) / eps:.3g}" == expected

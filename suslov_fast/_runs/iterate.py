@@ -195,18 +195,9 @@ def iterate_full(
 
     Notes
     -----
-    Omega3 changes sign at each step. As eps -> 0 the scheme then has no limit: for the body below,
-    omega0 = (1, 0.5, 0.1) and I3 = 3 the quotient (Omega1_next - Omega1) / eps is
-
-    ======  ==========  ============
-    eps     Omega3 = 0  Omega3 = 0.1
-    ======  ==========  ============
-    0.1     0.0782      -0.174
-    0.01    0.081       -2.42
-    0.001   0.0812      -24.9
-    ======  ==========  ============
-
-    This is why the paper sets Omega3 = 0.
+    Omega3 changes sign at each step. Unless it is 0, as in the paper, the scheme has no limit for
+    eps -> 0: in the example (Omega1_next - Omega1) / eps is -0.174, -2.42, -24.9 for eps = 0.1,
+    0.01, 0.001; with Omega3 = 0 it is 0.0782, 0.081, 0.0812.
 
     Examples
     --------

@@ -204,15 +204,10 @@ def _check_arrays(entries: Entries, map: Map, rows: int) -> None:
     for name, array in arrays.items():
         entry = schema[name]
         whole, shape = entry.axes(batch, sizes), array.shape
-        if shape != whole and not (entry.varying and _broadcast(shape, whole)):
+        lengths = zip(shape[::-1], whole[::-1], strict=False)
+        fits = len(shape) <= len(whole) and all(length in (1, most) for length, most in lengths)
+        if shape != whole and not (entry.varying and fits):
             relation = "a shape that broadcasts to" if entry.varying else "shape"
             raise wrong(name, f"{relation} {whole}", shape)
         if array.dtype != entry.dtype:
             raise wrong(name, f"dtype {entry.dtype}", array.dtype)
-
-
-def _broadcast(shape: tuple[int, ...], whole: tuple[int, ...]) -> bool:
-    try:
-        return np.broadcast_shapes(shape, whole) == whole
-    except ValueError:
-        return False

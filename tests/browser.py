@@ -10,8 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-ioloop, websocket = map(pytest.importorskip, ("tornado.ioloop", "tornado.websocket"))
+from tornado import ioloop, websocket
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (

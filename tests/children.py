@@ -21,29 +21,6 @@ def run(**options):
 expected = run(threads=1)
 """
 
-# Forks of a process in which another thread computes all the time.
-FORKS = (
-    SETUP
-    + """
-import os, sys, threading, warnings
-warnings.simplefilter("ignore", DeprecationWarning)
-assert (run() == expected).all()
-stop = threading.Event()
-def compute():
-    while not stop.is_set():
-        run()
-thread = threading.Thread(target=compute)
-thread.start()
-for _ in range(int(sys.argv[1])):
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if (run() == expected).all() else 1)
-    assert os.waitpid(child, 0)[1] == 0
-stop.set()
-thread.join()
-"""
-)
-
 
 def start(code, *arguments, **environment):
     """Start a child that runs code, which may be indented, or the script at a path."""

@@ -1,11 +1,6 @@
-"""Arguments and comparisons of stored runs, and stored runs with kills of processes or workers.
+"""Arguments and comparisons of stored runs, and stored runs with kills of processes.
 
-As a script:
-
-    ensemble_runs.py alone STORE KIND SEED KILLS     processes without a cluster
-    ensemble_runs.py workers STORE KIND SEED KILLS   workers of a Dask cluster
-
-Each finishes the store, and prints the numbers of steps and kills.
+`ensemble_runs.py STORE KIND SEED KILLS` finishes a store, and prints numbers of steps and kills.
 """
 
 import os
@@ -13,7 +8,6 @@ import random
 import shutil
 import signal
 import sys
-import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -102,7 +96,7 @@ def assert_undisturbed(store, kind, steps):
         assert_same(dataset, orbits)
 
 
-def alone(store, kind, seed, kills):
+def finish_after_kills(store, kind, seed, kills):
     """Kill processes at random moments, then let one finish."""
     chance, killed = random.Random(seed), 0
     longest = 1.0
@@ -127,42 +121,6 @@ def alone(store, kind, seed, kills):
             killed += 1
 
 
-def workers(store, kind, seed, kills):
-    """Compute on a cluster, and kill its workers one after the other."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    dask.config.set({"distributed.deploy.lost-worker-timeout": "1h"})
-    dask.config.set({"distributed.scheduler.allowed-failures": 99})
-    chance, killed, over = random.Random(seed), [], threading.Event()
-
-    def kill(client):
-        while len(killed) < kills and not over.wait(chance.uniform(0.1, 1.0)):
-            pids = []
-            with suppress(OSError):  # a worker that is being killed does not answer
-                pids = list(client.run(os.getpid, on_error="ignore").values())
-            if pids:
-                os.kill(chance.choice(pids), signal.SIGKILL)
-                killed.append(1)
-
-    options = {"n_workers": 2, "threads_per_worker": 2, "processes": True, "memory_limit": 0}
-    options |= {"dashboard_address": ":0", "silence_logs": 50}
-    with (
-        LocalCluster(**options) as cluster,
-        Client(cluster, set_as_default=False) as client,
-    ):
-        killer = threading.Thread(target=kill, args=(client,), daemon=True)
-        killer.start()
-        steps = 0
-        while steps == 0 or len(killed) < kills:  # continue until enough workers are killed
-            steps += 300
-            address = cluster.scheduler_address
-            ensemble(**arguments(kind), steps=steps, store=store, scheduler=address)
-        over.set()
-        killer.join()
-    return steps, len(killed)
-
-
 if __name__ == "__main__":
-    what, store, kind, seed, kills = sys.argv[1:]
-    print(*{"alone": alone, "workers": workers}[what](store, kind, int(seed), int(kills)))
+    store, kind, seed, kills = sys.argv[1:]
+    print(*finish_after_kills(Path(store), kind, int(seed), int(kills)))

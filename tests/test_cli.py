@@ -15,6 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from test_trajectories import assert_same_run
 
 import suslov_fast as sf
@@ -30,12 +31,6 @@ load = sf.Trajectories.load
 def _folder(tmp_path, monkeypatch):
     """Run each test in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def stores():
-    pytest.importorskip("dask")
-    pytest.importorskip("zarr")
 
 
 def run(line):
@@ -133,7 +128,7 @@ def test_rates(options, unit):
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".zarr"])
-def test_run_and_info(suffix, stores):
+def test_run_and_info(suffix):
     name = f"result{suffix}"
     facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
     saved = sf.open_ensemble(name) if suffix == ".zarr" else load(name)
@@ -185,38 +180,6 @@ def test_info_of_several_files():
     assert [summary(text)["file"] for text in texts] == [["a.npz"], ["b.npz"]]
 
 
-def test_parameters_of_one_name_are_not_merged(monkeypatch):
-    """Another body whose I is a number: the parameters given decide which body is meant."""
-    from suslov_fast._cli import flags, problem
-
-    class Sleigh(sf.Suslov3D):
-        _meanings = {"m": "mass", "I": "moment about the blade"}  # noqa: RUF012
-        _couplings = ()
-
-        @classmethod
-        def _names(cls):
-            return ["m", "I"]
-
-        @classmethod
-        def _optional(cls):
-            return []
-
-        def __init__(self, m, I):
-            self.__dict__.update(m=m, I=I, I1=1.0, I2=1.0, I13=1.0, I23=0.0, I3=None)
-
-    kinds = [*body_classes(), Sleigh]
-    for module in (flags, problem):
-        monkeypatch.setattr(module, "body_classes", lambda: kinds)
-    text = " ".join(succeed("run --help").split())
-    assert "coupling I_in; moment about the blade (SuslovND, Sleigh)" in text
-    for line, kind, value in (
-        ("--m 2 --I 0.5", Sleigh, 0.5),
-        ("--J 2 --I 0.5", sf.SuslovND, [0.5]),
-    ):
-        body, _, _ = problem.problem_of(flags.parse(f"run {line} --eps 1".split()))
-        assert (type(body), np.asarray(body.I).tolist()) == (kind, value)
-
-
 def test_run_is_iterate():
     starts = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
     np.save("starts.npy", starts)
@@ -240,23 +203,10 @@ BODIES = {
     "--inertia 4,2.5,3,.2,-.5,-.3 --axis 1,-2,3 --eps 1": ONE,
     "--inertia tensor.npy --axis -1,2,3 --eps 1": OTHER,
     "--mass-tensor mass.csv --eps 1": sf.SuslovND([5, 6, 7], [0.4, -0.7, 0.5]),
+    "--body b.json --k 0.25 --eps 1": sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.25, 3),
     "--picture 1 --k 0.5": sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.5),
     "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]),
 }
-
-
-@pytest.mark.parametrize("body", BODIES.values(), ids=lambda body: type(body).__name__)
-def test_bodies_of_files(body):
-    """A body of any kind from what `to_dict` wrote, with parameters replaced beside it."""
-    Path("b.json").write_text(json.dumps(body.to_dict()))
-    facts = facts_of("run --body b.json --eps 0.1 --trajectories 5 --steps 4 -o o.npz")
-    assert load("o.npz").body == body
-    assert facts["body"]["body"] == type(body).__name__
-    if isinstance(body, sf.SuslovND):
-        return
-    succeed("run --body b.json --k 0.25 --eps 0.1 --trajectories 5 --steps 4 --force -o o.npz")
-    expected = {name: value for name, value in body.to_dict().items() if name != "body"}
-    assert load("o.npz").body == sf.SuslovGyrostat(**expected | {"k": 0.25})
 
 
 @pytest.mark.parametrize("options", BODIES)
@@ -265,6 +215,7 @@ def test_bodies(options):
     mass = np.diag([1.0, 2.0, 3.0, 4.0])
     mass[:3, 3] = mass[3, :3] = [0.4, -0.7, 0.5]
     np.savetxt("mass.csv", mass, delimiter=",")
+    Path("b.json").write_text(json.dumps(sf.Suslov3D(4, 2, -0.5, -0.3, 3).to_dict()))
     facts = facts_of(f"run {options} --trajectories 5 --steps 4 -o o.npz")
     assert load("o.npz").body == BODIES[options]
     default = "0.02" if "3" in options else "0.2"
@@ -428,9 +379,6 @@ def check_error(done, status, message):
 def test_mistakes(bad_files, monkeypatch, mistake):
     """An error prints one line, has the right exit status, and writes no file."""
     status, line, message = map(str.strip, mistake.split("|"))
-    for library, used in (("matplotlib", ("animate", "pictures")), ("dask", (".zarr",))):
-        if any(each in line for each in used):
-            pytest.importorskip(library)
     monkeypatch.chdir(bad_files)
     before = set(os.listdir())
     check_error(run(line), int(status), message)
@@ -515,7 +463,7 @@ def test_a_disk_that_is_full():
 STORED = "run --picture 1 --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
 
 
-def test_a_grid_of_parameters(stores):
+def test_a_grid_of_parameters():
     asked = STORED.replace("--picture 1", "--I1 4 --I2 1 --I23 -.3")
     facts = facts_of(f"{asked} --sweep eps=0.1:0.4:4 --sweep I13=-0.5:0.5:3 --chunk 60")
     assert facts["trajectories"] == 1200
@@ -531,13 +479,13 @@ def test_a_grid_of_parameters(stores):
     assert summary(succeed("info run.zarr"))["tiles done"] == ["24 of 24"]
 
 
-def test_a_sweep_alone_is_of_the_default_body(stores):
+def test_a_sweep_alone_is_of_the_default_body():
     facts = facts_of("run --trajectories 5 --steps 3 --sweep I13=-0.5:0.5:3 -o o.zarr")
     swept = {"min": -0.5, "max": 0.5, "shape": [3, 1]}
     assert facts["body"] == {**sf.Suslov3D(4, 3, -0.4, -0.2).to_dict(), "I13": swept}
 
 
-def test_a_sweep_in_n_dimensions(stores):
+def test_a_sweep_in_n_dimensions():
     line = "run --J 1,2,4 --I .4,-.7,.5 --omega0 1,2,3 --steps 9 -o nd.zarr"
     reduced = "--reduce omega_max --reduce energy_drift"
     facts = facts_of(f"{line} --sweep eps=0.1:0.3:3 {reduced}")
@@ -548,7 +496,7 @@ def test_a_sweep_in_n_dimensions(stores):
     assert facts["drift"] == {"E": float(dataset.energy_drift.max())}
 
 
-def test_the_same_run_continues_and_another_is_refused(stores):
+def test_the_same_run_continues_and_another_is_refused():
     succeed(STORED)
     longer = STORED.replace("--steps 40", "--steps 60")
     assert facts_of(longer)["steps"] == 60
@@ -564,7 +512,7 @@ def test_the_same_run_continues_and_another_is_refused(stores):
 
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_message_of_a_signal(stores, monkeypatch, number):
+def test_the_message_of_a_signal(monkeypatch, number):
     from suslov_fast._ensemble import compute
 
     execute = compute.execute
@@ -596,10 +544,9 @@ def test_warm_up_calls_all_functions(monkeypatch):
 
 @pytest.mark.compiled
 def test_pictures(tmp_path):
-    image = pytest.importorskip("matplotlib.image")
     paths = succeed("pictures --dpi 80 -o new/folder").split()
     assert paths == [f"new/folder/picture{k}.png" for k in (1, 2, 3, 4)]
-    assert all(min(image.imread(path).shape[:2]) > 200 for path in paths)
+    assert all(min(imread(path).shape[:2]) > 200 for path in paths)
 
 
 @pytest.mark.compiled
@@ -607,7 +554,6 @@ def test_pictures(tmp_path):
     "options", ["", "--inertia 4,2,3,0,-.5,-.3 --eps .1 --omega0 1,2 --orientation 0,0,30"]
 )
 def test_animate(tmp_path, options):
-    pytest.importorskip("PIL")
     assert succeed(f"animate {options} --steps 4 --dpi 40 -o body.gif") == "body.gif\n"
     assert (tmp_path / "body.gif").read_bytes().startswith(b"GIF89a")
     assert [path.name for path in tmp_path.iterdir()] == ["body.gif"]

@@ -1,20 +1,27 @@
-"""All pages of the documentation run, and print the output in their comments."""
+"""All pages of the documentation and the README run, and print the output in their comments."""
 
 import contextlib
 import importlib.util
 import io
 import math
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
+from test_cli import succeed
 
 import suslov_fast
 from suslov_fast import iterate
+from suslov_fast._cli import main, pictures
 from suslov_fast._engine import threads
 
 DOCS = Path(__file__).parent.parent / "docs"
+README = DOCS.parent / "README.md"
 BLOCK = re.compile(r"^```(.*?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HOWTO = re.findall(
     r"^(\w+)$", BLOCK.findall((DOCS / "howto" / "index.md").read_text("utf-8"))[0][1], re.MULTILINE
@@ -62,7 +69,7 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("path", [path for path in PAGES if blocks(path, "python")], ids=name)
 def test_page(path, folder, tmp_path, monkeypatch):
     """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""
-    pytest.importorskip("matplotlib").use("Agg")
+    matplotlib.use("Agg")
     if path.stem != "threads":  # parallel loops take long to compile
         monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
@@ -74,7 +81,53 @@ def test_page(path, folder, tmp_path, monkeypatch):
             assert printed.splitlines() == expected
 
 
-@pytest.mark.parametrize("path", [*PAGES, DOCS.parent / "README.md"], ids=lambda path: path.name)
+@pytest.mark.compiled
+def test_the_readme(tmp_path, monkeypatch):
+    """Run all blocks of the README in order, as a reader does, and serially.
+
+    Each Python block is a program of its own. Commands run in this process, with one picture, as
+    test_cli.py draws all.
+    """
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)
+    monkeypatch.setattr(pictures, "PICTURES", {4: pictures.PICTURES[4]})
+    monkeypatch.chdir(tmp_path)
+    kinds = []
+    for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
+        kinds.append(kind)
+        if kind == "python":
+            expected = [after or below for after, below in PRINTED.findall(code)]
+            assert run(code, "README.md", {}).splitlines() == expected
+        elif kind == "sh":
+            for line in code.splitlines():
+                command, *arguments = shlex.split(line)
+                with pytest.raises(SystemExit) as stopped:
+                    main(arguments)
+                assert (command, stopped.value.code) == ("suslov-fast", 0), line
+    assert kinds.count("python") >= 3
+    assert "sh" in kinds
+    assert np.load(tmp_path / "run.npz")["omega"].shape == (6, 1000, 2)
+    assert (tmp_path / "pictures" / "picture4.png").exists()
+    subprocess.run([Path(sys.executable).with_name("suslov-fast"), "--version"], check=True)
+
+
+def test_length_and_set_up_of_the_readme():
+    """The lines that set up a checkout are those that CI runs."""
+    text = README.read_text(encoding="utf-8")
+    assert text.count("\n") <= 170
+    assert {name for name, _ in BLOCK.findall(text)} == {"python", "sh", "sh setup", "text"}
+    first, second = "".join(blocks(README, "sh setup")).splitlines()
+    assert first.endswith(".venv/bin/suslov-fast run")
+    assert second.endswith(".venv/bin/pytest -n 2 --dist loadfile")
+    assert "sh setup" in (DOCS.parent / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_the_summary_has_the_lines_that_the_command_prints():
+    printed, (shown,) = succeed("run --trajectories 5 --steps 5"), blocks(README, "text")
+    heads = [re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (printed, shown)]
+    assert heads[0] == heads[1]
+
+
+@pytest.mark.parametrize("path", [*PAGES, README], ids=lambda path: path.name)
 def test_text(path):
     """Blocks are of known kinds, links lead somewhere, and equations are named by their numbers.
 
@@ -102,7 +155,7 @@ def test_named_tests_and_files_exist():
 @pytest.mark.slow
 def test_the_table_of_discretizations():
     """The page has the output of the script, except for times."""
-    pytest.importorskip("matplotlib").use("Agg")
+    matplotlib.use("Agg")
     script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
     printed = run(script.partition("# %%\n# Processor time")[0], "discretizations.py", {})
     shown = "".join(blocks(DOCS / "howto" / "discretization.md", "text")[:2])
@@ -121,7 +174,6 @@ def zoo():
 
 @pytest.mark.compiled
 def test_some_rows_of_the_zoo():
-    pytest.importorskip("flint")
     fields, row, table = zoo()
     assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in fields]
     for name in ("Suslov body", "Euler top", "Volterra chain, N = 4", "Lotka-Volterra", "Lorenz"):
@@ -135,7 +187,6 @@ def test_some_rows_of_the_zoo():
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_all_rows_of_the_zoo():
-    pytest.importorskip("flint")
     fields, row, table = zoo()
     assert [row(name) for name in fields] == table
 

@@ -5,12 +5,16 @@ import signal
 import sys
 import threading
 
+import dask.array
+import distributed
 import numpy as np
 import pytest
+import xarray
 from ensemble_runs import (
     BODY,
     BODY_4D,
     CUT,
+    KINDS,
     assert_same,
     assert_undisturbed,
     contents,
@@ -20,10 +24,6 @@ from ensemble_runs import (
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
-
-xarray = pytest.importorskip("xarray")
-zarr = pytest.importorskip("zarr")
-pytest.importorskip("dask")
 
 GYROSTAT = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 
@@ -127,7 +127,6 @@ def test_steps_of_the_closed_form_cost_nothing(store, monkeypatch, save_every):
 
 
 def test_sources_of_initial_states(tmp_path):
-    dask = pytest.importorskip("dask.array")
     random = RandomStarts((5, 10), 2.0, seed=5)
     array = random.states(50).reshape(5, 10, 2)
     np.save(tmp_path / "starts.npy", array)
@@ -135,7 +134,7 @@ def test_sources_of_initial_states(tmp_path):
         "random": random,
         "array": array,
         "file": tmp_path / "starts.npy",
-        "dask": dask.from_array(array, chunks=(2, 7, 2)),
+        "dask": dask.array.from_array(array, chunks=(2, 7, 2)),
     }
     orbits = iterate(BODY, array, 0.2, 20, save_every=None)
     for name, omega0 in sources.items():
@@ -298,7 +297,6 @@ def test_missing_libraries(store, monkeypatch, name):
 
 
 def test_workers_of_a_cluster(store):
-    distributed = pytest.importorskip("distributed")
     random = RandomStarts(50, 1.5)
     states = random.states(50, dimension=3)
     orbits = iterate(BODY_4D, states, 0.2, 40, save_every=3, method="rank2")
@@ -311,8 +309,9 @@ def test_workers_of_a_cluster(store):
 
 @pytest.mark.compiled
 @pytest.mark.skipif(sys.platform == "win32", reason="no fork, no SIGKILL")
-def test_a_killed_run_is_finished(store):
-    """`tests/slow` kills runs of all kinds, and workers."""
-    steps, killed = finish("alone", store, "3d attitude", 1, 3)
-    assert killed == 3
-    assert_undisturbed(store, "3d attitude", steps)
+@pytest.mark.parametrize(("kind", "kills"), [("3d attitude", 3), *((kind, 15) for kind in KINDS)])
+@pytest.mark.sampled(1)
+def test_a_killed_run_is_finished(store, kind, kills):
+    steps, killed = finish(store, kind, 2, kills)
+    assert killed == kills
+    assert_undisturbed(store, kind, steps)

@@ -29,26 +29,6 @@ def before_the_pole(steps):
     return omega
 
 
-@pytest.mark.parametrize("save_every", [1, 2, None])
-@pytest.mark.parametrize("method", METHODS)
-def test_singular_steps(unit, method, save_every):
-    omega = [HEALTHY, ON_THE_POLE, UNDEFINED, HEALTHY]
-    with pytest.warns(sf.SingularStepWarning) as caught:
-        result = sf.iterate(unit, omega, 1, 10, method=method, save_every=save_every)
-    (warning,) = caught
-    assert warning.filename == __file__
-    assert str(warning.message) == "2 of 4 trajectories: singular step, first: 1 at step 1"
-    assert result.status.tolist() == [0, -1, -1, 0]
-    assert result.failed_at.tolist() == [-1, 1, 1, -1]
-    assert not result.ok
-    assert np.isnan(result.final[1:3]).all()
-    if save_every:
-        assert (result.omega[0, 1:3] == omega[1:3]).all()
-        assert np.isnan(result.omega[1:, 1:3]).all()
-    healthy = sf.iterate(unit, HEALTHY, 1, 10, method=method, save_every=save_every)
-    assert (result.omega[:, [0, 3]] == healthy.omega[:, np.newaxis]).all()
-
-
 @pytest.mark.parametrize("along", [1, 2])
 @pytest.mark.parametrize("rounded", [False, True])
 def test_poles(rng, along, rounded):
@@ -168,17 +148,28 @@ def test_the_closed_form_beyond_float64(unit):
     assert orbit.ok == bool(np.isfinite(orbit.omega).all())
 
 
-def test_both_kinds_in_one_message(unit):
-    """The warning names trajectories of a batch with several axes by their indices."""
-    omega = np.tile(HEALTHY, (3, 4, 1))
+@pytest.mark.parametrize("save_every", [1, 2, None])
+@pytest.mark.parametrize("method", METHODS)
+def test_failures_in_a_batch(unit, method, save_every):
+    """One warning has both kinds of failures, and names trajectories by their indices."""
+    omega, options = np.tile(HEALTHY, (3, 4, 1)), {"method": method, "save_every": save_every}
     omega[1, 2], omega[2, 0], omega[0, 3] = ON_THE_POLE, UNDEFINED, [1e200, 0]
     with pytest.warns(sf.SingularStepWarning) as caught:
-        result = sf.iterate(unit, omega, 1, 3, method="canonical")
+        result = sf.iterate(unit, omega, 1, 10, **options)
     assert str(caught[0].message) == (
         "2 of 12 trajectories: singular step, first: (1, 2) at step 1; "
         "1 of 12 trajectories: non-finite step, first: (0, 3) at step 1"
     )
-    assert np.argwhere(result.failed_at == 1).tolist() == [[0, 3], [1, 2], [2, 0]]
+    failed = result.failed_at == 1
+    assert np.argwhere(failed).tolist() == [[0, 3], [1, 2], [2, 0]]
+    assert result.status[failed].tolist() == [-2, -1, -1]
+    assert not result.ok
+    assert np.isnan(result.final[failed]).all()
+    if save_every:
+        assert (result.omega[0] == omega).all()
+        assert np.isnan(result.omega[1:, failed]).all()
+    healthy = sf.iterate(unit, HEALTHY, 1, 10, **options)
+    assert (result.omega[:, ~failed] == healthy.omega[:, np.newaxis]).all()
 
 
 # States and step sizes whose next state overflows in one component, the other, or both: next to

@@ -294,8 +294,6 @@ def test_hamiltonian_fields_conserve_modified_energy_and_measure(rng, field, eps
 
 def test_a_store_holds_the_hamiltonian(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    pytest.importorskip("zarr")
-    pytest.importorskip("dask")
     (tmp_path / "field.json").write_text(json.dumps(HENON.to_dict()))
     with pytest.raises(SystemExit, match="0"):
         cli.main("run --body field.json --eps 0.25 --steps 9 --save-every 3 -o run.zarr".split())

@@ -11,14 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, step
-
-pytest.importorskip("flint")
-sympy = pytest.importorskip("sympy")
-
-from suslov_fast import integrability  # noqa: E402
-from suslov_fast.integrability import (  # noqa: E402
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, integrability, step
+from suslov_fast.integrability import (
     _exact,
     _growth,
     darboux_polynomials,

@@ -73,20 +73,6 @@ def test_long_growth_does_not_leave_the_range(case):
     assert exponents[0] > -5e-3 if len(omega0) == 2 else exponents[0] < 1e-2
 
 
-def test_failures(unit):
-    states = np.array([[[1.0, -3.0], [0.3, 0.1]], [[np.nan, 0.0], [0.2, 0.1]]])
-    message = r"1 of 4 trajectories: .*first: \(0, 0\)"
-    with pytest.warns(sf.SingularStepWarning, match=message) as caught:
-        exponents = sf.lyapunov_exponents(unit, states, 1.0, 5)
-    assert caught[0].filename == __file__
-    assert np.isnan(exponents).all(axis=-1).tolist() == [[True, False], [True, False]]
-    nd = sf.SuslovND([2, 2, 2, 3], [1, 0, 0.5, 0.25])
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2"):
-        exponents = sf.lyapunov_exponents(nd, [[2, 1, 3, 2], [0.1, 0.2, 0.3, 0.4]], 1.0, 5)
-    assert np.isnan(exponents[0]).all()
-    assert np.isfinite(exponents[1]).all()
-
-
 def test_steps_that_are_not_invertible(unit):
     """The map takes the line y = -2a / eps to a point."""
     exponents = sf.lyapunov_exponents(unit, [0.5, 2.0], 1.0, 3)

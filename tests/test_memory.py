@@ -4,7 +4,6 @@ import functools
 import sys
 import tracemalloc
 
-import children
 import numba
 import numpy as np
 import pytest
@@ -90,45 +89,6 @@ def test_large_calls_make_no_copies(body, rng, function):
         tracemalloc.stop()
     assert np.isfinite(result).all()
     assert peak < 1.7 * result.nbytes
-
-
-# Problems whose runs need more than a gigabyte, unlike their initial states.
-LARGE = {
-    "3D": "body, omega, steps = sf.Suslov3D(4, 1, -0.5, -0.3), np.ones((1_000_000, 2)), 70",
-    "n = 20001": """
-body = sf.SuslovND(np.ones(20_000), np.ones(20_000) / 20_000)  # which needs elimination
-omega, steps = np.full((9, 20_000), 19.98), 2
-""",
-}
-
-
-@pytest.mark.compiled
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space")
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("problem", LARGE)
-@pytest.mark.sampled(2)
-def test_exhausted_memory_is_an_error(problem, threads):
-    """Exhausted memory raises MemoryError, although Numba loses errors inside `prange`."""
-    code = f"""
-import resource, sys
-import numpy as np, suslov_fast as sf
-
-{LARGE[problem]}
-threads, method, few = int(sys.argv[1]), "auto", body
-if "ND" in type(body).__name__:
-    few, method = sf.SuslovND(np.ones((2000, 2)), [0.1, 0.2]), "rank2"
-# Compiled before the limit.
-sf.iterate(few, np.ones((2000, 2)), 0.1, 2000, method=method, threads=threads)
-used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-resource.setrlimit(resource.RLIMIT_AS, (used + {GB}, resource.RLIM_INFINITY))
-try:
-    sf.iterate(body, omega, 0.1, steps, method=method, threads=threads)
-except MemoryError as error:
-    assert not isinstance(error.__context__, SystemError)
-else:
-    raise AssertionError("ended")
-"""
-    children.run(code, threads, **children.layer("workqueue"))
 
 
 def test_the_tested_memory_is_that_used(body, monkeypatch):

@@ -69,16 +69,6 @@ def test_steps_beyond_the_first_zero_of_d(J, I, omega):
 
 
 @every_method
-def test_undefined_states_have_no_orientation(method):
-    omega = [[np.nan, 1.0, 1.0], [1.0, 1.0, 1.0]]
-    options = {"method": method, "attitude": True, "on_singular": "ignore"}
-    result = sf.iterate(BODY_C, omega, 0.1, 2, **options)
-    assert np.isnan(result.attitude[:, 0]).all()
-    assert (result.attitude[0, 1] == np.eye(4)).all()
-    assert np.isfinite(result.attitude[:, 1]).all()
-
-
-@every_method
 def test_three_small_d_are_singular(method):
     """With three equal J and d = 0 the matrix has rank n - 1 - 3 + 2."""
     J, I = [2.0, 2.0, 2.0, 3.0], [1.0, 0.0, 0.5, 0.25]

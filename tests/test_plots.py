@@ -3,14 +3,13 @@
 import io
 import re
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import suslov_fast as sf
 from suslov_fast._bodies.paper import PICTURES
-
-matplotlib = pytest.importorskip("matplotlib")
-Figure = pytest.importorskip("matplotlib.figure").Figure
 
 # The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.
 PAPER = r"""

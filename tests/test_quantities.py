@@ -306,14 +306,15 @@ def test_the_discrete_reaction_tends_to_the_continuous_one(body):
         assert abs(sf.reaction(body, [1.0, 0.5], eps) - continuous) < 2 * eps + 1e-15
 
 
-def test_jacobian(rng):
-    for _ in range(60):
+@pytest.mark.parametrize("k", [0.0, 0.9, -20.0])
+def test_jacobian(rng, k):
+    for _ in range(30):
         parameters, eps, omega = random_problem(rng)
         omega *= 10 ** rng.uniform(-2, 3)
-        exact = naive.derivative(partial(naive.step, *parameters, eps), omega)
-        body = sf.Suslov3D(*parameters)
+        exact = naive.derivative(partial(naive.step, *parameters, eps, k=k), omega)
+        body = sf.SuslovGyrostat(*parameters, k) if k else sf.Suslov3D(*parameters)
         # The step has the same loss of digits: |1 - Y + X**2| may be small beside its terms.
-        following = naive.step(*parameters, eps, omega)
+        following = naive.step(*parameters, eps, omega, k)
         allowed = 1e-14 + 10 * naive.relative_error(sf.step(body, omega, eps), following)
         assert error(sf.jacobian(body, omega, eps), exact) < allowed
 

@@ -87,24 +87,35 @@ def test_threads_with_small_stacks():
     in_child(code)
 
 
+FORKS = """
+import os, sys, threading, warnings
+warnings.simplefilter("ignore", DeprecationWarning)
+assert (run() == expected).all()
+stop = threading.Event()
+def compute():
+    while not stop.is_set():
+        run()
+thread = threading.Thread(target=compute)
+thread.start()
+for _ in range(int(sys.argv[1])):
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if (run() == expected).all() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+stop.set()
+thread.join()
+"""
+
+
 @needs_fork
 @pytest.mark.compiled
-@pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.parametrize(
+    ("layer", "count"), [("omp", 20), *((layer, 500) for layer in children.LAYERS)]
+)
 @pytest.mark.sampled(1)
-def test_forks(layer):
-    """A forked child of a process that has run threads neither aborts nor hangs."""
-    in_child(
-        """
-        import multiprocessing, warnings
-        warnings.simplefilter("ignore", DeprecationWarning)
-        assert (run() == expected).all()
-        with multiprocessing.get_context("fork").Pool(2) as pool:
-            results = pool.starmap_async(run, [()] * 4).get(timeout=60)
-        assert all((result == expected).all() for result in results)
-        """,
-        **children.layer(layer),
-    )
-    children.run(children.FORKS, 20, **children.layer(layer))  # while another thread computes
+def test_forks(layer, count):
+    """A child forked while another thread computes neither aborts nor hangs."""
+    children.run(children.SETUP + FORKS, count, timeout=1800, **children.layer(layer))
 
 
 @needs_fork
@@ -137,8 +148,9 @@ def raise_alarm(signum, frame):
 @pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments():
-    """The lock is released wherever the handler of a signal raises."""
+    """The lock and the number of threads are restored wherever the handler of a signal raises."""
     chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
+    available = numba.get_num_threads()
     idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
     threads.run(idle, threads.CROSSOVER, 2)  # starts threads, once
     try:
@@ -150,6 +162,7 @@ def test_signals_at_random_moments():
             except Alarm:
                 signal.setitimer(signal.ITIMER_REAL, 0)
             assert not threads._owned()
+            assert numba.get_num_threads() == available
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)

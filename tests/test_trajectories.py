@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import xarray
 
 import suslov_fast as sf
 
@@ -160,15 +161,12 @@ def test_repr_is_one_line():
 @pytest.mark.sampled(32)
 def test_through_xarray(name, engine, tmp_path):
     """Round trip through a dataset in memory, and through files by xarray with default options."""
-    xarray = pytest.importorskip("xarray")
     run, path = RUNS[name], tmp_path / "run"
     opened = data = run.to_xarray()
     if engine == "netcdf4":
-        pytest.importorskip("netCDF4")
         data.to_netcdf(path, engine=engine)
         opened = xarray.open_dataset(path, engine=engine)
     elif engine:
-        pytest.importorskip("zarr")
         options = {"consolidated": engine == "zarr2"}
         data.to_zarr(path, zarr_format=int(engine[-1]), **options)
         opened = xarray.open_dataset(path, engine="zarr", **options)
@@ -180,7 +178,6 @@ def test_through_xarray(name, engine, tmp_path):
 
 
 def test_a_parameter_as_a_coordinate():
-    pytest.importorskip("xarray")
     sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
     body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
     run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
@@ -200,7 +197,6 @@ def test_a_parameter_as_a_coordinate():
 
 def test_contents_of_a_dataset():
     """A dataset has no data for continuation, no `Conventions`, and units for pure numbers only."""
-    pytest.importorskip("xarray")
     run = RUNS["turning"]
     data = run.to_xarray()
     names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
@@ -221,7 +217,6 @@ def test_contents_of_a_dataset():
 
 
 def test_names_and_coordinates_of_the_user(sweep):
-    pytest.importorskip("xarray")
     coords = {"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
     data = sweep.to_xarray(dims=("mass", "step"), coords=coords)
     assert data.omega.dims == ("n", "mass", "step", "component")
@@ -232,7 +227,6 @@ def test_names_and_coordinates_of_the_user(sweep):
 
 
 def test_nothing_is_repeated_or_copied(sweep):
-    pytest.importorskip("xarray")
     for name, separate in (("batch", False), ("last", False), ("not_saved", True)):
         assert ("final" in RUNS[name].to_xarray()) == separate
     turning = RUNS["turning"].to_xarray()
@@ -247,7 +241,6 @@ def test_nothing_is_repeated_or_copied(sweep):
 
 
 def test_other_orders_and_parts_of_a_batch(sweep):
-    pytest.importorskip("xarray")
     data = sweep.to_xarray().transpose("component", "batch_1", "n", "batch_0")
     turned = sf.Trajectories.from_xarray(data)
     assert same(turned.omega, np.swapaxes(sweep.omega, 1, 2))
@@ -276,7 +269,6 @@ def test_other_orders_and_parts_of_a_batch(sweep):
     ],
 )
 def test_bad_labels(sweep, arguments, error, message):
-    pytest.importorskip("xarray")
     with pytest.raises(error, match=message):
         sweep.to_xarray(**arguments)
 
@@ -311,7 +303,6 @@ def spoil(**changes):
     ],
 )
 def test_other_datasets(sweep, change, error, message):
-    pytest.importorskip("xarray")
     with pytest.raises(error, match=message):
         sf.Trajectories.from_xarray(change(sweep.to_xarray()))
 
@@ -325,7 +316,6 @@ def test_without_xarray(monkeypatch):
 
 @pytest.mark.parametrize("components", [(0, 1), (2, 0)])
 def test_plot(components):
-    pytest.importorskip("matplotlib")
     orbits = sf.iterate(BODY_ND, [[[0.3, 0.9, -0.6]], [[0.1, 0.2, 0.3]]], 0.4, 30)
     axes = orbits.plot(components=components)
     shown = "1 and 2" if components == (0, 1) else "3 and 1"

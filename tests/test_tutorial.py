@@ -7,12 +7,9 @@ import subprocess
 import sys
 
 import children
+import nbformat
 import pytest
 from test_docs import DOCS, PRINTED
-
-nbformat = pytest.importorskip("nbformat")
-pytest.importorskip("nbclient")
-pytest.importorskip("ipykernel")
 
 SCRIPT = DOCS / "as_notebook.py"
 SPEC = importlib.util.spec_from_file_location("as_notebook", SCRIPT)

@@ -4,6 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import xarray
+from pandas import DataFrame, Series
 
 import suslov_fast as sf
 
@@ -223,12 +225,7 @@ def test_units_are_refused(body, wrap, message):
 
 
 def labelled(dims, **coords):
-    xarray = pytest.importorskip("xarray")
     return xarray.DataArray(OMEGA, dims=dims, coords=coords, attrs={"units": "1/s"})
-
-
-def frame(**columns):
-    return pytest.importorskip("pandas").DataFrame(columns)
 
 
 LABELS = [
@@ -237,8 +234,8 @@ LABELS = [
     (lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]), "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'."),
     (lambda: labelled(("start", "component"), component=[1, 0]), "in order, got"),
     (lambda: labelled(("start", "axis"), axis=["y", "x"]), "in order, got .'y', 'x'."),
-    (lambda: frame(Omega2=[1.0, 2.0], Omega1=[2.0, 3.0]), "got DataFrame, .*to_numpy"),
-    (lambda: frame(a=[1.0, 2.0]).set_index([["Omega2", "Omega1"]])["a"], "in order, got"),
+    (lambda: DataFrame({"Omega2": [1.0, 2.0], "Omega1": [2.0, 3.0]}), "got DataFrame, .*to_numpy"),
+    (lambda: DataFrame({"a": [1.0, 2.0]}).set_index([["Omega2", "Omega1"]])["a"], "in order, got"),
 ]  # fmt: skip
 
 
@@ -259,13 +256,12 @@ def test_labels_in_order(body):
         labelled(("a", "b")).variable,
     ):
         assert (sf.step(body, value, 0.2) == expected).all()
-    series = frame(a=[1.0, 2.0])["a"]
+    series = Series([1.0, 2.0])
     assert (sf.step(body, series, 0.2) == sf.step(body, [1.0, 2.0], 0.2)).all()
 
 
 def test_arrays_of_our_datasets_are_accepted_everywhere():
     """Labelled axes are matched by name, not by position."""
-    pytest.importorskip("xarray")
     body = sf.Suslov3D(4, 1, np.array([-0.5, -0.4])[:, None], -0.3)
     sizes = np.array([0.2, 0.3])[:, None, None]
     run = sf.iterate(body, OMEGA, sizes, 6, attitude=True)
@@ -284,12 +280,11 @@ def test_arrays_of_our_datasets_are_accepted_everywhere():
 
 def test_labels_that_cannot_be_honoured():
     """Parameters of a body lose their labels, and arguments are not aligned by coordinates."""
-    xarray, series = pytest.importorskip("xarray"), pytest.importorskip("pandas").Series
     body, sizes = sf.Suslov3D(4, 1, -0.5, -0.3), xarray.DataArray([3.0, 5.0], dims="a")
     assert sf.Suslov3D(xarray.DataArray(4.0), 1, -0.5, -0.3) == body
     with pytest.raises(ValueError, match=r"I1: .* got the axes \('a',\): pass its values"):
         sf.Suslov3D(sizes, 1, -0.5, -0.3)
-    ab, ba = series([4.0, 3.0], index=["a", "b"]), series([1.0, 2.0], index=["b", "a"])
+    ab, ba = Series([4.0, 3.0], index=["a", "b"]), Series([1.0, 2.0], index=["b", "a"])
     assert sf.Suslov3D(ab, ab, -0.5, -0.3).shape == (2,)
     with pytest.raises(ValueError, match="I2: expected the index of I1, got another"):
         sf.Suslov3D(ab, ba, -0.5, -0.3)

@@ -56,7 +56,6 @@ for kind in KINDS:
 
 
 def test_runs_20_times_as_large_as_a_limit(tmp_path):
-    pytest.importorskip("dask")
     output = children.run(CODE, tmp_path, LIMIT, NUMBA_NUM_THREADS="2")  # each thread holds a chunk
     states, reduced = map(int, output.split())
     assert states < LIMIT

@@ -54,7 +54,6 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def close(self):
-        """End the browser."""
         self._socket.close()
         while self._loop.run_sync(self._socket.read_message, TIMEOUT) is not None:
             pass
@@ -63,7 +62,6 @@ class Browser:
         self._process.wait()
 
     def call(self, method, **parameters):
-        """Call a method of the protocol, and return its result."""
         number = next(self._numbers)
         message = {"id": number, "method": method, "params": parameters, **self._session}
         self._loop.run_sync(lambda: self._socket.write_message(json.dumps(message)))
@@ -78,14 +76,12 @@ class Browser:
         return json.loads(message)
 
     def value(self, script):
-        """Return the value of a script on the page."""
         options = {"returnByValue": True, "awaitPromise": True}
         answer = self.call("Runtime.evaluate", expression=script, **options)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
     def wait(self, script):
-        """Wait until a script returns a true value, and return the value."""
         return wait(lambda: self.value(script))
 
     def look(self, width, height, scheme="light"):
@@ -97,11 +93,9 @@ class Browser:
         self.call("Emulation.setEmulatedMedia", features=features)
 
     def open(self, url):
-        """Load a page."""
         self.call("Page.navigate", url=url)
         self.wait("document.readyState === 'complete' && document.documentElement !== null")
 
     def picture(self, path):
-        """Save a screenshot."""
         data = self.call("Page.captureScreenshot", format="png")
         path.write_bytes(base64.b64decode(data["data"]))

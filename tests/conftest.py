@@ -66,7 +66,6 @@ def unit():
 
 @pytest.fixture(params=["3D", "nD"])
 def case(request, body):
-    """Body and a state of it."""
     if request.param == "3D":
         return body, [1.0, 0.5]
     return SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]

@@ -31,7 +31,6 @@ KINDS = {
 
 
 def arguments(kind, tiles=24):
-    """Arguments of a run with many small chunks."""
     nd = SuslovND(J=np.linspace(1.0, 3.0, 7), I=np.linspace(-0.3, 0.5, 7))
     starts = RandomStarts(16 * tiles, 1.5, seed=4)
     chunk = {"trajectory": 16, "n": 5}
@@ -71,7 +70,6 @@ def finish(*arguments):
 
 
 def contents(store):
-    """Return the chunks of a store by name."""
     return {
         str(path.relative_to(store)): path.read_bytes()
         for path in sorted(store.rglob("*"))
@@ -80,7 +78,6 @@ def contents(store):
 
 
 def assert_undisturbed(store, kind, steps):
-    """Compare a store with that of an undisturbed run, chunk by chunk."""
     other = store.with_name("undisturbed.zarr")
     dataset = ensemble(**arguments(kind), steps=steps, store=other)
     assert dataset.attrs["tiles_done"] == "24 of 24"

@@ -339,31 +339,3 @@ def far_state_nd(J, I, eps, omega, n):
     x_n, y_n = solution(a * b, eps, x, b * p, n)
     parts = zip(I, across, strict=True)
     return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
-
-
-@mp.workdps(30)
-def scattering_angle(I1, I2, I13, I23, far=40):
-    """Angle between the angular velocities in space at tau = -far and far, tau = C t / a.
-
-    In scaled coordinates (7) omega is (y = -tanh, x = sech / sqrt(a)). The Poisson equation
-    g' = g x omega of a vector g fixed in space, initially along omega, is solved by Taylor series.
-    """
-    I1, I2, I13, I23 = exactly(I1, I2, I13, I23)
-    a, D = I1 * I2, I13**2 * I2 + I23**2 * I1
-    # omega a / C, since the time is tau.
-    along = [a * I23 / D, -a * I13 / D]
-    across = [mpmath.sqrt(a) * I13 * I2 / D, mpmath.sqrt(a) * I23 * I1 / D]
-    length = mpmath.hypot(*along)
-
-    def rates(product):
-        def times_omega(k, i):
-            return across[i] * product(k, 4) - along[i] * product(k, 3)
-
-        of_g = -times_omega(2, 1), times_omega(2, 0), times_omega(0, 1) - times_omega(1, 0)
-        return *of_g, product(4, 4), -product(4, 3)
-
-    start = [along[0] / length, along[1] / length, 0, mpmath.tanh(-far), mpmath.sech(-far)]
-    # In the body's frame; at the end omega is -along.
-    g = taylor(rates, start, mpf(2 * far), 8 * far, order=28)
-    cosine = -(g[0] * along[0] + g[1] * along[1]) / length
-    return mpmath.atan2(mpmath.sqrt(max(1 - cosine**2, 0)), cosine)

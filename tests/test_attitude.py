@@ -37,7 +37,6 @@ def test_against_cayley_matrices(rng, body, eps):
     + [(method, m) for method in ("rank2", "gauss") for m in (1, 3, 6)],
 )
 def test_results_do_not_depend_on_save_every(rng, body, method, m):
-    """With a named method, states and orientations do not depend on `save_every`."""
     body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m)) if m else body
     omega = rng.normal(size=(9, body.dimension))
     start = np.linalg.qr(rng.normal(size=(9, body.dimension + 1, body.dimension + 1)))[0]

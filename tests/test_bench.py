@@ -72,20 +72,6 @@ def test_the_readme_and_the_page_show_the_stored_results():
         tables.replace("no markers", "new")
 
 
-@pytest.mark.slow
-def test_a_report_of_files(tmp_path):
-    """The stored results give the stored page; a part of the rows gives a part of it."""
-    results.dump(made(row("ours", 1e-4)), tmp_path / "part.json")
-    for path in (STORED / "benchmarks.json", tmp_path / "part.json"):
-        report.main([str(path), "--to", str(tmp_path / path.stem)])
-        written = {each.name for each in (tmp_path / path.stem).iterdir()}
-        assert written == {"benchmarks.json", "tables.md", "speed.png"}
-    for name in ("benchmarks.json", "tables.md"):
-        assert (tmp_path / "benchmarks" / name).read_text("utf-8") == (STORED / name).read_text(
-            "utf-8"
-        )
-
-
 def test_each_case_has_a_table_and_a_name_of_its_own():
     assert {case.table for case in CASES} == {each.name for each in tables.TABLES}
     assert len({(case.name, case.whose) for case in CASES}) == len(CASES)

@@ -29,7 +29,6 @@ load = sf.Trajectories.load
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
-    """Run each test in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
 
@@ -60,7 +59,6 @@ def summary(text):
 
 
 def start(line, **pipes):
-    """Start the command in a process; its errors are piped."""
     return subprocess.Popen([*COMMAND, *line.split()], stderr=subprocess.PIPE, text=True, **pipes)
 
 
@@ -447,7 +445,6 @@ def test_streams():
 @posix
 @pytest.mark.slow
 def test_a_disk_that_is_full():
-    """A write that fails keeps the old file and leaves no other."""
     import resource
 
     succeed("run --trajectories 100 --steps 3 -o o.npz")
@@ -528,7 +525,6 @@ def test_the_message_of_a_signal(monkeypatch, number):
 
 
 def test_warm_up_calls_all_functions(monkeypatch):
-    """`warm-up` calls every public function with at least one body."""
     from suslov_fast._cli import warm_up
 
     monkeypatch.setattr(warm_up, "_COUNTS", (3,))

@@ -53,7 +53,6 @@ def blocks(path, language):
 
 
 def run(code, name, names):
-    """Run code and return what it prints."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(code, name, "exec"), names)

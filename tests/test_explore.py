@@ -80,7 +80,6 @@ def test_numbers_equal_those_of_the_package(case):
 
 @pytest.mark.parametrize("case", MOVING)
 def test_curves_and_portrait(case):
-    """Check the levels, the half lines, the orbits of the map, and the ellipsoid of inertia."""
     parameters = CASES[case][0]._replace(portrait=1)
     found, body, eps = scene(parameters), parameters.body, parameters.eps
     for branch in found["levels"]["F"]:

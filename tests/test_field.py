@@ -206,7 +206,6 @@ PROBLEMS = [
 
 @pytest.mark.parametrize(("field", "f", "x", "eps", "steps"), PROBLEMS)
 def test_against_the_runge_kutta_form(field, f, x, eps, steps):
-    """Orbits, and the field and its derivatives."""
     step = partial(naive.kahan_step, f, eps)
     exact = naive.iterated(step, x, steps)
     assert naive.worst_error(sf.iterate(field, x, eps, steps).x, exact) < 1e-13

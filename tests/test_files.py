@@ -21,7 +21,6 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 
 @pytest.fixture
 def path(tmp_path):
-    """A saved run of five trajectories."""
     RUNS["batch"].save(tmp_path / "run.npz")
     return tmp_path / "run.npz"
 

@@ -52,18 +52,6 @@ def test_no_limit_unless_the_third_component_vanishes(eps, still, moving):
         assert f"{(orbit.final[0] - 1.0) / eps:.3g}" == expected
 
 
-def test_failures():
-    starts = [[0.3, 0.1, 0.2], ON_A_POLE, [np.nan, 1.0, 0.0], NEXT_TO_THE_POLE * HUGE]
-    with pytest.warns(sf.SingularStepWarning, match="1 of 4 trajectories: singular step"):
-        orbits = sf.iterate_full(UNIT, starts, [1.0, 1.0, 1.0, 1 / HUGE], 5, 3.0)
-    assert orbits.status.tolist() == [0, -1, -2, -2]
-    assert orbits.failed_at.tolist() == [-1, 1, 0, 1]
-    assert np.isfinite(orbits.omega[:, 0]).all()
-    assert orbits.omega[0, 1].tolist() == ON_A_POLE
-    assert np.isnan(orbits.omega[1:, 1:]).all()
-    assert np.isnan(orbits.final[1:]).all()
-
-
 @pytest.mark.parametrize("cuts", [[9], [5, 4], [4, 1, 4]])
 @pytest.mark.parametrize(
     ("pole", "unit", "status"),

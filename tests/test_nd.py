@@ -135,34 +135,11 @@ def test_inverse_and_steady_states(rng, method):
 
 
 @pytest.mark.compiled
-def test_large_populations_and_dimensions(rng):
-    """Results do not depend on the number of threads."""
-    body = sf.SuslovND(rng.uniform(1, 4, (30_000, 9)), rng.normal(size=(30_000, 9)))
-    omega = rng.normal(size=(30_000, 9))
-    alone, together = (
-        sf.iterate(body, omega, 0.1, 20, save_every=None, threads=count) for count in (1, None)
-    )
-    assert together.ok
-    assert (together.final == alone.final).all()
+def test_many_dimensions(rng):
     J, I = rng.uniform(1, 4, 4999), rng.normal(size=4999) / 70
-    single = sf.iterate(sf.SuslovND(J, I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
-    assert single.ok
-    assert np.ptp(sf.energy(single.body, single.omega)) < 1e-2
-
-
-@every_method
-@pytest.mark.parametrize(
-    "omega", [[1e200, 1e-200, 1.0], [5e-324, 0.0, -1.7e308], [-0.0, 0.0, 1e-310]]
-)
-def test_fixed_points_keep_their_bits(method, omega):
-    body = sf.SuslovND([1.0, 2.0, 3.0], [[0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3])
-    for run in (
-        sf.iterate(body, omega, [0.3, 0.0, 0.0], 7, method=method),
-        sf.iterate(body, omega, [0.3, 0.0, 0.0], 3, method=method).extend(4),
-        sf.iterate(BODY_C, omega, 1e-200, 0, method=method),  # no step taken
-    ):
-        assert (run.omega == omega).all()
-        assert (run.final == omega).all()
+    run = sf.iterate(sf.SuslovND(J, I), rng.normal(size=4999) / 70, 0.1, 50, save_every=10)
+    assert run.ok
+    assert np.ptp(run.energy()) < 1e-2
 
 
 # One d between small and large, and two small ones.

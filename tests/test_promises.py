@@ -19,6 +19,7 @@ from suslov_fast._engine import closed_form_runs, evaluation, methods, threads
 from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import maps_3d, tiles
 from suslov_fast._kernels.blocks import LANES
+from suslov_fast._maps.registry import map_of
 from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 
@@ -192,7 +193,6 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
 
 
 def part(body, index, batch):
-    """Select bodies of a batch."""
     parts = {}
     for name, value in body._values.items():
         own = np.shape(value)[np.ndim(value) - body._axes(name) :]
@@ -214,7 +214,6 @@ SHAPES = [((SIZE,),) * 3, ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), 
 
 @every_case
 def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
-    """Each element of a broadcast batch equals the result for that element alone."""
     row = ROWS[name]
     for shapes in SHAPES:
         body, omega, eps = sample(rng, kind, *shapes)
@@ -228,11 +227,10 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(name, kind, alone, [each[index] for each in values])
 
 
-# One function for each kind of loop, except that of test_nd.py: parallel loops compile slowly, and
-# the others are slow tests.
+# One function for each kind of loop: parallel loops compile slowly, and the others are slow tests.
 THREADED = [
     ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),
-    ("attitude", "3D"), ("iterate", "field"),
+    ("attitude", "3D"), ("iterate", "field"), ("iterate: rank2", "nD"),
 ]  # fmt: skip
 
 
@@ -256,7 +254,6 @@ def test_threads(rng, monkeypatch, name, kind):
 
 @every_case
 def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
-    """A call divided into parts equals the undivided call, bit for bit."""
     row, problem_of = ROWS[name], sample(rng, kind)
     pieces = list(row.values(*problem_of))
     monkeypatch.undo()
@@ -335,7 +332,6 @@ def test_nan_is_passed_on_without_a_warning(rng, name, kind):
 
 @every_case
 def test_any_memory(rng, name, kind):
-    """Results depend only on the numbers, not on memory layout, alignment, type or container."""
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (6,), (5, 6), ())
     omega = np.asarray(omega, np.float32).astype(float)
     kept, expected = omega.copy(), list(row.values(body, omega, eps))
@@ -542,7 +538,6 @@ CUTS = ((30, (15, 15)), (30, (0, 1, 28, 1)), (300, (20, 280)), (300, (256, 44)))
     ],
 )  # fmt: skip
 def test_extended_runs(rng, kind, method, attitude, m, save_every):
-    """A run divided into several calls equals the undivided run, bit for bit."""
     if kind in KINDS:
         body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
         omega[3, 0], eps[4] = np.nan, 0.0
@@ -560,6 +555,41 @@ def test_extended_runs(rng, kind, method, attitude, m, save_every):
         np.testing.assert_array_equal(extended.n, whole.n)
         again = first.extend(cuts[1], on_singular="ignore")  # `extend` leaves the run unchanged
         assert_same_run(again.extend(sum(cuts[2:]), on_singular="ignore"), whole)
+
+
+ANY, LARGE = [[0.3, -0.7], [2.5, 1.0], [0.0, 0.0]], [1e305, -1e-305]
+TINY = [[0.0, 0.0], [5e-324, 0.0], [0.0, -5e-324], [2.0**-1022, -(2.0**-1023)]]
+OF_4D = [[[1e200, 1e-200, 1.0]], [[5e-324, 0.0, -1.7e308]], [[-0.0, 0.0, 1e-310]]]
+STILL = [
+    (sf.Suslov3D(2, 3, 0, 0), [*ANY, LARGE], 0.5),
+    (sf.Suslov3D(1e50, 1e-50, 0, 0), [*ANY, LARGE], 1.0),
+    (sf.Suslov3D(4, 1, -0.5, -0.3), [*ANY, LARGE], 0.0),
+    (sf.Suslov3D(1e-300, 1e-300, 1e300, 0), [*ANY, LARGE], 0.0),
+    (sf.Suslov3D(1, 1, 1, 0), TINY, 1.0),
+    (sf.SuslovND([1.0, 2.0, 3.0], [[0.0] * 3, [1.0, 0.0, 1.0], [0.0] * 3]), OF_4D, [0.3, 0.0, 0]),
+    # With a closed form: I = 0, eps = 0, steady states, and one component.
+    (sf.SuslovND([2.0] * 3, [[0.0] * 3, [0.1, 0.2, 0.3]]), [[0.3, 0.9, -0.6]], [0.3, 0.0]),
+    (sf.SuslovND([2.0] * 3, [0.5, -1.0, 0.25]), [1.0, -2.0, 0.5], 0.3),
+    (sf.SuslovND([2.0] * 3, [0.0, 0.7, 0.0]), [0.0, -0.3, 0.0], 0.3),
+    (sf.SuslovND([3.0], [0.7]), [[0.3], [-5.0]], 0.2),
+]
+
+
+@pytest.mark.parametrize(("body", "omega", "eps"), STILL)
+def test_states_at_rest_keep_their_bits(body, omega, eps):
+    for method in map_of(body).methods:
+        for save_every in (1, 40, None):
+            run = sf.iterate(body, omega, eps, 50, method=method, save_every=save_every)
+            for each in (run, run.extend(40)):
+                assert each.ok
+                assert (each.omega == omega).all()
+                assert (each.final == omega).all()
+    assert (sf.step(body, omega, eps) == omega).all()
+    if len(set(np.ravel(body.parameters[0]))) == 1:  # a closed form
+        far = 10**12 if body.dimension > 2 else 10**15
+        assert (sf.exact(body, omega, eps, [-far, 7, far]) == omega).all()
+        assert (np.array(sf.limits(body, omega, eps)) == omega).all()
+        assert (sf.iterate(body, omega, eps, far, save_every=far // 4).omega == omega).all()
 
 
 @pytest.mark.parametrize("batch", [1, 7, LANES - 3, 3 * LANES + 5])

@@ -38,7 +38,6 @@ def test_back(case, rng):
 
 
 def test_momentum_by_definition(rng):
-    """The momentum equals its definition in the basis in which the inertia was given."""
     tensor, _ = inertia(rng)
     axis = rng.normal(size=3)
     body, rotation = sf.Suslov3D.from_inertia(tensor, axis)

@@ -25,7 +25,6 @@ def sweep(rng):
 
 
 def same(a, b):
-    """Compare bits, shape and dtype."""
     a, b = np.asarray(a), np.asarray(b)
     return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
 
@@ -281,7 +280,6 @@ def spoil(**changes):
     ("change", "error", "message"),
     [
         (lambda data: data.omega, TypeError, "expected an xarray.Dataset, got DataArray"),
-        (lambda data: data.drop_vars("omega"), ValueError, "got one without omega"),
         (lambda data: data.drop_vars("I1"), ValueError, "got one without I1"),
         (
             lambda data: data.drop_attrs(),
@@ -294,12 +292,6 @@ def spoil(**changes):
         (lambda data: data.isel(n=0), ValueError, "expected omega along n, batch_0"),
         (spoil(status=("x", [0])), ValueError, "expected omega along n, x, component, got it"),
         (spoil(eps=("x", [0.1])), ValueError, "expected eps along the batch, got x"),
-        (lambda data: data.assign_attrs(format=1), ValueError, "older versions cannot be read"),
-        (lambda data: data.assign_attrs(map="Euler"), ValueError, "map: expected suslov3d or"),
-        (lambda data: data.assign_attrs(steps=-3), ValueError, "steps, save_every: expected"),
-        (lambda data: data.assign_attrs(steps="3"), ValueError, "steps: expected one int"),
-        (lambda data: data.assign_attrs(steps=2**61), ValueError, "expected shape"),
-        (lambda data: data.astype(np.float32), ValueError, "expected dtype float64, got"),
     ],
 )
 def test_other_datasets(sweep, change, error, message):

@@ -39,7 +39,6 @@ nbformat.write(notebook, sys.argv[2])
 
 
 def test_all_pages_are_included(tmp_path):
-    """The notebook, and the scripts for a type checker, contain all blocks of all pages."""
     pages = TUTORIAL.pages()
     assert set(pages) == {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
     assert len(pages) == 8

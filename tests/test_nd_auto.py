@@ -9,7 +9,7 @@ import pytest
 from naive import mpf
 
 import suslov_fast as sf
-from suslov_fast._formulas.reduction import as_product
+from suslov_fast._kernels.reduced_states import as_product
 
 
 def solved_body(rng, m, kind):

@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas.elementary import exponent, larger, scaled, two_to_the
-from .._formulas.kahan import unit_of_length
+from .._formulas.elementary import exponent, larger, scaled, two_to_the, within
 from .._jit import LINE, formula, inner, kernel, select, share, subtract_product
 from .codes import NONFINITE, OK, SINGULAR
 from .elimination import eliminate, row
@@ -24,6 +23,9 @@ from .lanes import entry
 
 # States whose components add up to less than this are finite.
 LARGEST = 1e307
+# |eps q| lies between the inverse of 2 to this power and that power, where q is the largest
+# quadratic coefficient: products of eps, q and states are in range if eps q x is.
+FAR = 500.0
 
 
 class Block(NamedTuple):
@@ -36,6 +38,15 @@ class Block(NamedTuple):
     factor: np.ndarray
     slopes: np.ndarray  # half the step size times the terms with k = D, (D, D + 1, lanes)
     matrix: np.ndarray  # A, and minus half the step size times f as the right side
+
+
+@formula
+def unit_of_length(eps, q):
+    """Return k, 0 unless |eps q| is out of range with it: quadratic coefficients are multiplied by
+    2**k, and constant ones by 2**-k.
+    """
+    size = exponent(eps) + exponent(q)
+    return select((eps != 0.0) & (q != 0.0), within(size, FAR) - size, 0.0)
 
 
 @formula

@@ -74,6 +74,14 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     return value
 
 
+def positive(name: str, value: ArrayLike) -> float:
+    """Return a positive number."""
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0:
+        raise wrong(name, "a positive number", value)
+    return number
+
+
 def vectors(
     name: str,
     value: ArrayLike,

@@ -279,7 +279,8 @@ MISTAKES = """
 2 | run --extent -1 | extent: expected a positive number, got -1.0
 2 | run --threads 100000 | argument --threads: got 100000: The number of threads must be between
 2 | run --method rk4 | method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'
-2 | run --omega0 1 | --omega0: expected 2 numbers, got 1
+2 | run --omega0 1 | run: omega0: expected shape (..., 2), got (1, 1)
+2 | run --omega0 1,2 --omega0 1 | run: omega0: expected a rectangular array
 2 | run --omega0 1,x | --omega0: expected numbers separated by commas without spaces, got '1,x'
 2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --picture 1 --I1 -3 | body: I1: expected a positive moment of inertia, got -3.0

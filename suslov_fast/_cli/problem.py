@@ -94,17 +94,13 @@ def _symmetric(entries: list[float]) -> FloatArray:
 
 
 def starts_of(options: argparse.Namespace, body: Any) -> Any:
-    """Return the initial states: an array, memory-mapped from a .npy, or `RandomStarts`."""
+    """Return the initial states: lists, an array, memory-mapped from a .npy, or `RandomStarts`."""
     sources = ("omega0", "initial", "trajectories", "seed", "extent")
     used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
         raise UsageError(f"expected either {flag(used[0])} or {flag(used[1])}, got both")
     if options.omega0 is not None:
-        for row in options.omega0:
-            if len(row) != body.dimension:
-                expected = f"expected {body.dimension} numbers"
-                raise UsageError(f"argument --omega0: {expected}, got {len(row)}")
-        return np.array(options.omega0)
+        return options.omega0
     if options.initial is not None:
         return np.atleast_2d(read_table(options.initial, map_of(body).components(body)))
     from .._ensemble.starts import RandomStarts

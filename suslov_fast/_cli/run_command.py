@@ -78,7 +78,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
                 if seconds > _LONG:
                     break
         if put is not None:
-            put(entries_of(orbits))
+            put(**entries_of(orbits))
     # The closed form takes no steps: steps that iteration would take are comparable.
     stepped = "state" in orbits._resume
     rate = "steps_per_second" if stepped else "equivalent_steps_per_second"

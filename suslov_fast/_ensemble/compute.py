@@ -53,8 +53,7 @@ def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
         done = np.full(len(tiles), -1)
         marks[...] = done
     else:
-        with advice(job.store):
-            done = np.asarray(marks[...])
+        done = np.asarray(marks[...])
     for tile in tiles:
         if verify:
             done[tile] = _steps_stored(job.part(tile), tile, arrays)
@@ -253,10 +252,8 @@ def client_of(scheduler: Any) -> AbstractContextManager[Any]:
     from distributed import Client
 
     instance("scheduler", scheduler, (Client, str))
-    if isinstance(scheduler, Client):
-        return nullcontext(scheduler)
-    made: AbstractContextManager[Any] = Client(scheduler, set_as_default=False)
-    return made
+    made = isinstance(scheduler, str)
+    return Client(scheduler, set_as_default=False) if made else nullcontext(scheduler)
 
 
 def _run_on_workers(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import FloatArray, integer, real_array, vectors, wrong
+from .._checks import FloatArray, integer, positive, vectors, wrong
 from .._engine.memory import require
 
 Slices = tuple[slice, ...]
@@ -58,11 +58,8 @@ class RandomStarts:
             size = tuple(integer("size", each, 0) for each in size)
         else:
             size = integer("size", size, 0)
-        extent = real_array("extent", self.extent)
-        if extent.ndim or not extent > 0:
-            raise wrong("extent", "a positive number", repr(self.extent))
         object.__setattr__(self, "size", size)
-        object.__setattr__(self, "extent", float(extent))
+        object.__setattr__(self, "extent", positive("extent", self.extent))
         object.__setattr__(self, "seed", integer("seed", self.seed, 0))
 
     @property

@@ -9,6 +9,7 @@ import stat
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +24,14 @@ PathLike = str | os.PathLike[str]
 
 
 @contextmanager
-def place_for(path: PathLike) -> Iterator[Callable[[Entries], None]]:
-    """Yield a function that writes a run to `path`, atomically.
+def place_for(path: PathLike) -> Iterator[Callable[..., None]]:
+    """Yield a function that writes the entries of a run, its keywords, to `path`, atomically.
 
     Obstacles to writing are detected before the computation.
     """
     _check_name(path)
-    with replacing(path) as new:
-
-        def write(entries: Entries) -> None:
-            with open(new, "wb") as file:
-                np.savez(file, **entries)  # type: ignore[arg-type]
-
-        yield write
+    with replacing(path) as new, open(new, "wb") as file:
+        yield partial(np.savez, file)
 
 
 def read(path: PathLike) -> dict[str, Any]:

@@ -380,7 +380,7 @@ class Trajectories:
         from .schema import entries_of
 
         with place_for(path) as put:
-            put(entries_of(self))
+            put(**entries_of(self))
 
     @classmethod
     @filled

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_gyrostat import SuslovGyrostat
-from .._checks import FloatArray, integer, real_number, wrong
+from .._checks import FloatArray, integer, positive, wrong
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
@@ -81,7 +81,7 @@ def plot_phase(
 
     check_moving(body)
     g, k = half_angle(body)
-    eps, extent = _positive("eps", eps), _positive("extent", extent)
+    eps, extent = positive("eps", eps), positive("extent", extent)
     levels = integer("levels", levels, 1)
     e = 0.5 * eps / float(np.sqrt(body.I1 * body.I2))
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
@@ -168,7 +168,7 @@ def animate_body(
 
     if np.ndim(eps):
         raise wrong("eps", "a single number", eps)
-    every, interval = integer("every", every, 1), 1000.0 / _positive("fps", fps)
+    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _BODY if body is None else body
     check_moving(body)
     g, k = half_angle(body)
@@ -183,14 +183,6 @@ def animate_body(
         raise wrong("R0", "shape (3, 3)", rotations.shape[1:])
     figure, draw = turning_body(body, rotations, eps)
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
-
-
-def _positive(name: str, value: Any) -> float:
-    """Return a positive number."""
-    number = real_number(name, value)
-    if not isinstance(number, float) or number <= 0:
-        raise wrong(name, "a positive number", value)
-    return number
 
 
 def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:

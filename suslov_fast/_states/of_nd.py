@@ -114,13 +114,6 @@ def derivatives_of(
     return derivatives, logarithms
 
 
-def _matrix(
-    body: Any, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
-) -> FloatArray:
-    slopes = QUANTITIES["slopes"](body, omega, eps, batch, threads, name)
-    return np.eye(body.dimension) - slopes
-
-
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     batch, result = omega.shape[:-1], (body.dimension, body.dimension)
     following = next_states(body, omega, eps)
@@ -143,6 +136,6 @@ QUANTITIES: dict[str, Callable[..., FloatArray]] = {
     "reaction": _by_kernel(kernels.reaction, 2),
     "discrete_reaction": _by_numpy(_discrete_reaction, 2),
     "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.slopes, 2)), 2),
-    "matrix": _matrix,
+    "matrix": _by_kernel(kernels.matrix, 2),
     "slopes": _by_kernel(kernels.slopes, 2),
 }

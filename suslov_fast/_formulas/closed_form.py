@@ -190,7 +190,7 @@ def start(back, flows, given):
     I1, I2, I13, I23, k, _, omega1, omega2 = given
     p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
     _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, eps, p.omega1, p.omega2)
-    e = twofold.root(twofold.quotient((0.25, 0.0), two_product(p.I1, p.I2)))
+    e = twofold.root(twofold.quotient((0.5, 0.0), two_product(2.0 * p.I1, p.I2)))
     e = twofold.product(e, (eps, 0.0))
     l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
     X, X_lost = twofold.product(e, l)
@@ -204,17 +204,17 @@ def start(back, flows, given):
     factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
     time = select(slow, of_step + size, 0.0)
 
-    root1, root2 = np.sqrt(p.I1), np.sqrt(p.I2)
-    g1, g2 = p.I13 / root1, p.I23 / root2
-    g = np.sqrt(g1 * g1 + g2 * g2)
-    coupled = g > UNCOUPLED
-    inverse = 1.0 / select(coupled, g, 1.0)
-    g1, g2 = select(coupled, g1 * inverse, 1.0), select(coupled, g2 * inverse, 0.0)
     sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
-    coupling = sign_of_eps * (e[0] * g)
-    U = sign_of_K * select(coupled, u / coupling, sign_of_eps * (root1 * p.omega1))
-    V = back * select(coupled, -Y / coupling, sign_of_eps * (root2 * p.omega2))
-    sign_of_U, sign_of_V = sign_of_eps * sign_of_K, sign_of_eps * back
+    of_1, of_2 = 1.0 / np.sqrt(p.I1), 1.0 / np.sqrt(p.I2)
+    g1, g2 = p.I13 * of_1, p.I23 * of_2
+    g = np.sqrt(g1 * g1 + g2 * g2)
+    coupled, coupling = g > UNCOUPLED, sign_of_eps * (e[0] * g)
+    inverse = 1.0 / select(coupled, coupling, 1.0)
+    # The direction of g, or any if g = 0, with the sign of eps.
+    g1 = select(coupled, g1 * (e[0] * inverse), sign_of_eps)
+    g2 = select(coupled, g2 * (e[0] * inverse), 0.0)
+    U = sign_of_K * select(coupled, u * inverse, sign_of_eps * (p.I1 * of_1 * p.omega1))
+    V = back * select(coupled, -Y * inverse, sign_of_eps * (p.I2 * of_2 * p.omega2))
     of_X, of_Y = sign_of_K * factor, back * factor
     X, X_lost, K, K_lost = X * of_X, X_lost * of_X, K * of_X, K_lost * of_X
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
@@ -239,10 +239,10 @@ def start(back, flows, given):
         U=U,
         V=V,
         coupling=select(coupled, coupling, 0.0) * factor,
-        f11=sign_of_U * g1 / root1,
-        f12=-sign_of_V * g2 / root1,
-        f21=sign_of_U * g2 / root2,
-        f22=sign_of_V * g1 / root2,
+        f11=sign_of_K * g1 * of_1,
+        f12=-back * g2 * of_1,
+        f21=sign_of_K * g2 * of_2,
+        f22=back * g1 * of_2,
         power=unit.W,
         order=select(slow, 0.0, 1.0),
         time=time,
@@ -271,7 +271,7 @@ def levels(start):
     more = gap + select(Y > 0.0, Y_lost, -Y_lost)
     root, root_lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
     # r = (1 - L**2) / (1 + L)**2, and 1 - L**2 = ((1 + K X)**2 - Y**2) / (1 + X**2).
-    share = below / (1.0 + order * root)
+    share = below * (1.0 / (1.0 + order * root))
     r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
     return Levels(R, T, square, root, root_lost, gap, r)
 
@@ -295,9 +295,7 @@ def logarithm_of_ratio(L, L_lost, r):
     above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * L_lost)
     below, lost = two_sum(d, s)
     below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * L_lost)
-    q = above / below
-    back, back_lost = two_product(q, below)
-    q_lost = (((above - back) - back_lost) + (above_lost - q * below_lost)) / below
+    q, q_lost = twofold.quotient((above, above_lost), (below, below_lost))
     total, lost = sum_of_ordered(power * LN2_HIGH, 2.0 * q)
     lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + power * LN2_LOW)
     high = total + lost
@@ -407,12 +405,13 @@ def rest_of(power):
 @formula
 def forms(start, levels, steps, given):
     """The `Forms` of an orbit that passes; one that rests, or has no states, is constant."""
-    moves, one = steps.kind == PASSES, 1.0 + start.order * levels.root
-    f11, f12, f21, f22 = frame(start, levels.R / levels.T)
-    y, K, L, r = levels.T / one, start.K, levels.root, levels.r
+    moves, K, T, L, r = steps.kind == PASSES, start.K, levels.T, levels.root, levels.r
+    inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.order * L)
+    f11, f12, f21, f22 = frame(start, levels.R * inverse)
+    y = T * of_one
     return Forms(
         d11=select(moves, r, 0.0),
-        d12=select(moves, -K / (levels.T * one), 0.0),
+        d12=select(moves, -K * inverse * of_one, 0.0),
         d22=select(start.fate < 0.0, np.nan, 1.0),
         x1=select(moves, r * (f12 * L - f11 * K), 0.0),
         y1=select(moves, f11 * y, 0.0),
@@ -545,13 +544,12 @@ def sine_and_cosine(n, turns, turns_lost):
 @formula
 def omega_of(c, s, forms):
     """omega for a pair (c, s)."""
-    cc = c * select(abs(c) > NO_SQUARE, c, 0.0)
-    ss = s * select(abs(s) > NO_SQUARE, s, 0.0)
-    cs = 2.0 * c * s
-    inverse = 1.0 / ((forms.d11 * cc + forms.d22 * ss) + forms.d12 * cs)
+    c_or_0, ss = select(abs(c) > NO_SQUARE, c, 0.0), s * select(abs(s) > NO_SQUARE, s, 0.0)
+    twice = 2.0 * s
+    inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * twice) * c + forms.d22 * ss)
     return (
-        ((forms.x1 * cc + forms.z1 * ss) + forms.y1 * cs) * inverse,
-        ((forms.x2 * cc + forms.z2 * ss) + forms.y2 * cs) * inverse,
+        ((forms.x1 * c_or_0 + forms.y1 * twice) * c + forms.z1 * ss) * inverse,
+        ((forms.x2 * c_or_0 + forms.y2 * twice) * c + forms.z2 * ss) * inverse,
     )
 
 

@@ -129,12 +129,12 @@ def of_quarter_turns(q):
     z = (0.5 * math.pi) * (q - whole)  # of a difference without error; |z| <= pi/4
     s = z * z
     # Taylor's series, the smallest terms first.
-    sine = 1.0 - s / 156.0 * (1.0 - s / 210.0)
-    sine = 1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0 * sine))
-    sine = z - z * (s / 6.0 * (1.0 - s / 20.0 * sine))
-    cosine = 1.0 - s / 132.0 * (1.0 - s / 182.0 * (1.0 - s / 240.0))
-    cosine = 1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0 * cosine))
-    cosine = 1.0 - s / 2.0 * (1.0 - s / 12.0 * cosine)
+    sine = 1.0 - s * (1.0 / 156.0) * (1.0 - s * (1.0 / 210.0))
+    sine = 1.0 - s * (1.0 / 42.0) * (1.0 - s * (1.0 / 72.0) * (1.0 - s * (1.0 / 110.0) * sine))
+    sine = z - z * (s * (1.0 / 6.0) * (1.0 - s * (1.0 / 20.0) * sine))
+    cosine = 1.0 - s * (1.0 / 132.0) * (1.0 - s * (1.0 / 182.0) * (1.0 - s * (1.0 / 240.0)))
+    cosine = 1.0 - s * (1.0 / 30.0) * (1.0 - s * (1.0 / 56.0) * (1.0 - s * (1.0 / 90.0) * cosine))
+    cosine = 1.0 - 0.5 * s * (1.0 - s * (1.0 / 12.0) * cosine)
     odd = 0.5 * whole != (0.5 * whole + TO_INTEGER) - TO_INTEGER
     return select(odd, cosine, sine), select(odd, -sine, cosine)
 

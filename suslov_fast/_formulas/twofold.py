@@ -45,9 +45,10 @@ def difference(v, w):
 @formula
 def quotient(v, w):
     """v / w."""
-    q = v[0] / w[0]
+    inverse = 1.0 / w[0]
+    q = v[0] * inverse
     back, lost = two_product(q, w[0])
-    return sum_of_ordered(q, (((v[0] - back) - lost) + (v[1] - q * w[1])) / w[0])
+    return sum_of_ordered(q, (((v[0] - back) - lost) + (v[1] - q * w[1])) * inverse)
 
 
 @formula

@@ -192,11 +192,11 @@ def enter(b, lanes, motion, used):
         put(b.start, l, formulas.start(back, flows, lane(b.problem, l)))
     others, turning, recomputed = 0, 0, 0
     for l in range(used):
-        start = lane(b.start, l)
-        levels = formulas.levels(start)
-        steps = formulas.steps(start, levels)
-        put(b.levels, l, levels)
-        put(b.steps, l, steps)
+        put(b.levels, l, formulas.levels(lane(b.start, l)))
+    for l in range(used):
+        put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))
+    for l in range(used):
+        start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
         put(b.forms, l, formulas.forms(start, levels, steps, lane(b.problem, l)))
         size = formulas.recompute_from(start, levels, steps)
         rest = select(steps.kind == RESTS, 0.0, formulas.rest_of(start.power))
@@ -475,16 +475,15 @@ def fill_rows(
                     for l in range(width * abreast if count_unusual(lanes, used, tile) else 0):
                         if begin <= i + lanes.offset[l] < end:
                             correct(b, lanes, l, tile, found)
-                # Places in the tile of the rows asked for.
-                low_place, high_place = max(begin - i, 0), min(end - i, abreast)
-                if direction < 0:
-                    low_place, high_place = abreast - high_place, abreast - low_place
-                place = origin + direction * i - (abreast - 1 if direction < 0 else 0)
+                # The rows asked for, and the first of them in the output and in the tile.
+                low, high = max(i, begin), min(i + abreast, end)
+                nearest, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
                 write_row(
-                    tile[2 * width * low_place :],
+                    tile,
+                    2 * width * place,
                     flat,
-                    2 * ((place + low_place) * out.shape[1] + first),
-                    2 * width * (high_place - low_place),
+                    2 * ((origin + direction * nearest) * out.shape[1] + first),
+                    2 * width * (high - low),
                     2 * direction * out.shape[1] * abreast,
                     lead,
                 )
@@ -517,4 +516,4 @@ def fill_states(
                 correct(b, lanes, l, tile, found)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
-                write_row(tile[2 * width * i :], flat, target, 2 * width, 0, lead)
+                write_row(tile, 2 * width * i, flat, target, 2 * width, 0, lead)

@@ -17,8 +17,8 @@ def lead_of(out):
 
 
 @formula
-def write_row(tile, flat, start, size, stride, lead):
-    """Copy the first `size` numbers of a tile to flat[start:], `lead` being that of `lead_of`.
+def write_row(tile, first, flat, start, size, stride, lead):
+    """Copy `size` numbers, tile[first:], to flat[start:], `lead` being that of `lead_of`.
 
     The next row begins `stride` numbers later.
     """
@@ -27,12 +27,12 @@ def write_row(tile, flat, start, size, stride, lead):
         expect_store(flat, min(start + stride + size, flat.size) - 1)
     head = min((lead - start) % LINE, size) if lead >= 0 else size
     for i in range(head):
-        flat[start + i] = tile[i]
+        flat[start + i] = tile[first + i]
     lines = (size - head) // LINE
     for line in range(lines):
-        stream_line(flat, start + head + LINE * line, tile, head + LINE * line)
+        stream_line(flat, start + head + LINE * line, tile, first + head + LINE * line)
     for i in range(head + LINE * lines, size):
-        flat[start + i] = tile[i]
+        flat[start + i] = tile[first + i]
 
 
 @formula

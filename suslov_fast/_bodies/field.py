@@ -21,7 +21,7 @@ from .base import Body
 from .body_3d import Suslov3D
 from .body_gyrostat import SuslovGyrostat
 from .body_nd import J_I_rotor, SuslovND
-from .polynomial import Polynomial, exact_array, nonzero, numbers, plain, rational
+from .polynomial import Polynomial, exact_array, numbers, plain, rational
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -108,9 +108,10 @@ class QuadraticField(Body):
             return
         terms: list[dict[Any, Fraction]] = [{} for _ in range(D)]
         for name, array in arrays.items():
-            for (i, *powers), c in nonzero(name, array):
+            exact = exact_array(name, array, array.shape)
+            for i, *powers in np.argwhere(array).tolist():
                 monomial = tuple(sorted(powers))
-                terms[i][monomial] = terms[i].get(monomial, Fraction(0)) + c
+                terms[i][monomial] = terms[i].get(monomial, Fraction(0)) + exact[(i, *powers)]
         vars(self).update(vars(self._of_components(tuple(map(Polynomial, terms)))))
 
     @classmethod
@@ -265,9 +266,13 @@ class QuadraticField(Body):
         """
         D = self.dimension
         table = np.zeros((*self.shape, D, D + 1, D + 1))
+        if self.shape:
+            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
+            table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
         try:
-            table[..., :D, :D] = np.triu(self.quadratic) + np.triu(self.quadratic, 1)
-            table[..., :D, D], table[..., D, D] = self.linear, self.constant
+            for i, each in enumerate(self.polynomials):
+                for powers, c in each.terms.items():
+                    table[(i, *powers, D, D)[:3]] = float(c)
         except OverflowError:
             raise wrong("body", "coefficients in the range of float64", self) from None
         indices = np.argwhere(table.any(axis=tuple(range(len(self.shape)))))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from fractions import Fraction
 from numbers import Rational
 from typing import Any
@@ -35,23 +34,17 @@ def numbers(name: str, value: Any) -> NDArray[Any]:
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
-def nonzero(name: str, array: NDArray[Any], exact: bool = False) -> Iterator[tuple[Any, Fraction]]:
-    """Yield the indices of the numbers that are not 0, and these numbers."""
-    some = array.flat if array.dtype == object else array.ravel()[:1]
-    for each in {type(each): each for each in some}.values():
-        rational(name, each, exact)
-    for index in np.argwhere(array).tolist():
-        yield tuple(index), rational(name, array[tuple(index)], exact)
-
-
 def exact_array(name: str, value: Any, shape: Any, exact: bool = False) -> NDArray[Any]:
     """Return an array of fractions; floats raise an error if `exact`."""
     given = numbers(name, value)
     if given.shape != shape:
         raise wrong(name, f"shape {shape}", given.shape)
+    some = given.flat if given.dtype == object else given.ravel()[:1]
+    for each in {type(each): each for each in some}.values():  # the types of zeros, too
+        rational(name, each, exact)
     array = np.full(shape, Fraction(0))
-    for index, number in nonzero(name, given, exact):
-        array[index] = number
+    for index in map(tuple, np.argwhere(given).tolist()):
+        array[index] = rational(name, given[index], exact)
     return array
 
 

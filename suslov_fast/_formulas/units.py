@@ -5,7 +5,7 @@ Parameters and states may have any unit. `enter` scales them to numbers of the o
 on paper. Logarithms of units are integers, stored as floats.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -23,46 +23,14 @@ NONE = -1e4
 # up to three products.
 LARGEST = 1e307
 
-
-class Body(NamedTuple):
-    """A body and a step size in their own units, 2**M of moments, 2**P of products of inertia,
-    2**Q of k and 2**E of eps.
-    """
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    eps: float
-    M: float
-    P: float
-    Q: float
-    E: float
-
-
-class Problem(NamedTuple):
-    """A body, a step size and a state in one system of units."""
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    eps: float
-    omega1: float
-    omega2: float
-
-
-class Units(NamedTuple):
-    """Logarithms of the units of moments, of products of inertia and of omega.
-
-    That of k is P + W, and that of time M - P - W.
-    """
-
-    M: float
-    P: float
-    W: float
+# A body and a step size in their own units, 2**M of moments, 2**P of products of inertia, 2**Q of k
+# and 2**E of eps.
+Body = namedtuple("Body", "I1 I2 I13 I23 k eps M P Q E")
+# A body, a step size and a state in one system of units.
+Problem = namedtuple("Problem", "I1 I2 I13 I23 k eps omega1 omega2")
+# Logarithms of the units of moments, of products of inertia and of omega. That of k is P + W, and
+# that of time M - P - W.
+Units = namedtuple("Units", "M P W")
 
 
 @formula

@@ -5,7 +5,7 @@ inside, and LLVM places lanes side by side in vector registers. `run_blocks` is 
 module (`map_canonical`, `map_printed`, `map_full`, `map_gyrostat`) of formulas with
 
 D                                 The number of components of omega.
-State, Constants                  NamedTuples of the numbers s that a step changes, and of the
+State, Constants                  namedtuples of the numbers s that a step changes, and of the
                                   numbers k that it does not.
 enter(parameters, omega, i)       Return the status of trajectory i, True if its steps must be
                                   guarded, its State and its Constants.

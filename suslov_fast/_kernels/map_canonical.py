@@ -8,7 +8,7 @@ A state is stored as (X, Z) with Z = c - Y. The constant c of an orbit is 0 wher
 where 1 - Y is small, so that neither is a difference of rounded numbers.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from . import codes
 from .lanes import body_at
 
 D = 2
-
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
 # Above this |X|, in the first state of an orbit or near a pole, the new Y is not a small change of
@@ -32,24 +31,9 @@ SMALLEST_SQUARED = 2.0**-510
 # H = (X**2 + 2 Y**2)/(2 + X**2), which is conserved, X**2 is below 6 and |Y| below 1.
 LARGEST_BOUNDED = 5.0
 
-
-class State(NamedTuple):
-    X: float
-    Z: float  # c - Y
-
-
-class Constants(NamedTuple):
-    """omega = (m (X, Z) + rest) scale, which is finite if |X| + |Z| < bound."""
-
-    c: float
-    m11: float
-    m12: float
-    m21: float
-    m22: float
-    rest1: float
-    rest2: float
-    scale: float
-    bound: float
+State = namedtuple("State", "X Z")
+# omega = (m (X, Z) + rest) scale, which is finite if |X| + |Z| < bound.
+Constants = namedtuple("Constants", "c m11 m12 m21 m22 rest1 rest2 scale bound")
 
 
 @formula

@@ -1,6 +1,6 @@
 """The three-component scheme, equation (3) of the paper, in which Omega3 need not vanish."""
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -13,34 +13,12 @@ from .lanes import body_at, entry
 
 D = 3
 
-
-class State(NamedTuple):
-    """Omega in a unit."""
-
-    omega1: float
-    omega2: float
-    omega3: float
-
-
-class Constants(NamedTuple):
-    """Coefficients of the two equations, the unit of states, and their bound.
-
-    Each equation is divided by its own moment of inertia, and in units of a power of two in which 1
-    is `one1` or `one2` and no coefficient is above 2.
-    """
-
-    one1: float
-    k1: float
-    k3: float
-    k5: float
-    k7: float
-    one2: float
-    k2: float
-    k4: float
-    k6: float
-    k8: float
-    unit: float
-    bound: float
+# omega in a unit.
+State = namedtuple("State", "omega1 omega2 omega3")
+# The coefficients of two equations, the unit of states, and their bound. Each equation is divided
+# by its own moment of inertia, and in units of a power of two in which 1 is `one1` or `one2` and no
+# coefficient is above 2.
+Constants = namedtuple("Constants", "one1 k1 k3 k5 k7 one2 k2 k4 k6 k8 unit bound")
 
 
 @formula

@@ -12,7 +12,7 @@ and, given L_next, two linear equations for Omega_next, whose determinant 1 + L*
 zero. So l is accurate near the steady states l = 0, and the poles are those of the first line.
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -25,25 +25,10 @@ from .lanes import entry
 
 D = 2
 
-
-class State(NamedTuple):
-    """L, Z = c - Y, and omega in a unit."""
-
-    L: float
-    Z: float
-    omega1: float
-    omega2: float
-
-
-class Constants(NamedTuple):
-    """1 / I1 and 1 / I2, K, c of `shifted`, the unit of omega, and its bound."""
-
-    b1: float
-    b2: float
-    K: float
-    c: float
-    unit: float
-    bound: float
+# L, Z = c - Y, and omega in a unit.
+State = namedtuple("State", "L Z omega1 omega2")
+# 1 / I1 and 1 / I2, K, c of `shifted`, the unit of omega, and its bound.
+Constants = namedtuple("Constants", "b1 b2 K c unit bound")
 
 
 @formula

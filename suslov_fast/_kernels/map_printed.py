@@ -1,6 +1,6 @@
 """The map in three dimensions by equation (5) as the paper prints it, for `blocks`."""
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -13,23 +13,10 @@ from .lanes import body_at
 
 D = 2
 
-
-class State(NamedTuple):
-    """Omega in a unit."""
-
-    omega1: float
-    omega2: float
-
-
-class Constants(NamedTuple):
-    """Coefficients of equation (5), the unit of states, and their bound."""
-
-    k1: float
-    k2: float
-    k3: float
-    k4: float
-    unit: float
-    bound: float
+# omega in a unit.
+State = namedtuple("State", "omega1 omega2")
+# The coefficients of equation (5), the unit of states, and their bound.
+Constants = namedtuple("Constants", "k1 k2 k3 k4 unit bound")
 
 
 @formula

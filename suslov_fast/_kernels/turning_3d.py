@@ -8,7 +8,7 @@ quaternions   (B, 4), read and written
 turns         (rows, B, 3, 3), the results
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -19,15 +19,10 @@ from .tiles import lead_of, write_row
 
 _TILE = 9 * LANES
 
-
-class Turns(NamedTuple):
-    """Rotations of a block of trajectories."""
-
-    q: object  # (4, LANES), the quaternion of the rotation since state 0
-    time_step: object  # in the unit of time of the angular velocities
-    omega1: object  # before a step
-    omega2: object
-    R0: object  # (9, LANES), the orientation at state 0, row by row
+# Rotations of a block of trajectories: q (4, LANES), the quaternions since state 0; the time step,
+# in the unit of time of the angular velocities; these before a step; and R0 (9, LANES), the
+# orientations at state 0, row by row.
+Turns = namedtuple("Turns", "q time_step omega1 omega2 R0")
 
 
 @allocation

@@ -269,9 +269,9 @@ MISTAKES = """
 2 | --steps | the following arguments are required: COMMAND
 2 | run --step 3 | unrecognized arguments: --step 3
 2 | run now | unrecognized arguments: now
-2 | run --I1 4 | expected all of --I1 --I2 --I13 --I23, got no --I2 --I13 --I23; --picture N takes
+2 | run --I1 4 | expected the parameters of one body, --I1 --I13 --I2 --I23 or --I --J or
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | expected a step size with a body of your own, got none; wri
-2 | run --picture 1 --J 4,5 | expected the parameters of one body, got --I1 --I13 --I2 --I23 --J
+2 | run --picture 1 --J 4,5 | --I1 --I13 --I2 --I23 --k, got --I1 --I13 --I2 --I23 --J
 2 | run --eps | --eps: expected one argument
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
 1 | run --steps 1000000000 --save-every 1 | raise save_every or divide the batch

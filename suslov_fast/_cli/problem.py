@@ -51,28 +51,20 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
 def _with_parameters(base: Any, given: dict[str, list[float]]) -> Any:
     """Return the first body that has the given parameters and those of a base, if any."""
     values: dict[str, Any] = (base._values if base is not None else {}) | given
+    needed = {kind: {*kind._names()} - {*kind._optional()} for kind in body_classes()}
     # A picture with --k is a gyrostat.
-    kinds = [kind for kind in body_classes() if values.keys() <= {*kind._names()}]
+    kinds = [kind for kind in needed if needed[kind] <= values.keys() <= {*kind._names()}]
     if not kinds:
+        known = " or ".join(" ".join(map(flag, sorted(names))) for names in needed.values())
         received = " ".join(map(flag, sorted(values)))
-        raise UsageError(f"expected the parameters of one body, got {received}")
-    kind = next((each for each in kinds if {*_required(each)} <= values.keys()), None)
-    if kind is None:
-        wanted = _required(kinds[0])
-        lacking = " ".join(flag(name) for name in wanted if name not in values)
-        hint = "; --picture N takes them from a picture" if kinds[0] is Suslov3D else ""
-        raise UsageError(f"expected all of {' '.join(map(flag, wanted))}, got no {lacking}{hint}")
+        raise UsageError(f"expected the parameters of one body, {known}, got {received}")
     for name, value in given.items():
-        if not kind._axes(name):
+        if not kinds[0]._axes(name):
             if len(value) > 1:
                 raise UsageError(f"argument {flag(name)}: expected one number, got {len(value)}")
             values[name] = value[0]
     with about("body"):
-        return kind(**values)
-
-
-def _required(kind: Any) -> list[str]:
-    return [name for name in kind._names() if name not in kind._optional()]
+        return kinds[0](**values)
 
 
 def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:

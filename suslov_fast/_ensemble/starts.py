@@ -69,7 +69,7 @@ class RandomStarts:
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
-        require(64 * count * dimension, "fewer initial states, or `ensemble`, need less")
+        require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")
         # One value of the counter gives four 64-bit words.
         first, skipped = divmod(start * dimension, 4)
         generator = np.random.Philox(key=self.seed, counter=first)

@@ -26,7 +26,7 @@ missing: `order` is 0 instead of 1.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -95,86 +95,29 @@ OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0
 # Kinds of orbits.
 RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 
-
-class Start(NamedTuple):
-    """Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power.
-
-    X, Y and K are sums of two numbers, and X is 0 for a state at rest.
-
-    coupling   e |g|, in the unit of X; 0 if g = 0
-    order      1, or 0 for the flow and slow orbits
-    time       the logarithm of the unit of time in steps
-    """
-
-    X: float
-    X_lost: float
-    Y: float
-    Y_lost: float
-    K: float
-    K_lost: float
-    U: float
-    V: float
-    coupling: float
-    f11: float
-    f12: float
-    f21: float
-    f22: float
-    power: float
-    order: float
-    time: float
-    fate: float
-
-
-class Levels(NamedTuple):
-    """R, T, L**2, L as a sum of two numbers, L - |Y|, and r.
-
-    root   L, or m if L**2 < 0, and then r has no meaning
-    """
-
-    R: float
-    T: float
-    square: float
-    root: float
-    root_lost: float
-    gap: float
-    r: float
-
-
-class Steps(NamedTuple):
-    """Constants of (c, s) after n steps.
-
-    log_r   log |r|, as a sum of two numbers
-    v       of PASSES: w_n = v 2**power r**(n - lag)
-    root    L or m
-    square  m**2, or 0 for L
-    turns   b in quarter turns, or 0, as a sum of two numbers
-    """
-
-    kind: float
-    r: float
-    log_r: float
-    log_lost: float
-    v: float
-    power: float
-    lag: float
-    root: float
-    square: float
-    turns: float
-    turns_lost: float
-
-
-class Forms(NamedTuple):
-    """omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2)."""
-
-    d11: float
-    d12: float
-    d22: float
-    x1: float
-    y1: float
-    z1: float
-    x2: float
-    y2: float
-    z2: float
+# Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power. X, Y and K are
+# sums of two numbers, and X is 0 for a state at rest.
+#
+# coupling   e |g|, in the unit of X; 0 if g = 0
+# order      1, or 0 for the flow and slow orbits
+# time       the logarithm of the unit of time in steps
+Start = namedtuple(
+    "Start",
+    "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power order time fate",
+)
+# R, T, L**2, L as a sum of two numbers, L - |Y|, and r; if L**2 < 0, `root` is m, and r has no
+# meaning.
+Levels = namedtuple("Levels", "R T square root root_lost gap r")
+# Constants of (c, s) after n steps.
+#
+# log_r   log |r|, as a sum of two numbers
+# v       of PASSES: w_n = v 2**power r**(n - lag)
+# root    L or m
+# square  m**2, or 0 for L
+# turns   b in quarter turns, or 0, as a sum of two numbers
+Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root square turns turns_lost")
+# omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2).
+Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
 
 @formula

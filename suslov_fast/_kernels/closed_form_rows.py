@@ -22,7 +22,7 @@ missing      (parts, 3), incremented by the numbers of NaN states of orbits whos
              NaN: at a step, between two steps, and out of the range of float64
 """
 
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -59,66 +59,29 @@ TASK = 2**16
 # The logarithm of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
 
-
-class Block(NamedTuple):
-    problem: Problem
-    start: Start
-    levels: Levels
-    steps: Steps
-    forms: Forms
-
-
-class Plan(NamedTuple):
-    """The division of the work into tasks.
-
-    abreast   number of rows, or times, side by side in a block
-    shift     by how much the first block is shorter
-    """
-
-    tasks: int
-    tasks_per_block: int
-    rows_per_task: int
-    abreast: int
-    shift: int
-
-
-class Lanes(NamedTuple):
-    """Lanes at some rows or times.
-
-    place, offset    of the row in the output and in time, relative to the first
-    number           the number of steps, or the time
-    recompute_from   see the formula
-    rest             the part of the unit of states that multiplies them last
-    fails            the first step without a state
-    c, s             the coordinates of states
-    seed_...         the same at multiples of GROUP rows, `table_...` of several groups
-    """
-
-    place: object
-    offset: object
-    number: object
-    recompute_from: object
-    rest: object
-    fails: object
-    c: object
-    s: object
-    seed_c: object
-    seed_s: object
-    table_c: object
-    table_s: object
-
-
-class Growth(NamedTuple):
-    """By how much c and s grow in multiples of BASE rows, and in fewer.
-
-    Row BASE a + b of a group is its seed times eights[a] times ones[b]; both include the row of
-    the lane.
-    """
-
-    eights_c: object
-    eights_s: object
-    ones_c: object
-    ones_s: object
+# What is known of the orbit of each lane: tuples of rows.
+Block = namedtuple("Block", "problem start levels steps forms")
+# The division of the work into tasks.
+#
+# abreast   number of rows, or times, side by side in a block
+# shift     by how much the first block is shorter
+Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
+# Lanes at some rows or times.
+#
+# place, offset    of the row in the output and in time, relative to the first
+# number           the number of steps, or the time
+# recompute_from   see the formula
+# rest             the part of the unit of states that multiplies them last
+# fails            the first step without a state
+# c, s             the coordinates of states
+# seed_...         the same at multiples of GROUP rows, `table_...` of several groups
+Lanes = namedtuple(
+    "Lanes",
+    "place offset number recompute_from rest fails c s seed_c seed_s table_c table_s",
+)
+# By how much c and s grow in multiples of BASE rows, and in fewer. Row BASE a + b of a group is its
+# seed times eights[a] times ones[b]; both include the row of the lane.
+Growth = namedtuple("Growth", "eights_c eights_s ones_c ones_s")
 
 
 @allocation

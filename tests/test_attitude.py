@@ -31,31 +31,6 @@ def test_against_cayley_matrices(rng, body, eps):
         np.testing.assert_allclose(R[:, 1], exact, rtol=0, atol=5e-15)
 
 
-@pytest.mark.parametrize(
-    ("method", "m"),
-    [("canonical", 0), ("ds2", 0)]
-    + [(method, m) for method in ("rank2", "gauss") for m in (1, 3, 6)],
-)
-def test_results_do_not_depend_on_save_every(rng, body, method, m):
-    body = sf.SuslovND(rng.uniform(1, 4, m), rng.normal(size=m) / np.sqrt(m)) if m else body
-    omega = rng.normal(size=(9, body.dimension))
-    start = np.linalg.qr(rng.normal(size=(9, body.dimension + 1, body.dimension + 1)))[0]
-    start[:, 0] *= np.linalg.det(start)[:, None]
-    options = {"method": method, "attitude": start}
-    every = sf.iterate(body, omega, 0.2, 300, **options)
-    assert (every.omega == sf.iterate(body, omega, 0.2, 300, method=method).omega).all()
-    turned = sf.attitude(body, every.omega, 0.2, start)
-    np.testing.assert_allclose(every.attitude, turned, rtol=0, atol=1e-14)
-    for save_every in (2, 7, 300, 1000, None):
-        some = sf.iterate(body, omega, 0.2, 300, save_every=save_every, **options)
-        assert some.n.tolist() == (list(range(0, 301, save_every)) if save_every else [300])
-        for name in ("omega", "attitude"):
-            assert (getattr(some, name) == getattr(every, name)[some.n]).all()
-        assert (some.final == every.final).all()
-    pieces = sf.iterate(body, omega, 0.2, 5, **options).extend(43).extend(252)
-    assert (pieces.attitude == every.attitude).all()
-
-
 def test_order_2(case):
     """Order by regression, against an integration of R' = R Omega along the exact flow."""
     body, omega0 = case

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._engine import stretches, threads
+from suslov_fast._engine import threads
 
 # No body has the I3 of some runs of the scheme in three components.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
@@ -19,14 +19,6 @@ METHODS = ("auto", "canonical", "ds2")
 ON_THE_POLE = [1.0, -3.0]
 UNDEFINED = [0.0, -2.0]
 HEALTHY = [0.3, 0.1]
-
-
-def before_the_pole(steps):
-    """Return a state that the map takes to a pole in this many steps, up to rounding."""
-    omega = np.array(ON_THE_POLE)
-    for _ in range(steps):
-        omega = sf.step(sf.Suslov3D(1, 1, 1, 0), omega, -1)
-    return omega
 
 
 @pytest.mark.parametrize("along", [1, 2])
@@ -94,22 +86,6 @@ def test_steady_states_next_to_the_critical_one(unit):
         result = sf.iterate(unit, omega, 1, 5, method=method)
         assert (result.status == sf.Status.OK).all()
         assert (result.omega == omega).all()
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_failures_are_found_in_parts_of_a_run(unit, monkeypatch, small_parts, method):
-    """`failed_at` counts from the start of the run, not of the part."""
-    omega = [before_the_pole(3), HEALTHY, ON_THE_POLE, before_the_pole(1), [1e200, 0], [np.nan, 0]]
-    whole = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore")
-    assert whole.failed_at.tolist() == [4, -1, 1, 2, 1, 0]
-    assert whole.status.tolist() == [-1, 0, -1, -1, -2, -2]
-    expected = (whole.failed_at >= 0) & (np.arange(10)[:, None] >= whole.failed_at)
-    assert (np.isnan(whole.omega).all(axis=-1) == expected).all()
-    for steps in (1, 2, 3):
-        monkeypatch.setattr(stretches, "_STRETCH", 5 * steps)
-        cut = sf.iterate(unit, omega, 1, 9, method=method, on_singular="ignore", save_every=None)
-        assert (cut.failed_at == whole.failed_at).all()
-        assert (cut.status == whole.status).all()
 
 
 @pytest.mark.parametrize("method", METHODS)

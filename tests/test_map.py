@@ -280,18 +280,6 @@ def test_mirror_images(unit, rng, method):
         assert (mirrored == orbit * signs).all()
 
 
-@every_method
-def test_large_states_beside_others(unit, rng, method):
-    """States have the same bits alone and beside a state whose steps are guarded."""
-    omega = rng.uniform(-1, 1, (20, 2)) * 10 ** rng.uniform(0, 6, (20, 1))
-    omega[:, 1] = rng.uniform(-1, 2, 20)
-    together = sf.iterate(unit, [*omega, [0.3, -5.0]], 1.0, 4, method=method)
-    for i, state in enumerate(omega):
-        alone = sf.iterate(unit, state, 1.0, 4, method=method)
-        assert (alone.omega == together.omega[:, i]).all()
-        assert alone.status == together.status[i]
-
-
 def test_runs_copy_their_arguments(body):
     omega = np.array([[1.0, 0.5], [0.3, 0.2]])
     whole = sf.iterate(body, omega, 0.2, 60, save_every=None)

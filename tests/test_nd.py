@@ -68,37 +68,6 @@ def test_steps_beyond_the_first_zero_of_d(J, I, omega):
     assert naive.worst_error(states, naive.orbit_nd(J, I, 0.3, omega, 2)) < 1e-13
 
 
-@every_method
-def test_three_small_d_are_singular(method):
-    """With three equal J and d = 0 the matrix has rank n - 1 - 3 + 2."""
-    J, I = [2.0, 2.0, 2.0, 3.0], [1.0, 0.0, 0.5, 0.25]
-    body, omega = sf.SuslovND([J, J], I), np.array([[2.0, 1.0, 3.0, 2.0], [0.1, 0.2, 0.3, 0.4]])
-    assert omega[0] @ I == 4.0
-    with pytest.warns(sf.SingularStepWarning, match="1 of 2 trajectories: singular step, first: 0"):
-        result = sf.iterate(body, omega, 1.0, 5, method=method, attitude=True)
-    assert result.status.tolist() == [sf.Status.SINGULAR, sf.Status.OK]
-    assert result.failed_at.tolist() == [1, -1]
-    assert np.isnan(result.omega[1:, 0]).all()
-    assert (result.attitude[0] == np.eye(5)).all()
-    assert np.isnan(result.attitude[1:, 0]).all()
-    alone = sf.iterate(sf.SuslovND(J, I), omega[1], 1.0, 5, method=method)
-    assert (result.omega[:, 1] == alone.omega).all()
-
-
-@every_method
-def test_overflow(method):
-    """The next state overflows next to a pole of the body with n = 3 and I13 = 1."""
-    body = sf.SuslovND([1.0, 1.0], [-1.0, 0.0])
-    omega = np.array([[-3.0 + 1e-10, -1.0], [0.1, 0.2]]) * 1e300
-    result = sf.iterate(body, omega, 1e-300, 3, method=method, on_singular="ignore")
-    assert result.status.tolist() == [sf.Status.NONFINITE, sf.Status.OK]
-    assert result.failed_at.tolist() == [1, -1]
-    assert np.isnan(result.omega[1:, 0]).all()
-    body = sf.SuslovND([1.0, 2.0, 3.0], [1e300, 1e300, 0.0])  # no nearly singular matrix
-    far = sf.iterate(body, [1e300, 1.0, 1.0], 1e300, 1, method=method, on_singular="ignore")
-    assert far.status == sf.Status.NONFINITE
-
-
 @pytest.mark.parametrize("speed", [1e2, 1e4, 1e8, 1e16, 1e40])
 def test_huge_steps(rng, speed):
     """One step takes |omega| to about |omega| / speed**2, and the scaling follows the state."""

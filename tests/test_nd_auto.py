@@ -102,18 +102,6 @@ def test_iterated_bodies(rng, J, I, solved):
         np.testing.assert_allclose(auto.final, rank2.final, rtol=0, atol=1e-13)
 
 
-def test_poles():
-    """One of the poles is the steady state with d = 0."""
-    body, pole = sf.SuslovND([1.0] * 3, [1.0, 0.0, 0.0]), [3.0, 1.0, 0.0]  # Y = 1.5, X**2 = 0.5
-    omega = [[0.1, 0.2, 0.3], pole, [5.0, 0.0, 0.1], [2.0, 0.0, 0.0]]
-    with pytest.warns(sf.SingularStepWarning, match="2 of 4 trajectories: singular step, first: 1"):
-        result = sf.iterate(body, omega, 1.0, 100)
-    assert result.status.tolist() == [0, -1, 0, -1]
-    assert result.failed_at.tolist() == [-1, 1, -1, 1]
-    assert (result.omega[0] == omega).all()
-    assert np.isnan(result.omega[1:, 1::2]).all()
-
-
 @pytest.mark.parametrize(
     ("J", "I", "omega", "eps"),
     [

@@ -159,6 +159,27 @@ def test_steps_out_of_range_fail_with_a_status(scale):
         assert naive.relative_error(result.final, exact_step(parameters, omega)) < 1e-14
 
 
+@pytest.mark.parametrize("k", [0.0, 0.3, 3.0])
+@pytest.mark.parametrize("root", [1e3, 1e10, 1e40])
+def test_steps_of_bodies_whose_moments_are_far_apart(k, root):
+    """L and L_next cancel in omega_next, each component of which is accurate."""
+    parameters, omega = (1 / root, root, 0.1, 0.2, k, 0.1), [1.0, 0.5]
+    found = run(parameters, omega, 1, method="canonical").final
+    for component, exact in zip(found, exact_step(parameters, omega), strict=True):
+        assert naive.relative_error([component], [exact]) < 1e-15
+
+
+@pytest.mark.parametrize("method", ["auto", "canonical"])
+def test_a_body_out_of_range_has_no_next_state(method):
+    result = run(
+        (1e-80, 1e80, 0.1, 0.2, 0.3, 0.1), [1, 0.5], 3, method=method, on_singular="ignore"
+    )
+    assert result.status == sf.Status.NONFINITE
+    assert result.failed_at == 1
+    assert np.isnan(result.states[1:]).all()
+    assert np.isnan(result.final).all()
+
+
 def of_onset(I1, I2, I13, I23, eps, omega, k):
     """k**2 / A**2, for A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2); 1 at the onset of turns."""
     A2 = 4 * naive.mpf(I1) * I2 * naive.level(I1, I2, I13, I23, eps, omega, k)

@@ -8,8 +8,9 @@ K = h k and Y = h (I23 Omega1 / I2 - I13 Omega2 / I1) they give
 L_next = L (1 + Y + K L / (I1 I2)) / (1 - Y + L (2 L - K) / (I1 I2)),
 Y_next = Y - (2 L L_next - K (L + L_next)) / (I1 I2),
 
-and, given L_next, two linear equations for Omega_next, whose determinant 1 + L**2 / (I1 I2) has no
-zero. So l is accurate near the steady states l = 0, and the poles are those of the first line.
+So l is accurate near the steady states l = 0. Given L_next, Omega_next is the solution of two
+linear equations with the determinant 1 + L**2 / (I1 I2). In it L + L_next, which cancels for large
+Y, is 2 L times this determinant, over the denominator of L_next, whose zeros are the poles.
 """
 
 from collections import namedtuple
@@ -44,8 +45,8 @@ def enter(parameters, omega, i):
     constants = Constants(1.0 / p.I1, 1.0 / p.I2, h * p.k, c, unit, units.bound_in(unit))
     b1, b2, K = constants.b1, constants.b2, constants.K
     L, Y = h * rotor(p.I13, p.I23, p.k, p.omega1, p.omega2), c - Z
-    # Out of range L and K are NaN: there is a state 0, and no next one.
-    L0 = select(np.isnan(p.omega1), np.nan, select(np.isnan(K), 0.0, L))
+    # Out of range L is NaN, and b1 or K: there is a state 0, and no next one.
+    L0 = select(np.isnan(p.omega1), np.nan, select(np.isnan(L), 0.0, L))
     supercritical = 1.0 + b1 * b2 * K * (2.0 * L - K) <= Y * Y
     status = select(supercritical, codes.SUPERCRITICAL, codes.OK)
     status = select(np.isnan(p.omega1), codes.NONFINITE, status)
@@ -68,11 +69,9 @@ def advance(k, s):
     L = s.L * (((1.0 + c) - Z + u) / below)
     # c - Y_next as one quotient: the two terms of Y_next cancel where L or K is large.
     next_Z = (Z * ((1.0 - c) + Z - u) + 2.0 * ((1.0 + c) * (p * q) - u)) / below
-    # The second equation inserted into the first.
-    next_p, next_q = k.b1 * L, k.b2 * L
-    inverse = 1.0 / (1.0 + p * q)
-    right1, right2 = s.omega1 - next_p * s.omega2, s.omega2 + next_q * s.omega1
-    omega1, omega2 = (right1 - p * right2) * inverse, (right2 + q * right1) * inverse
+    along, across = (1.0 - p * (k.b2 * L)) / (1.0 + p * q), 2.0 * (s.L / below)
+    omega1 = along * s.omega1 - (k.b1 * across) * s.omega2
+    omega2 = along * s.omega2 + (k.b2 * across) * s.omega1
     exists = larger(abs(omega1), abs(omega2)) < k.bound
     L, omega1 = select(exists, L, np.nan), select(exists, omega1, np.nan)
     return L, next_Z, omega1, select(exists, omega2, np.nan)
@@ -85,5 +84,5 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    in_range = np.isfinite(k.K + s.L * s.L)
+    in_range = np.isfinite(k.b1 + k.K + s.L * s.L)
     return codes.SINGULAR if np.isnan(denominator(k, s)) and in_range else codes.NONFINITE

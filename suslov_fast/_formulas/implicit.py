@@ -26,21 +26,18 @@ def rotor_term(j, k, other, next_other):
 
 
 @formula
-def mismatch(h_i, I_i, omega_i, next_i, p, p_next, product, rotor_i):
-    """Component i of equation (15) over J_i, the left side minus the right.
+def mismatch(h_i, I_i, omega_i, next_i, sums, sizes):
+    """Component i of equation (15) over J_i, the left side minus the right, and its size.
 
-    h_i = eps / J_i, p = I.omega, p_next = I.omega_next and product = omega.omega_next.
+    h_i = eps / J_i; `sums` are I.omega, I.omega_next, omega.omega_next and the rotor's term, and
+    `sizes` the sums of the magnitudes of their terms.
     """
-    first, second = 0.5 * h_i * p * next_i, 0.5 * h_i * p_next * omega_i
-    return next_i - omega_i - (first + second) + h_i * (I_i * product - rotor_i)
-
-
-@formula
-def size_of_terms(h_i, I_i, omega_i, next_i, p, p_next, product, rotor_i):
-    """Sum of the magnitudes of the terms of `mismatch`; p and the following are sums of them."""
-    first, second = abs(0.5 * h_i * p * next_i), abs(0.5 * h_i * p_next * omega_i)
-    across = abs(h_i) * (abs(I_i) * product + abs(rotor_i))
-    return abs(omega_i) + abs(next_i) + first + second + across
+    p, p_next, product, rotor = sums
+    of_p, of_p_next, of_product, of_rotor = sizes
+    to_next, to_omega = 0.5 * h_i * next_i, 0.5 * h_i * omega_i
+    left = next_i - omega_i - (to_next * p + to_omega * p_next) + h_i * (I_i * product - rotor)
+    size = abs(omega_i) + abs(next_i) + abs(to_next) * of_p + abs(to_omega) * of_p_next
+    return left, size + abs(h_i) * (abs(I_i) * of_product + of_rotor)
 
 
 @formula

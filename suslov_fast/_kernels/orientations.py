@@ -5,14 +5,7 @@ eps     (B,), the step size
 out     (N, B, n, n), the orientations at the other states; NaN from the first NaN state on
 """
 
-from .._formulas.implicit import (
-    distance_to_pole,
-    mismatch,
-    rotor_term,
-    size_of_terms,
-    strays,
-    unit_of,
-)
+from .._formulas.implicit import distance_to_pole, mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean
 from .._jit import formula, inner, kernel, share
 from .lanes import LANES
@@ -102,23 +95,17 @@ def follows(equations, row, omega, k, i):
         if momentum != 0.0:
             other, after = omega[k, i, 1 - j] * unit, omega[k + 1, i, 1 - j] * unit
             driven = rotor_term(j, momentum, other, after)
-            of_rotor = rotor_term(j, momentum, abs(other), abs(after))
-        h_j, I_j = h[row, j] / unit, I[row, j]
-        left += root[row, j] * abs(mismatch(h_j, I_j, w, v, p, p_next, product, driven))
-        size += root[row, j] * size_of_terms(
-            h_j, I_j, w, v, size_p, size_next, size_product, of_rotor
-        )
+            of_rotor = abs(rotor_term(j, momentum, abs(other), abs(after)))
+        sums, sizes = (p, p_next, product, driven), (size_p, size_next, size_product, of_rotor)
+        difference, terms = mismatch(h[row, j] / unit, I[row, j], w, v, sums, sizes)
+        left += root[row, j] * abs(difference)
+        size += root[row, j] * terms
         step += root[row, j] * abs(v - w)
     distance = 1.0
     if m == 2:
+        h1, h2, w1, w2 = h[row, 0], h[row, 1], omega[k, i, 0], omega[k, i, 1]
         distance = distance_to_pole(
-            h[row, 0] / unit,
-            h[row, 1] / unit,
-            I[row, 0],
-            I[row, 1],
-            momentum,
-            omega[k, i, 0] * unit,
-            omega[k, i, 1] * unit,
+            h1 / unit, h2 / unit, I[row, 0], I[row, 1], momentum, w1 * unit, w2 * unit
         )
     return not strays(left, step, size, distance)
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_trajectories import RUNS, assert_same_run, same
+from test_trajectories import RUNS, assert_same_run, run_of, same
 
 import suslov_fast as sf
 from suslov_fast._engine import memory
@@ -21,7 +21,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 
 @pytest.fixture
 def path(tmp_path):
-    RUNS["batch"].save(tmp_path / "run.npz")
+    run_of("batch").save(tmp_path / "run.npz")
     return tmp_path / "run.npz"
 
 
@@ -44,7 +44,7 @@ def test_round_trip_and_continuation(name, tmp_path):
 
     An extended run may replace the file that the run was loaded from.
     """
-    run, path = RUNS[name], tmp_path / "run.npz"
+    run, path = run_of(name), tmp_path / "run.npz"
     assert run.save(path) is None
     loaded = sf.Trajectories.load(path)
     assert_same_run(run, loaded)
@@ -57,11 +57,11 @@ def test_round_trip_and_continuation(name, tmp_path):
 
 def test_npz_needs_numpy_alone(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    RUNS["turning"].save(tmp_path / "run.npz")
-    assert_same_run(RUNS["turning"], sf.Trajectories.load(tmp_path / "run.npz"))
+    run_of("turning").save(tmp_path / "run.npz")
+    assert_same_run(run_of("turning"), sf.Trajectories.load(tmp_path / "run.npz"))
     with np.load(tmp_path / "run.npz", allow_pickle=False) as plain:
-        assert same(plain["omega"], RUNS["turning"].omega)
-        assert plain["I13"] == RUNS["turning"].body.I13
+        assert same(plain["omega"], run_of("turning").omega)
+        assert plain["I13"] == run_of("turning").body.I13
         assert plain["method"] == "auto"
 
 
@@ -70,7 +70,7 @@ def test_npz_needs_numpy_alone(tmp_path, monkeypatch):
 )
 def test_bad_names(name):
     error = ValueError if isinstance(name, str) else TypeError
-    for attempt in (RUNS["turning"].save, sf.Trajectories.load):
+    for attempt in (run_of("turning").save, sf.Trajectories.load):
         with pytest.raises(
             error,
             match=r"path: expected (a string|a name that ends in \.npz \(to_xarray\(\))",
@@ -154,8 +154,8 @@ ENTRIES = [
 @pytest.mark.parametrize(("name", "value", "message"), ENTRIES)
 def test_inconsistent_entries(name, value, message, tmp_path):
     path = tmp_path / "run.npz"
-    RUNS["turning"].save(path)
-    altered(path, **{name: value(RUNS["turning"]) if callable(value) else value})
+    run_of("turning").save(path)
+    altered(path, **{name: value(run_of("turning")) if callable(value) else value})
     refused(path, rf"run.npz: .*{message}")
 
 
@@ -172,7 +172,7 @@ def test_damage_is_found_or_harmless(path):
         except ValueError as error:
             found += str(path) in str(error)
         else:
-            assert_same_run(RUNS["batch"], loaded)
+            assert_same_run(run_of("batch"), loaded)
     assert found > 10
 
 
@@ -190,12 +190,12 @@ def test_a_failed_write_keeps_the_old_file(path, tmp_path, monkeypatch):
 
     monkeypatch.setattr(files, "os", SimpleNamespace(**vars(os) | {"replace": fail}))
     with pytest.raises(KeyboardInterrupt):
-        RUNS["turning"].save(path)
+        run_of("turning").save(path)
     monkeypatch.undo()
-    assert_same_run(RUNS["batch"], sf.Trajectories.load(path))
+    assert_same_run(run_of("batch"), sf.Trajectories.load(path))
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    RUNS["turning"].save(path)
-    assert_same_run(RUNS["turning"], sf.Trajectories.load(path))
+    run_of("turning").save(path)
+    assert_same_run(run_of("turning"), sf.Trajectories.load(path))
 
 
 @posix
@@ -204,15 +204,15 @@ def test_modes(tmp_path):
     path = tmp_path / "run.npz"
     before = os.umask(0o027)
     try:
-        RUNS["turning"].save(path)
+        run_of("turning").save(path)
     finally:
         os.umask(before)
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     for mode in (0o600, 0o444):
         path.chmod(mode)
-        RUNS["batch"].save(path)
+        run_of("batch").save(path)
         assert stat.S_IMODE(path.stat().st_mode) == mode
-    assert_same_run(RUNS["batch"], sf.Trajectories.load(path))
+    assert_same_run(run_of("batch"), sf.Trajectories.load(path))
 
 
 @posix
@@ -220,7 +220,7 @@ def test_links(tmp_path):
     (tmp_path / "there").mkdir()
     target, link = tmp_path / "there" / "target.npz", tmp_path / "link.npz"
     link.symlink_to(target)
-    for run in (RUNS["batch"], RUNS["turning"]):  # a missing target, then an existing one
+    for run in (run_of("batch"), run_of("turning")):  # a missing target, then an existing one
         run.save(link)
         assert link.is_symlink()
         assert_same_run(run, sf.Trajectories.load(target))
@@ -233,7 +233,7 @@ def test_other_paths_are_not_replaced(tmp_path):
 
     def unwritable(message, path=path):
         with pytest.raises(OSError, match=message):
-            RUNS["turning"].save(path)
+            run_of("turning").save(path)
 
     (tmp_path / "file").touch()
     for folder in (tmp_path / "missing", tmp_path / "file"):

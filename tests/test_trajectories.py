@@ -3,7 +3,7 @@
 import re
 import sys
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -64,45 +64,43 @@ HENON = sf.QuadraticField.from_hamiltonian(
 FIELDS = sf.QuadraticField(np.arange(54.0).reshape(2, 3, 3, 3), np.eye(3))
 
 
-class Runs(dict):
-    """Runs, each computed on first use."""
-
-    def __getitem__(self, name):
-        if isinstance(self.get(name), partial):
-            self[name] = self.get(name)()
-        return self.get(name)
-
-
 # Runs of every map, with and without optional data.
-RUNS = Runs(
-    batch=iterate(BODY, STARTS, 0.2, 20, save_every=5),
-    one=iterate(BODY, STARTS[0], -0.2, 3),
-    last=iterate(BODY, STARTS, 0.2, 40, save_every=None),
-    last_few=iterate(BODY, STARTS, 0.2, 7, save_every=None, method="ds2"),
-    not_saved=iterate(BODY, STARTS, 0.2, 7, save_every=5, method="canonical"),
-    turning=iterate(BODY, STARTS, SIZES, 7, save_every=5, attitude=True),
-    turning_last=iterate(BODY, STARTS, 0.2, 7, save_every=None, attitude=True),
-    no_steps=iterate(BODY, STARTS, 0.2, 0, method="ds2"),
-    empty=iterate(BODY, np.empty((0, 2)), 0.2, 3, attitude=True),
-    empty_axis=iterate(BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
-    bodies=iterate(SWEPT, ODD, 0.1, 4),
-    short_axes=iterate(SHORT, STARTS[:1, None], np.array([[0.1]]), 4),
-    failed=iterate(POLES, [[1.0, -3.0], [0.3, 0.1]], 1, 5),
-    nd=iterate(BODY_ND, FOURS, SIZES, 6, save_every=4),
-    nd_turning=iterate(BODY_ND, FOURS, SIZES, 6, save_every=4, attitude=True),
-    nd_last=iterate(BODY_ND, FOURS, 0.1, 6, save_every=None, attitude=True),
-    nd_solved=iterate(EQUAL, FOURS, 0.1, 60, save_every=20),
-    nd_bodies=iterate(SWEPT_ND, STARTS, 0.1, 4, method="gauss"),
-    gyrostat=iterate(GYROSTAT, STARTS, SIZES, 6, save_every=4, attitude=True),
-    gyrostat_last=iterate(GYROSTATS, ODD[0], 0.35, 6, save_every=None),
-    field=iterate(THIRD, STARTS, 0.01, 5),
-    fields=iterate(FIELDS, THREES[:2], 0.01, 5, save_every=None),
-    hamiltonian=iterate(HENON, STARTS, 0.01, 5),
-    full=full(BODY, THREES, SIZES, 6, 3.0, save_every=4),
-    full_bodies=full(sf.Suslov3D(4, 2, -0.5, -0.3, I3=[[3.0], [4.0]]), THREES, 0.1, 4),
-    full_last=full(BODY, THREES[0], 0.1, 4, 3.0, save_every=None),
-    full_failed=full(POLES, [[1.0, -3.0, 0.0]], 1, 5, 3.0),
-)
+RUNS = {
+    "batch": iterate(BODY, STARTS, 0.2, 20, save_every=5),
+    "one": iterate(BODY, STARTS[0], -0.2, 3),
+    "last": iterate(BODY, STARTS, 0.2, 40, save_every=None),
+    "last_few": iterate(BODY, STARTS, 0.2, 7, save_every=None, method="ds2"),
+    "not_saved": iterate(BODY, STARTS, 0.2, 7, save_every=5, method="canonical"),
+    "turning": iterate(BODY, STARTS, SIZES, 7, save_every=5, attitude=True),
+    "turning_last": iterate(BODY, STARTS, 0.2, 7, save_every=None, attitude=True),
+    "no_steps": iterate(BODY, STARTS, 0.2, 0, method="ds2"),
+    "empty": iterate(BODY, np.empty((0, 2)), 0.2, 3, attitude=True),
+    "empty_axis": iterate(BODY, np.empty((2, 0, 2)), np.full((2, 1), 0.1), 3),
+    "bodies": iterate(SWEPT, ODD, 0.1, 4),
+    "short_axes": iterate(SHORT, STARTS[:1, None], np.array([[0.1]]), 4),
+    "failed": iterate(POLES, [[1.0, -3.0], [0.3, 0.1]], 1, 5),
+    "nd": iterate(BODY_ND, FOURS, SIZES, 6, save_every=4),
+    "nd_turning": iterate(BODY_ND, FOURS, SIZES, 6, save_every=4, attitude=True),
+    "nd_last": iterate(BODY_ND, FOURS, 0.1, 6, save_every=None, attitude=True),
+    "nd_solved": iterate(EQUAL, FOURS, 0.1, 60, save_every=20),
+    "nd_bodies": iterate(SWEPT_ND, STARTS, 0.1, 4, method="gauss"),
+    "gyrostat": iterate(GYROSTAT, STARTS, SIZES, 6, save_every=4, attitude=True),
+    "gyrostat_last": iterate(GYROSTATS, ODD[0], 0.35, 6, save_every=None),
+    "field": iterate(THIRD, STARTS, 0.01, 5),
+    "fields": iterate(FIELDS, THREES[:2], 0.01, 5, save_every=None),
+    "hamiltonian": iterate(HENON, STARTS, 0.01, 5),
+    "full": full(BODY, THREES, SIZES, 6, 3.0, save_every=4),
+    "full_bodies": full(sf.Suslov3D(4, 2, -0.5, -0.3, I3=[[3.0], [4.0]]), THREES, 0.1, 4),
+    "full_last": full(BODY, THREES[0], 0.1, 4, 3.0, save_every=None),
+    "full_failed": full(POLES, [[1.0, -3.0, 0.0]], 1, 5, 3.0),
+}
+
+
+@cache
+def run_of(name):
+    return RUNS[name]()
+
+
 QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
 
 
@@ -117,7 +115,7 @@ QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_
     ],
 )
 def test_a_run_has_the_quantities_of_its_map(name, map, missing):
-    run = RUNS[name]
+    run = run_of(name)
     for quantity in missing:
         message = f"{quantity}: expected a map that has it, got a run of {map}"
         with pytest.raises(TypeError, match=message):
@@ -134,7 +132,7 @@ def test_a_run_has_the_quantities_of_its_map(name, map, missing):
 
 def test_times(body, sweep):
     """Times broadcast against states, even if there are as many states as step sizes."""
-    assert same(RUNS["batch"].time, 0.2 * np.array([0, 5, 10, 15, 20]))
+    assert same(run_of("batch").time, 0.2 * np.array([0, 5, 10, 15, 20]))
     assert sf.iterate(body, [0.0, 0.0], 1e308, 3).time[-1] == np.inf
     assert sweep.time.shape == (2, 1, 2)
     assert np.broadcast_shapes(sweep.time.shape, sweep.omega.shape[:-1]) == sweep.omega.shape[:-1]
@@ -142,13 +140,13 @@ def test_times(body, sweep):
 
 
 def test_repr_is_one_line():
-    for run in map(RUNS.__getitem__, RUNS):
+    for run in map(run_of, RUNS):
         assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
         assert "<table>" in run._repr_html_()
-    assert repr(RUNS["failed"]) == (
+    assert repr(run_of("failed")) == (
         "Trajectories(omega: (6, 2, 2), n: 0, 1 ... 5, eps: 1, failed: 1 of 2)"
     )
-    assert repr(RUNS["empty_axis"]).endswith("eps: 0.1, failed: 0 of 0)")
+    assert repr(run_of("empty_axis")).endswith("eps: 0.1, failed: 0 of 0)")
 
 
 @pytest.mark.parametrize("engine", [None, "netcdf4", "zarr2", "zarr3"])
@@ -156,7 +154,7 @@ def test_repr_is_one_line():
 @pytest.mark.sampled(32)
 def test_through_xarray(name, engine, tmp_path):
     """Round trip through a dataset in memory, and through files by xarray with default options."""
-    run, path = RUNS[name], tmp_path / "run"
+    run, path = run_of(name), tmp_path / "run"
     opened = data = run.to_xarray()
     if engine == "netcdf4":
         data.to_netcdf(path, engine=engine)
@@ -192,7 +190,7 @@ def test_a_parameter_as_a_coordinate():
 
 def test_contents_of_a_dataset():
     """A dataset has no data for continuation, no `Conventions`, and units for pure numbers only."""
-    run = RUNS["turning"]
+    run = run_of("turning")
     data = run.to_xarray()
     names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
     assert set(data.variables) == set(names.split())
@@ -208,7 +206,7 @@ def test_contents_of_a_dataset():
     names = data.status.attrs["flag_meanings"].split()
     for value, name in zip(data.status.attrs["flag_values"], names, strict=True):
         assert sf.Status[name] == value
-    assert RUNS["nd"].to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
+    assert run_of("nd").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
 
 
 def test_names_and_coordinates_of_the_user(sweep):
@@ -218,19 +216,19 @@ def test_names_and_coordinates_of_the_user(sweep):
     assert same(data.omega.sel(mass="c").isel(step=1).values, sweep.omega[:, 2, 1])
     assert data.colour.dims == ("step",)
     assert_same_run(sweep, sf.Trajectories.from_xarray(data), resume=False)
-    assert RUNS["batch"].to_xarray(dims="start").omega.dims == ("n", "start", "component")
+    assert run_of("batch").to_xarray(dims="start").omega.dims == ("n", "start", "component")
 
 
 def test_nothing_is_repeated_or_copied(sweep):
     for name, separate in (("batch", False), ("last", False), ("not_saved", True)):
-        assert ("final" in RUNS[name].to_xarray()) == separate
-    turning = RUNS["turning"].to_xarray()
+        assert ("final" in run_of(name).to_xarray()) == separate
+    turning = run_of("turning").to_xarray()
     for name in ("omega", "final", "attitude", "status"):
-        assert np.shares_memory(turning[name].values, getattr(RUNS["turning"], name))
+        assert np.shares_memory(turning[name].values, getattr(run_of("turning"), name))
     data = sweep.to_xarray()
     dims = [data[name].dims for name in ("I1", "I2", "I13", "eps", "time")]
     assert dims == [("batch_0",), (), (), ("batch_1",), ("n", "batch_1")]
-    states = RUNS["last"]
+    states = run_of("last")
     held = [states.omega.nbytes, states.status.nbytes, states.failed_at.nbytes]
     assert states.to_xarray().nbytes < sum(held) + 200
 
@@ -297,7 +295,7 @@ def test_other_datasets(sweep, change, error, message):
 
 def test_without_xarray(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
-    for call in (RUNS["one"].to_xarray, lambda: sf.Trajectories.from_xarray(None)):
+    for call in (run_of("one").to_xarray, lambda: sf.Trajectories.from_xarray(None)):
         with pytest.raises(ImportError, match=r"pip install 'suslov_fast\[xarray\]'"):
             call()
 
@@ -324,7 +322,7 @@ def test_a_failure_is_reported_once(unit):
 
 
 def test_a_run_as_an_array():
-    run, other = RUNS["failed"], RUNS["batch"]
+    run, other = run_of("failed"), run_of("batch")
     assert len(run) == 6
     assert np.asarray(run) is run.states is run.omega
     assert np.array(run) is not run.states

@@ -96,14 +96,14 @@ def block():
 
 
 @formula
-def plan_of(trajectories, out, count, length, most):
-    """Return the `Plan` of `count` rows or times, of which at most `most` lie side by side.
+def plan_of(trajectories, out, count, length):
+    """Return the `Plan` of `count` rows or times.
 
     length   number of rows or times that take one entry of a block's tables.
     """
     batch, shift, abreast = trajectories[1] - trajectories[0], 0, 1
     # Rows lie side by side only if they are neighbours in the output.
-    while 2 * abreast * batch <= LANES and abreast < most and batch == out.shape[1]:
+    while 2 * abreast * batch <= LANES and abreast < count and batch == out.shape[1]:
         abreast *= 2
     if abreast == 1:
         shift = shortening_of_first_block(lead_of(out), out.shape[1], 2)
@@ -317,15 +317,17 @@ def not_negligible(v):
 
 
 @formula
-def enter_growth(b, lanes, growth, used, every, any_kind):
-    """Fill the growth between rows."""
-    for a in range(BASE):
+def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
+    """Fill the growth between rows, as far as the first of `abreast` rows needs it."""
+    for a in range(0, BASE, max(abreast // BASE, 1)):
         for l in range(used):
-            steps, eights = lane(b.steps, l), np.floor(lanes.offset[l] / BASE)
-            c, s = formulas.growth(BASE * (a + eights) * every, steps, any_kind)
+            rows = BASE * (a + np.floor(lanes.offset[l] / BASE))
+            c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
             growth.eights_c[a, l], growth.eights_s[a, l] = not_negligible(c), s
-            ones = a + lanes.offset[l] - BASE * eights
-            c, s = formulas.growth(ones * every, steps, any_kind)
+    for a in range(0, BASE, min(abreast, BASE)):
+        for l in range(used):
+            rows = a + lanes.offset[l] - BASE * np.floor(lanes.offset[l] / BASE)
+            c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
             growth.ones_c[a, l], growth.ones_s[a, l] = not_negligible(c), s
 
 
@@ -401,7 +403,7 @@ def fill_rows(
     first_number, every = steps
     begin, end, origin, direction = rows
     first_group = begin // GROUP * GROUP
-    plan = plan_of(trajectories, out, end - first_group, GROUP, GROUP)
+    plan = plan_of(trajectories, out, end - first_group, GROUP)
     abreast = plan.abreast
     b, lanes = block(), rows_of(Lanes, LANES)
     growth = Growth(stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES))
@@ -413,9 +415,9 @@ def fill_rows(
         any_kind, any_recomputed = enter(b, lanes, motion, used)
         any_recomputed |= write_ends(b, lanes, first, width, used, ends)
         if any_kind:
-            enter_growth(b, lanes, growth, used, every, True)
+            enter_growth(b, lanes, growth, used, abreast, every, True)
         else:
-            enter_growth(b, lanes, growth, used, every, False)
+            enter_growth(b, lanes, growth, used, abreast, every, False)
         start = first_group + skipped
         for top in range(start, min(start + plan.rows_per_task, end), GROUP * abreast):
             if any_kind:
@@ -441,15 +443,11 @@ def fill_rows(
                 # The rows asked for, and the first of them in the output and in the tile.
                 low, high = max(i, begin), min(i + abreast, end)
                 nearest, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
-                write_row(
-                    tile,
-                    2 * width * place,
-                    flat,
-                    2 * ((origin + direction * nearest) * out.shape[1] + first),
-                    2 * width * (high - low),
-                    2 * direction * out.shape[1] * abreast,
-                    lead,
-                )
+                target = 2 * ((origin + direction * nearest) * out.shape[1] + first)
+                size, stride = 2 * width * (high - low), 2 * direction * out.shape[1] * abreast
+                for j in range(size if place > 0 else 0):
+                    tile[j] = tile[2 * width * place + j]
+                write_row(tile, flat, target, size, stride, lead)
 
 
 @kernel
@@ -457,7 +455,7 @@ def fill_states(
     part, parts, motion, parameters, omega, times, to, trajectories, out, ends, missing
 ):
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
-    plan = plan_of(trajectories, out, times.size, 1, min(times.size, LANES))
+    plan = plan_of(trajectories, out, times.size, 1)
     abreast = plan.abreast
     b, lanes, tile = block(), rows_of(Lanes, LANES), stack(_TILE)
     flat, lead = out.reshape(out.size), lead_of(out)
@@ -479,4 +477,4 @@ def fill_states(
                 correct(b, lanes, l, tile, found)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
-                write_row(tile, 2 * width * i, flat, target, 2 * width, 0, lead)
+                write_row(tile[2 * width * i :], flat, target, 2 * width, 0, lead)

@@ -4,7 +4,7 @@ A result (rows, B, D) is written as a flat array. A block of trajectories comput
 in a tile, which stays in the L1 cache.
 """
 
-from .._jit import LINE, expect_store, formula, stream_line
+from .._jit import LINE, expect_store, formula, put, stream_line
 
 # Results of at least this many numbers are written with non-temporal stores.
 _LARGE = 2**21
@@ -17,8 +17,8 @@ def lead_of(out):
 
 
 @formula
-def write_row(tile, first, flat, start, size, stride, lead):
-    """Copy `size` numbers, tile[first:], to flat[start:], `lead` being that of `lead_of`.
+def write_row(tile, flat, start, size, stride, lead):
+    """Copy the first `size` numbers of a tile to flat[start:], `lead` being that of `lead_of`.
 
     The next row begins `stride` numbers later.
     """
@@ -27,12 +27,12 @@ def write_row(tile, first, flat, start, size, stride, lead):
         expect_store(flat, min(start + stride + size, flat.size) - 1)
     head = min((lead - start) % LINE, size) if lead >= 0 else size
     for i in range(head):
-        flat[start + i] = tile[first + i]
+        put(flat, start + i, tile[i])
     lines = (size - head) // LINE
     for line in range(lines):
-        stream_line(flat, start + head + LINE * line, tile, first + head + LINE * line)
+        stream_line(flat, start + head + LINE * line, tile, head + LINE * line)
     for i in range(head + LINE * lines, size):
-        flat[start + i] = tile[first + i]
+        put(flat, start + i, tile[i])
 
 
 @formula

@@ -81,11 +81,11 @@ def iterate_nd(
     # A build for a body that all lanes share pays only for the cheapest steps.
     shared = not eliminates and turning is None and max(map(len, problem.parameters[:2])) <= 1
     of_body = () if shared else (lanes,)
-    memory = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
+    of_lanes = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
     advice = "method='rank2', fewer threads, or shorter steps"
     matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
     before = (*problem.parameters, problem.omega0)
-    after = output.saved, turning, results, memory, matrices
+    after = output.saved, turning, results, (*of_lanes, matrices)
     for stretch, work in stretches_of(problem, span, step, map_nd.LANES):
         _threads.run(kernel, work, problem.threads, before, stretch, *after)
     if output.turns is not None and len(output.turns) and not span.rows:
@@ -101,8 +101,8 @@ def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) 
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
-    memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 3, D, lanes))
-    before, after = (*problem.parameters, problem.omega0), (output.saved, results, memory)
+    memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
+    before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
         _threads.run(map_field.iterate_field, work, problem.threads, before, stretch, *after)
     return NONE

@@ -67,7 +67,7 @@ def clean_up(columns, gram, cleaned):
 
 
 @inner
-def turn_lanes(b, turning, task, begin, end, n, start):
+def turn_lanes(c, b, turning, task, begin, end, n, start):
     """Rotate the orientations of a block to state n; `before` holds the previous states."""
     time_step, columns, _, before, scratch = turning
     size = columns.shape[1]
@@ -75,7 +75,7 @@ def turn_lanes(b, turning, task, begin, end, n, start):
     for l in range(end - begin):
         k = begin + l
         for i in range(size - 1):
-            w = b.omega[i, l] * b.unit[l]
+            w = c.omega[i, l] * b.unit[l]
             middle[i], before[task, i, l] = mean(before[task, i, l], w), w
         if n > start:
             eps = time_step[k if time_step.size > 1 else 0]

@@ -1,0 +1,68 @@
+"""Iteration of the maps of any dimension: the n-dimensional map, and those of quadratic fields.
+
+A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
+The arithmetic of a lane never depends on the other lanes. A map (`map_nd`, `map_field`) provides
+
+block(parameters, memory, task)
+    Return a block in the memory of a task: components c and numbers b of lanes, both NamedTuples.
+enter(c, b, parameters, start, results, begin, end)
+    Enter trajectories at state `start`; lanes beyond the last repeat it.
+advance(c, b, begin)
+    Make a step; return True unless a lane may need `settle`.
+settle(c, b, n, results, begin, end)
+    Complete the step to state n, and end lanes without such a state.
+write(c, b, parameters, begin, end, n, target)
+    Write the states n in the unit of the input; the first are copies of it.
+leave(c, b, results, begin, end)
+    Write the states in the units of lanes, and what else is carried on.
+"""
+
+from .._jit import namespace, share
+from .turning_nd import turn_lanes, write_turns
+
+map = namespace("map")  # of the map that a kernel iterates
+
+
+def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory):
+    """Iterate the trajectories of a part of the tasks.
+
+    parameters   those of the map
+    stretch      begin and end of the trajectories; start, stop; every, first_row of `saved`
+    saved        (rows, B, D)
+    turning      None, or the arrays of `turn_lanes`
+    results      final (B, D); status, failed_at (B,); the states in the units of lanes (B, D); and
+                 what else the map carries on. All but `final` are read if start is not 0.
+    memory       of the map; the second array is (tasks, ..., lanes)
+    """
+    first, last, start, stop, every, first_row = stretch
+    tasks, lanes = len(memory[1]), memory[1].shape[-1]
+    blocks = (last - first + lanes - 1) // lanes
+    first_task, last_task = share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        c, b = map.block(parameters, memory, task)
+        for number in range(task * blocks // tasks, (task + 1) * blocks // tasks):
+            begin = first + number * lanes
+            end = min(begin + lanes, last)
+            map.enter(c, b, parameters, start, results, begin, end)
+            n, row, next_saved = start, 0, stop + 1
+            if len(saved) > 0:
+                row = start // every + 1 - first_row if start > 0 else 0
+                next_saved = (start // every + 1) * every if start > 0 else 0
+            while True:
+                if turning is not None:
+                    turn_lanes(c, b, turning, task, begin, end, n, start)
+                if n == next_saved:
+                    map.write(c, b, parameters, begin, end, n, saved[row])
+                    if turning is not None:
+                        write_turns(turning, begin, end, row)
+                    row, next_saved = row + 1, next_saved + every
+                if n == stop:
+                    break
+                pause = min(next_saved, stop) if turning is None else n + 1
+                while n < pause:
+                    n += 1
+                    # Without arrays, whose references calls would count.
+                    if not map.advance(c, b, begin):
+                        map.settle(c, b, n, results, begin, end)
+            map.write(c, b, parameters, begin, end, stop, results[0])
+            map.leave(c, b, results, begin, end)

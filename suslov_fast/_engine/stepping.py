@@ -9,10 +9,11 @@ import numpy as np
 
 from .._checks import FloatArray
 from .._jit import LINE, Kernel
-from .._kernels import map_field, map_nd
+from .._kernels import blocks_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
+from .._kernels.map_nd import LANES as LANES_ND
 from . import threads as _threads
 from .execution import NONE, Indices, Output, Problem, Resume, Span, with_status
 from .memory import require
@@ -86,7 +87,7 @@ def iterate_nd(
     matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
     before = (*problem.parameters, problem.omega0)
     after = output.saved, turning, results, (*of_lanes, matrices)
-    for stretch, work in stretches_of(problem, span, step, map_nd.LANES):
+    for stretch, work in stretches_of(problem, span, step, LANES_ND):
         _threads.run(kernel, work, problem.threads, before, stretch, *after)
     if output.turns is not None and len(output.turns) and not span.rows:
         output.turns[-1] = columns.swapaxes(1, 2)
@@ -104,7 +105,7 @@ def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) 
     memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
-        _threads.run(map_field.iterate_field, work, problem.threads, before, stretch, *after)
+        _threads.run(blocks_nd.field, work, problem.threads, before, stretch, *after)
     return NONE
 
 
@@ -122,7 +123,7 @@ def _carried(span: Span, resume: Resume, output: Output, **starts: FloatArray) -
 
 def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[int, int]:
     """Return the number of tasks, and the number of lanes of a block."""
-    blocks = max(-(-size // (WIDTH if eliminates else map_nd.LANES)), 1)
+    blocks = max(-(-size // (WIDTH if eliminates else LANES_ND)), 1)
     tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
     if eliminates:
         return tasks, WIDTH

@@ -17,7 +17,8 @@ leave(c, b, results, begin, end)
     Write the states in the units of lanes, and what else is carried on.
 """
 
-from .._jit import namespace, share
+from .._jit import Kernel, namespace, share
+from . import map_field, map_nd
 from .turning_nd import turn_lanes, write_turns
 
 map = namespace("map")  # of the map that a kernel iterates
@@ -66,3 +67,9 @@ def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory
                         map.settle(c, b, n, results, begin, end)
             map.write(c, b, parameters, begin, end, stop, results[0])
             map.leave(c, b, results, begin, end)
+
+
+_eliminating = vars(map_nd) | {"advance": map_nd.advance_by_elimination}
+field = Kernel(run_blocks, "field", map=map_field)
+rank2 = Kernel(run_blocks, "rank2", map=map_nd)
+gauss = Kernel(run_blocks, "gauss", map=namespace("gauss", **_eliminating))

@@ -19,18 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, two_to_the, within
-from .._jit import (
-    LINE,
-    Kernel,
-    allocation,
-    formula,
-    inner,
-    namespace,
-    rows_of,
-    select,
-    subtract_product,
-)
-from .blocks_nd import run_blocks
+from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product
 from .codes import NONFINITE, OK, SINGULAR
 from .elimination import WIDEST, eliminate
 from .lanes import entry
@@ -66,11 +55,9 @@ class Lanes(NamedTuple):
 @allocation
 def block(parameters, memory, task):
     """Return a block whose components are in the memory of a task."""
-    systems, states = memory
+    (indices, values, _, _, _), (systems, states) = parameters, memory
     slopes, matrix, x, after = systems[task, 0], systems[task, 1], states[task, 0], states[task, 1]
-    return Components(parameters[0], parameters[1], x, after, slopes, matrix), rows_of(
-        Lanes, WIDEST
-    )
+    return Components(indices, values, x, after, slopes, matrix), rows_of(Lanes, WIDEST)
 
 
 @formula
@@ -150,7 +137,7 @@ def add(c, b):
 
 @formula
 def take(c):
-    """Go to the next states."""
+    """Go on to the next states."""
     for i in range(c.x.shape[0]):
         for l in range(c.x.shape[1]):
             c.x[i, l] = c.after[i, l]
@@ -254,18 +241,3 @@ def leave(c, b, results, begin, end):
     for l in range(end - begin):
         for i in range(state.shape[1]):
             state[begin + l, i] = c.x[i, l]
-
-
-iterate_field = Kernel(
-    run_blocks,
-    "iterate_field",
-    map=namespace(
-        "field",
-        block=block,
-        enter=enter,
-        advance=advance,
-        settle=settle,
-        write=write,
-        leave=leave,
-    ),
-)

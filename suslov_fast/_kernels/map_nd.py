@@ -28,8 +28,7 @@ from .._formulas.nd_map import (
     solve2,
     solve_bordered,
 )
-from .._jit import Kernel, allocation, formula, inner, namespace, rows_of, select, stack
-from .blocks_nd import run_blocks
+from .._jit import allocation, formula, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import eliminate
 from .units_nd import unit_of, unit_of_moments
@@ -409,12 +408,3 @@ def leave(c, b, results, begin, end):
         status[k], exponents[k] = b.status[l], b.exponent[l]
         for i in range(state.shape[1]):
             state[k, i] = c.omega[i, l]
-
-
-_OF_MAP = {"block": block, "enter": enter, "settle": settle, "write": write, "leave": leave}
-iterate = Kernel(run_blocks, "iterate_nd", map=namespace("rank2", advance=advance, **_OF_MAP))
-iterate_by_elimination = Kernel(
-    run_blocks,
-    "iterate_by_elimination",
-    map=namespace("gauss", advance=advance_by_elimination, **_OF_MAP),
-)

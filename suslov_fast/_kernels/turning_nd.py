@@ -8,6 +8,7 @@ import numpy as np
 from .._formulas.rotation import is_large, mean, turned_component, turned_last, unit_of_large
 from .._jit import inner
 from .codes import OK
+from .lanes import entry
 
 # Rounding errors are removed at each state whose index is a multiple of this.
 CLEAN_EVERY = 16
@@ -67,25 +68,34 @@ def clean_up(columns, gram, cleaned):
 
 
 @inner
+def turn_to(columns, n, b, eps, scratch):
+    """Rotate an orientation to state n; b (m,) is the mean of that and the previous state.
+
+    scratch (2 n + 1, n)
+    """
+    size = len(columns)
+    turn(columns, b, eps, scratch[2 * size])
+    if n % CLEAN_EVERY == 0:
+        clean_up(columns, scratch[:size], scratch[size : 2 * size])
+
+
+@inner
 def turn_lanes(c, b, turning, task, begin, end, n, start):
     """Rotate the orientations of a block to state n; `before` holds the previous states."""
     time_step, columns, _, before, scratch = turning
     size = columns.shape[1]
-    middle, image = scratch[task, 2 * size], scratch[task, 2 * size + 1]
+    middle = scratch[task, 2 * size + 1, : size - 1]
     for l in range(end - begin):
         k = begin + l
         for i in range(size - 1):
             w = c.omega[i, l] * b.unit[l]
             middle[i], before[task, i, l] = mean(before[task, i, l], w), w
         if n > start:
-            eps = time_step[k if time_step.size > 1 else 0]
-            turn(columns[k], middle[: size - 1], eps, image)
-            if n % CLEAN_EVERY == 0:
-                clean_up(columns[k], scratch[task, :size], scratch[task, size : 2 * size])
+            turn_to(columns[k], n, middle, entry(time_step, k), scratch[task])
         elif b.status[l] != OK:
-            for r in range(size):
-                for c in range(size):
-                    columns[k, r, c] = np.nan
+            for i in range(size):
+                for j in range(size):
+                    columns[k, i, j] = np.nan
 
 
 @inner

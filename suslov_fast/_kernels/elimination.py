@@ -3,19 +3,13 @@
 import numpy as np
 
 from .._formulas.elementary import larger
-from .._jit import LINE, allocation, inner, select, stack, subtract_product
+from .._jit import LINE, inner, select, stack, subtract_product
 
 # Usual and largest numbers of systems side by side. 128 take 0.6 of the time for 3 equations, and
 # 0.9 for 12; matrices of 64 then leave the second cache.
 WIDTH, WIDEST = 32, 128
 # The tolerance of systems that are singular to rounding.
 ZERO_TO_ROUNDING = 2.0**-50
-
-
-@allocation
-def row():
-    """Return memory for a number of each system."""
-    return stack(WIDEST)
 
 
 @inner
@@ -46,7 +40,8 @@ def eliminate(matrix, tolerance=ZERO_TO_ROUNDING, beyond_1=None):
                 that is near 1; it becomes the pivots less 1, NaN if rows were exchanged
     """
     m, columns, width = matrix.shape
-    largest, pivots, inverse, factor = row(), row(), row(), row()
+    largest, pivots = stack(WIDEST), stack(WIDEST)
+    inverse, factor = stack(WIDEST), stack(WIDEST)
     for l in range(width):
         pivots[l] = 0.0
     for k in range(m):

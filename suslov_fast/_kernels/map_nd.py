@@ -81,12 +81,6 @@ class Lanes(NamedTuple):
 
 
 @allocation
-def row():
-    """Return a number of each lane, on the stack."""
-    return stack(LANES)
-
-
-@allocation
 def block(parameters, memory, task):
     """Return a block whose components are in the memory of a task."""
     bodies, states, matrices = memory
@@ -267,7 +261,8 @@ def fill_matrix(c, b):
     """Fill A(omega), and omega as the right side."""
     matrix = c.matrices[c.task]
     m, _, lanes = matrix.shape
-    of_omega, of_I, diagonal, others = row(), row(), row(), row()
+    of_omega, of_I = stack(LANES), stack(LANES)
+    diagonal, others = stack(LANES), stack(LANES)
     for l in range(lanes):
         others[l] = 0.0
     for i in range(m - 1, -1, -1):

@@ -35,7 +35,7 @@ PROBLEMS = {
     "3D, as printed": three(100_000, 60, method="ds2"),
     "n = 9, all states": many(8, 20_000, 60),
     "n = 201, elimination": many(200, 17, 2, method="gauss"),
-    "n = 201": many(200, 17, 2),
+    "n = 201": many(200, 300, 2),
 }
 
 

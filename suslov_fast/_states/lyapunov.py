@@ -154,9 +154,11 @@ def _canonical(
     first = abs(above) < abs(below)  # the smaller one follows from the other
     above, below = np.where(first, product / below, above), np.where(first, below, product / above)
     wide = 2.0 * (X * (X - K))
-    of_step = _logarithm(above, KX + Y) - _logarithm(below + wide, KX - Y + wide)
-    ratio, change = (1.0 + square[1:]) / (1.0 + square[:-1]), square[1:] - square[:-1]
-    logarithms = of_step[:-1] + _logarithm(ratio, change / (1.0 + square[:-1]))
+    # The factors above / ahead and ratio, and what they have more than 1.
+    ahead, before = (below + wide)[:-1], 1.0 + square[:-1]
+    more, change = (2.0 * Y - wide)[:-1] / ahead, (square[1:] - square[:-1]) / before
+    ratio, less_1 = (1.0 + square[1:]) / before, more + change + more * change
+    logarithms = _logarithm(above[:-1] / ahead * ratio, less_1)
     # A state without a next one has no derivative either.
     before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
     jacobian = TABLE[map_of(body).body]["jacobian"]

@@ -257,21 +257,21 @@ def write_ends(b, lanes, first, width, used, ends):
         status[first + l] = code
         if lanes.fails[l] < np.inf:
             failed_at[first + l] = int(lanes.fails[l])
-            lanes.recompute_from[l], any_fails = 0.0, True
+            any_fails = True
     # The other rows of these trajectories.
     for l in range(width, used if any_fails else 0):
-        before = l - width
-        lanes.fails[l], lanes.recompute_from[l] = lanes.fails[before], lanes.recompute_from[before]
+        lanes.fails[l] = lanes.fails[l - width]
     return any_fails
 
 
 @formula
 def count_unusual(lanes, used, tile):
-    """Return how many states are computed again alone: see `recompute_from`, and state 0."""
+    """Return how many states are missing, state 0, or computed again: see `recompute_from`."""
     count = 0
     for l in range(used):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]
-        usual = usual & (lanes.rest[l] == 0.0) & (lanes.number[l] > 0.0)
+        usual = usual & (lanes.rest[l] == 0.0)
+        usual = usual & (lanes.number[l] > 0.0) & (lanes.number[l] < lanes.fails[l])
         count += select(usual, 0, 1)
     return count
 

@@ -231,6 +231,36 @@ def test_closed_form_of_long_steps(rng, k, eps):
         assert naive.relative_error(auto.final, exact[-1]) < 1e-11
 
 
+@pytest.mark.parametrize(
+    ("parameters", "omega"),
+    [
+        ((1.0, 1.0, 1.0, -1.0, -2.5e-5, 3e93), [-9.917386802292709e-06, -3.49173868e-05]),
+        ((1.0, 1.0, 1.0, 1.0, 1.7e18, -1e8), [9e37, -9e37]),
+        ((0.036, 77.0, 40.0, 0.0086, 2.6e15, -19.0), [-0.45, -3e17]),
+        ((1.6e-13, 1.8e7, -7e4, 0.0, -1.8e39, -2e-29), [2.2e30, 9.4e34]),
+    ],
+)
+def test_closed_form_of_very_long_steps_of_periodic_orbits(parameters, omega):
+    """(K X)**2 is large, and a step turns by nearly a quarter, whose cosine is small."""
+    body, n = sf.SuslovGyrostat(*parameters[:5]), [-1, 1, 2, 3, 4, 15]
+    with mpmath.workdps(800):
+        backward = exact_step((*parameters[:5], -parameters[5]), omega)
+        exact = exact_orbit(parameters, omega, 15)
+        expected = [backward, *(exact[j] for j in n[1:])]
+        found = sf.exact(body, omega, parameters[5], n)
+        for one, other in zip(found, expected, strict=True):
+            assert naive.energy_error(parameters[:2], one, other) < 2e-15
+
+
+@pytest.mark.parametrize("parameters", [(4.0, 6.0, -5.0, 0.3, -3.0, 1.4), (2.0, 1.0, 1e9, 0, 1, 2)])
+def test_the_discrete_reaction_where_terms_of_the_rotor_cancel(parameters):
+    """Next to a steady state with Omega2 = 0, I13 Omega1 + k is a small difference."""
+    for off in (1e-14, 1e-9):
+        omega = [-parameters[4] / parameters[2] * (1 + off), 0.0]
+        computed = sf.reaction(of_body(parameters), omega, parameters[5])
+        assert error(computed, exact_reaction(parameters, omega)) < 2e-15
+
+
 @pytest.mark.parametrize("k", [0.4, 3.0])
 def test_flow_is_the_limit_of_short_steps_and_a_group(k):
     body, omega = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, k), [1.1, -0.4]

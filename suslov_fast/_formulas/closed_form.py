@@ -297,14 +297,16 @@ def steps(start, levels):
 @formula
 def turning(start, levels, steps):
     """The last four `Steps` of an orbit that may turn: b is computed with twice the digits."""
-    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2)
-    X, Y, K = (start.X, start.X_lost), (start.Y, start.Y_lost), (start.K, start.K_lost)
-    order, turns = (start.order, 0.0), steps.kind == TURNS
+    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), where X and Y are divided by a power of
+    # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
+    one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
+    X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
+    K, order, turns = (start.K, start.K_lost), (start.order, 0.0), steps.kind == TURNS
     KX = twofold.product(K, X)
-    beyond = twofold.difference(twofold.plus(KX, KX), twofold.square(X))
+    beyond = twofold.difference((2.0 * one * KX[0], 2.0 * one * KX[1]), twofold.square(X))
     beyond = twofold.difference(beyond, twofold.square(Y))
     beyond = twofold.plus(beyond, twofold.product(order, twofold.square(KX)))
-    below = twofold.plus((1.0, 0.0), twofold.product(order, twofold.square(X)))
+    below = twofold.plus((one * one, 0.0), twofold.product(order, twofold.square(X)))
     square = twofold.quotient(beyond, below)
     least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
     known = turns & (square[0] > least)
@@ -476,12 +478,9 @@ def combined(c, s, next_c, next_s, square):
 def sine_and_cosine(n, turns, turns_lost):
     """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
     high, low = two_product(n, turns)
-    half = 0.5 * high
+    half = select(abs(high) < LONGEST_PHASE, 0.5 * high, np.nan)
     whole = (half + TO_INTEGER) - TO_INTEGER
-    low = low + n * turns_lost
-    half = select(abs(high) < LONGEST_PHASE, (half - whole) + 0.5 * low, np.nan)
-    sine, cosine = of_quarter_turns(2.0 * abs(half))
-    return select(half < 0.0, -sine, sine), cosine
+    return of_quarter_turns(2.0 * (half - whole), low + n * turns_lost)
 
 
 @formula

@@ -123,10 +123,13 @@ def logarithm(value, distance):
 
 
 @formula
-def of_quarter_turns(q):
-    """sin(pi q / 2) and cos(pi q / 2) for 0 <= q < 2**51, up to a common sign."""
+def of_quarter_turns(q, lost):
+    """sin(pi (q + lost) / 2) and cos(pi (q + lost) / 2) for a small `lost`, up to a common sign.
+
+    Both have all digits, next to multiples of a quarter turn too.
+    """
     whole = (q + TO_INTEGER) - TO_INTEGER
-    z = (0.5 * math.pi) * (q - whole)  # of a difference without error; |z| <= pi/4
+    z = (0.5 * math.pi) * ((q - whole) + lost)  # q - whole has no error; |z| <= pi/4
     s = z * z
     # Taylor's series, the smallest terms first.
     sine = 1.0 - s * (1.0 / 156.0) * (1.0 - s * (1.0 / 210.0))

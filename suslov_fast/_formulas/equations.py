@@ -58,8 +58,8 @@ def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
     l, x = rotor(I13, I23, k, omega1, omega2), sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
     slope = l * ((y - half * l * x) / a) / D
-    of_1 = I1 * omega1 * omega1 * (I13 * omega1 + k)
-    of_2 = I2 * omega2 * omega2 * (I23 * omega2 + k)
+    of_1 = I1 * omega1 * omega1 * sum_of_products(I13, omega1, k, 1.0)
+    of_2 = I2 * omega2 * omega2 * sum_of_products(I23, omega2, k, 1.0)
     mean = (omega1 * omega2 * (1.0 - 0.5 * K * X) + half * (of_1 - of_2) / a) / D
     return slope, (I1 - I2) * mean
 

@@ -84,13 +84,12 @@ class Browser:
     def wait(self, script):
         return wait(lambda: self.value(script))
 
-    def look(self, width, height, scheme="light"):
-        """Set the size of the window and the preferred colours, without animations."""
+    def look(self, width, height):
+        """Set the size of the window, without animations."""
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
-        features = {"prefers-color-scheme": scheme, "prefers-reduced-motion": "reduce"}
-        features = [{"name": name, "value": value} for name, value in features.items()]
-        self.call("Emulation.setEmulatedMedia", features=features)
+        still = {"name": "prefers-reduced-motion", "value": "reduce"}
+        self.call("Emulation.setEmulatedMedia", features=[still])
 
     def open(self, url):
         self.call("Page.navigate", url=url)

@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -106,27 +105,6 @@ def test_curves_and_portrait(case):
     assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
-def test_the_level_at_criticality_1_is_two_lines():
-    found = scene(PRESETS["t = 1"])
-    upper, lower = (np.array(branch) for branch in found["levels"]["F"])
-    for branch, height in ((upper, 8.0), (lower, -8.0)):
-        seen = branch[abs(branch[:, 0]) < 1000]
-        assert seen[:, 0].min() < -100 < 100 < seen[:, 0].max()
-        np.testing.assert_allclose(seen[:, 1], height, rtol=0.02)
-
-
-def test_the_pace_of_long_steps():
-    """Near the end a step takes the orbit as far as the text says, in steps of the flow."""
-    parameters = PRESETS["Long steps: t = 0.5"]
-    found, body, eps = scene(parameters), parameters.body, parameters.eps
-    told = float(re.search(r"as far as ([\d.]+) steps", found["regime"]["text"])[1])
-    end = found["numbers"]["omega_plus"]
-    of_step = np.log(abs(np.linalg.eigvals(sf.jacobian(body, end, eps))).min())
-    # The matrix is 1 - (eps / 2) f'.
-    of_flow = np.linalg.eigvals(2.0 * (np.eye(2) - sf.matrix(body, end, eps))).real.min()
-    assert of_step / of_flow == pytest.approx(told, rel=5e-3)
-
-
 def test_presets_match_their_names():
     for name, parameters in PRESETS.items():
         found, names = scene(parameters), {}
@@ -222,28 +200,6 @@ def test_foreign_pages_are_refused(server):
         assert status(Host=f"{name}:{port}", Origin=f"http://{name}:{port}") == 200
 
 
-def raw(server, text):
-    with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
-        connection.sendall(text.encode())
-        connection.shutdown(socket.SHUT_WR)
-        return b"".join(iter(lambda: connection.recv(65536), b"")).decode()
-
-
-def test_odd_requests(server, capfd):
-    host = f"Host: 127.0.0.1:{server.port}\r\n"
-    assert "403" in raw(server, f"GET / HTTP/1.1\r\n{host}Host: example.org\r\n\r\n")[:12]
-    assert "400" in raw(server, "nonsense\r\n\r\n")
-    for path in ("http://[", "/scene?%ff=%00", "/?\x00"):
-        status = raw(server, f"GET {path} HTTP/1.1\r\n{host}\r\n")[9:12]
-        assert status in ("200", "400", "404")
-    if os.name == "posix":  # a client that disconnects before the answer
-        with socket.create_connection(("127.0.0.1", server.port)) as connection:
-            connection.sendall(f"GET /scene?{query(PICTURE_1)} HTTP/1.1\r\n{host}\r\n".encode())
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
-    assert ask(server, "/settings")[0].status == 200
-    assert capfd.readouterr().err == ""
-
-
 def test_explore_in_a_notebook():
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
     shown = sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)
@@ -267,12 +223,12 @@ def test_explore_in_a_notebook():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
-def test_a_signal_ends_the_command(server):
+def test_a_signal_ends_the_command():
     parameters = PICTURE_1._replace(I1=0.1 + 0.2, eps=-1e-17, Omega1=2.0**60, extent=3.5)
     link = f"http://127.0.0.1:1/?{query(parameters)}&show=F"
-    command = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser"]
+    command = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser", link]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen([*command, link], **pipes) as process:
+    with subprocess.Popen(command, **pipes) as process:
         url = process.stdout.readline().strip()
         view, _, show = urlsplit(url).query.rpartition("&")
         assert (read(view), show) == (parameters, "show=F")
@@ -281,11 +237,6 @@ def test_a_signal_ends_the_command(server):
         process.send_signal(signal.SIGTERM)
         output, errors = process.communicate(timeout=60)
     assert (process.returncode, output, errors) == (0, "", "")
-    Server(urlsplit(url).port).server_close()  # the port is free again
-    taken = [*command, "--port", str(server.port)]
-    done = subprocess.run(taken, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert f"expected a free port, got {server.port}: " in done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -330,8 +281,8 @@ def put(browser, field, value, name="number"):
     settle(browser)
 
 
-def pixels(browser, name="plane"):
-    return browser.value(f"byId({name!r}).toDataURL()")
+def pixels(browser):
+    return browser.value("byId('plane').toDataURL()")
 
 
 def text(browser, name):
@@ -353,22 +304,18 @@ def test_each_parameter_changes_the_picture(page):
 
 
 @pytest.mark.slow
-def test_regimes_in_the_browser(page, server):
-    for case, expected in {
-        "above": ("t = 1.9554 > 1", "SUPERCRITICAL", ""),
-        "no step": ("No motion: ε = 0", "OK", ""),
-        "pole": ("t = 1.118 > 1", "SINGULAR", f"No state 1: {sf.Status.SINGULAR.message}."),
-        "at": ("t = 1", "SUPERCRITICAL", ""),
-        "no products": ("Steady rotation", "OK", ""),
-        "beyond": None,
-    }.items():
-        show(page, server, CASES[case][0], show="F energy flow joined portrait")
-        found = tuple(text(page, name) for name in ("regime-name", "status", "failure"))
-        assert found == (expected or found)
+def test_every_case_is_drawn_without_an_error(page, server):
+    for parameters, _, status in CASES.values():
+        show(page, server, parameters, show="F energy flow joined portrait")
+        assert text(page, "status") == (status or text(page, "status"))
 
 
-def test_the_start_follows_mouse_and_keys(page):
-    def press(kind, omega):
+def test_the_start_follows_the_mouse(page):
+    for kind, omega in (
+        ("mousePressed", [1.0, 0.5]),
+        ("mouseMoved", [-1.5, 2.0]),
+        ("mouseReleased", [-1.5, 2.0]),
+    ):
         x, y = page.value(
             f"(({{x, y}}, [u, v]) => [x + u, y + v])"
             f"(byId('plane').getBoundingClientRect(), view().at({omega}))"
@@ -376,26 +323,7 @@ def test_the_start_follows_mouse_and_keys(page):
         where = {"x": x, "y": y, "button": "left", "buttons": int(kind != "mouseReleased")}
         page.call("Input.dispatchMouseEvent", type=kind, clickCount=1, **where)
         settle(page)
-        return page.value("scene.omega[0]")
-
-    def press_key(name):
-        for kind in ("keyDown", "keyUp"):
-            page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
-        settle(page)
-
-    assert press("mousePressed", [1.0, 0.5]) == pytest.approx([1.0, 0.5], abs=0.02)
-    press("mouseMoved", [-1.5, 2.0])
-    assert press("mouseReleased", [-1.5, 2.0]) == pytest.approx([-1.5, 2.0], abs=0.02)
-    x, y = press("mouseMoved", [3.0, 3.0])
-    assert [x, y] == pytest.approx([-1.5, 2.0], abs=0.02), "no effect once released"
-    press_key("ArrowRight")
-    press_key("ArrowUp")
-    moved = page.value("scene.omega[0]")
-    assert moved[0] > x
-    assert moved[1] > y
-    extent = page.value("extent")
-    press_key("+")
-    assert page.value("extent") == pytest.approx(0.8 * extent)
+    assert page.value("scene.omega[0]") == pytest.approx(omega, abs=0.02)
 
 
 def test_the_address_keeps_the_view(page):
@@ -429,46 +357,12 @@ def test_exports(page, server, tmp_path):
     assert len(drawing.findall(".//{*}path")) > 200
     words = {each.text for each in drawing.findall(".//{*}text")}
     assert {"Ω₁", "Ω₂", "level of F", "repelling steady states"} < words
-    assert any("ε = 1" in text for text in words), "the parameters are in the picture"
     assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_body_turns(page):
-    before = pixels(page, "space")
-    page.value("byId('play').click()")
-    page.wait("moment > 3")
-    page.value("byId('play').click()")
-    assert page.value("playing") is False
-    assert pixels(page, "space") != before
-    # Between two states the body turns about one axis, with constant speed.
+def test_the_body_turns_about_one_axis_between_two_states(page):
     ends = page.value("[orientation(20, 0), orientation(20, 1 - 1e-12), scene.attitude[21]]")
     np.testing.assert_allclose(ends[1], ends[2], atol=1e-10)
     half = np.reshape(page.value("orientation(20, 0.5)"), (3, 3))
     first, second = np.reshape(ends[0], (3, 3)), np.reshape(ends[2], (3, 3))
     np.testing.assert_allclose(half @ first.T @ half, second, atol=1e-12)
-
-
-def test_widths_and_colours(page):
-    back = "getComputedStyle(document.body).backgroundColor"
-    light = page.value(back)
-    page.look(1280, 800, "dark")
-    page.wait(f"{back} !== {light!r}")
-    for width, height in ((1440, 900), (768, 1024), (390, 844), (360, 640)):
-        page.look(width, height)
-        page.wait(f"innerWidth === {width} && byId('plane').width === byId('plane').clientWidth")
-        assert page.value("document.documentElement.scrollWidth <= innerWidth")
-        assert page.value("Math.min(byId('plane').clientWidth, byId('plane').clientHeight)") > 200
-        # All values are on one line, and all fields are visible without scrolling.
-        heights, bottoms = page.value(
-            "[['dd', (each) => each.clientHeight], "
-            "['.field', (each) => each.getBoundingClientRect().bottom]].map("
-            "([name, size]) => [...document.querySelectorAll(name)].map(size))"
-        )
-        assert len(set(heights)) == 1
-        assert max(bottoms) <= height
-    nameless = page.value(
-        "[...document.querySelectorAll('input, select, button, canvas, meter')].filter(each =>"
-        " !each.getAttribute('aria-label') && !(each.labels?.length) && !each.textContent.trim())"
-        ".map(each => each.outerHTML)"
-    )
-    assert nameless == [], "every control needs a name"

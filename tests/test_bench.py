@@ -8,25 +8,12 @@ import report
 import results
 import tables
 from bench_cases import CASES
-from results import Row
 
-OURS, MACHINE = "this package", "the machine"
 STORED = results.BENCH / "results"
 
 
-def row(key, seconds, table="last states", whose=OURS, **more):
-    values = {"label": key, "work": 1_000_000, "threads": 2} | more
-    name = f"{table}-{key}-{whose}-{values['threads']}-{values.get('x')}"
-    return Row(name=name, key=key, seconds=seconds, table=table, whose=whose, **values)
-
-
-def made(*rows, date="2026-11-20", passes=1, **machine):
-    machine = {"processor": "Abacus", "threads": 2, "versions": {"numba": "1"}} | machine
-    return results.Results(date=date, machine=machine, passes=passes, rows=rows)
-
-
 def test_files_contain_no_host_and_no_user(tmp_path):
-    extra = {"table": "last states", "key": "auto", "label": "ours", "whose": OURS}
+    extra = {"table": "last states", "key": "auto", "label": "ours", "whose": "this package"}
     extra |= {"work": 100, "threads": 1, "limit": ["divisions", 2]}
     benchmark = {"name": "b[1]", "fullname": "secret/b", "stats": {"min": 0.25, "max": 0.5}}
     raw = {
@@ -42,25 +29,6 @@ def test_files_contain_no_host_and_no_user(tmp_path):
     assert "secret" not in path.read_text(encoding="utf-8")
     assert results.load(path) == loaded
     assert loaded.rows[0].rate == 400
-
-
-def test_merging_takes_the_best_time_of_each():
-    several = [
-        made(row("a", 2.0), row("b", 5.0), passes=2),
-        made(row("a", 3.0), row("b", 4.0), row("c", 1.0), date="2026-11-21"),
-    ]
-    merged = results.merge(several)
-    assert [(each.key, each.seconds) for each in merged.rows] == [("a", 2), ("b", 4), ("c", 1)]
-    assert (merged.passes, merged.date) == (3, "2026-11-21")
-    with pytest.raises(ValueError, match="one machine"):
-        results.merge([made(row("a", 1.0)), made(row("a", 1.0), processor="Slide rule")])
-
-
-def test_a_rate_above_a_limit_raises_the_limit():
-    ours, c = row("ours", 1e-4, limit=("divisions", 1)), row("C", 5e-5, limit=("divisions", 2))
-    found = made(row("divisions", 1e-4, whose=MACHINE, limit=("divisions", 1)), c, ours)
-    assert [found.share(each) for each in (c, ours)] == [1, 0.25]
-    assert made(c).share(c) is None, "no row measures the limit"
 
 
 def test_the_readme_and_the_page_show_the_stored_results():

@@ -84,21 +84,17 @@ def test_quick_start():
     with start("run", stdout=subprocess.PIPE) as process:
         output, errors = process.communicate()
     assert (process.returncode, errors) == (0, ""), "no progress bar without a terminal"
-    rows = summary(output)
-    largest = float(rows.pop("drift of F")[0].removesuffix(", largest relative"))
-    assert 0 < largest < 1e-12
-    assert float(rows.pop("wall time")[0].removesuffix(" s")) < 60
-    speed = rows.pop("speed")[0]
-    assert speed.endswith(" equivalent steps/s, by the closed form where it is faster")
-    assert int(rows.pop("threads")[0]) >= 1
-    assert rows == {
+    expected = {
         "body": ["I1 = 4, I2 = 3, I13 = -0.4, I23 = -0.2"],
         "step size": ["eps = 0.2"],
         "trajectories": ["65,536"],
         "steps": ["1,000"],
         "status": ["65,536 OK: finished"],
     }
-    assert not np.isnan(sf.Suslov3D(4, 3, -0.4, -0.2).admissible_I3()).any()
+    rows = summary(output)
+    assert {**rows, **expected} == rows
+    assert rows.keys() - expected == {"drift of F", "threads", "wall time", "speed"}
+    assert 0 < float(rows["drift of F"][0].removesuffix(", largest relative")) < 1e-12
     assert os.listdir() == []
 
 
@@ -135,8 +131,6 @@ def test_run_and_info(suffix):
     assert {**facts, **expected} == facts
     assert facts["drift"]["F"] == pytest.approx(abs(F / F[0] - 1).max(), abs=1e-18)
     assert {**facts, **facts_of(f"info {name}")} == facts
-    rows = summary(succeed(f"info {name}"))
-    assert (rows["saved states"], rows["method"]) == (["3"], ["auto"])
 
 
 def test_info(rng, monkeypatch):
@@ -146,7 +140,6 @@ def test_info(rng, monkeypatch):
     monkeypatch.setattr(module, "_SLAB", 10)
     batch = sf.Suslov3D([[4.0], [3.0], [2.0]], 1, -0.5, -0.3)
     nd, starts = sf.SuslovND([1.0, 2.0, 3.0], [0.4, -0.7, 0.5]), rng.normal(size=(7, 3))
-    texts = []
     for orbits, drifts in (
         (sf.iterate(batch, [1.0, 0.5], [0.1, 0.2], 30, save_every=7), {"F": sf.first_integral}),
         (sf.iterate(nd, starts, 0.3, 11, save_every=2), {"E_mod": sf.modified_energy}),
@@ -159,11 +152,6 @@ def test_info(rng, monkeypatch):
             values["E"] = sf.energy(nd, states)
         expected = {name: abs(each / each[0] - 1).max() for name, each in values.items()}
         assert (facts_of("info o.npz")["drift"] or {}) == expected
-        texts.append(summary(succeed("info o.npz")))
-        assert any(name.startswith("drift") for name in texts[-1]) == bool(drifts)
-    assert texts[0]["body"] == ["I1 = 2 ... 4 (3, 1), I2 = 1, I13 = -0.5, I23 = -0.3"]
-    assert texts[0]["step size"] == ["eps = 0.1 ... 0.2 (2,)"]
-    assert texts[2]["body"] == ["J = [1. 2. 3.], I = [ 0.4 -0.7  0.5]"]
 
 
 def test_info_of_several_files():

@@ -10,9 +10,10 @@ import suslov_fast as sf
 
 # No body has the I3 of some runs of the scheme in three components.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
-# With eps = 1 the map has no next state where y = 2 + x**2; here x = Omega1 and y = -Omega2.
+# With eps = 1 and Omega3 = 0 the map has no next state where y = 2 + x**2; here x = Omega1 and
+# y = -Omega2. With I3 = 3 there is also none for the first of these.
 UNIT = sf.Suslov3D(1, 1, 1, 0)
-ON_A_POLE = [1.0, -3.0, 0.0]
+ON_A_POLE = [1.0, -5.0, 0.5]
 # In units of 2**990 the next state overflows.
 HUGE, NEXT_TO_THE_POLE = 2.0**990, np.array([1.0, -3.0 + 1e-11, 0.0])
 
@@ -130,3 +131,26 @@ def determinant(body, state):
     body, state = naive.exactly(*body), naive.exactly(*state)
     rows = naive.derivative(lambda v: naive.ds(*body, state, [*v, -state[2]])[:2], state[:2])
     return naive.mpmath.det(naive.mpmath.matrix(rows))
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        (1.0, 1.0, 1.0, -1.0, 1.6e15, 1.0, [-1.7, -1.7, 0.14]),
+        (2.5e-17, 1.6e41, 0.0, -2e10, -0.23, 1.5e-40, [0.038, -1e-22, 0.001]),
+        (2.9e30, 3.6e-41, 1e-32, 7.7e-49, -3.2e-25, 6.4e-35, [-1.9e-19, 3.9e26, 5.5e19]),
+        (4.6e-11, 4.8e47, -1.5e-11, 0.0, 7e-06, 7.9e-35, [-1.5e5, 1.4e-24, 1.0]),
+        (1.5e17, 342.0, 2.2e8, 0.0, -5.6e-08, 342.0, [1.1e-07, -3.7e-10, -2.1e7]),
+        (4e-21, 0.041, 2e-18, -11.0, 6.8e-27, 4e-21, [2.9e-32, 3.7e-4, -5e26]),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:I3")
+def test_terms_that_cancel(problem):
+    """Next to the steady states, and for moments far apart; each component is accurate."""
+    *parameters, omega = problem
+    with naive.mp.workdps(300):
+        exact = naive.step_full(*parameters, omega)
+    found = step(*parameters, omega)
+    assert found[2] == -omega[2]
+    for one, other in zip(found, exact, strict=True):
+        assert abs(one / other - 1) < 3e-15

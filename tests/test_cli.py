@@ -255,7 +255,6 @@ MISTAKES = """
 1 | run --steps 1000000000 --save-every 1 | raise save_every or divide the batch
 1 | run --trajectories 1e12 --steps 9 | fewer initial states, or `ensemble`, need less
 2 | run --threads 100000 | argument --threads: got 100000: The number of threads must be between
-2 | run --method rk4 | method: expected one of 'auto', 'canonical', 'ds2', got 'rk4'
 2 | run --omega0 1 | run: omega0: expected shape (..., 2), got (1, 1)
 2 | run --omega0 1,x | --omega0: expected numbers separated by commas without spaces, got '1,x'
 2 | run --picture 1 --I1 -3 | body: I1: expected a positive moment of inertia, got -3.0
@@ -270,9 +269,7 @@ MISTAKES = """
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
 1 | run --initial cut.npy | suslov-fast: cut.npy:
 1 | run --initial swapped.csv | header: expected Omega1,Omega2 or none, got Omega2,Omega1
-1 | run --initial empty.csv | empty.csv: expected at least one row of numbers, got none
 2 | run --inertia 1,2,3 --eps 1 | --inertia: expected six entries Ixx,Iyy,Izz,Ixy,Ixz,Iyz or the na
-2 | run --inertia good.npy --eps 1 | argument --inertia: I: expected shape (n, n), got (4, 2)
 2 | run --axis 1,2,3 | expected --axis only with --inertia or --mass-tensor, got it alone
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
@@ -283,7 +280,6 @@ MISTAKES = """
 2 | run -o o.zarr --sweep eps=1:2:3 --eps 1 | --sweep: expected eps given once, got it twice
 1 | info missing.npz | missing.npz: No such file or directory
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
-2 | animate -o a.gif --J 1,2,3 --I 1,2,3 --eps 1 | animate: body: expected Suslov3D
 2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: parameters: expected each of I1, I2
 1 | explore --port 65536 | --port: expected a free port, got 65536: bind(): port must be 0-65535
 """
@@ -298,7 +294,6 @@ def bad_files(tmp_path_factory):
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     texts = {
         "good.npz": "precious",
-        "empty.csv": "",
         "picture1.png": "precious",
         "starts.txt": "1,2\n",
         "swapped.csv": "Omega2,Omega1\n1,2\n",
@@ -433,13 +428,11 @@ def test_pictures():
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    "options", ["", "--inertia 4,2,3,0,-.5,-.3 --eps .1 --omega0 1,2 --orientation 0,0,30"]
-)
-def test_animate(tmp_path, options):
+def test_animate():
+    options = "--inertia 4,2,3,0,-.5,-.3 --eps .1 --omega0 1,2 --orientation 0,0,30"
     assert succeed(f"animate {options} --steps 4 --dpi 40 -o body.gif") == "body.gif\n"
-    assert (tmp_path / "body.gif").read_bytes().startswith(b"GIF89a")
-    assert [path.name for path in tmp_path.iterdir()] == ["body.gif"]
+    assert Path("body.gif").read_bytes().startswith(b"GIF89a")
+    assert os.listdir() == ["body.gif"]
 
 
 def test_without_matplotlib(monkeypatch):

@@ -1,4 +1,4 @@
-"""State n of the gyrostat and, with k = 0, of the Suslov body, without iteration; and of the flow.
+"""The closed form of the map and of the flow of the gyrostat, with k = 0 of the Suslov body.
 
 With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
 e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k, the discrete equations are
@@ -10,13 +10,13 @@ psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a ste
 G**2 = T**2 - K**2 = L**2. The state is U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z)
 are its dimensionless coordinates; X and K are those of `coordinates.dimensionless` divided by
 sqrt(2). On the page of the gyrostat e, g, R, T, L, m and K are delta, chi, rho, delta L, delta nu,
-delta mu and delta k. The coordinates of state n are quotients of quadratic forms in (p_n, q_n),
-and so in other coordinates (c, s). There are three kinds of orbits that move:
+delta mu and delta k. The components of state n are quotients of quadratic forms in (p_n, q_n), and
+so in (c, s), other coordinates of that plane. There are three kinds of orbits that move:
 
-PASSES    From one steady state to the other. (c, s) = (w_n, 1), where w_n = w_0 r**n with
-          r = (1 - L)/(1 + L) is the ratio of the coordinates of (p, q) in the eigenbasis.
-NEARS     The same next to L = 0, where these coordinates cancel. (1 + G)**n = c_n + s_n G, and
-          (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), to a common factor.
+PASSES    From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of the
+          coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
+NEARS     The same next to L = 0 or a pole, where w cancels. (1 + G)**n = c_n + s_n G, and
+          (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), up to a common factor.
 TURNS     K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
           b = arctan(m), which is known to twice the digits, and so is the phase n b.
 
@@ -61,19 +61,19 @@ from .elementary import (
 NO_POWER = -1e5
 # Longer times and larger numbers of steps are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990
-# Logarithms of the largest X, Y or K: below the first the flow is as good as the map; below the
+# Exponents of the largest of X, Y and K: below the first the flow is as good as the map; below the
 # second nothing moves; above the third squares leave the range of float64.
 SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
 # Phases of this many quarter turns or more are not known.
 LONGEST_PHASE = 2.0**52
 # Numbers of steps above this are not known to be even or odd.
 EXACT = 2.0**53
-# A flow whose unit of time is farther from 1 than this power of two is out of range.
+# A flow is out of range if `time` of its `Start`, an exponent, is not within this.
 LONGEST_UNIT = 960.0
-# Powers of two up to this are part of the coefficients of an orbit; larger ones multiply its
-# states, which would leave the range of float64 in between.
+# The unit of states is part of the coefficients of an orbit up to this exponent; `rest_of` it would
+# take them out of the range of float64, and multiplies the states last.
 PART_OF_COEFFICIENTS = 300.0
-# A ratio w above 2**this is stored as the pair (f, 2**-k).
+# A ratio w = f 2**k above 2**this is stored as (c, s) = (f, 2**-k).
 LARGE = 200.0
 # Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
 # PASSES cancel.
@@ -84,9 +84,9 @@ NO_SQUARE = 1e-100
 LEAST_ROOT = 2.0**-100
 # States larger than R by this may be at a pole.
 NEAR_POLE = 2.0**20
-# Couplings below this, in units in which k is 1, are none.
+# Values of |g| below this, in units in which k is of the order of 1, are taken for 0.
 UNCOUPLED = 1e-150
-# As a sum of two numbers.
+# 2 / pi, as a sum of two numbers.
 TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 
 # Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is where the map is
@@ -95,27 +95,27 @@ OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0
 # Kinds of orbits.
 RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 
-# Coordinates of a state, dimensionless, and the frame: omega = (f (U, V)) 2**power. X, Y and K are
-# sums of two numbers, and X is 0 for a state at rest.
+# Dimensionless coordinates of state 0, and a matrix f: omega = (f (U, V)) 2**power. X, Y and K are
+# sums of two numbers (`_lost` is the smaller), and X is 0 for a state at rest.
 #
 # coupling   e |g|, in the unit of X; 0 if g = 0
 # order      1, or 0 for the flow and slow orbits
-# time       the logarithm of the unit of time in steps
+# time       exponent of the unit of X, Y and K, 0 unless `order` is 0
 Start = namedtuple(
     "Start",
     "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power order time fate",
 )
-# R, T, L**2, L as a sum of two numbers, L - |Y|, and r; if L**2 < 0, `root` is m, and r has no
-# meaning.
+# R, T, L**2 (`square`), L (`root` + `root_lost`), L - |Y| (`gap`) and r. Where L**2 < 0, `root` is
+# m, and r has no meaning.
 Levels = namedtuple("Levels", "R T square root root_lost gap r")
 # Constants of (c, s) after n steps.
 #
-# log_r   log |r|, as a sum of two numbers
-# v       of PASSES: w_n = v 2**power r**(n - lag)
-# root    L or m
-# square  m**2, or 0 for L
-# turns   b in quarter turns, or 0, as a sum of two numbers
-Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root square turns turns_lost")
+# log_r      log |r|, as the sum of this and `log_lost`
+# v          of PASSES: w_n = v 2**power r**(n - lag)
+# root       L, or m of TURNS
+# m_square   m**2 of TURNS, else 0
+# turns      b of TURNS in quarter turns, else 0, as the sum of this and `turns_lost`
+Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root m_square turns turns_lost")
 # omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2).
 Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
@@ -125,7 +125,7 @@ def start(back, flows, given):
     """The `Start` of an orbit of the map, or of the flow for which eps is the unit of time.
 
     back    -1 for the inverse map and the flow backward in time, else 1
-    given   I1, I2, I13, I23, k, eps, omega1 and omega2
+    given   the `units.Problem` in the units of the user
     """
     E = exponent(given.eps)
     # The exponent of eps is kept apart: for a slow orbit X, Y and K would underflow.
@@ -140,7 +140,7 @@ def start(back, flows, given):
     K, K_lost = twofold.product(e, (p.k, 0.0))
     u = e[0] * sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
 
-    # The logarithm of the unit of X, Y and K.
+    # Exponents: of the unit of X, Y and K so far, and of the largest of them.
     of_step = E + unit.P + unit.W - unit.M
     size = exponent(larger(larger(abs(X), abs(Y)), abs(K)))
     slow = flows | (of_step + size < SLOW)
@@ -221,7 +221,7 @@ def levels(start):
 
 @formula
 def logarithm_of_ratio(L, L_lost, r):
-    """Return log |r|, as a sum of two numbers, for r = (1 - L) / (1 + L)."""
+    """log |r| as a sum of two numbers, r = (1 - L) / (1 + L)."""
     power = halvings(abs(r))
     d, d_lost = two_sum(1.0, -L)
     # Near L = 1 only r has the digits of 1 - L, unless L_lost has them.
@@ -247,7 +247,7 @@ def logarithm_of_ratio(L, L_lost, r):
 
 @formula
 def larger_sum(start, levels):
-    """The one of larger size of S - L Y and S + L Y, S = L**2 + K X, and True if it is the first.
+    """The larger in size of S - L Y and S + L Y, S = L**2 + K X, and True if that is the first.
 
     Their product is X**2 T**2 (1 - L**2).
     """
@@ -257,10 +257,10 @@ def larger_sum(start, levels):
 
 @formula
 def steps(start, levels):
-    """The `Steps` of an orbit that does not turn, and the kind of any."""
+    """The `Steps` of an orbit, of which `turning` replaces four if it turns."""
     X, T, L, r, order = start.X, levels.T, levels.root, levels.r, start.order
-    # The coordinates of PASSES cancel next to L = 0, except for r < 0, and next to poles for large
-    # L; those of NEARS do not.
+    # w cancels next to L = 0, except for r < 0, and next to poles for large L; the coordinates of
+    # NEARS do not.
     apart = (levels.square >= 0.25 * T * T) | (order * levels.square >= 1.0)
     apart = apart & ((order * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
     kind = select(apart, PASSES, select(levels.square > 0.0, NEARS, TURNS))
@@ -288,7 +288,7 @@ def steps(start, levels):
         power=select(passes, select(from_0, power, -power) + v_power, 0.0),
         lag=select(passes & ~from_0, order, 0.0),
         root=L,
-        square=0.0,
+        m_square=0.0,
         turns=0.0,
         turns_lost=0.0,
     )
@@ -296,7 +296,7 @@ def steps(start, levels):
 
 @formula
 def turning(start, levels, steps):
-    """The last four `Steps` of an orbit that may turn: b is computed with twice the digits."""
+    """The last four of `Steps` of an orbit that may turn: b is computed to twice the digits."""
     # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), where X and Y are divided by a power of
     # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
     one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
@@ -336,34 +336,34 @@ def has_two_forms(steps):
 
 @formula
 def frame(start, size):
-    """The matrix from (U, -V) times `size` to omega in a unit of which `rest_of` is left."""
+    """The matrix from (U, -V) to `size` omega, without the factor 2**rest_of(power)."""
     unit = size * two_to_the(within(start.power, PART_OF_COEFFICIENTS))
     return start.f11 * unit, -start.f12 * unit, start.f21 * unit, -start.f22 * unit
 
 
 @formula
 def rest_of(power):
-    """The part of a power of two that multiplies states."""
+    """The part of an exponent that is not in the coefficients, and multiplies states last."""
     return power - within(power, PART_OF_COEFFICIENTS)
 
 
 @formula
 def forms(start, levels, steps, given):
     """The `Forms` of an orbit that passes; one that rests, or has no states, is constant."""
-    moves, K, T, L, r = steps.kind == PASSES, start.K, levels.T, levels.root, levels.r
+    passes, K, T, L, r = steps.kind == PASSES, start.K, levels.T, levels.root, levels.r
     inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.order * L)
     f11, f12, f21, f22 = frame(start, levels.R * inverse)
     y = T * of_one
     return Forms(
-        d11=select(moves, r, 0.0),
-        d12=select(moves, -K * inverse * of_one, 0.0),
+        d11=select(passes, r, 0.0),
+        d12=select(passes, -K * inverse * of_one, 0.0),
         d22=select(start.fate < 0.0, np.nan, 1.0),
-        x1=select(moves, r * (f12 * L - f11 * K), 0.0),
-        y1=select(moves, f11 * y, 0.0),
-        z1=select(moves, -f12 * L - f11 * K, given.omega1),
-        x2=select(moves, r * (f22 * L - f21 * K), 0.0),
-        y2=select(moves, f21 * y, 0.0),
-        z2=select(moves, -f22 * L - f21 * K, given.omega2),
+        x1=select(passes, r * (f12 * L - f11 * K), 0.0),
+        y1=select(passes, f11 * y, 0.0),
+        z1=select(passes, -f12 * L - f11 * K, given.omega1),
+        x2=select(passes, r * (f22 * L - f21 * K), 0.0),
+        y2=select(passes, f21 * y, 0.0),
+        z2=select(passes, -f22 * L - f21 * K, given.omega2),
     )
 
 
@@ -373,9 +373,9 @@ def turning_forms(start, levels, steps):
     X, Y, K, U, V, TR = start.X, start.Y, start.K, start.U, start.V, levels.T * levels.R
     f11, f12, f21, f22 = frame(start, 1.0)
     y_u, y_v = -K * V, -(TR + K * U)
-    z_u, z_v = -(K * K * U + TR * (X + K)), V * steps.square
+    z_u, z_v = -(K * K * U + TR * (X + K)), V * steps.m_square
     return Forms(
-        d11=1.0, d12=-Y, d22=2.0 * K * X - steps.square,
+        d11=1.0, d12=-Y, d22=2.0 * K * X - steps.m_square,
         x1=f11 * U - f12 * V, y1=f11 * y_u + f12 * y_v, z1=f11 * z_u + f12 * z_v,
         x2=f21 * U - f22 * V, y2=f21 * y_u + f22 * y_v, z2=f21 * z_u + f22 * z_v,
     )  # fmt: skip
@@ -385,7 +385,7 @@ def turning_forms(start, levels, steps):
 def near_forms(start, levels, odd):
     """The `Forms` of NEARS, for even or odd n.
 
-    Where r < 0, (c, s) is that of |r|**n; for odd n the orbit is from (-X, Y) / (1 + 2 K X / L**2).
+    Where r < 0, (c, s) is that of |r|**n, and odd n start from (-X, Y) / (1 + 2 K X / L**2).
     """
     X, Y, K, T, L = start.X, start.Y, start.K, levels.T, levels.root
     gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
@@ -416,7 +416,7 @@ def select_forms(first, a, b):
 
 @formula
 def power_of_ratio(n, steps):
-    """p, an integer `power` and a sign for which r**n = sign (1 + p) 2**power.
+    """p, an integer `power` and a sign, for which r**n = sign (1 + p) 2**power.
 
     The sign is NaN if no such number exists: between two states of L >= 1.
     """
@@ -436,7 +436,7 @@ def pair(n, steps, any_kind):
     any_kind   False if the orbit is known to pass or rest
     """
     c, s = multiples(smaller(n, LONGEST) - steps.lag, steps.v, steps.power, steps, any_kind)
-    # The lag hides a fraction below rounding.
+    # Where r < 0, only integers: n - lag may round a fraction away.
     unknown = (steps.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
     return select(unknown, np.nan, c), s
 
@@ -468,8 +468,8 @@ def multiples(n, v, power, steps, any_kind):
 
 @formula
 def combined(c, s, next_c, next_s, square):
-    """(c, s) after both: (c c', s) for PASSES, (c c', s + c s') for NEARS, and for TURNS the pair
-    of the sum of the angles.
+    """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for NEARS, and
+    that of the sum of the angles for TURNS, with `square` = m**2.
     """
     return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
 
@@ -485,7 +485,7 @@ def sine_and_cosine(n, turns, turns_lost):
 
 @formula
 def omega_of(c, s, forms):
-    """omega for a pair (c, s)."""
+    """omega, without the factor 2**rest_of(power)."""
     c_or_0, ss = select(abs(c) > NO_SQUARE, c, 0.0), s * select(abs(s) > NO_SQUARE, s, 0.0)
     twice = 2.0 * s
     inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * twice) * c + forms.d22 * ss)
@@ -505,7 +505,7 @@ def is_pole(c, s, forms):
 
 @formula
 def recompute_from(start, levels, steps):
-    """The size of states from which on each is computed again alone, as it may be at a pole."""
+    """The size from which on states are computed again one by one, as they may be at a pole."""
     f11, f12, f21, f22 = frame(start, levels.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
     may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)

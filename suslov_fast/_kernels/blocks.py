@@ -7,16 +7,16 @@ module (`map_canonical`, `map_printed`, `map_full`, `map_gyrostat`) of formulas 
 D                                 The number of components of omega.
 State, Constants                  namedtuples of the numbers s that a step changes, and of the
                                   numbers k that it does not.
-enter(parameters, omega, i)       Return the status of trajectory i, True if its steps must be
-                                  guarded, its State and its Constants.
+enter(parameters, omega, i)       Return the status of trajectory i, True if one of its steps may
+                                  fail, its State and its Constants.
 advance(k, s)                     Make one step of a trajectory that cannot meet a pole.
 show(k, s)                        Return the angular velocity.
 cause(k, s)                       Return the status of a trajectory whose next state may not exist;
                                   it is not used for one that has a next state.
 
-The first number of a state is NaN if there is none, and `show` then returns NaN. Lanes that are not
-guarded are not tested for this: without `guarded`, `enter` returns True unless no step can fail.
-A map with steps of several kinds also has
+The first number of a state is NaN if there is none, and `show` then returns NaN. Blocks are tested
+for this, and take all steps by `guarded`, only if `enter` returns True for one of their lanes.
+A map with steps of several kinds also has, where by default `guarded` and `careful` are `advance`,
 
 guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
                                   else bit-identical to `advance`.
@@ -81,7 +81,7 @@ def write_starts(omega, flat, first, width):
 
 
 def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results):
-    """Take a part of the trajectories of a span from state `start` to state `stop`."""
+    """Take a part of the trajectories of a stretch from state `start` to state `stop`."""
     begin, end, start, stop, every, first_row = stretch
     final, status, failed_at, resumed = results
     constants, state = rows_of(map.Constants, LANES), rows_of(map.State, LANES)

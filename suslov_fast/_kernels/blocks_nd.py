@@ -1,20 +1,21 @@
-"""Iteration of the maps of any dimension: the n-dimensional map, and those of quadratic fields.
+"""The loop over steps of the maps in any dimension: the n-dimensional one, and of quadratic fields.
 
-A block of trajectories advances together: lanes are trajectories, and components are rows of lanes.
-The arithmetic of a lane never depends on the other lanes. A map (`map_nd`, `map_field`) provides
+A block of trajectories advances together: a lane is a trajectory, and each of the D components of a
+state is an array over the lanes. The arithmetic of a lane never depends on the others. A map is a
+module (`map_nd`, `map_field`) of functions of components c and numbers b of lanes, NamedTuples:
 
 block(parameters, memory, task)
-    Return a block in the memory of a task: components c and numbers b of lanes, both NamedTuples.
+    Return the c and b of blocks, c in the memory of a task.
 enter(c, b, parameters, start, results, begin, end)
-    Enter trajectories at state `start`; lanes beyond the last repeat it.
+    Enter trajectories begin to end at state `start`; lanes beyond the last repeat it.
 advance(c, b, begin)
-    Make a step; return True unless a lane may need `settle`.
+    Make a step; return False if a lane may need `settle`.
 settle(c, b, n, results, begin, end)
     Complete the step to state n, and end lanes without such a state.
 write(c, b, parameters, begin, end, n, target)
-    Write the states n in the unit of the input; the first are copies of it.
+    Write the states n in the unit of the input; states 0 are copies of it.
 leave(c, b, results, begin, end)
-    Write the states in the units of lanes, and what else is carried on.
+    Write the states in the units of the lanes, and what else is carried on.
 """
 
 from .._jit import Kernel, namespace, share
@@ -28,12 +29,12 @@ def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory
     """Iterate the trajectories of a part of the tasks.
 
     parameters   those of the map
-    stretch      begin and end of the trajectories; start, stop; every, first_row of `saved`
+    stretch      of trajectories and steps, as in `blocks`
     saved        (rows, B, D)
-    turning      None, or the arrays of `turn_lanes`
+    turning      None, or the arrays of `turning_nd`
     results      final (B, D); status, failed_at (B,); the states in the units of lanes (B, D); and
-                 what else the map carries on. All but `final` are read if start is not 0.
-    memory       of the map; the second array is (tasks, ..., lanes)
+                 what else the map carries on; all but `final` are read if start is not 0
+    memory       that of the map; its second array is (tasks, ..., lanes)
     """
     first, last, start, stop, every, first_row = stretch
     tasks, lanes = len(memory[1]), memory[1].shape[-1]
@@ -62,7 +63,7 @@ def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory
                 pause = min(next_saved, stop) if turning is None else n + 1
                 while n < pause:
                     n += 1
-                    # Without arrays, whose references calls would count.
+                    # Without further arrays, whose references the call would count.
                     if not map.advance(c, b, begin):
                         map.settle(c, b, n, results, begin, end)
             map.write(c, b, parameters, begin, end, stop, results[0])

@@ -1,16 +1,16 @@
 """States by the closed form, in rows of equal steps or at arbitrary times.
 
-A lane of a block is a trajectory at a row or a time: few trajectories fill a block with several
-rows, neighbours in the output. In rows of equal steps powers are computed directly every GROUP
-rows, and multiplied twice in between: a state depends only on its orbit and its index.
+A row of the output is a state of each trajectory, and a lane of a block is a trajectory at a row or
+a time: few trajectories fill it with several rows. At equal steps (c, s) is computed directly every
+GROUP rows, and multiplied twice in between: a state depends only on its orbit and its index.
 
-An argument that is a constant at the call, as `any_kind`, makes two loops of one: that for orbits
-that pass or rest computes no sines.
+An argument that is a constant at the call, as `any_kind`, makes two loops of one: if it is False,
+all orbits pass or rest, and the loop computes no sines.
 
 Arguments of kernels, over a batch of B trajectories:
 
 motion       1, or -1 for the inverse map and the flow backward in time, since all times are >= 0;
-             and True for the flow
+             and True for the flow, else False
 parameters   I1, I2, I13, I23, k and eps: (B,) each, or (1,) if common to all; for the flow eps is
              the unit of times
 omega        (B, 2), the states at time 0
@@ -19,7 +19,7 @@ out          (N, B, 2), the states; NaN if a state does not exist
 ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
              empty arrays the closed form continues past it
 missing      (parts, 3), incremented by the numbers of NaN states of orbits whose state 0 is not
-             NaN: at a step, between two steps, and out of the range of float64
+             NaN, in columns: at a step, between two steps, and out of the range of float64
 """
 
 from collections import namedtuple
@@ -50,37 +50,37 @@ from . import codes
 from .lanes import entry, whole
 from .tiles import lead_of, shortening_of_first_block, write_row
 
-BASE, GROUP = 8, 64
+BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
 # A block of 64 orbits takes 60 KB.
 LANES = 64
 _TILE = 2 * LANES
 # States of one task.
 TASK = 2**16
-# The logarithm of the largest state that certainly is finite.
+# Exponent of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
 
-# What is known of the orbit of each lane: tuples of rows.
+# What is known of the orbit of each lane: tuples of arrays. A `lane` of it is called an orbit.
 Block = namedtuple("Block", "problem start levels steps forms")
-# The division of the work into tasks.
+# The division of the work into tasks, some rows of the trajectories of a block each.
 #
 # abreast   number of rows, or times, side by side in a block
-# shift     by how much the first block is shorter
+# shift     number of lanes by which the first block is shorter
 Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
-# Lanes at some rows or times.
+# Numbers of each lane.
 #
-# place, offset    of the row in the output and in time, relative to the first
+# place, offset    how many rows of the block precede its own in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   see the formula
-# rest             the part of the unit of states that multiplies them last
+# rest             exponent of what multiplies states last, see `rest_of`
 # fails            the first step without a state
-# c, s             the coordinates of states
-# seed_...         the same at multiples of GROUP rows, `table_...` of several groups
+# c, s             the pair at the last multiple of BASE rows
+# seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 Lanes = namedtuple(
     "Lanes",
     "place offset number recompute_from rest fails c s seed_c seed_s table_c table_s",
 )
-# By how much c and s grow in multiples of BASE rows, and in fewer. Row BASE a + b of a group is its
-# seed times eights[a] times ones[b]; both include the row of the lane.
+# The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. Row BASE a + b
+# of a group is its seed times eights[a] times ones[b]; both include the offset of the lane.
 Growth = namedtuple("Growth", "eights_c eights_s ones_c ones_s")
 
 
@@ -99,7 +99,7 @@ def block():
 def plan_of(trajectories, out, count, length):
     """Return the `Plan` of `count` rows or times.
 
-    length   number of rows or times that take one entry of a block's tables.
+    length   number of rows of one seed, or 1
     """
     batch, shift, abreast = trajectories[1] - trajectories[0], 0, 1
     # Rows lie side by side only if they are neighbours in the output.
@@ -147,8 +147,8 @@ def fill_lanes(problem, lanes, parameters, omega, first, width, abreast, directi
 
 @formula
 def enter(b, lanes, motion, used):
-    """Fill the orbits of a block; return `any_kind`, False if all pass or rest, and True if some
-    states may have to be computed again alone.
+    """Fill the orbits of a block; return `any_kind`, and True if some states may have to be
+    corrected.
     """
     back, flows = motion
     for l in range(used):
@@ -170,7 +170,7 @@ def enter(b, lanes, motion, used):
     if turning > 0:
         for l in range(used):
             found = formulas.turning(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
-            b.steps.root[l], b.steps.square[l], b.steps.turns[l], b.steps.turns_lost[l] = found
+            b.steps.root[l], b.steps.m_square[l], b.steps.turns[l], b.steps.turns_lost[l] = found
     if others > 0:
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
@@ -220,7 +220,7 @@ def first_missing(orbit, rest, stop):
 
 @inner
 def end_of(orbit, rest, stop):
-    """Return the status of an orbit at a step, and the index of its first missing state."""
+    """Return the status of an orbit at step `stop`, and the index of its first missing state."""
     problem, start, levels, steps, _ = orbit
     if start.fate < 0.0:
         if start.fate == OUT_OF_RANGE:
@@ -266,7 +266,7 @@ def write_ends(b, lanes, first, width, used, ends):
 
 @formula
 def count_unusual(lanes, used, tile):
-    """Return how many states are missing, state 0, or computed again: see `recompute_from`."""
+    """Return how many states are missing, state 0, or large enough to be computed again."""
     count = 0
     for l in range(used):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]
@@ -278,10 +278,10 @@ def count_unusual(lanes, used, tile):
 
 @inner
 def corrected(orbit, at, omega1, omega2):
-    """Return the state of a lane, computed again if it is unusual, and the place in `missing` where
-    it is counted if it is missing, else -1.
+    """Return the state of a lane, computed again if it is unusual, and the column of `missing` that
+    counts it if it is missing, else -1.
     """
-    start, steps, n, place = orbit.start, orbit.steps, at.number, -1
+    start, steps, n, column = orbit.start, orbit.steps, at.number, -1
     if n == 0.0:
         omega1, omega2 = orbit.problem.omega1, orbit.problem.omega2
     elif abs(omega1) + abs(omega2) < at.recompute_from:
@@ -295,19 +295,19 @@ def corrected(orbit, at, omega1, omega2):
         omega1, omega2 = np.nan, np.nan
         unknown_phase = steps.kind == TURNS and LONGEST_PHASE <= n * steps.turns < np.inf
         if start.fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
-            place = 2
+            column = 2
         elif start.fate != UNKNOWN:
-            place = 0 if np.floor(n) == n and n <= EXACT else 1
-    return omega1, omega2, place
+            column = 0 if np.floor(n) == n and n <= EXACT else 1
+    return omega1, omega2, column
 
 
 @formula
 def correct(b, lanes, l, tile, missing):
     """Compute the state of a lane if it is unusual; count it if it is missing."""
-    omega1, omega2, place = corrected(lane(b, l), lane(lanes, l), tile[2 * l], tile[2 * l + 1])
+    omega1, omega2, column = corrected(lane(b, l), lane(lanes, l), tile[2 * l], tile[2 * l + 1])
     tile[2 * l], tile[2 * l + 1] = omega1, omega2
-    if place >= 0:
-        missing[place] += 1.0
+    if column >= 0:
+        missing[column] += 1.0
 
 
 @formula
@@ -318,7 +318,7 @@ def not_negligible(v):
 
 @formula
 def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
-    """Fill the growth between rows, as far as the first of `abreast` rows needs it."""
+    """Fill the entries of the growth that blocks of `abreast` rows use."""
     for a in range(0, BASE, max(abreast // BASE, 1)):
         for l in range(used):
             rows = BASE * (a + np.floor(lanes.offset[l] / BASE))
@@ -371,14 +371,14 @@ def fill_tile(b, lanes, growth, used, row, any_kind, tile):
             seed_c, seed_s = lanes.seed_c[l], lanes.seed_s[l]
             c = seed_c * next_c
             if any_kind:
-                next_s, square = growth.eights_s[row // BASE, l], b.steps.square[l]
+                next_s, square = growth.eights_s[row // BASE, l], b.steps.m_square[l]
                 c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, square)
             lanes.c[l] = not_negligible(c)
     for l in range(used):
         next_c, s = growth.ones_c[row % BASE, l], 1.0
         c = lanes.c[l] * next_c
         if any_kind:
-            next_s, square = growth.ones_s[row % BASE, l], b.steps.square[l]
+            next_s, square = growth.ones_s[row % BASE, l], b.steps.m_square[l]
             c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, square)
         tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, s, lane(b.forms, l))
 
@@ -395,7 +395,7 @@ def fill_tile_at_times(b, lanes, used, any_kind, tile):
 def fill_rows(
     part, parts, motion, parameters, omega, steps, rows, trajectories, out, ends, missing
 ):
-    """Fill rows begin <= i < end: state first + every i goes to row origin + direction i.
+    """Fill rows: state number first + every i goes to row origin + direction i, begin <= i < end.
 
     steps   first, every
     rows    begin, end, origin, direction
@@ -408,7 +408,7 @@ def fill_rows(
     b, lanes = block(), rows_of(Lanes, LANES)
     growth = Growth(stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES))
     flat, lead, tile = out.reshape(out.size), lead_of(out), stack(_TILE)
-    found, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
+    counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
         used = fill_lanes(b.problem, lanes, parameters, omega, first, width, abreast, direction)
@@ -439,8 +439,8 @@ def fill_rows(
                         lanes.number[l] = first_number + every * (i + lanes.offset[l])
                     for l in range(width * abreast if count_unusual(lanes, used, tile) else 0):
                         if begin <= i + lanes.offset[l] < end:
-                            correct(b, lanes, l, tile, found)
-                # The rows asked for, and the first of them in the output and in the tile.
+                            correct(b, lanes, l, tile, counts)
+                # The rows asked for, and of their first in the output its number and its place.
                 low, high = max(i, begin), min(i + abreast, end)
                 nearest, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
                 target = 2 * ((origin + direction * nearest) * out.shape[1] + first)
@@ -459,7 +459,7 @@ def fill_states(
     abreast = plan.abreast
     b, lanes, tile = block(), rows_of(Lanes, LANES), stack(_TILE)
     flat, lead = out.reshape(out.size), lead_of(out)
-    found, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
+    counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
         used = fill_lanes(b.problem, lanes, parameters, omega, first, width, abreast, 1)
@@ -474,7 +474,7 @@ def fill_states(
                 fill_tile_at_times(b, lanes, used, False, tile)
             count = width * min(abreast, times.size - j)
             for l in range(count if count_unusual(lanes, used, tile) else 0):
-                correct(b, lanes, l, tile, found)
+                correct(b, lanes, l, tile, counts)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
                 write_row(tile[2 * width * i :], flat, target, 2 * width, 0, lead)

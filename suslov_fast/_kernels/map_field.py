@@ -1,11 +1,10 @@
-"""Iteration of Kahan's map of any quadratic field: x_next = x + eps A(x)**-1 f(x).
+"""Kahan's map of any quadratic field, for `blocks_nd`: x_next = x + eps A(x)**-1 f(x).
 
 A(x) = 1 - (eps/2) f'(x). A field is a list of its nonzero terms, so that one build serves all
 fields. With one more component, x_D = 1, all terms are quadratic: f_i has the terms v x_j x_k.
 
 Lanes store x in a unit of length 2**k, in which products of coefficients, step size and states are
-in range if their result is. Lanes that have ended have the state 0 in the unit NaN. `blocks_nd`
-describes lanes and the functions of a map.
+in range if their result is. Lanes that have ended have the state 0 in the unit NaN.
 
 parameters   indices (3, T), i, j and k, where j <= k, and those with k = D are last; values (T,) of
              v for a single field, or (T, B) for a batch, B a multiple of WIDEST; the step size, and

@@ -1,13 +1,13 @@
-"""Iteration of the n-dimensional map.
+"""The n-dimensional map, for `blocks_nd`, in the symbols of `_formulas.nd_map`.
 
 A step in O(n) solves for the increment by `solve2`; lanes where this is inaccurate use
-`solve_bordered` or elimination. `blocks_nd` describes lanes and the functions of a map.
+`solve_bordered` or elimination. States have m = n - 1 components, and lanes M = m + m % 2.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)
-memory       for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body;
-             (tasks, 2, M, lanes); and matrices (tasks, m, m + 1, lanes), where lanes is WIDTH, or
-             None if trajectories that need elimination end with the status NEEDS_ELIMINATION
+memory       for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body; for omega
+             and 1 / d (tasks, 2, M, lanes); and for matrices (tasks, m, m + 1, lanes), or None if
+             trajectories that need elimination end with the status NEEDS_ELIMINATION
 
 Lanes store J, I and omega in units, powers of two, in which they are of the order of 1; that of
 omega changes when omega leaves this range. Lanes that have ended have the state 0 in the unit NaN.
@@ -34,24 +34,24 @@ from .elimination import eliminate
 from .units_nd import unit_of, unit_of_moments
 
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
-# just written. Blocks of a run that eliminates have fewer: see `elimination`.
+# just written. Blocks of a run that eliminates have `elimination.WIDTH`.
 LANES = 64
-# A step in a lane: solved by `solve2`, solved if no d is small, open, or done by the bordered
-# system.
+# Outcomes of `solve2` in a lane: the step is solved, solved if no d is small, or open; and of
+# `bordered`: the step is taken.
 SOLVED, SOLVED_IF_FAR, OPEN, DONE = 0.0, 1.0, 2.0, 3.0
-# Components i and M/2 + i are added up in pairs, which halves the stores. If m is odd, M = m + 1,
-# and the last component has J = infinity, I = omega = 0. They are not 2 i and 2 i + 1: at i and
-# M/2 + i LLVM tests once, for all i, whether written rows overlap others.
+# Components i and M/2 + i are added up in pairs, which halves the stores. (At 2 i and 2 i + 1 LLVM
+# would test for each i whether written rows overlap others.) If m is odd, the last of the M
+# components has J = infinity and I = omega = 0.
 
 
 class Components(NamedTuple):
-    """M components of each lane."""
+    """Arrays of M components of each lane."""
 
     J: object  # (M, lanes), or (M,) if common to all lanes
     I: object
     omega: object  # (M, lanes)
     inverse: object  # 1 / d
-    matrices: object  # for elimination, that of this task (m, m + 1, lanes); or None
+    matrices: object  # those of all tasks, or None, see `memory`
     task: int
 
 
@@ -59,30 +59,30 @@ class Lanes(NamedTuple):
     """Numbers of each lane."""
 
     eps_input: object  # 0 if all states are fixed
-    of_body: object  # exponent of the unit of I over that of J
+    of_body: object  # exponent of the unit of I, less that of J
     near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
     reach: object  # see `bounds`
     eps: object  # in the unit of omega; 0 for fixed states
     exponent: object  # of the unit of omega
     unit: object  # 2**exponent; NaN if the lane has ended
-    longest: object  # bounds of |omega|**2, see `bounds`
+    longest: object  # this, `low` and `high` are bounds of |omega|**2, see `bounds`
     low: object
     high: object
     status: object  # of trajectories that have ended, else OK
     p: object  # I . omega
     square: object  # |omega|**2
     half: object  # eps p / 2
-    alpha: object  # sums, see `solve2`
+    alpha: object  # these three are the sums of `solve2`
     beta: object
     gamma: object
-    of_omega: object  # factors in delta, see `solve2`
+    of_omega: object  # this and `of_I` are the factors in delta, see `solve2`
     of_I: object
     outcome: object  # SOLVED, SOLVED_IF_FAR, OPEN or DONE
 
 
 @allocation
 def block(parameters, memory, task):
-    """Return a block whose components are in the memory of a task."""
+    """Return the components, in the memory of a task, and the numbers of a block."""
     bodies, states, matrices = memory
     J, I, omega, inverse = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
     return Components(J, I, omega, inverse, matrices, task), rows_of(Lanes, LANES)
@@ -187,7 +187,7 @@ def measure(c, b):
 def repair(c, b, matrices):
     """Take the step in lanes that are not solved, and set their increments to 0.
 
-    Without a matrix, trajectories that need elimination end; another run restarts them.
+    Without matrices, trajectories that need elimination end; another driver restarts them.
     """
     M, lanes = c.omega.shape
     any_open = False
@@ -296,7 +296,7 @@ def units_serve(c, b):
 
 @inner
 def settle(c, b, n, results, begin, end):
-    """After the step to state n, end lanes that are not finite, and renew units if needed."""
+    """End lanes whose state n is not finite, and renew the units of those that need it."""
     failed_at = results[2]
     for l in range(c.omega.shape[1]):
         if not (b.low[l] < b.square[l] < b.high[l]):
@@ -318,14 +318,14 @@ def settle(c, b, n, results, begin, end):
 
 @formula
 def unit_of_state(largest, before):
-    """Return the exponent of the unit for numbers up to `largest`, in the unit 2**before."""
+    """Return the exponent of the unit of a state whose largest component is largest 2**before."""
     power = select((largest > 0.0) & (largest < np.inf), exponent(largest) + 1.0, 0.0)
     return larger(smaller(power + before, 1023.0), -1022.0)
 
 
 @formula
 def take_unit(c, b, l, power):
-    """Change to the unit 2**power in a lane, or to the state 0 if the trajectory has ended."""
+    """Change a lane to the unit 2**power, or to the state 0 if its trajectory has ended."""
     change, ended, unit, largest = b.exponent[l] - power, b.status[l] != OK, two_to_the(power), 0.0
     for i in range(c.omega.shape[0]):
         c.omega[i, l] = 0.0 if ended else scaled(c.omega[i, l], change)
@@ -337,7 +337,7 @@ def take_unit(c, b, l, power):
 
 @formula
 def enter_body(c, b, l, J, I, eps):
-    """Enter a body and a step size, 0 if every state is fixed."""
+    """Enter a body and a step size, for which 0 is stored if every state is fixed."""
     of_J = unit_of_moments(J)
     of_I = unit_of(I, of_J)
     factor_J, factor_I = two_to_the(-of_J), two_to_the(-of_I)

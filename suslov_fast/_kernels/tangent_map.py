@@ -9,7 +9,7 @@ from .elimination import WIDTH, eliminate
 
 @inner
 def add_log_det(matrix, beyond_1, sign, totals):
-    """Add sign times log |det| of eliminated systems; -inf if an inverse pivot is NaN."""
+    """Add sign times log |det| of eliminated systems, -inf if one is singular."""
     for i in range(matrix.shape[0]):
         for l in range(WIDTH):
             pivot, beyond = abs(1.0 / matrix[i, i, l]), beyond_1[i, l]
@@ -26,8 +26,8 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, scrat
     following     (count, D, D): S_next, the same at the next states
     derivatives   (count, D, D)
     logarithms    (count,)
-    scratch       for matrices (parts, D, 2 D, WIDTH) and (parts, D, D, WIDTH), and for diagonals
-                  (parts, 2, D, WIDTH)
+    scratch       for matrices (parts, D, 2 D, WIDTH) and (parts, D, D, WIDTH), and for their
+                  diagonals less 1 (parts, 2, D, WIDTH)
     """
     count, D, _ = slopes.shape
     of_ahead, of_back, totals = scratch[2][part, 0], scratch[2][part, 1], stack(WIDTH)
@@ -64,8 +64,8 @@ def orthonormalise(part, parts, derivatives, logarithms, carried, of_det, scratc
 
     derivatives   (N, B, D, D)
     logarithms    (N, B), of their |det|
-    carried       (B, D + 2, D), read and written: the columns of Q, as rows; and products of the
-                  diagonals of R, as numbers and exponents of 2. Where these are 0, so is Q.
+    carried       (B, D + 2, D), read and written: the columns of Q, as rows; and the products of
+                  the diagonals of all R, numbers and exponents of 2; where one is 0, so is its row
     of_det        (B,), to which `logarithms` are added
     scratch       (parts, 2 D + 3, D, LINE)
     """
@@ -88,7 +88,7 @@ def orthonormalise(part, parts, derivatives, logarithms, carried, of_det, scratc
                     for j in range(D):
                         derivative[i, j, l] = derivatives[n, begin + l, i, j]
             for k in range(D):
-                for i in range(D):  # with the other sign
+                for i in range(D):  # minus the derivative times row k of the frame
                     for l in range(LINE):
                         column[i, l] = 0.0
                     for j in range(D):

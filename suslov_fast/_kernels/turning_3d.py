@@ -20,8 +20,8 @@ from .tiles import lead_of, write_row
 _TILE = 9 * LANES
 
 # Rotations of a block of trajectories: q (4, LANES), the quaternions since state 0; the time step,
-# in the unit of time of the angular velocities; these before a step; and R0 (9, LANES), the
-# orientations at state 0, row by row.
+# in the unit of time of the angular velocities; the angular velocities before a step; and R0
+# (9, LANES), the orientations at state 0, row by row.
 Turns = namedtuple("Turns", "q time_step omega1 omega2 R0")
 
 

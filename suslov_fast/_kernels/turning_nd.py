@@ -1,6 +1,8 @@
 """Orientations in n dimensions, one trajectory at a time.
 
-columns (n, n) is the transpose of the orientation R: a row of it is contiguous.
+`turning` is a tuple of arrays: the time step (B,) or (1,); columns (B, n, n), the transposes of the
+orientations R, so that a column of R is contiguous; results R (rows, B, n, n) at saved states; the
+previous states (tasks, n - 1, lanes); and scratch (tasks, 2 n + 2, n).
 """
 
 import numpy as np
@@ -81,7 +83,7 @@ def turn_to(columns, n, b, eps, scratch):
 
 @inner
 def turn_lanes(c, b, turning, task, begin, end, n, start):
-    """Rotate the orientations of a block to state n; `before` holds the previous states."""
+    """Rotate the orientations of a block to state n."""
     time_step, columns, _, before, scratch = turning
     size = columns.shape[1]
     middle = scratch[task, 2 * size + 1, : size - 1]

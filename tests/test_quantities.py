@@ -106,6 +106,14 @@ def test_in_n_dimensions(rng, m):
     assert sf.modified_energy(body, np.zeros(m), 0.3) == 0
 
 
+def test_the_vector_field_where_components_are_far_apart():
+    """The terms of p and |omega|**2 of a component cancel in its own equation."""
+    problem = [1e-15, 1e15, 1.0], [1e-12, 1e3, 2.0], [1e20, 1e-10, 3.0]
+    found = sf.vector_field(sf.SuslovND(*problem[:2]), problem[2])
+    exact = np.array(naive.vector_field_nd(*problem), float)
+    np.testing.assert_allclose(found, exact, rtol=2e-15)
+
+
 def matrix_nd(J, I, eps, omega):
     """Coefficients of the unknowns in equation (15), divided by J."""
     J, I, omega, (eps,) = (naive.exactly(*v) for v in (J, I, omega, [eps]))

@@ -21,7 +21,7 @@ from .._jit import Kernel, formula, inner, namespace, share
 from .units_nd import unit_of, unit_of_moments
 
 # Number of rows of `Problem`.
-ROWS = 7
+ROWS = 10
 
 # What a quantity provides: at_state(s, eps, unit, out), which fills `out` from a problem.
 quantity = namespace("quantity")
@@ -37,6 +37,9 @@ class Problem(NamedTuple):
     off: object
     off_following: object
     slope: object
+    after: object  # sums over the components after i
+    after_following: object
+    after_off: object
 
 
 @inner
@@ -44,25 +47,27 @@ def find_slope(s):
     """Fill `slope` with the right side of (15) over J_i and eps.
 
     With d_i = I_k Omega_i - I_i Omega_k for the largest I_k, which are accurate near the line
-    Omega = c I, where all of them vanish, p Omega_i - I_i |Omega|**2 = (p d_i - I_i Omega.d) / I_k;
-    products of a state and the next are polarised.
+    Omega = c I, where all of them vanish, p Omega_i - I_i |Omega|**2 = (p d_i - I_i Omega.d) / I_k,
+    where the terms of component i in p and in Omega.d cancel and are left out. Products of a state
+    and the next are polarised.
     """
     k, m = 0, s.I.size
     for i in range(m):
         k = i if abs(s.I[i]) > abs(s.I[k]) else k
-    p, p_next, of_off, of_off_next = 0.0, 0.0, 0.0, 0.0
-    for i in range(m):
+    p, p_next, of_off = 0.0, 0.0, 0.0
+    for i in range(m - 1, -1, -1):
         I, w, v = s.I[i], s.omega[i], s.following[i]
         s.off[i] = sum_of_products(s.I[k], w, -I, s.omega[k])
         s.off_following[i] = sum_of_products(s.I[k], v, -I, s.following[k])
-        p += I * w
-        p_next += I * v
-        of_off += v * s.off[i]
-        of_off_next += w * s.off_following[i]
-    of_I, half = of_off + of_off_next, 0.5 / s.I[k] if s.I[k] != 0.0 else 0.0
+        s.after[i], s.after_following[i], s.after_off[i] = p, p_next, of_off
+        p, p_next = p + I * w, p_next + I * v
+        of_off += v * s.off[i] + w * s.off_following[i]
+    p, p_next, of_off, half = 0.0, 0.0, 0.0, 0.5 / s.I[k] if s.I[k] != 0.0 else 0.0
     for i in range(m):
-        off = p * s.off_following[i] + p_next * s.off[i]
-        s.slope[i] = half * (off - s.I[i] * of_I) / s.J[i]
+        I, w, v, d, d_next = s.I[i], s.omega[i], s.following[i], s.off[i], s.off_following[i]
+        along = (p + s.after[i]) * d_next + (p_next + s.after_following[i]) * d
+        s.slope[i] = half * (along - I * (of_off + s.after_off[i])) / s.J[i]
+        p, p_next, of_off = p + I * w, p_next + I * v, of_off + (v * d + w * d_next)
 
 
 @inner
@@ -164,7 +169,10 @@ def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         memory, body, M, P, infinite[task] = scratch[task], -1, 0.0, 0.0, 0
-        s = Problem(memory[0], memory[1], memory[2], memory[3], memory[4], memory[5], memory[6])
+        s = Problem(
+            memory[0], memory[1], memory[2], memory[3], memory[4],
+            memory[5], memory[6], memory[7], memory[8], memory[9],
+        )  # fmt: skip
         for state in range(task * count // tasks, (task + 1) * count // tasks):
             b = state % period
             if b != body:

@@ -91,8 +91,8 @@ def jacobian(
     Notes
     -----
     In three dimensions equation (8) of the paper is solved for the next state and differentiated;
-    the result is as accurate as that of :func:`step`, next to poles too. In n dimensions LAPACK
-    computes A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
+    the result is as accurate as that of :func:`step`, next to poles too. In n dimensions, and for
+    fields, elimination gives A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Examples
     --------

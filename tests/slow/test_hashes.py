@@ -3,9 +3,8 @@
     PYTHONPATH=tests python tests/slow/test_hashes.py            print the hashes
     PYTHONPATH=tests python tests/slow/test_hashes.py --write    store them in hashes.json
 
-These are the functions and the hard problems of test_promises.py. Results of LAPACK are left out,
-since their last bits depend on its build. The positions of NaN and 0 count, but not their signs,
-which differ between processors and interpreted code, nor the payload of NaN.
+These are the functions and the hard problems of test_promises.py. The positions of NaN and 0 count,
+but not their signs, which differ between processors and interpreted code, nor the payload of NaN.
 """
 
 import hashlib
@@ -19,7 +18,7 @@ import children
 import numpy as np
 import pytest
 from llvmlite import binding
-from test_promises import HARD, ROUNDED, ROWS, run, sample
+from test_promises import HARD, ROWS, run, sample
 
 HERE = Path(__file__)
 KEPT = HERE.with_name("hashes.json")
@@ -50,9 +49,8 @@ def all_hashes():
     found = {}
     for name, row in ROWS.items():
         for kind in row.kinds:
-            if (name, kind) not in ROUNDED and name != "lyapunov_exponents":
-                values = row.values(*problem(*sample(np.random.default_rng(1), kind)))
-                found[f"{name}, {kind}"] = digest(values)
+            values = row.values(*problem(*sample(np.random.default_rng(1), kind)))
+            found[f"{name}, {kind}"] = digest(values)
     for make, method, m in HARD:
         given = problem(*make(np.random.default_rng(1), 70, m))
         result = run(*given, 100, method=method)

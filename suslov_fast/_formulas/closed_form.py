@@ -68,10 +68,10 @@ SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
 LONGEST_PHASE = 2.0**52
 # Numbers of steps above this are not known to be even or odd.
 EXACT = 2.0**53
-# A flow is out of range if `time` of its `Start`, an exponent, is not within this.
+# A flow is out of range if `time` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
-# The unit of states is part of the coefficients of an orbit up to this exponent; `rest_of` it would
-# take them out of the range of float64, and multiplies the states last.
+# Exponents of the unit of states up to this are part of the coefficients of an orbit. What is left
+# of a larger one would take these out of the range of float64, and multiplies the states last.
 PART_OF_COEFFICIENTS = 300.0
 # A ratio w = f 2**k above 2**this is stored as (c, s) = (f, 2**-k).
 LARGE = 200.0
@@ -336,13 +336,13 @@ def has_two_forms(steps):
 
 @formula
 def frame(start, size):
-    """The matrix from (U, -V) to `size` omega, without the factor 2**rest_of(power)."""
+    """The matrix from (U, -V) to `size` omega, without the factor 2**power_left(power)."""
     unit = size * two_to_the(within(start.power, PART_OF_COEFFICIENTS))
     return start.f11 * unit, -start.f12 * unit, start.f21 * unit, -start.f22 * unit
 
 
 @formula
-def rest_of(power):
+def power_left(power):
     """The part of an exponent that is not in the coefficients, and multiplies states last."""
     return power - within(power, PART_OF_COEFFICIENTS)
 
@@ -485,7 +485,7 @@ def sine_and_cosine(n, turns, turns_lost):
 
 @formula
 def omega_of(c, s, forms):
-    """omega, without the factor 2**rest_of(power)."""
+    """omega, without the factor 2**power_left(power)."""
     c_or_0, ss = select(abs(c) > NO_SQUARE, c, 0.0), s * select(abs(s) > NO_SQUARE, s, 0.0)
     twice = 2.0 * s
     inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * twice) * c + forms.d22 * ss)

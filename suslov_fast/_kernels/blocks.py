@@ -9,14 +9,14 @@ State, Constants                  namedtuples of the numbers s that a step chang
                                   numbers k that it does not.
 enter(parameters, omega, i)       Return the status of trajectory i, True if one of its steps may
                                   fail, its State and its Constants.
-advance(k, s)                     Make one step of a trajectory that cannot meet a pole.
+advance(k, s)                     Make one step; with `guarded`, of a trajectory that cannot fail.
 show(k, s)                        Return the angular velocity.
 cause(k, s)                       Return the status of a trajectory whose next state may not exist;
                                   it is not used for one that has a next state.
 
 The first number of a state is NaN if there is none, and `show` then returns NaN. Blocks are tested
 for this, and take all steps by `guarded`, only if `enter` returns True for one of their lanes.
-A map with steps of several kinds also has, where by default `guarded` and `careful` are `advance`,
+Optional, by default `advance`, False, `advance` and no change, are
 
 guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
                                   else bit-identical to `advance`.

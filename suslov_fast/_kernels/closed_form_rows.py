@@ -71,13 +71,13 @@ Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
 # place, offset    how many rows of the block precede its own in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   see the formula
-# rest             exponent of what multiplies states last, see `rest_of`
+# power_left       exponent of what multiplies states last, see the formula
 # fails            the first step without a state
 # c, s             the pair at the last multiple of BASE rows
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 Lanes = namedtuple(
     "Lanes",
-    "place offset number recompute_from rest fails c s seed_c seed_s table_c table_s",
+    "place offset number recompute_from power_left fails c s seed_c seed_s table_c table_s",
 )
 # The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. Row BASE a + b
 # of a group is its seed times eights[a] times ones[b]; both include the offset of the lane.
@@ -162,11 +162,11 @@ def enter(b, lanes, motion, used):
         start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
         put(b.forms, l, formulas.forms(start, levels, steps, lane(b.problem, l)))
         size = formulas.recompute_from(start, levels, steps)
-        rest = select(steps.kind == RESTS, 0.0, formulas.rest_of(start.power))
-        lanes.recompute_from[l], lanes.rest[l], lanes.fails[l] = size, rest, np.inf
+        power_left = select(steps.kind == RESTS, 0.0, formulas.power_left(start.power))
+        lanes.recompute_from[l], lanes.power_left[l], lanes.fails[l] = size, power_left, np.inf
         others += select(steps.kind > PASSES, 1, 0)
         turning += select(steps.kind == TURNS, 1, 0)
-        recomputed += select((size < np.inf) | (rest != 0.0), 1, 0)
+        recomputed += select((size < np.inf) | (power_left != 0.0), 1, 0)
     if turning > 0:
         for l in range(used):
             found = formulas.turning(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
@@ -182,14 +182,14 @@ def enter(b, lanes, motion, used):
 
 
 @inner
-def state_at(orbit, rest, n):
+def state_at(orbit, power_left, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
     forms = forms_of(orbit, n % 2.0 == 1.0)
     c, s = formulas.pair(n, orbit.steps, True)
     omega1, omega2 = formulas.omega_of(c, s, forms)
     if formulas.is_pole(c, s, forms):
         omega1, omega2 = np.nan, np.nan
-    return scaled(omega1, rest), scaled(omega2, rest)
+    return scaled(omega1, power_left), scaled(omega2, power_left)
 
 
 @formula
@@ -201,7 +201,7 @@ def forms_of(orbit, odd):
 
 
 @formula
-def first_missing(orbit, rest, stop):
+def first_missing(orbit, power_left, stop):
     """Return the index of the first state of an orbit with T >= 1 that does not exist, and True if
     it is infinite.
     """
@@ -211,7 +211,7 @@ def first_missing(orbit, rest, stop):
         nearest = np.floor(formulas.step_to_pole(forms, orbit.steps, case % 2) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):
-                omega1, omega2 = state_at(orbit, rest, n)
+                omega1, omega2 = state_at(orbit, power_left, n)
                 size = abs(omega1) + abs(omega2)
                 if not size < np.inf:
                     fails, infinite = n, size == np.inf
@@ -219,7 +219,7 @@ def first_missing(orbit, rest, stop):
 
 
 @inner
-def end_of(orbit, rest, stop):
+def end_of(orbit, power_left, stop):
     """Return the status of an orbit at step `stop`, and the index of its first missing state."""
     problem, start, levels, steps, _ = orbit
     if start.fate < 0.0:
@@ -231,7 +231,7 @@ def end_of(orbit, rest, stop):
             return codes.SUPERCRITICAL, np.inf
         if steps.kind == TURNS:  # which of its steps comes next to a pole is not known
             return codes.NEEDS_STEPS, np.inf
-        fails, infinite = first_missing(orbit, rest, stop)
+        fails, infinite = first_missing(orbit, power_left, stop)
         code = codes.NONFINITE if infinite else codes.SINGULAR
         return code if fails < np.inf else codes.SUPERCRITICAL, fails
     if start.power > 0.0 and steps.kind != RESTS:
@@ -253,7 +253,7 @@ def write_ends(b, lanes, first, width, used, ends):
     for l in range(width if len(status) else 0):
         code = codes.OK
         if b.start.fate[l] != REGULAR or b.start.power[l] > 0.0:
-            code, lanes.fails[l] = end_of(lane(b, l), lanes.rest[l], stop)
+            code, lanes.fails[l] = end_of(lane(b, l), lanes.power_left[l], stop)
         status[first + l] = code
         if lanes.fails[l] < np.inf:
             failed_at[first + l] = int(lanes.fails[l])
@@ -270,7 +270,7 @@ def count_unusual(lanes, used, tile):
     count = 0
     for l in range(used):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]
-        usual = usual & (lanes.rest[l] == 0.0)
+        usual = usual & (lanes.power_left[l] == 0.0)
         usual = usual & (lanes.number[l] > 0.0) & (lanes.number[l] < lanes.fails[l])
         count += select(usual, 0, 1)
     return count
@@ -285,9 +285,9 @@ def corrected(orbit, at, omega1, omega2):
     if n == 0.0:
         omega1, omega2 = orbit.problem.omega1, orbit.problem.omega2
     elif abs(omega1) + abs(omega2) < at.recompute_from:
-        omega1, omega2 = scaled(omega1, at.rest), scaled(omega2, at.rest)
+        omega1, omega2 = scaled(omega1, at.power_left), scaled(omega2, at.power_left)
     elif start.fate >= 0.0 and steps.kind != RESTS:
-        omega1, omega2 = state_at(orbit, at.rest, n)
+        omega1, omega2 = state_at(orbit, at.power_left, n)
     size = abs(omega1) + abs(omega2)
     if at.fails <= n < np.inf:
         omega1, omega2 = np.nan, np.nan
@@ -440,10 +440,10 @@ def fill_rows(
                     for l in range(width * abreast if count_unusual(lanes, used, tile) else 0):
                         if begin <= i + lanes.offset[l] < end:
                             correct(b, lanes, l, tile, counts)
-                # The rows asked for, and of their first in the output its number and its place.
+                # The rows asked for; the first of them in the output, and its place in the tile.
                 low, high = max(i, begin), min(i + abreast, end)
-                nearest, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
-                target = 2 * ((origin + direction * nearest) * out.shape[1] + first)
+                upper, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
+                target = 2 * ((origin + direction * upper) * out.shape[1] + first)
                 size, stride = 2 * width * (high - low), 2 * direction * out.shape[1] * abreast
                 for j in range(size if place > 0 else 0):
                     tile[j] = tile[2 * width * place + j]

@@ -65,7 +65,7 @@ def orthonormalise(part, parts, derivatives, logarithms, carried, of_det, scratc
     derivatives   (N, B, D, D)
     logarithms    (N, B), of their |det|
     carried       (B, D + 2, D), read and written: the columns of Q, as rows; and the products of
-                  the diagonals of all R, numbers and exponents of 2; a column is 0 if its is
+                  the diagonals of all R, as numbers and exponents of 2 (if 0, so is the column)
     of_det        (B,), to which `logarithms` are added
     scratch       (parts, 2 D + 3, D, LINE)
     """

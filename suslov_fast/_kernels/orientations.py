@@ -10,7 +10,7 @@ from .._formulas.rotation import mean
 from .._jit import formula, inner, kernel, share
 from .lanes import LANES
 from .turning_3d import enter_turns, leave_turns, turn_on, turns_block, write_turns
-from .turning_nd import turn_to
+from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 
 # Loops are inner functions: in a kernel, serial calls of functions that take arrays would count the
@@ -41,7 +41,8 @@ def turn_some(task, omega, eps, number, before, out, scratch):
     """Fill the orientations for the trajectories of a task."""
     batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
     n, memory = m + 1, scratch[task]
-    columns, scratch, b = memory[:n], memory[n:], memory[3 * n + 1][:m]
+    columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
+    image, b = memory[3 * n], memory[3 * n + 1, :m]
     for i in range(task * batch // tasks, (task + 1) * batch // tasks):
         for r in range(n):
             for c in range(n):
@@ -49,7 +50,9 @@ def turn_some(task, omega, eps, number, before, out, scratch):
         for k in range(len(out)):
             for j in range(m):
                 b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
-            turn_to(columns, number + k + 1, b, eps[i], scratch)
+            turn(columns, b, eps[i], image)
+            if (number + k + 1) % CLEAN_EVERY == 0:
+                clean_up(columns, gram, cleaned)
             for r in range(n):
                 for c in range(n):
                     out[k, i, r, c] = columns[c, r]

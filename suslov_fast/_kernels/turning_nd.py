@@ -70,30 +70,21 @@ def clean_up(columns, gram, cleaned):
 
 
 @inner
-def turn_to(columns, n, b, eps, scratch):
-    """Rotate an orientation to state n; b (m,) is the mean of that and the previous state.
-
-    scratch (2 n + 1, n)
-    """
-    size = len(columns)
-    turn(columns, b, eps, scratch[2 * size])
-    if n % CLEAN_EVERY == 0:
-        clean_up(columns, scratch[:size], scratch[size : 2 * size])
-
-
-@inner
 def turn_lanes(c, b, turning, task, begin, end, n, start):
     """Rotate the orientations of a block to state n."""
     time_step, columns, _, before, scratch = turning
     size = columns.shape[1]
-    middle = scratch[task, 2 * size + 1, : size - 1]
+    gram, cleaned = scratch[task, :size], scratch[task, size : 2 * size]
+    image, middle = scratch[task, 2 * size], scratch[task, 2 * size + 1, : size - 1]
     for l in range(end - begin):
         k = begin + l
         for i in range(size - 1):
             w = c.omega[i, l] * b.unit[l]
             middle[i], before[task, i, l] = mean(before[task, i, l], w), w
         if n > start:
-            turn_to(columns[k], n, middle, entry(time_step, k), scratch[task])
+            turn(columns[k], middle, entry(time_step, k), image)
+            if n % CLEAN_EVERY == 0:
+                clean_up(columns[k], gram, cleaned)
         elif b.status[l] != OK:
             for i in range(size):
                 for j in range(size):

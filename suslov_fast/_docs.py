@@ -1,4 +1,4 @@
-"""What the docstrings of several public functions share: parameters, errors, and other paragraphs.
+"""Parameters, errors and other paragraphs that the docstrings of several public functions share.
 
 A docstring holds only what is particular to its function; `filled` completes it.
 """

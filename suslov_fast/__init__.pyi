@@ -2,7 +2,7 @@
 # names is first used; type checkers read this file as it is.
 
 from ._bodies.body_3d import Suslov3D as Suslov3D
-from ._bodies.body_gyrostat import SuslovGyrostat as SuslovGyrostat
+from ._bodies.body_3d import SuslovGyrostat as SuslovGyrostat
 from ._bodies.body_nd import SuslovND as SuslovND
 from ._bodies.field import QuadraticField as QuadraticField
 from ._bodies.integrable import NotIntegrableError as NotIntegrableError

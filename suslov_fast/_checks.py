@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from types import CodeType
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -356,10 +356,10 @@ def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
     return value
 
 
-def instance(name: str, value: Any, expected: type | tuple[type, ...]) -> None:
-    """Check the class of an object."""
+def instance(name: str, value: Any, expected: Any) -> None:
+    """Check the class of an object; `expected` is a class, a tuple or a union of classes."""
     if not isinstance(value, expected):
-        classes = expected if isinstance(expected, tuple) else (expected,)
+        classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(each.__name__ for each in classes)
         raise wrong(name, names, getattr(value, "_kind", type(value).__name__), TypeError)
 

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
 from .._docs import filled
 from .base import Body
-from .body_3d import Suslov3D
-from .body_gyrostat import SuslovGyrostat
+from .body_3d import Suslov3D, SuslovGyrostat
 from .body_nd import J_I_rotor, SuslovND
 from .polynomial import Polynomial, exact_array, numbers, plain, rational
 

@@ -7,21 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import aligned, common_shape, instance, real_number, rotations, states, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
-BodyIn3D = Suslov3D | SuslovGyrostat
+BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
 WithoutRotor = Suslov3D | SuslovND
 
 # Names of arguments that are numbers.
 _NUMBERS = "eps", "c"
-# Bodies whose states are (Omega1, Omega2).
-IN_3D = Suslov3D, SuslovGyrostat
 
 
 def refuse_rotor(body: object, function: str, instead: str) -> None:
@@ -49,7 +46,7 @@ def orientations_of(body: Any, carries_attitude: bool, attitude: Any) -> dict[st
 
 def check(
     body: BodyOrField,
-    kinds: tuple[type[Any], ...],
+    kinds: Any,
     arguments: dict[str, ArrayLike],
     components: tuple[str, ...] | None = None,
     later: bool = False,

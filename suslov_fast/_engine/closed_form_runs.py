@@ -10,13 +10,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
 from .._jit import Kernel
 from .._kernels import closed_form_rows as kernels
 from .._kernels.lanes import LANES
 from . import threads as _threads
+from .arguments import BodyIn3D
 from .layout import flat_arrays, for_loops
 from .memory import require
 from .stretches import alike
@@ -84,7 +83,7 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
 
 
 def states_at(
-    body: Suslov3D | SuslovGyrostat,
+    body: BodyIn3D,
     state: FloatArray,
     eps: float | FloatArray,
     batch: tuple[int, ...],

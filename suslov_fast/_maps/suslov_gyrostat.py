@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_3d import SuslovGyrostat
 from .._engine.layout import for_loops
 from .._engine.methods import gyrostat_steps, run_3d
 from .record import Kept, Map

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.integrable import check_solved
 from .._checks import FloatArray, real_number, warn, wrong
@@ -182,8 +181,7 @@ def _solve(
 ) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
     flow, threads = name == "flow", thread_count(threads)
-    kinds = Suslov3D, SuslovND, SuslovGyrostat
-    (state, step), batch = check(body, kinds, {"omega0": omega0, "eps": eps})
+    (state, step), batch = check(body, AnyBody, {"omega0": omega0, "eps": eps})
     if isinstance(body, SuslovND):
         check_solved(body, name)
         if body.dimension == 2:

@@ -16,9 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray
+from .._engine.arguments import BodyIn3D
 from .geometry import ellipsoid
 from .style import style, styled
 
@@ -71,7 +70,7 @@ def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> N
 
 
 def turning_body(
-    body: Suslov3D | SuslovGyrostat, rotations: FloatArray, eps: float
+    body: BodyIn3D, rotations: FloatArray, eps: float
 ) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
     radii, principal, I3, _ = ellipsoid(body)

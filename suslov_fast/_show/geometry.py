@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, instance, wrong
+from .._engine.arguments import BodyIn3D
 
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
 
 
-def check_moving(body: Suslov3D | SuslovGyrostat) -> None:
+def check_moving(body: BodyIn3D) -> None:
     """Check that a body is a single one that does not rest in all states."""
-    instance("body", body, (Suslov3D, SuslovGyrostat))
+    instance("body", body, BodyIn3D)
     if body.shape or not (body.I13 or body.I23 or getattr(body, "k", 0.0)):
         raise ValueError(f"body: expected a single one with I13 or I23 other than 0, got {body}")
 
 
-def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
+def half_angle(body: BodyIn3D) -> tuple[complex, float]:
     """Complex g = I13 / sqrt(I1) + i I23 / sqrt(I2), and k, of a single body.
 
     With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
@@ -30,7 +30,7 @@ def half_angle(body: Suslov3D | SuslovGyrostat) -> tuple[complex, float]:
     return g, float(getattr(body, "k", 0.0))
 
 
-def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatArray) -> FloatArray:
+def on_level(body: BodyIn3D, eps: float, R: float, psi: FloatArray) -> FloatArray:
     """States (N, 2) on the level R of the first integral, at phases psi (N,)."""
     g, k = half_angle(body)
     e, turn = 0.5 * eps / np.sqrt(body.I1 * body.I2), g / abs(g) if g else 1.0
@@ -39,9 +39,7 @@ def on_level(body: Suslov3D | SuslovGyrostat, eps: float, R: float, psi: FloatAr
     return np.stack([z.real / np.sqrt(body.I1), z.imag / np.sqrt(body.I2)], axis=-1)
 
 
-def level(
-    body: Suslov3D | SuslovGyrostat, eps: float, R: float, reach: float = 3.0
-) -> list[FloatArray]:
+def level(body: BodyIn3D, eps: float, R: float, reach: float = 3.0) -> list[FloatArray]:
     """Branches, as states (N, 2), of the level R, a conic; with a step size of 0, of the energy.
 
     Unbounded branches are cut off at sinh(reach) times their width.
@@ -70,7 +68,7 @@ def meeting_phase(A: float, k: float) -> float:
     return float(np.arccos(np.clip(-k / A, -1.0, 1.0))) if A else 0.0
 
 
-def steady_line(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray]:
+def steady_line(body: BodyIn3D) -> tuple[FloatArray, FloatArray]:
     """The state of least energy on the line of steady states, and the direction of the line.
 
     With a positive step size the half in this direction repels.
@@ -80,7 +78,7 @@ def steady_line(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray
     return middle, np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)
 
 
-def ellipsoid(body: Suslov3D | SuslovGyrostat) -> tuple[FloatArray, FloatArray, float, bool]:
+def ellipsoid(body: BodyIn3D) -> tuple[FloatArray, FloatArray, float, bool]:
     """Return the points r with r.I r constant, I the inertia tensor of a single body.
 
     These are the semi-axes, the largest being 1, their directions as columns, the corresponding I3,

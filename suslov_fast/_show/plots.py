@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, integer, positive, wrong
+from .._engine.arguments import BodyIn3D
 from .._runs.iterate import iterate
 from .._space.attitude import attitude
 from .._states.conserved import energy
@@ -28,7 +28,7 @@ _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 @styled
 def plot_phase(
-    body: Suslov3D | SuslovGyrostat,
+    body: BodyIn3D,
     eps: float,
     extent: float,
     *,
@@ -113,7 +113,7 @@ def plot_phase(
 
 @styled
 def animate_body(
-    body: Suslov3D | SuslovGyrostat | None = None,
+    body: BodyIn3D | None = None,
     omega0: ArrayLike | None = None,
     eps: float = 0.05,
     steps: int = 440,

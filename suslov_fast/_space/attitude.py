@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._bodies.body_nd import SuslovND, in_units
 from .._checks import (
     FloatArray,
@@ -90,7 +88,7 @@ def attitude(
     >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
     True
     """
-    instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
+    instance("body", body, AnyBody)
     m = body.dimension
     labels = body._labels
     omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}, labels).values()

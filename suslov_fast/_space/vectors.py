@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_gyrostat import SuslovGyrostat
-from .._bodies.body_nd import SuslovND
+from .._bodies.body_3d import SuslovGyrostat
 from .._checks import FloatArray, common_shape, instance, square_matrices, vectors
 from .._docs import filled
-from .._engine.arguments import IN_3D, AnyBody, BodyIn3D, check
+from .._engine.arguments import AnyBody, BodyIn3D, check
 
 # Relative tolerance of antisymmetry and of the constraint.
 _ROUNDING = 1e-12
@@ -43,10 +42,10 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    (state,), batch = check(body, (*IN_3D, SuslovND), {"omega": omega})
+    (state,), batch = check(body, AnyBody, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     column = np.broadcast_to(state, (*batch, body.dimension))
-    if isinstance(body, IN_3D):
+    if isinstance(body, BodyIn3D):
         column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
     return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis, np.newaxis]), turn)
 
@@ -81,7 +80,7 @@ def from_matrix(
     >>> from_matrix(body, to_matrix(body, [2.0, 5.0]))
     array([2., 5.])
     """
-    instance("body", body, (*IN_3D, SuslovND))
+    instance("body", body, AnyBody)
     n = body.dimension + 1
     matrices = square_matrices("matrix", matrix, n, allow_nan=True)
     turn = None if rotation is None else square_matrices("rotation", rotation, n)
@@ -99,7 +98,7 @@ def from_matrix(
             f"{np.nanmax(forbidden):.2g}"
         )
     column = adapted[..., :-1, -1]
-    if isinstance(body, IN_3D):
+    if isinstance(body, BodyIn3D):
         column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
     batch = common_shape({"body": body.shape, "matrix": column.shape[:-1]})
     return np.broadcast_to(column + 0.0, (*batch, n - 1)).copy()
@@ -126,7 +125,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    (state,), batch = check(body, IN_3D, {"omega": omega})
+    (state,), batch = check(body, BodyIn3D, {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
     return _turned_vector(vector, _turn(3, rotation, attitude))
@@ -163,7 +162,7 @@ def from_vector(
     >>> from_vector(body, [1.0, 0.0, 0.5], rotation=rotation).shape
     (2,)
     """
-    instance("body", body, IN_3D)
+    instance("body", body, BodyIn3D)
     array = vectors("vector", vector, 3, allow_nan=True)
     turn = None if rotation is None else square_matrices("rotation", rotation, 3)
     adapted = _turned_vector(array, turn)
@@ -209,10 +208,10 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), _ = check(body, (*IN_3D, SuslovND), {"omega": omega})
+    (state,), _ = check(body, AnyBody, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
-        if isinstance(body, IN_3D):
+        if isinstance(body, BodyIn3D):
             w1, w2 = state[..., 0], state[..., 1]
             third = body.I13 * w1 + body.I23 * w2
             if isinstance(body, SuslovGyrostat):

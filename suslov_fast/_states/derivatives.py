@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_nd import SuslovND, in_units
+from .._bodies.body_nd import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyOrField, WithoutRotor, check, refuse_rotor
@@ -171,7 +170,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
            [1.      , 1.062919]])
     """
     refuse_rotor(body, "multipliers", "jacobian at the steady state")
-    (where, step_size), batch = check(body, (Suslov3D, SuslovND), {"c": c, "eps": eps})
+    (where, step_size), batch = check(body, WithoutRotor, {"c": c, "eps": eps})
     J, I, _, moments, products = in_units(body)
     spectrum = _spectrum(J, I)
     with np.errstate(all="ignore"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
@@ -10,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
 from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import BodyOrField, check
+from .._engine.arguments import BodyIn3D, BodyOrField, check
 from .._engine.evaluation import TASKS
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
@@ -72,13 +69,14 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    kinds = tuple(kind for kind, quantities in TABLE.items() if "jacobian" in quantities)
-    (state, step_size), batch = check(body, kinds, {"omega0": omega0, "eps": eps})
-    steps, threads = integer("steps", steps, 1), _threads.thread_count(threads)
+    map = map_of(body)
+    (state, step_size), batch = check(body, (), {"omega0": omega0, "eps": eps})
+    steps = integer("steps", steps, 1)
+    problem = problem_of(map, body, batch, state, step_size, threads=threads)
     if 0 in batch:
         return np.empty((*batch, body.dimension))
     with np.errstate(all="ignore"):
-        lengths, of_det = _sums(body, state, step_size, batch, steps, threads)
+        lengths, of_det = _sums(problem, steps)
         # The last length is the least accurate, and follows from the others and the determinant.
         last, lost = of_det - lengths[..., :-1].sum(axis=-1), (lengths[..., :-1] == -np.inf)
         lengths[..., -1] = np.where(lost.any(axis=-1), lengths[..., -1], last)
@@ -94,26 +92,19 @@ def lyapunov_exponents(
     return result
 
 
-def _sums(
-    body: Any,
-    state: FloatArray,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
-    steps: int,
-    threads: int | None,
-) -> tuple[FloatArray, FloatArray]:
+def _sums(problem: Problem, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums of the logarithms of the diagonals of R, and of |det DPhi|."""
-    D, size, kind = body.dimension, math.prod(batch), map_of(body)
+    body, eps, threads, (size, D) = problem.body, problem.eps, problem.threads, problem.omega0.shape
     scratch, of_det, invariant = np.empty((TASKS, 2 * D + 3, D, LINE)), np.zeros(size), None
-    log_det = _canonical if isinstance(body, (Suslov3D, SuslovGyrostat)) else _by_slopes
+    log_det = _canonical if isinstance(body, BodyIn3D) else _by_slopes
     carried = np.zeros((size, D + 2, D))
     carried[:, :D], carried[:, D] = np.eye(D), 1.0
-    for omega in _slabs(problem_of(kind, body, batch, state, eps, threads=threads), steps):
+    for omega in _slabs(problem, steps):
         derivatives, logarithms, invariant = log_det(body, omega, eps, invariant, threads)
         arrays = derivatives.reshape(-1, size, D, D), logarithms.reshape(-1, size), carried, of_det
         _threads.run(orthonormalise, _COST * derivatives.size * D, threads, *arrays, scratch)
     lengths = np.log(carried[:, D]) + carried[:, D + 1] * np.log(2.0)
-    return lengths.reshape(*batch, D), of_det.reshape(batch)
+    return lengths.reshape(*problem.batch, D), of_det.reshape(problem.batch)
 
 
 def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:

@@ -8,8 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
-from .._bodies.body_gyrostat import SuslovGyrostat
+from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray

@@ -6,10 +6,10 @@ import math
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from ..._bodies.body_3d import Suslov3D
-from ..._bodies.body_gyrostat import SuslovGyrostat
+from ..._bodies.body_3d import Suslov3D, SuslovGyrostat
 from ..._bodies.paper import PICTURES
 from ..._checks import vectors, wrong
+from ..._engine.arguments import BodyIn3D
 
 STEPS = 5000
 
@@ -30,7 +30,7 @@ class Parameters(NamedTuple):
     k: float = 0.0
 
     @property
-    def body(self) -> Suslov3D | SuslovGyrostat:
+    def body(self) -> BodyIn3D:
         """The body; ValueError if the parameters are invalid."""
         return SuslovGyrostat(*self[:4], self.k) if self.k else Suslov3D(*self[:4])
 
@@ -68,7 +68,7 @@ def query_of_link(link: str) -> str:
     return query
 
 
-def query_of(body: Suslov3D | SuslovGyrostat, eps: float, omega0: Any, steps: int) -> str:
+def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     """Return the query of a page that shows an orbit of a single body."""
     state = vectors("omega0", omega0, 2)
     if body.shape or state.ndim != 1:

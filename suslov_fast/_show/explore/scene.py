@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..._bodies.body_3d import Suslov3D
-from ..._bodies.body_gyrostat import SuslovGyrostat
+from ..._engine.arguments import BodyIn3D
 from ..._engine.status import Status
 from ..._runs.iterate import iterate
 from ..._runs.solution import flow, limits
@@ -20,7 +20,6 @@ from ..._states.derivatives import vector_field
 from ..geometry import ellipsoid, half_angle, level, meeting_phase, on_level, steady_line
 from .parameters import Parameters
 
-Body = Suslov3D | SuslovGyrostat
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, phase from the line of steady states.
@@ -167,7 +166,7 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     }
 
 
-def _ellipsoid(body: Body) -> dict[str, Any] | None:
+def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     """Ellipsoid of inertia, if there is one in the range of float64."""
     try:
         radii, axes, I3, admissible = ellipsoid(body)

@@ -14,9 +14,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ... import __version__
-from ..._bodies.body_3d import Suslov3D
-from ..._bodies.body_gyrostat import SuslovGyrostat
 from ..._checks import instance
+from ..._engine.arguments import BodyIn3D
 from .parameters import PRESETS, STEPS, Parameters, query_of, read
 from .scene import scene
 
@@ -145,7 +144,7 @@ class Page:
 
 
 def explore(
-    body: Suslov3D | SuslovGyrostat,
+    body: BodyIn3D,
     omega0: ArrayLike = (1.0, 0.5),
     eps: float = 0.1,
     steps: int = 300,
@@ -186,7 +185,7 @@ def explore(
     True
     >>> page.close()
     """
-    instance("body", body, (Suslov3D, SuslovGyrostat))
+    instance("body", body, BodyIn3D)
     query = query_of(body, eps, omega0, steps)
     server = Server(0, _NOTEBOOKS)
     serve: Any = server.serve_forever

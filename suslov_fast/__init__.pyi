@@ -3,9 +3,9 @@
 
 from ._bodies.body_3d import Suslov3D as Suslov3D
 from ._bodies.body_3d import SuslovGyrostat as SuslovGyrostat
+from ._bodies.body_nd import NotIntegrableError as NotIntegrableError
 from ._bodies.body_nd import SuslovND as SuslovND
 from ._bodies.field import QuadraticField as QuadraticField
-from ._bodies.integrable import NotIntegrableError as NotIntegrableError
 from ._engine.status import SingularStepWarning as SingularStepWarning
 from ._engine.status import Status as Status
 from ._ensemble.api import ensemble as ensemble

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from suslov_fast import Suslov3D, SuslovND
-from suslov_fast._engine import stretches as engine
+from suslov_fast._engine import stepping as engine
 
 # No deadline, since the first call of a kernel compiles it.
 settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)

@@ -14,8 +14,7 @@ from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
 from suslov_fast._engine.layout import flat_parameter
 from suslov_fast._maps import registry
-from suslov_fast._maps.record import Kept, Map
-from suslov_fast._maps.registry import map_named, map_of
+from suslov_fast._maps.registry import Kept, Map, map_named, map_of
 
 
 class Named(sf.Suslov3D):

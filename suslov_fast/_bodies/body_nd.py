@@ -1,4 +1,4 @@
-"""The n-dimensional body, and all bodies in its form."""
+"""The n-dimensional body, which such bodies are solved, and all bodies in its form."""
 
 from __future__ import annotations
 
@@ -8,11 +8,21 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._checks import FloatArray, inertia_matrix, real_array, unit_axis
+from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis
 from .base import Body
 from .matter import shortest_rotation_to_last
 
 IntArray = NDArray[np.intc]
+# Rounding error of J and I, which from_mass_tensor rotates.
+_ROUNDING = 1e-14
+# What to use for bodies that are not solved.
+_INSTEAD = {
+    "exact": "iterate",
+    "limits": "iterate",
+    "flow": "vector_field with scipy.integrate.solve_ivp",
+    "first_integral": "modified_energy",
+    "criticality": "iterate, and compare with half the step size",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -166,3 +176,40 @@ def in_units(body: Any) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
     products = np.frexp(np.maximum(abs(I).max(axis=-1, keepdims=True), abs(rotor)))[1]
     J, I, rotor = np.ldexp(J, -moments), np.ldexp(I, -products), np.ldexp(rotor, -products)
     return J, I, rotor, moments, products
+
+
+class NotIntegrableError(ValueError):
+    """No closed form or first integral is known for this body."""
+
+
+def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np.bool_]:
+    """Return a mask of the bodies with J I = b I, and J = a orthogonal to I, up to `rounding`.
+
+    All J are equal, or at most one component of I is not 0; for n = 3 every body is solved.
+    """
+    J, size = np.broadcast_arrays(J, abs(I))
+    largest = size.max(axis=-1, keepdims=True)
+    coupled = size > rounding * largest
+    left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
+    low = np.where(left_out, np.inf, J).min(axis=-1)
+    high = np.where(left_out, 0.0, J).max(axis=-1)
+    solved: NDArray[np.bool_] = high * (1.0 - rounding) <= low
+    solved |= (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    return solved
+
+
+def are_solved(body: SuslovND) -> NDArray[np.bool_]:
+    """Return a mask of the bodies of a batch that are solved, to rounding."""
+    return is_solved(body.J, body.I, _ROUNDING)
+
+
+def check_solved(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless all bodies are solved."""
+    solved = are_solved(body)
+    if not solved.all():
+        which = spell(first_index(~np.atleast_1d(solved)))
+        raise NotIntegrableError(
+            f"{function}: expected a body with all J equal, or with I along one axis and all other "
+            f"J equal; body {which} is not, and no closed form is known for it: "
+            f"use {_INSTEAD[function]}"
+        )

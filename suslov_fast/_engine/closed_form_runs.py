@@ -16,9 +16,8 @@ from .._kernels import closed_form_rows as kernels
 from .._kernels.lanes import LANES
 from . import threads as _threads
 from .arguments import BodyIn3D
-from .layout import flat_arrays, for_loops
+from .layout import alike, flat_arrays, for_loops
 from .memory import require
-from .stretches import alike
 
 # States of one call of a kernel: some 10 ms. With a quarter of this, idle threads cost 5 %.
 SLICE = 2**24

@@ -18,7 +18,7 @@ from .progress import Progress, reporter
 from .threads import thread_count
 
 if TYPE_CHECKING:
-    from .._maps.record import Map
+    from .._maps.registry import Map
 
 Indices = NDArray[np.intp]
 Resume = Mapping[str, NDArray[Any]]
@@ -28,37 +28,20 @@ NONE: Indices = np.empty(0, np.intp)
 
 
 class Problem(NamedTuple):
-    """A batch of B trajectories of a map, and how to compute them.
-
-    Attributes
-    ----------
-    batch
-        The shape of the batch.
-    omega0
-        (B, D), the states at step 0.
-    eps
-        The step size, a number or of a shape that broadcasts to the batch.
-    parameters
-        What `Map.parameters` returns: arrays (B, ...) or (1, ...).
-    orientation
-        (B, n, n), the orientations at step 0, or None.
-    continued
-        False for a single step that no other follows.
-    progress
-        Called with the number of steps done so far, or None. The closed form does not call it, nor
-        do drivers of trajectories that another one left.
-    """
+    """A batch of B trajectories of a map, and how to compute them."""
 
     map: Map
     body: BodyOrField
-    batch: tuple[int, ...]
-    omega0: FloatArray
-    eps: float | FloatArray
-    parameters: tuple[Any, ...]
+    batch: tuple[int, ...]  # its shape
+    omega0: FloatArray  # (B, D), the states at step 0
+    eps: float | FloatArray  # of a shape that broadcasts to the batch
+    parameters: tuple[Any, ...]  # of `Map.parameters`: arrays (B, ...) or (1, ...)
     method: str
-    orientation: FloatArray | None
+    orientation: FloatArray | None  # (B, n, n), at step 0
     threads: int | None
-    continued: bool
+    continued: bool  # False for a single step that no other follows
+    # Takes the number of steps done so far. The closed form does not call it, nor do drivers of
+    # trajectories that another one left.
     progress: Callable[[int], object] | None = None
 
     @property
@@ -108,22 +91,14 @@ def problem_of(
 
 
 class Span(NamedTuple):
-    """Steps after state `start`, up to state `steps`; every so many states are saved, or none.
-
-    Attributes
-    ----------
-    every
-        The number of steps between saved states, more than `steps` if none are saved.
-    rows_before, rows
-        The numbers of states saved before this span, and in it, with state 0 if it starts there.
-    """
+    """Steps after state `start`, up to state `steps`; every so many states are saved, or none."""
 
     start: int
     steps: int
     save_every: int | None
-    every: int
-    rows_before: int
-    rows: int
+    every: int  # steps between saved states, more than `steps` if none are saved
+    rows_before: int  # states saved before this span
+    rows: int  # states saved in it, with state 0 if it starts there
 
     @property
     def saves_last(self) -> bool:
@@ -140,27 +115,14 @@ def span_of(start: int, steps: int, save_every: int | None) -> Span:
 
 
 class Output(NamedTuple):
-    """The results of a span, flat for drivers, and in the shape of the batch for users.
+    """The results of a span, flat for drivers, and in the shape of the batch for users."""
 
-    Attributes
-    ----------
-    saved, turns
-        (rows, B, D) and (rows, B, n, n), the saved states and orientations. Without saved states,
-        `turns` has a row for the last orientation.
-    final
-        (B, D), the last state; NaN if it does not exist.
-    status, failed_at
-        (B,), a code, and if that is negative, the index of the first state that does not exist.
-    resume
-        Arrays from which the run can be continued, by name.
-    """
-
-    saved: FloatArray
-    turns: FloatArray | None
-    final: FloatArray
-    status: NDArray[np.int8]
-    failed_at: NDArray[np.int64]
-    resume: dict[str, NDArray[Any]]
+    saved: FloatArray  # (rows, B, D)
+    turns: FloatArray | None  # (rows, B, n, n); without saved states a row for the last orientation
+    final: FloatArray  # (B, D), the last state; NaN if it does not exist
+    status: NDArray[np.int8]  # (B,)
+    failed_at: NDArray[np.int64]  # if the status is negative, the first state that does not exist
+    resume: dict[str, NDArray[Any]]  # arrays from which the run can be continued
 
     def put(self, chosen: Indices, part: Output) -> None:
         """Take over the results of some trajectories, of their last rows if they have more."""

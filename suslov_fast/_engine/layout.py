@@ -66,3 +66,12 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
     if not out.flags.carray:
         raise ValueError("out: expected a writeable, aligned array, got one that is not")
     return out
+
+
+def alike(size: int, most: int, lanes: int) -> int:
+    """Return the length of parts of about equal length, at most `most`, in multiples of lanes.
+
+    A short part at the end would leave threads idle.
+    """
+    parts = -(-size // most)
+    return -(-size // (parts * lanes)) * lanes

@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from .._bodies.integrable import is_solved
+from .._bodies.body_nd import is_solved
 from .._kernels import blocks_nd, codes, maps_3d
 from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
 from .execution import (

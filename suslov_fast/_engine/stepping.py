@@ -1,8 +1,12 @@
-"""Runs iterated step by step."""
+"""Runs iterated step by step, in stretches between which Python handles Ctrl-C.
+
+A stretch takes 10 ms to 100 ms, and longer only where steps need elimination.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numba
 import numpy as np
@@ -16,12 +20,24 @@ from .._kernels.lanes import LANES
 from .._kernels.map_nd import LANES as LANES_ND
 from . import threads as _threads
 from .execution import NONE, Indices, Output, Problem, Resume, Span, with_status
+from .layout import alike
 from .memory import require
-from .stretches import stretches_of
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
 _FEW = 12
+
+# Work of a thread in a stretch, in steps of one trajectory of the 3D map.
+_STRETCH = 2**26
+# Least numbers of trajectories and of steps of a stretch, if there are as many, each divided by the
+# work of a step: entering a trajectory costs tens of steps of the 3D map.
+_ABREAST, _LENGTH = 2**13, 2**8
+# Cost of saving a state, in steps of the 3D map.
+_SAVING = 8
+
+# Trajectories begin to end, from state start to state stop; the steps between saved states, and the
+# number of those before.
+Stretch = tuple[int, int, int, int, int, int]
 
 
 def iterate(
@@ -139,3 +155,34 @@ def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArra
     memory = np.empty(math.prod(shape) + LINE)
     first = -(memory.ctypes.data // 8) % LINE  # vectors across two cache lines take a fifth longer
     return memory[first : first + math.prod(shape)].reshape(shape)
+
+
+def stretches_of(
+    problem: Problem, span: Span, step: float, lanes: int
+) -> Iterator[tuple[Stretch, int]]:
+    """Yield the stretches to compute one after another, and the work of each for several threads.
+
+    `step` is the cost of a step of one trajectory, in steps of the 3D map. A thread takes `lanes`
+    trajectories at a time, in the time of all lanes; such a block is not worth a second thread. The
+    batch is divided first, so that the data of a stretch stay in the caches; time is divided only
+    if few trajectories take long.
+    """
+    size, count = len(problem.omega0), span.steps - span.start
+    cost = step + (_SAVING / span.every if span.rows else 0.0)
+    blocks = -(-size // lanes)
+    width, length = blocks * lanes or 1, max(count, 1)
+    if width * length * cost > _STRETCH:
+        most = problem.threads or numba.config.NUMBA_NUM_THREADS
+        of_stretch = min(blocks, most) * _STRETCH / cost
+        abreast = max(lanes * most, int(_ABREAST / step), int(of_stretch / length))
+        width = alike(width, abreast, lanes)
+        length = max(int(_LENGTH / step), int(of_stretch / width), 1)
+    for begin in range(0, size, width):
+        end = min(begin + width, size)
+        for start in range(span.start, max(span.steps, span.start + 1), length):
+            stop = min(start + length, span.steps)
+            work = (end - begin) * (stop - start) * step if end - begin > lanes else 0
+            yield (begin, end, start, stop, span.every, span.rows_before), int(work)
+            if problem.progress is not None:
+                done = begin * count + (end - begin) * (stop - span.start)
+                problem.progress(done // size)

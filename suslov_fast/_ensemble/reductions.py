@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._bodies.integrable import NotIntegrableError
+from .._bodies.body_nd import NotIntegrableError
 from .._checks import FloatArray, wrong
-from .._maps.record import Map
-from .._maps.registry import map_of
+from .._maps.registry import Map, map_of
 from .._states.conserved import energy, first_integral, modified_energy
 
 

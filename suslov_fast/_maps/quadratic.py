@@ -12,7 +12,7 @@ from .._checks import FloatArray
 from .._engine.layout import flat_parameter, for_kernel
 from .._engine.stepping import iterate_field
 from .._kernels.elimination import WIDEST
-from .record import Kept, Map
+from .registry import Kept, Map
 
 
 def _parameters(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .._bodies.body_3d import Suslov3D
 from .._engine.layout import for_loops
 from .._engine.methods import run_suslov
-from .record import Kept, Map
+from .registry import Kept, Map
 
 MAP = Map(
     name="suslov3d",

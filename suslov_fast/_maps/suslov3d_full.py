@@ -9,7 +9,7 @@ from .._checks import FloatArray
 from .._engine.layout import flat_body, flat_parameter
 from .._engine.stepping import iterate
 from .._kernels.maps_3d import full
-from .record import Kept, Map
+from .registry import Kept, Map
 
 
 def _parameters(

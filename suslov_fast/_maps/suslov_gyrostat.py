@@ -7,7 +7,7 @@ from functools import partial
 from .._bodies.body_3d import SuslovGyrostat
 from .._engine.layout import for_loops
 from .._engine.methods import gyrostat_steps, run_3d
-from .record import Kept, Map
+from .registry import Kept, Map
 
 MAP = Map(
     name="suslov_gyrostat",

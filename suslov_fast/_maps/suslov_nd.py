@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from .._bodies.body_nd import SuslovND
-from .._bodies.integrable import are_solved
+from .._bodies.body_nd import SuslovND, are_solved
 from .._engine.layout import for_loops
 from .._engine.methods import run_nd
-from .record import Kept, Map
+from .registry import Kept, Map
 
 
 def _conserved(body: SuslovND) -> tuple[str, ...]:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_nd import SuslovND
-from .._bodies.integrable import check_solved
+from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
 from .._engine import reduced_runs

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -29,7 +28,7 @@ from .._engine.execution import (
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
-from .._maps.record import Map
+from .._maps.registry import Map
 
 if TYPE_CHECKING:
     import xarray
@@ -53,6 +52,24 @@ class SingularStepError(ArithmeticError):
 
     def __reduce__(self) -> tuple[type, tuple[str, Trajectories]]:
         return type(self), (str(self), self.trajectories)
+
+
+def _quantity(
+    module: str, name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
+) -> Callable[[Trajectories], FloatArray]:
+    """Return the method that evaluates a function of `_states` for the saved states."""
+
+    def method(self: Trajectories) -> FloatArray:
+        if name not in self._map.quantities:
+            raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
+        function = getattr(import_module(f"suslov_fast._states.{module}"), name)
+        values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)
+        return values
+
+    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
+    arguments = "the saved states and eps" if with_eps else "the saved states"
+    method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
+    return method
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -215,40 +232,14 @@ class Trajectories:
         """True if every trajectory finished."""
         return worst(self.status) >= 0
 
-    def first_integral(self) -> FloatArray:
-        """Return :func:`suslov_fast.first_integral` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("conserved", "first_integral", self.eps)
-
-    def energy(self) -> FloatArray:
-        """Return :func:`suslov_fast.energy` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("conserved", "energy")
-
-    def modified_energy(self) -> FloatArray:
-        """Return :func:`suslov_fast.modified_energy` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("conserved", "modified_energy", self.eps)
-
-    def criticality(self) -> FloatArray:
-        """Return :func:`suslov_fast.criticality` of the saved states, shape (n_saved, ...)."""
-        return self._of_states("conserved", "criticality", self.eps)
-
-    def to_xy(self) -> FloatArray:
-        """Return :func:`suslov_fast.to_xy` of the saved states, shape (n_saved, ..., 2)."""
-        return self._of_states("paper_coordinates", "to_xy")
-
-    def reaction(self) -> FloatArray:
-        """Return the discrete :func:`suslov_fast.reaction` from each saved state to its next.
-
-        Shape (n_saved, ...), or (n_saved, ..., n - 1, n - 1) in n dimensions.
-        """
-        return self._of_states("derivatives", "reaction", self.eps)
-
-    def _of_states(self, module: str, name: str, *eps: float | FloatArray) -> FloatArray:
-        """Return a quantity of the saved states; TypeError if the map does not have it."""
-        if name not in self._map.quantities:
-            raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
-        function = getattr(import_module(f"suslov_fast._states.{module}"), name)
-        values: FloatArray = function(self.body, self.states, *eps)
-        return values
+    first_integral = _quantity("conserved", "first_integral")
+    energy = _quantity("conserved", "energy", with_eps=False)
+    modified_energy = _quantity("conserved", "modified_energy")
+    criticality = _quantity("conserved", "criticality")
+    to_xy = _quantity("paper_coordinates", "to_xy", "(n_saved, ..., 2)", with_eps=False)
+    reaction = _quantity(
+        "derivatives", "reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)"
+    )
 
     @filled
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
@@ -405,23 +396,12 @@ class Trajectories:
         return cls(**read(path))
 
     def __repr__(self) -> str:
-        return f"Trajectories({', '.join(f'{name}: {value}' for name, value in self._rows())})"
-
-    def _repr_html_(self) -> str:
-        rows = [("body", repr(self.body)), ("method", self.method), *self._rows()]
-        cells = (
-            f"<tr><th>{name}</th><td>{html.escape(str(value))}</td></tr>" for name, value in rows
-        )
-        return f"<table><caption>Trajectories</caption>{''.join(cells)}</table>"
-
-    def _rows(self) -> list[tuple[str, object]]:
         failed, n = np.count_nonzero(self.status < 0), self.n
-        return [
-            (self._map.variable, self.states.shape),
-            ("n", f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))),
-            ("eps", _range(self.eps)),
-            ("failed", f"{failed} of {self.status.size}"),
-        ]
+        steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
+        return (
+            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, "
+            f"eps: {_range(self.eps)}, failed: {failed} of {self.status.size})"
+        )
 
 
 def _equal(a: Any, b: Any) -> bool:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_nd import SuslovND
-from .._bodies.integrable import check_solved
+from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray
 from .._engine import reduced_runs
 from .._engine import threads as _threads

@@ -66,7 +66,6 @@ GROWTH = Map(
     ),
     run=grow,
     kept=(Kept("state", ("flat", "component")),),
-    quantities=frozenset(),
     samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
     carries_attitude=False,
     variable="x",
@@ -123,7 +122,6 @@ def test_samples_and_texts(record):
     for body, state in record.samples:
         assert isinstance(body, record.body)
         assert len(state) == len(record.components(body)) == len(record.symbols(body))
-        assert set(record.conserved(body)) <= record.quantities
         assert sf.body_from_dict(json.loads(json.dumps(body.to_dict()))) == body
     assert record.title[0].isupper()
 

@@ -105,19 +105,18 @@ QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_
 
 
 @pytest.mark.parametrize(
-    ("name", "map", "missing"),
+    ("name", "message", "missing"),
     [
-        ("full", "suslov3d_full", QUANTITIES),
-        ("nd", "suslov_nd", ("to_xy",)),
+        ("full", "expected a map that has it, got a run of suslov3d_full", QUANTITIES),
+        ("nd", "body: expected Suslov3D, got SuslovND", ("to_xy",)),
         ("one", "", ()),
         ("bodies", "", ()),
-        ("gyrostat", "suslov_gyrostat", ("to_xy",)),
+        ("gyrostat", "instead of to_xy use iterate or flow", ("to_xy",)),
     ],
 )
-def test_a_run_has_the_quantities_of_its_map(name, map, missing):
+def test_a_run_has_the_quantities_of_its_map(name, message, missing):
     run = run_of(name)
     for quantity in missing:
-        message = f"{quantity}: expected a map that has it, got a run of {map}"
         with pytest.raises(TypeError, match=message):
             getattr(run, quantity)()
     for quantity in set(QUANTITIES) - set(missing):

@@ -46,12 +46,10 @@ def of_state(
     batch: tuple[int, ...],
     threads: int | None,
     name: str = "omega",
-    warn: bool = True,
 ) -> FloatArray:
     """Return a quantity (..., *shape) of states of bodies in three dimensions.
 
-    With `warn`, one warning counts the states without a result; `name` is that of the argument
-    that holds the states.
+    One warning counts the states without a result; `name` is the argument that holds the states.
     """
     out = np.empty((*batch, *shape))
     results = out.reshape(-1, math.prod(shape))
@@ -66,8 +64,7 @@ def of_state(
         _threads.run(kernel, work, threads, parameters, states, out_part, period, counts)
         if omega.size > LARGE and counts[:, kernels.INFINITE].any():
             real_array(name, omega, allow_nan=True)
-        if warn:
-            missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
+        missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
     if missing:
         warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
     return out[()]

@@ -37,7 +37,6 @@ MAP = Map(
     parameters=_parameters,
     run=iterate_field,
     kept=(Kept("state", ("flat", "component")),),
-    quantities=frozenset(("energy", "modified_energy")),
     # x' = x**2, whose map has a pole at 1 / eps.
     conserved=lambda body: () if body.H is None else ("energy", "modified_energy"),
     samples=((QuadraticField([[[1]]]), (1.0,)),),

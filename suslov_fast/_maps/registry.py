@@ -44,7 +44,6 @@ class Map:
     parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
     run: Callable[[Problem, Span, Resume, Output], object]  # fills the output of a run
     kept: tuple[Kept, ...]  # what is needed to resume a run, in addition to `STATUSES`
-    quantities: frozenset[str]  # the methods of `Trajectories` that apply to its runs
     # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
     # kernels of the map.
     samples: tuple[tuple[Any, tuple[float, ...]], ...]

@@ -18,9 +18,6 @@ MAP = Map(
         Kept("state", ("flat", 2)),
         Kept("turn", ("flat", 4), attitude=True),
     ),
-    quantities=frozenset(
-        ("first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction")
-    ),
     samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
     conserved=lambda body: ("first_integral",),
 )

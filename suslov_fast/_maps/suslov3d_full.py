@@ -28,7 +28,6 @@ MAP = Map(
     parameters=_parameters,
     run=partial(iterate, kernel=full, step=2.0),
     kept=(Kept("state", ("flat", 3)),),
-    quantities=frozenset(),
     samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0, 0.5)),),
     carries_attitude=False,
     components=lambda body: ("Omega1", "Omega2", "Omega3"),

@@ -20,9 +20,6 @@ MAP = Map(
         Kept("state", ("flat", 4)),
         Kept("turn", ("flat", 4), attitude=True),
     ),
-    quantities=frozenset(
-        ("first_integral", "energy", "modified_energy", "criticality", "reaction")
-    ),
     samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
     conserved=lambda body: ("first_integral",),
 )

@@ -24,9 +24,6 @@ MAP = Map(
         Kept("exponent", ("flat",)),
         Kept("columns", ("flat", "space", "space"), attitude=True),
     ),
-    quantities=frozenset(
-        ("first_integral", "energy", "modified_energy", "criticality", "reaction")
-    ),
     samples=(
         (SuslovND([1.0, 1.5, 2.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
         (SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),

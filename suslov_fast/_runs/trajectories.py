@@ -28,7 +28,7 @@ from .._engine.execution import (
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
-from .._maps.registry import Map
+from .._maps.registry import Map, map_of
 
 if TYPE_CHECKING:
     import xarray
@@ -60,7 +60,7 @@ def _quantity(
     """Return the method that evaluates a function of `_states` for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
-        if name not in self._map.quantities:
+        if self._map is not map_of(self.body):  # functions of bodies are those of their first map
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
         function = getattr(import_module(f"suslov_fast._states.{module}"), name)
         values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)

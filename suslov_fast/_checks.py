@@ -37,7 +37,6 @@ _NOT_OF_USERS = (os.path.dirname(__file__) + os.sep, dataclasses.__file__, copy.
 def wrong(
     name: str, expected: str, received: object, error: type[Exception] = ValueError
 ) -> Exception:
-    """Return an error that names the argument."""
     return error(f"{name}: expected {expected}, got {received}")
 
 
@@ -75,7 +74,6 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
 
 
 def positive(name: str, value: ArrayLike) -> float:
-    """Return a positive number."""
     number = real_number(name, value)
     if not isinstance(number, float) or number <= 0:
         raise wrong(name, "a positive number", value)
@@ -350,7 +348,6 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
 
 
 def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
-    """Return one of a few strings."""
     if not isinstance(value, str) or value not in choices:
         raise wrong(name, f"one of {', '.join(map(repr, choices))}", _short(value))
     return value
@@ -370,7 +367,6 @@ def _short(value: Any) -> str:
 
 
 def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
-    """Return the index of the first element that is true."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
 
 

@@ -219,7 +219,6 @@ class QuadraticField(Body):
     def _of_components(
         cls, components: tuple[Polynomial, ...], H: Polynomial | None = None, K: Any = None
     ) -> QuadraticField:
-        """Return a single field."""
         self, n = object.__new__(cls), len(components)
         arrays = [np.full((n,) * k, Fraction(0)) for k in (1, 2, 3)]
         for i, each in enumerate(components):
@@ -391,7 +390,6 @@ def _values_of(
 
 
 def _plain(array: Any) -> Any:
-    """Return nested lists for JSON."""
     return np.vectorize(plain, "O")(array).tolist()
 
 

@@ -69,7 +69,6 @@ class Polynomial:
 
     @classmethod
     def variables(cls, count: int) -> tuple[Polynomial, ...]:
-        """Return x1, ..., xD."""
         return tuple(cls({(i,): Fraction(1)}) for i in range(count))
 
     @classmethod

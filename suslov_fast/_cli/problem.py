@@ -103,7 +103,6 @@ def starts_of(options: argparse.Namespace, body: Any) -> Any:
 
 
 def orientation_of(options: argparse.Namespace) -> FloatArray | None:
-    """Return the initial orientation, if one is given."""
     source = options.orientation
     if source is None:
         return None

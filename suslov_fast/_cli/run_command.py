@@ -30,7 +30,6 @@ _LONG = 0.5
 
 
 def run(options: argparse.Namespace) -> str:
-    """Carry out the command, and return the summary."""
     in_store = options.output is not None and options.output.suffix.lower() == ".zarr"
     for name in () if in_store else STORE.split():
         if getattr(options, name):
@@ -60,7 +59,6 @@ def _settings(function: Any, options: argparse.Namespace) -> Facts:
 
 
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
-    """Iterate and write a batch."""
     path = options.output
     if path is not None:
         require_new(path, options.force)

@@ -142,7 +142,6 @@ def fill_states(
 
 
 def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray, missing: FloatArray) -> None:
-    """Fill rows of `out`, (N, B, 2)."""
     low = rows.begin // kernels.GROUP * kernels.GROUP
     for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
         numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
@@ -161,7 +160,6 @@ def _call(
     out: FloatArray,
     missing: FloatArray,
 ) -> None:
-    """Call a kernel for some lanes."""
     parameters, omega, flow, ends, threads = orbits
     work = (lanes[1] - lanes[0]) * (_ENTERING + work)
     motion = sign, flow

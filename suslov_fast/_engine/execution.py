@@ -46,12 +46,9 @@ class Problem(NamedTuple):
 
     @property
     def size(self) -> int:
-        """The number of trajectories."""
         return len(self.omega0)
 
     def take(self, chosen: Indices) -> Problem:
-        """Return the problem of some of the trajectories."""
-
         def of(array: FloatArray) -> FloatArray:
             return array if len(array) == 1 else array[chosen]
 
@@ -107,7 +104,6 @@ class Span(NamedTuple):
 
 
 def span_of(start: int, steps: int, save_every: int | None) -> Span:
-    """Return a span."""
     if save_every is None:
         return Span(start, steps, None, steps + 1, 0, 0)
     before = start // save_every + 1 if start else 0

@@ -40,7 +40,6 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
 
 
 def flat_body(body: Body, batch: tuple[int, ...]) -> tuple[FloatArray, ...]:
-    """Return the parameters of a body."""
     if not body.shape:
         return body.batch_of_one
     return tuple(flat_parameter(each, batch, body._own_axes) for each in body.parameters)

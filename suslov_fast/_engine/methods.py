@@ -53,20 +53,12 @@ by_rank2_or_elimination = partial(iterate_nd, kernel=blocks_nd.rank2, eliminatio
 by_elimination = partial(iterate_nd, kernel=blocks_nd.gauss, elimination=1.0 / 3.0)
 
 
-def run_suslov(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
-    """Compute a run of a body in three dimensions without a rotor."""
-    by_steps = printed_steps if problem.method == "ds2" else canonical_steps
-    run_3d(problem, span, resume, output, by_steps)
-
-
 def run_3d(
-    problem: Problem,
-    span: Span,
-    resume: Resume,
-    output: Output,
-    by_steps: Driver,
+    problem: Problem, span: Span, resume: Resume, output: Output, by_steps: Driver = canonical_steps
 ) -> None:
     """Compute a run of a body in three dimensions."""
+    if problem.method == "ds2":
+        by_steps = printed_steps
     if _may_jump(problem, span) and not _is_short(span):
         in_turn((closed_form, by_steps), problem, span, resume, output, from_0=True)
     else:

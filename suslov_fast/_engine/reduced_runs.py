@@ -41,7 +41,6 @@ class Reduced(NamedTuple):
 
 
 def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int | None) -> Reduced:
-    """Reduce flat trajectories."""
     size, m = omega.shape
     three, state = np.empty((size, 5)), np.empty((size, 2))
     along, across = np.empty((size, m)), np.empty((size, m))
@@ -59,7 +58,6 @@ def of_batch(
     batch: tuple[int, ...],
     threads: int | None,
 ) -> Reduced:
-    """Reduce a batch."""
     return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 

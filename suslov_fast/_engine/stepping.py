@@ -75,12 +75,7 @@ def iterate_nd(
     """Iterate the n-dimensional map; return the trajectories for which steps in O(n) do not do.
 
     There are none with elimination, whose cost in a step is `elimination` m**3, in steps of the 3D
-    map.
-
-    Raises
-    ------
-    MemoryError
-        If there is no room for elimination where that is needed.
+    map. Raises MemoryError if there is no room for it where it is needed.
     """
     size, m = problem.omega0.shape
     step, eliminates = max(8.0 * m, elimination * m**3), elimination > 0.0
@@ -111,7 +106,6 @@ def iterate_nd(
 
 
 def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
-    """Iterate Kahan's map of a quadratic field."""
     size, D = problem.omega0.shape
     (state,) = _carried(span, resume, output, state=np.empty((size, D)))
     results = output.final, output.status, output.failed_at, state

@@ -133,7 +133,6 @@ def _pieces(
 
 
 def _write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
-    """Write a piece of a tile."""
     span, output, reduced = piece
     where, last = job.where(tile), span.steps == job.steps
     rows = slice(span.rows_before, span.rows_before + len(output.saved))

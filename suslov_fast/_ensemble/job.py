@@ -51,7 +51,6 @@ class Job:
 
     @property
     def map(self) -> Map:
-        """The map that is iterated."""
         return map_of(self.body)
 
     @property

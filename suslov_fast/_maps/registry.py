@@ -79,12 +79,10 @@ _BODIES = {
 
 
 def body_names() -> list[str]:
-    """Return the names of the classes of bodies that have a map."""
     return list(dict.fromkeys(_BODIES.values()))
 
 
 def map_names() -> list[str]:
-    """Return the names of all maps."""
     return list(_BODIES)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .._bodies.body_3d import Suslov3D
 from .._engine.layout import for_loops
-from .._engine.methods import run_suslov
+from .._engine.methods import run_3d
 from .registry import Kept, Map
 
 MAP = Map(
@@ -13,7 +13,7 @@ MAP = Map(
     title="Discrete Suslov problem",
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
-    run=run_suslov,
+    run=run_3d,
     kept=(
         Kept("state", ("flat", 2)),
         Kept("turn", ("flat", 4), attitude=True),

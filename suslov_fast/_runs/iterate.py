@@ -68,32 +68,29 @@ def iterate(
     """Iterate a batch of trajectories of the discrete Suslov problem, or of Kahan's map of a field.
 
     The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
-    shape ``...``. The result for one trajectory is bit-identical alone, in any batch, in any
-    order and on any number of threads.
+    shape ``...``. A trajectory is bit-identical in any batch, order and number of threads.
 
     Parameters
     ----------
     omega0 : array_like(float, shape=(..., D))
-        Initial angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in. A
-        trajectory whose initial state is NaN fails at step 0.
+        State 0: (Omega1, Omega2), or the n - 1 components Omega_in. If it is NaN, the trajectory
+        fails at step 0.
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last, in memory that
         `omega` and `final` of the result share.
     method : {"auto", "canonical", "ds2"}, or {"auto", "gauss", "rank2"} in n dimensions
-        In three dimensions "canonical" iterates the map in its canonical coordinates, in which it
-        has no parameters. "ds2" iterates equation (5) as printed in the paper, which is slower and
-        less accurate. "auto" evaluates the closed form: its cost depends on the number of saved
-        states and not on `steps`, and its results agree to rounding. It iterates runs with
-        `attitude`, runs of fewer than 32 steps that save only the last state, and orbits of a
-        gyrostat that are periodic and may meet a pole (t >= 1). A gyrostat has "auto" and
-        "canonical".
+        In three dimensions "canonical" iterates the map in canonical coordinates, in which it has
+        no parameters; "ds2" iterates equation (5) as printed, which is slower and less accurate.
+        "auto" evaluates the closed form, at a cost that depends on the number of saved states and
+        not on `steps`. It iterates runs with `attitude`, runs of fewer than 32 steps that save only
+        the last state, and orbits of a gyrostat that are periodic and may meet a pole (t >= 1). A
+        gyrostat has "auto" and "canonical".
 
-        In n dimensions "gauss" eliminates the matrix A in some n**3 / 3 operations, with partial
-        pivoting; "rank2" uses that A is diagonal plus rank two and needs some 20 n. "auto"
-        evaluates the closed form, as in three dimensions, if all J_i are exactly equal, if I has
-        one nonzero component and all other J_i are equal, and for n = 3. Otherwise it is "rank2",
-        which was measured to be faster for every n, unless several J_i - eps p / 2 nearly vanish:
-        then both methods eliminate.
+        In n dimensions "gauss" eliminates the matrix A, with partial pivoting, in some n**3 / 3
+        operations; "rank2" uses that A is diagonal plus rank two and needs some 20 n, but
+        eliminates, too, where several J_i - eps p / 2 nearly vanish. "auto" evaluates the closed
+        form for n = 3, if all J_i are exactly equal, and if I has one nonzero component and all
+        other J_i are equal; otherwise it is "rank2".
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or the initial rotation matrix (by default the identity), to compute the orientation
         of the body at every step, for any `save_every`; see :func:`attitude`.
@@ -175,8 +172,7 @@ def iterate_full(
 ) -> Trajectories:
     """Iterate the scheme in three components, equation (3), in which Omega3 may be nonzero.
 
-    The shapes of the body, of `eps`, of `I3` and of `omega0` without its last axis broadcast to the
-    batch shape ``...``.
+    All shapes broadcast as in :func:`iterate`, with that of `I3`.
 
     Parameters
     ----------
@@ -186,8 +182,7 @@ def iterate_full(
     Returns
     -------
     Trajectories
-        With states of three components. Quantities of the two-component problem, such as
-        :func:`first_integral`, do not apply to them.
+        Quantities of the two-component problem, such as :func:`first_integral`, do not apply.
 
     Raises
     ------

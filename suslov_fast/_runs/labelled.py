@@ -142,7 +142,6 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
 
 
 def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
-    """Return the entries of the run in a dataset."""
     if not isinstance(dataset, import_xarray().Dataset):
         raise wrong("dataset", "an xarray.Dataset", type(dataset).__name__, TypeError)
     header = read_header(dataset.attrs)

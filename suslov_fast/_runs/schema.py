@@ -103,7 +103,6 @@ def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | No
 
 
 def entries_of(run: Trajectories) -> Entries:
-    """Return the entries of a run."""
     results = "eps", *(each.name for each in STATUSES), "attitude"
     last_is_saved = run.save_every is None or run.steps % run.save_every == 0
     arrays = {
@@ -154,7 +153,6 @@ def run_of(entries: Entries) -> dict[str, Any]:
 
 
 def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the body of a run."""
     if "body" in entries:
         return map.body.from_dict(json.loads(str(entries["body"])))
     return map.body(**{name: entries[name] for name in map.body._names() if name in entries})

@@ -40,10 +40,9 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; for
-        non-integer n and for ``|n| > 2**53`` if t >= 1, for ``|n| > 2**50`` where a gyrostat is
-        periodic, and if they or eps omega0 leave the range of float64, with a `RuntimeWarning`;
-        and if omega0 is NaN, without a warning.
+        The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; and,
+        with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, for
+        ``|n| > 2**50`` where a gyrostat is periodic, and out of the range of float64.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def exact(
     Notes
     -----
     The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
-    the gyrostat. The phase of a periodic gyrostat is known to rounding for up to 1e15 steps.
+    the gyrostat, whose phase is known to rounding for up to 1e15 steps.
 
     %(poles)s
 

@@ -79,8 +79,8 @@ class Trajectories:
     Attributes
     ----------
     states : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first nonexistent state on. The map's name for them,
-        `omega`, is the same array, and ``np.asarray(run)`` gives it, too.
+        The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
+        a field, and ``np.asarray(run)`` are the same array.
     eps : float or ndarray(float, shape=(...))
         The step size, in the unit of time of the states.
     body
@@ -245,7 +245,7 @@ class Trajectories:
     def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
 
-        Colours follow the size of the first state, from the smallest to the largest.
+        Colours follow the size of the first state.
 
         Parameters
         ----------
@@ -405,7 +405,6 @@ class Trajectories:
 
 
 def _equal(a: Any, b: Any) -> bool:
-    """Compare attributes of runs."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=True)
     return type(a) is type(b) and bool(a == b)

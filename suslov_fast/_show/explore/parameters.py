@@ -36,7 +36,6 @@ class Parameters(NamedTuple):
 
     @property
     def omega0(self) -> list[float]:
-        """The initial state."""
         return [self.Omega1, self.Omega2]
 
 

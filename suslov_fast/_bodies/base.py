@@ -142,11 +142,7 @@ class Body:
         return f"<{name} of shape {self.shape}: {text}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the class and the parameters, without loss, for JSON.
-
-        Returns
-        -------
-        dict
+        """Return a dictionary of the class and the parameters, without loss, for JSON.
 
         Examples
         --------
@@ -173,12 +169,7 @@ class Body:
         Raises
         ------
         TypeError, ValueError
-            If it describes a body of another class, the names are not those of the parameters, or
-            no body has such parameters.
-
-        See Also
-        --------
-        suslov_fast.body_from_dict : The body of any class.
+            If it describes no body of this class; :func:`suslov_fast.body_from_dict` takes any.
 
         Examples
         --------

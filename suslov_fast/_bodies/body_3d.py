@@ -42,9 +42,9 @@ class Suslov3D(Body):
     I13, I23 : array_like(float, shape=(...))
         Products of inertia. Where both are 0 every angular velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, positive. It does not enter the map; :func:`iterate_full`,
-        :func:`momentum` and :func:`animate_body` take it from the body. A warning is given if no
-        rigid body has it together with the other parameters; see :meth:`admissible_I3`.
+        The third moment of inertia, positive. It does not enter the map; :func:`iterate_full` and
+        :func:`animate_body` take it from the body. A warning is given if no rigid body has it; see
+        :meth:`admissible_I3`.
 
     Raises
     ------
@@ -84,8 +84,7 @@ class Suslov3D(Body):
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
 
-        The second moments of mass must be positive definite. Then the inertia tensor is positive
-        definite, and its principal moments satisfy the triangle inequalities.
+        For such I3 the second moments of mass are positive definite.
 
         Returns
         -------
@@ -98,12 +97,6 @@ class Suslov3D(Body):
         >>> low, high = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2).admissible_I3()
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
-
-        No rigid body has the parameters of the paper's first picture:
-
-        >>> picture1 = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> [float(end) for end in picture1.admissible_I3()]
-        [nan, nan]
         """
         return admissible_I3(*map(np.asarray, self.parameters))
 

@@ -122,8 +122,7 @@ class QuadraticField(Body):
         ----------
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so its coefficients remain exact: integers, fractions, or floats,
-            which are taken as the binary numbers that they are.
+            symbolic variables, so its coefficients remain exact; floats are binary numbers.
 
         Returns
         -------

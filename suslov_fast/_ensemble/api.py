@@ -52,40 +52,38 @@ def ensemble(
 ) -> xarray.Dataset:
     """Iterate a batch of any size into a Zarr store.
 
-    The run is divided into tiles of the batch and pieces along time. Each piece is bit-identical to
-    the result of :func:`iterate`, and is marked when it is stored. If the process ends early,
-    repeat the call to compute the rest. A call with more steps extends a finished store without
-    recomputing it.
+    The results are bit-identical to those of :func:`iterate`. They are stored in pieces: if the
+    process ends early, repeat the call to compute the rest. A call with more steps extends a
+    finished store without recomputing it.
 
     Parameters
     ----------
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
-        Initial angular velocities, as in :func:`iterate`; also the name of a .npy file, which is
-        read in parts, :class:`RandomStarts`, or a Dask array. All but random ones are read twice,
-        the first time for a digest that identifies them.
+        Initial states, as in :func:`iterate`; also the name of a .npy file or a Dask array, both
+        read in parts, or :class:`RandomStarts`. All but random ones are read twice, the first time
+        for a digest that identifies them.
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
     reductions : sequence of str, optional
-        Quantities of each trajectory, accumulated over the saved states, or, with
-        ``save_every=None``, over all states, of which only the last is stored:
-        "first_integral_drift", "modified_energy_drift", "energy_drift" (the largest relative change
-        since the start, dimensionless), "omega_min", "omega_max" (the extrema of each component,
-        named by the variable of the states).
+        Quantities of each trajectory over the saved states, or, with ``save_every=None``, over all
+        states, of which only the last is stored: "first_integral_drift", "modified_energy_drift",
+        "energy_drift" (the largest relative change since the start), "omega_min", "omega_max" (the
+        extrema of each component, named by the variable of the states).
     method : str
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
         As in :func:`iterate`.
     chunk : int or mapping, optional
-        Number of trajectories of a tile, or sizes along `dims` and "n", the saved states. By
-        default the states of a chunk take 16 MiB, or the size of 64 trajectories if that is more.
-        Results do not depend on it.
+        Number of trajectories computed together, or sizes along `dims` and "n", the saved states.
+        By default the states of a chunk take 16 MiB, or the size of 64 trajectories if that is
+        more. Results do not depend on it.
     compression : {"lz4", "zstd"}, optional
         Compress chunks, with shuffled bytes; by default they are not compressed.
     scheduler : distributed.Client or str, optional
-        A Dask client, or the address of a scheduler, whose workers compute the tiles, on one thread
-        each. All must have access to the store. By default this process computes on all threads.
+        A Dask client, or the address of a scheduler, whose workers compute the run and have access
+        to the store. By default this process computes on all threads.
     verify : bool
         Read all stored data, and write anew what is damaged or missing, metadata included.
     progress : bool or callable, optional
@@ -102,10 +100,8 @@ def ensemble(
     TypeError, ValueError
         If an argument is invalid, or the store holds another run, one of an earlier version, or,
         without `verify`, damaged metadata; then nothing is computed or written.
-    BlockingIOError
-        If another process writes to the store.
-    OSError
-        If the store cannot be written to.
+    BlockingIOError, OSError
+        If another process writes to the store, or it cannot be written to.
     %(needs_large)s
     KeyboardInterrupt
         After SIGINT or SIGTERM, when the current pieces are stored.

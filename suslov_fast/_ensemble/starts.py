@@ -23,8 +23,7 @@ _READ = 2**20
 class RandomStarts:
     """Random initial states for :func:`ensemble`, uniform in a cube around 0.
 
-    State i depends only on the seed and on i, not on the number of states or the division of a run:
-    a counter-based generator computes states when they are needed.
+    State i depends only on the seed and on i, and is computed when it is needed.
 
     Parameters
     ----------

@@ -64,9 +64,9 @@ def plot_phase(
 
     Notes
     -----
-    Each level has a colour: a thin line, and states of the map as dots. An orbit that goes from a
-    repelling to an attracting steady state is drawn from near the one to near the other, on both
-    sides of the line of steady states; a periodic one for one turn.
+    Each level has a colour: a thin line, and states of the map as dots. An orbit is drawn from near
+    a repelling to near an attracting steady state, on both sides of the line; a periodic one for
+    one turn.
 
     Examples
     --------
@@ -127,10 +127,9 @@ def animate_body(
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat, optional
-        A single body, drawn with its I3; by default one with I1 = 4, I2 = 2, I13 = -0.5,
-        I23 = -0.3 and I3 = 3. Where a body has no I3, the middle of ``body.admissible_I3()`` is
-        drawn or, where no rigid body has these parameters, an I3 with a positive definite
-        inertia tensor.
+        A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the
+        interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, an I3 with
+        a positive definite inertia tensor.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one that passes from one steady rotation to the other.
     eps : float
@@ -151,8 +150,7 @@ def animate_body(
     Raises
     ------
     TypeError, ValueError
-        If with the I3 of the body the inertia tensor is not positive definite, or an argument is
-        not of the kind above.
+        If the inertia tensor is not positive definite, or an argument is not of the kind above.
     SingularStepError
         If the orbit meets a pole of the map.
 

@@ -56,10 +56,9 @@ def attitude(
     Returns
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
-        Matrices R that take components in the body frame to components in space. They are
-        orthogonal to rounding for any number of steps, and NaN from the first NaN state on. In
-        three dimensions ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))``
-        converts them to SciPy's rotations.
+        Matrices R that take components in the body frame to components in space, orthogonal to
+        rounding; NaN from the first NaN state on. In three dimensions
+        ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` converts them.
 
     Raises
     ------
@@ -72,10 +71,9 @@ def attitude(
     R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
     R' = R Omega. In three dimensions it is computed with unit quaternions.
 
-    Two states are accepted as consecutive if they satisfy the implicit equations (4), in n
-    dimensions (15), to one part in 1e6 of the step between them. The test is not possible close to
-    a steady state, where the step is less than one part in 1e10 of the state, nor in three
-    dimensions next to a pole, where the next state has few digits: all are accepted.
+    Two states are consecutive if they satisfy the implicit equations (4), in n dimensions (15), to
+    one part in 1e6 of the step between them. All are accepted where that cannot be tested: if the
+    step is below one part in 1e10 of the state, and in three dimensions next to a pole.
 
     Examples
     --------
@@ -154,10 +152,7 @@ def _check_that_states_follow(
 
 
 def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-    """Return sqrt(J), eps / J and I, of shape (B, m) or (1, m), and k, of shape (B,) or (1,).
-
-    These are the parameters of the implicit equations in units in which J and I are of order 1.
-    """
+    """Return sqrt(J), eps / J and I (B or 1, m), and k (B or 1,), with J and I of the order 1."""
     J, I, rotor, moments, products = in_units(body)
     with np.errstate(all="ignore"):
         h = np.ldexp(eps[..., np.newaxis], products - moments) / J

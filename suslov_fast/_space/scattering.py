@@ -32,10 +32,10 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
     + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
 
-    The error is about 1e-15 (alpha + beta + abs(gamma)), times the angle if that is
-    exponentially small: the formula amplifies the rounding of the body's parameters. It is below
-    1e-10 if I1 and I2 are within a factor of 1e8 of each other, for any I13 and I23. The angle
-    of the discrete problem converges to this one with order 2.
+    The formula amplifies the rounding of the body's parameters: the error is about
+    1e-15 (alpha + beta + abs(gamma)), times the angle if that is exponentially small. It is below
+    1e-10 if I1 and I2 are within a factor of 1e8 of each other. The angle of the discrete problem
+    converges to this one with order 2.
 
     References
     ----------

@@ -70,8 +70,8 @@ def from_matrix(
     Raises
     ------
     TypeError, ValueError
-        If an argument has a wrong type or shape, or if the constraint or the antisymmetry is
-        violated by more than 1e-12 of the largest component.
+        If the constraint or the antisymmetry is violated by more than 1e-12 of the largest
+        component, or an argument is invalid.
 
     Examples
     --------
@@ -140,8 +140,7 @@ def from_vector(
     Parameters
     ----------
     vector : array_like(float, shape=(..., 3))
-        Angular velocities that obey the constraint: normal to the constrained axis of the body.
-        Where one is NaN, so is the result.
+        Angular velocities normal to the constrained axis. Where one is NaN, so is the result.
 
     Returns
     -------
@@ -151,8 +150,8 @@ def from_vector(
     Raises
     ------
     TypeError, ValueError
-        If an argument has a wrong type or shape, or if the constraint is violated by more than
-        1e-12 of the largest component.
+        If the constraint is violated by more than 1e-12 of the largest component, or an argument
+        is invalid.
 
     Examples
     --------
@@ -197,10 +196,9 @@ def momentum(
 
     Notes
     -----
-    I3 does not enter because Omega3 = 0; in n dimensions only the sums I_ii + I_nn enter because
-    Omega_ij = 0 for i, j < n. The :func:`energy` is half the scalar product of M and Omega,
-    or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions its
-    derivative is the :func:`reaction` times the constrained axis.
+    I3 does not enter because Omega3 = 0. The :func:`energy` is half the scalar product of M and
+    Omega, or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions
+    its derivative is the :func:`reaction` times the constrained axis.
 
     Examples
     --------

@@ -56,10 +56,9 @@ def reaction(
 
     Notes
     -----
-    In three dimensions lambda follows from the third equation of (2). Its discretization, made as
-    in equation (4), is
-    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
-    A rotor of constant momentum does not change it.
+    In three dimensions lambda follows from the third equation of (2), which is discretized as
+    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2. A rotor
+    does not change it.
 
     Examples
     --------
@@ -89,9 +88,9 @@ def jacobian(
 
     Notes
     -----
-    In three dimensions equation (8) of the paper is solved for the next state and differentiated;
-    the result is as accurate as that of :func:`step`, next to poles too. In n dimensions, and for
-    fields, elimination gives A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
+    In three dimensions equation (8) of the paper is solved for the next state and differentiated.
+    In n dimensions, and for fields, elimination gives A(omega; eps)**-1 A(omega_next; -eps), with
+    the A of :func:`matrix`. The result is as accurate as that of :func:`step`.
 
     Examples
     --------
@@ -119,9 +118,8 @@ def matrix(
 
     Notes
     -----
-    The matrix that the paper inverts before equation (5), and in equation (16): the identity minus
-    eps / 2 times the derivative of the vector field. The method "gauss" of :func:`iterate`
-    eliminates in it.
+    The paper inverts it before equation (5), and in (16). It is the identity minus eps / 2 times
+    the derivative of the vector field.
 
     Examples
     --------
@@ -151,8 +149,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     -------
     ndarray(float, shape=(..., D))
         Dimensionless. The first is 1, for the direction along the line; the others multiply the
-        distance from it. Their magnitude is above 1 on the repelling half of the line, below
-        1 on the attracting half, and infinite at a pole.
+        distance from it, and are infinite at a pole.
 
     Notes
     -----

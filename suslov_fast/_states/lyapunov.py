@@ -44,22 +44,17 @@ def lyapunov_exponents(
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, the largest first; divide by eps for rates per unit of time. -inf if
-        a step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails
-        before its last step.
+        Exponents per step, the largest first; divide by eps for rates. -inf if a step is not
+        invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails.
 
     Notes
     -----
     The derivatives of the map along the orbit are multiplied, and the product is decomposed as Q R
     after each step, beginning with Q = Id. The exponents are the mean logarithms of the diagonal of
     R; their sum is the mean of ``log |det DPhi|``, with an error below 1e-12 of the mean of its
-    magnitude. As `steps` grows, they tend to the logarithms of the :func:`multipliers` of the
-    steady state that the orbit approaches, with an error of order 1 / steps: one is 0, the others
-    are negative.
-
-    Of an orbit that leaves the line of steady states, a displacement along the orbit grows and
-    shrinks again. If it outgrows the displacement across by 1e16, single exponents lose all digits;
-    their sum does not.
+    magnitude. Where an orbit tends to a steady state, they tend to the logarithms of its
+    :func:`multipliers`, with an error of order 1 / steps. Where a displacement along the orbit
+    outgrows that across by 1e16, single exponents lose all digits; their sum does not.
 
     Examples
     --------

@@ -100,9 +100,9 @@ def closed_form(
 
     Notes
     -----
-    h is the integral of equation (9), and k1 = -(2 / eps) artanh t solves equation (12). k2 is that
-    of Theorem 1 for t_0 = 0. Theorem 1 as printed must be corrected: its prefactor is
-    2 sqrt(h I1 I2), its denominator I23**2 I1 + I13**2 I2, and it holds for positive x.
+    h is the integral of equation (9), k1 = -(2 / eps) artanh t solves equation (12), and k2 is that
+    of Theorem 1 for t_0 = 0, corrected: the prefactor of the theorem is 2 sqrt(h I1 I2), its
+    denominator I23**2 I1 + I13**2 I2, and it holds for positive x.
 
     Examples
     --------

@@ -23,8 +23,7 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of the numerators and the common denominator, after cancelling common
-    factors. The images of a random line are computed modulo a prime, and those of another line
-    modulo another prime. If their degrees differ, further lines are drawn until two agree.
+    factors. It is computed on random lines, modulo primes, until two of them agree.
 
     Parameters
     ----------
@@ -91,6 +90,7 @@ class Growth(NamedTuple):
     based_on: str  # the recurrence or fit from which kind and entropy follow
 
 
+@filled
 def growth(degrees: Sequence[int]) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
@@ -106,14 +106,8 @@ def growth(degrees: Sequence[int]) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, based_on`. Apart from the four kinds of `Growth`, kind may be
-        "cubic", "polynomial of degree 4" and so on; it is "unclear", and the entropy NaN, if the
-        sequence is too short to tell.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `degrees` is not a sequence of non-negative integers.
+        A named tuple `kind, entropy, based_on`. kind may also be "cubic", "polynomial of degree 4"
+        and so on; it is "unclear", and the entropy NaN, if the sequence is too short to tell.
 
     Examples
     --------

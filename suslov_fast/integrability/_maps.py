@@ -15,6 +15,7 @@ import numpy as np
 from .._bodies.field import QuadraticField
 from .._bodies.polynomial import exact_array
 from .._checks import instance, wrong
+from .._docs import filled
 from ._exact import Matrix, Point, fmpq, fraction
 
 
@@ -123,6 +124,7 @@ def evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
 
 
+@filled
 def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 
@@ -137,11 +139,6 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     -------
     KahanMap
         It is callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field`, `eps`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If `field` or `eps` is not as above.
 
     Examples
     --------

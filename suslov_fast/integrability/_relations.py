@@ -68,10 +68,9 @@ def hk_bases(
 
     An orbit has 10 points more than there are monomials, and is extended until the number of
     relations remains constant. The coefficients of a relation in the form of `HKBasis.basis` are
-    functions of the orbit, that is, first integrals; the rank of their derivatives is the number of
-    independent ones. If the relations of all orbits together span one dimension more than those of
-    one orbit, then values of these polynomials at two points of an orbit are proportional, and
-    their quotients are first integrals.
+    first integrals; the rank of their derivatives is the number of independent ones. If the
+    relations of all orbits together span one dimension more than those of one orbit, then quotients
+    of these polynomials are first integrals, too.
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ... import __version__
 from ..._checks import instance
+from ..._docs import filled
 from ..._engine.arguments import BodyIn3D
 from .parameters import PRESETS, STEPS, Parameters, query_of, read
 from .scene import scene
@@ -143,6 +144,7 @@ class Page:
         self._server.server_close()
 
 
+@filled
 def explore(
     body: BodyIn3D,
     omega0: ArrayLike = (1.0, 0.5),
@@ -151,9 +153,8 @@ def explore(
 ) -> Page:
     """Show an orbit on the page of `suslov-fast explore`, in a notebook.
 
-    The value of a notebook's cell is displayed as the page, with fields for all parameters. The
-    page is served by this process on 127.0.0.1, to browsers on this machine only; elsewhere
-    :func:`plot_phase` and :func:`animate_body` draw pictures.
+    The value of a notebook's cell is displayed as the page. This process serves it, to browsers on
+    this machine only; elsewhere :func:`plot_phase` and :func:`animate_body` draw pictures.
 
     Parameters
     ----------
@@ -171,11 +172,6 @@ def explore(
     Page
         Its attribute `url` is the address of the page, and its method `close` ends the server,
         which otherwise ends with the process.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not as above.
 
     Examples
     --------

@@ -81,11 +81,7 @@ def positive(name: str, value: ArrayLike) -> float:
 
 
 def vectors(
-    name: str,
-    value: ArrayLike,
-    dimension: int,
-    allow_nan: bool = False,
-    labels: Sequence[str] = (),
+    name: str, value: ArrayLike, dimension: int, allow_nan: bool = False, labels: Sequence[str] = ()
 ) -> FloatArray:
     """Return finite real vectors, components on the last axis; the names of these are `labels`."""
     array = _vectors(name, value, dimension, labels)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
 from .base import Body
-from .matter import admissible_I3, check_triangles, shortest_rotation_to_last, warn_of_I3
+from .matter import check_triangles, shortest_rotation_to_last, warn_of_I3
 
 # Largest exponent of I1 / I2 for which products with each other and with states are in range.
 _APART = 1800
@@ -98,7 +98,21 @@ class Suslov3D(Body):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
         """
-        return admissible_I3(*map(np.asarray, self.parameters))
+        # tr(T)/2 - T = B (I3 - P) with B = diag(1, 1, -1) / 2 is singular where I3 is an eigenvalue
+        # of P. B has one negative eigenvalue: it is positive definite between the two largest of P,
+        # or nowhere.
+        I1, I2, I13, I23 = np.broadcast_arrays(*self.parameters)
+        _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
+        I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
+        zero = np.zeros_like(I1)
+        rows = (I1 - I2, zero, 2 * I13), (zero, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+        P = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        ends = np.sort(np.linalg.eigvals(P).real, axis=-1)[..., 1:]
+        middle = ends.mean(axis=-1)[..., np.newaxis, np.newaxis]
+        A = np.array([[0.5], [0.5], [-0.5]]) * (middle * np.eye(3) - P)
+        exists = (np.linalg.eigvalsh(A) > 0).all(axis=-1)
+        low, high = (np.where(exists, np.ldexp(ends[..., k], exponent), np.nan)[()] for k in (0, 1))
+        return low, high
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:

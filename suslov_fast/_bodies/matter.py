@@ -62,25 +62,3 @@ def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
     rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
     rotation[..., -1, :] += 2.0 * up[..., 0]
     return rotation @ first
-
-
-def admissible_I3(
-    I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the open interval of I3 where A = tr(T)/2 - T is positive definite; NaN if none is.
-
-    A = B (I3 - P) with B = diag(1, 1, -1) / 2, so it is singular where I3 is an eigenvalue of P. B
-    has one negative eigenvalue: A is positive definite between the two largest of P, or nowhere.
-    """
-    I1, I2, I13, I23 = np.broadcast_arrays(I1, I2, I13, I23)
-    _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
-    I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
-    zero = np.zeros_like(I1)
-    rows = (I1 - I2, zero, 2 * I13), (zero, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
-    P = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    ends = np.sort(np.linalg.eigvals(P).real, axis=-1)[..., 1:]
-    middle = ends.mean(axis=-1)[..., np.newaxis, np.newaxis]
-    A = np.array([[0.5], [0.5], [-0.5]]) * (middle * np.eye(3) - P)
-    exists = (np.linalg.eigvalsh(A) > 0).all(axis=-1)
-    low, high = (np.where(exists, np.ldexp(ends[..., k], exponent), np.nan)[()] for k in (0, 1))
-    return low, high

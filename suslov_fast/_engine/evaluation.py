@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -37,83 +37,78 @@ Index = tuple[Any, ...]
 _Part = tuple[int, tuple[FloatArray, ...], FloatArray, int]
 
 
-def of_state(
-    kernel: Kernel,
-    shape: tuple[int, ...],
-    body: Any,
-    omega: FloatArray,
-    eps: float | FloatArray | None,
-    batch: tuple[int, ...],
-    threads: int | None,
-    name: str = "omega",
-) -> FloatArray:
+class States(NamedTuple):
+    """Checked arguments of a quantity."""
+
+    body: Any
+    omega: FloatArray  # (..., D)
+    eps: float | FloatArray  # 0 for a quantity without a step size
+    batch: tuple[int, ...]  # to which all broadcast
+    threads: int | None = None
+    name: str = "omega"  # of the argument that holds the states
+
+
+def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArray:
     """Return a quantity (..., *shape) of states of bodies in three dimensions.
 
-    One warning counts the states without a result; `name` is the argument that holds the states.
+    One warning counts the states without a result.
     """
-    out = np.empty((*batch, *shape))
+    out = np.empty((*states.batch, *shape))
     results = out.reshape(-1, math.prod(shape))
     missing: list[tuple[int, int]] = []
     work = WORK * len(results)
-    for begin, parameters, states, period in _parts(body, eps, omega, batch):
-        count = len(states)
+    for begin, parameters, some, period in _parts(states):
+        count = len(some)
         parameters = with_rotor(parameters)
         tasks = min(-(-period // LANES) * -(-count // period), TASKS)
         counts = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
-        _threads.run(kernel, work, threads, parameters, states, out_part, period, counts)
-        if omega.size > LARGE and counts[:, kernels.INFINITE].any():
-            real_array(name, omega, allow_nan=True)
+        _threads.run(kernel, work, states.threads, parameters, some, out_part, period, counts)
+        if states.omega.size > LARGE and counts[:, kernels.INFINITE].any():
+            real_array(states.name, states.omega, allow_nan=True)
         missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
     if missing:
-        warn_of_missing(sum(n for _, n in missing), min(missing)[0], batch)
+        warn_of_missing(sum(n for _, n in missing), min(missing)[0], states.batch)
     return out[()]
 
 
 def of_state_nd(
-    kernel: Kernel,
-    body: Any,
-    omega: FloatArray,
-    eps: float | FloatArray | None,
-    batch: tuple[int, ...],
-    threads: int | None,
-    result: tuple[int, ...] = (),
-    following: FloatArray | None = None,
+    kernel: Kernel, axes: int, states: States, following: FloatArray | None = None
 ) -> FloatArray:
-    """Return a quantity (..., *result) of states in n dimensions.
+    """Return a quantity with `axes` axes of states in n dimensions.
 
     `following` are the next states if needed, C-contiguous.
     """
-    out, m = np.empty((*batch, *result)), body.dimension
-    results = out.reshape(-1, math.prod(result))
+    m = states.body.dimension
+    out = np.empty((*states.batch, *(m,) * axes))
+    results = out.reshape(-1, m**axes)
     work = WORK * len(results) * max(m, results.shape[1])
-    for begin, parameters, states, _ in _parts(body, eps, omega, batch):
-        end = begin + len(states)
-        after = states if following is None else following.reshape(-1, m)[begin:end]
-        tasks = min(-(-len(states) // _LEAST), TASKS)
+    for begin, parameters, some, _ in _parts(states):
+        end = begin + len(some)
+        after = some if following is None else following.reshape(-1, m)[begin:end]
+        tasks = min(-(-len(some) // _LEAST), TASKS)
         scratch, infinite = np.empty((tasks, ROWS, m)), np.zeros(tasks, np.int8)
-        arguments = parameters, states, after, results[begin:end], scratch, infinite
-        _threads.run(kernel, work, threads, *arguments)
-        if omega.size > LARGE and infinite.any():
-            real_array("omega", omega, allow_nan=True)
+        arguments = parameters, some, after, results[begin:end], scratch, infinite
+        _threads.run(kernel, work, states.threads, *arguments)
+        if states.omega.size > LARGE and infinite.any():
+            real_array("omega", states.omega, allow_nan=True)
     return out[()]
 
 
 def by_slabs(
     function: Callable[..., FloatArray],
-    body: Any,
-    omega: FloatArray,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
-    result: tuple[int, ...] = (),
+    axes: int,
+    states: States,
     warn: bool = False,
     most: int = SLAB,
 ) -> FloatArray:
-    """Return a quantity computed by NumPy, `function(body, omega, eps)`, in parts.
+    """Return a quantity with `axes` axes computed by NumPy, `function(body, omega, eps)`, in parts.
 
     Parts of at most `most` states limit the size of temporary arrays.
     """
+    body, omega, eps, batch, *_ = states
     real_array("omega", omega, allow_nan=True)
+    result = (body.dimension,) * axes
     out = np.empty((*batch, *result))
     full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
     parameters = {
@@ -145,14 +140,9 @@ def warn_of_missing(count: int, first: int, batch: tuple[int, ...]) -> None:
     )
 
 
-def _parts(
-    body: Any, eps: float | FloatArray | None, omega: FloatArray, batch: tuple[int, ...]
-) -> Iterator[_Part]:
-    """Yield the parts of a batch; eps is 0 if none is given.
-
-    The size of a part limits the memory of copies for the kernel.
-    """
-    eps = 0.0 if eps is None else eps
+def _parts(states: States) -> Iterator[_Part]:
+    """Yield the parts of a batch, whose size limits the memory of copies for the kernel."""
+    body, omega, eps, batch, *_ = states
     if not batch:  # one state: the code below would take most of the time of a call
         parameters = *flat_body(body, ()), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
@@ -167,17 +157,17 @@ def _parts(
     values.append(np.broadcast_to(eps, batch))
     begin = 0
     for part in _slabs(batch, max(NUMBERS // D, 1)):
-        states = for_kernel(whole[part]).reshape(-1, D)
+        some = for_kernel(whole[part]).reshape(-1, D)
         parameters = _flat([each[part] for each in values], whole[part].ndim - 1)
         period = max(map(len, parameters))
         if period == 1:  # one body
-            period = len(states)
-        elif own == 0 and period < min(REPEATED, len(states)):
-            times = min(REPEATED, len(states)) // period + 1
+            period = len(some)
+        elif own == 0 and period < min(REPEATED, len(some)):
+            times = min(REPEATED, len(some)) // period + 1
             parameters = tuple(np.tile(p, times) if p.size > 1 else p for p in parameters)
             period *= times
-        yield begin, parameters, states, period
-        begin += len(states)
+        yield begin, parameters, some, period
+        begin += len(some)
 
 
 def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:

@@ -41,12 +41,7 @@ Stretch = tuple[int, int, int, int, int, int]
 
 
 def iterate(
-    problem: Problem,
-    span: Span,
-    resume: Resume,
-    output: Output,
-    kernel: Kernel,
-    step: float = 1.0,
+    problem: Problem, span: Span, resume: Resume, output: Output, kernel: Kernel, step: float = 1.0
 ) -> Indices:
     """Iterate by a kernel of `map_kernel`; `step` is the cost of a step, in those of the 3D map."""
     shape = problem.size if problem.continued else 0, len(kernel.names["map"].State._fields)

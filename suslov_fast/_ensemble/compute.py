@@ -66,10 +66,7 @@ def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
         return
     done = np.maximum(done, 0)
     made = sum(math.prod(job.shape(tile)) * int(done[tile]) for tile in tiles)
-    with (
-        _stopping() as stop,
-        reporter(progress, math.prod(job.batch) * job.steps) as show,
-    ):
+    with _stopping() as stop, reporter(progress, math.prod(job.batch) * job.steps) as show:
 
         def stored(tile: int, steps: int) -> None:
             nonlocal made

@@ -14,10 +14,7 @@ MAP = Map(
     methods=("auto", "canonical", "ds2"),
     parameters=for_loops,
     run=run_3d,
-    kept=(
-        Kept("state", ("flat", 2)),
-        Kept("turn", ("flat", 4), attitude=True),
-    ),
+    kept=(Kept("state", ("flat", 2)), Kept("turn", ("flat", 4), attitude=True)),
     samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
     conserved=lambda body: ("first_integral",),
 )

@@ -16,10 +16,7 @@ MAP = Map(
     methods=("auto", "canonical"),
     parameters=for_loops,
     run=partial(run_3d, by_steps=gyrostat_steps),
-    kept=(
-        Kept("state", ("flat", 4)),
-        Kept("turn", ("flat", 4), attitude=True),
-    ),
+    kept=(Kept("state", ("flat", 4)), Kept("turn", ("flat", 4), attitude=True)),
     samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
     conserved=lambda body: ("first_integral",),
 )

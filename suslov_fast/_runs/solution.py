@@ -22,12 +22,7 @@ _BEYOND = "the state or an intermediate result exceeds the range of float64"
 
 @filled
 def exact(
-    body: AnyBody,
-    omega0: ArrayLike,
-    eps: ArrayLike,
-    n: ArrayLike,
-    *,
-    threads: int | None = None,
+    body: AnyBody, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Return state n of the map by the closed form, without iteration.
 

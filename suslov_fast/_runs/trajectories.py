@@ -292,9 +292,7 @@ class Trajectories:
 
     @filled
     def to_xarray(
-        self,
-        dims: str | Sequence[str] | None = None,
-        coords: Mapping[Any, Any] | None = None,
+        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
     ) -> xarray.Dataset:
         """Return the run as an `xarray.Dataset`, without the data needed to resume it.
 

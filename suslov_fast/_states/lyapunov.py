@@ -13,7 +13,7 @@ from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import BodyIn3D, BodyOrField, check
-from .._engine.evaluation import TASKS
+from .._engine.evaluation import TASKS, States
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
 from .._jit import LINE
@@ -148,14 +148,14 @@ def _canonical(
     # A state without a next one has no derivative either.
     before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
     jacobian = TABLE[map_of(body).body]["jacobian"]
-    return jacobian(body, before, eps, before.shape[:-1], threads, "omega"), logarithms, G
+    return jacobian(States(body, before, eps, before.shape[:-1], threads)), logarithms, G
 
 
 def _by_slopes(
     body: Any, omega: FloatArray, eps: float | FloatArray, _: Any, threads: int | None
 ) -> tuple[FloatArray, FloatArray, None]:
     slopes = TABLE[map_of(body).body]["slopes"]
-    found = slopes(body, omega, eps, omega.shape[:-1], threads, "omega")
+    found = slopes(States(body, omega, eps, omega.shape[:-1], threads))
     return *derivatives_of(found[:-1], found[1:], threads), None
 
 

@@ -11,26 +11,19 @@ import numpy as np
 
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.evaluation import SLAB, by_slabs
+from .._engine.evaluation import SLAB, States, by_slabs
 from .of_nd import jacobian_by, next_states
 
 
 def _of_states(
-    function: Callable[..., FloatArray], axes: int = 0, warn: bool = False
-) -> Callable[..., FloatArray]:
-    """Return the evaluation of `function(body, x, eps)`, in parts; NaN of states that are NaN."""
-
-    def evaluate(
-        body: QuadraticField, x: FloatArray, eps: Any, batch: Any, threads: int | None, name: str
-    ) -> FloatArray:
-        D = body.dimension
-        most = max(SLAB // (D * D), 1)
-        with np.errstate(all="ignore"):
-            found = by_slabs(function, body, x, eps, batch, (D,) * axes, warn, most)
-            unknown = np.isnan(x).any(axis=-1)
-        return np.where(np.reshape(unknown, (*unknown.shape, *(1,) * axes)), np.nan, found)[()]
-
-    return evaluate
+    function: Callable[..., FloatArray], axes: int, states: States, warn: bool = False
+) -> FloatArray:
+    """Return `function(body, x, eps)` with `axes` axes, in parts; NaN of states that are NaN."""
+    most = max(SLAB // states.body.dimension**2, 1)
+    with np.errstate(all="ignore"):
+        found = by_slabs(function, axes, states, warn, most)
+        unknown = np.isnan(states.omega).any(axis=-1)
+    return np.where(np.reshape(unknown, (*unknown.shape, *(1,) * axes)), np.nan, found)[()]
 
 
 def _terms(body: QuadraticField, x: FloatArray) -> tuple[Any, ...]:
@@ -88,13 +81,13 @@ def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> 
     return density
 
 
-_SLOPES = _of_states(_slopes, 2)
-QUANTITIES = {
-    "energy": _of_states(_energy),
-    "modified_energy": _of_states(_modified_energy),
-    "invariant_density": _of_states(_invariant_density),
-    "vector_field": _of_states(_vector_field, 1),
-    "jacobian": _of_states(partial(jacobian_by, _SLOPES), 2, warn=True),
-    "matrix": _of_states(_matrix, 2),
+_SLOPES = partial(_of_states, _slopes, 2)
+QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
+    "energy": partial(_of_states, _energy, 0),
+    "modified_energy": partial(_of_states, _modified_energy, 0),
+    "invariant_density": partial(_of_states, _invariant_density, 0),
+    "vector_field": partial(_of_states, _vector_field, 1),
+    "jacobian": partial(_of_states, partial(jacobian_by, _SLOPES), 2, warn=True),
+    "matrix": partial(_of_states, _matrix, 2),
     "slopes": _SLOPES,
 }

@@ -13,7 +13,7 @@ from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray
 from .._engine import reduced_runs
 from .._engine import threads as _threads
-from .._engine.evaluation import TASKS, by_slabs, of_state, of_state_nd
+from .._engine.evaluation import TASKS, States, by_slabs, of_state, of_state_nd
 from .._engine.execution import execute, problem_of, span_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
@@ -22,42 +22,15 @@ from .._kernels.elimination import WIDTH
 from .._kernels.tangent_map import differentiate
 from .._maps.registry import map_of
 
-Step = float | FloatArray | None
-Batch = tuple[int, ...]
 
-
-def _by_kernel(kernel: Kernel, axes: int = 0) -> Callable[..., FloatArray]:
-    """Return the evaluation by a kernel of a quantity with `axes` axes."""
-
-    def evaluate(
-        body: SuslovND, omega: FloatArray, eps: Step, batch: Batch, threads: int | None, name: str
-    ) -> FloatArray:
-        return of_state_nd(kernel, body, omega, eps, batch, threads, (body.dimension,) * axes)
-
-    return evaluate
-
-
-def _by_numpy(
-    function: Callable[..., FloatArray], axes: int = 0, solved: str | None = None
-) -> Callable[..., FloatArray]:
-    """Return the evaluation, in parts, of a NumPy function of bodies, states and step sizes.
-
-    `solved` is the name of a public function that needs a solved body.
-    """
-
-    def evaluate(
-        body: SuslovND, omega: FloatArray, eps: Any, batch: Batch, threads: int | None, name: str
-    ) -> FloatArray:
-        if solved:
-            check_solved(body, solved)
-        result = (body.dimension,) * axes
-        return by_slabs(function, body, omega, eps, batch, result, warn=axes > 0)
-
-    return evaluate
+def _of_solved(name: str, function: Callable[..., FloatArray], states: States) -> FloatArray:
+    """Return a quantity of solved bodies; `name` is that of the public function."""
+    check_solved(states.body, name)
+    return by_slabs(function, 0, states)
 
 
 def _of_three(kernel: Kernel, body: Suslov3D, state: FloatArray, eps: FloatArray) -> FloatArray:
-    return of_state(kernel, (), body, state, eps, state.shape[:-1], threads=1)
+    return of_state(kernel, (), States(body, state, eps, state.shape[:-1], threads=1))
 
 
 def _of_n_3(kernel: Kernel, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -70,7 +43,8 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
         return _of_n_3(kernels_3d.first_integral, body, omega, eps)
     batch = omega.shape[:-1]
     _, power = np.frexp(abs(omega).max(axis=-1, keepdims=True))
-    energy = QUANTITIES["energy"](body, np.ldexp(omega, -power), None, batch, 1, "omega")
+    scaled = States(body, np.ldexp(omega, -power), 0.0, batch, threads=1)
+    energy = of_state_nd(kernels.energy, 0, scaled)
     reduced = reduced_runs.of_batch(body, omega, eps, batch, 1)
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
@@ -94,7 +68,7 @@ def jacobian_by(
 ) -> FloatArray:
     """Return (1 - S(omega))**-1 (1 + S(omega_next)), where S = (eps/2) f'."""
     before, after = (
-        slopes(body, each, eps, omega.shape[:-1], None, "omega")
+        slopes(States(body, each, eps, omega.shape[:-1]))
         for each in (omega, next_states(body, omega, eps))
     )
     return derivatives_of(before, after, None)[0].reshape(before.shape)
@@ -114,11 +88,8 @@ def derivatives_of(
 
 
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    batch, result = omega.shape[:-1], (body.dimension, body.dimension)
-    following = next_states(body, omega, eps)
-    return of_state_nd(
-        kernels.reaction, body, np.ascontiguousarray(omega), None, batch, None, result, following
-    )
+    states = States(body, np.ascontiguousarray(omega), 0.0, omega.shape[:-1])
+    return of_state_nd(kernels.reaction, 2, states, following=next_states(body, omega, eps))
 
 
 def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
@@ -126,15 +97,16 @@ def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     return execute(problem, span_of(0, 1, None)).final
 
 
-QUANTITIES: dict[str, Callable[..., FloatArray]] = {
-    "energy": _by_kernel(kernels.energy),
-    "first_integral": _by_numpy(_first_integral, solved="first_integral"),
-    "modified_energy": _by_kernel(kernels.modified_energy),
-    "criticality": _by_numpy(_criticality, solved="criticality"),
-    "vector_field": _by_kernel(kernels.vector_field, 1),
-    "reaction": _by_kernel(kernels.reaction, 2),
-    "discrete_reaction": _by_numpy(_discrete_reaction, 2),
-    "jacobian": _by_numpy(partial(jacobian_by, _by_kernel(kernels.slopes, 2)), 2),
-    "matrix": _by_kernel(kernels.matrix, 2),
-    "slopes": _by_kernel(kernels.slopes, 2),
+_SLOPES = partial(of_state_nd, kernels.slopes, 2)
+QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
+    "energy": partial(of_state_nd, kernels.energy, 0),
+    "first_integral": partial(_of_solved, "first_integral", _first_integral),
+    "modified_energy": partial(of_state_nd, kernels.modified_energy, 0),
+    "criticality": partial(_of_solved, "criticality", _criticality),
+    "vector_field": partial(of_state_nd, kernels.vector_field, 1),
+    "reaction": partial(of_state_nd, kernels.reaction, 2),
+    "discrete_reaction": partial(by_slabs, _discrete_reaction, 2, warn=True),
+    "jacobian": partial(by_slabs, partial(jacobian_by, _SLOPES), 2, warn=True),
+    "matrix": partial(of_state_nd, kernels.matrix, 2),
+    "slopes": _SLOPES,
 }

@@ -13,13 +13,12 @@ from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._engine.arguments import check
-from .._engine.evaluation import of_state
+from .._engine.evaluation import States, of_state
 from .._engine.threads import thread_count
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
 
-# (body, omega, eps, batch, threads, name) to the quantity; `name` is that of the argument omega.
-Evaluation = Callable[..., FloatArray]
+Evaluation = Callable[[States], FloatArray]
 
 # Of both bodies in three dimensions.
 _WITH_ROTOR: dict[str, Evaluation] = {
@@ -57,5 +56,5 @@ def evaluate(
     components = ("x", "y") if name == "xy" else None
     arrays, batch = check(body, kinds, arguments, components, later=True)
     evaluation = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
-    state, step_size = (*arrays, None)[:2]
-    return evaluation(body, state, step_size, batch, thread_count(threads), name)
+    state, step_size = (*arrays, 0.0)[:2]
+    return evaluation(States(body, state, step_size, batch, thread_count(threads), name))

@@ -146,10 +146,7 @@ class Page:
 
 @filled
 def explore(
-    body: BodyIn3D,
-    omega0: ArrayLike = (1.0, 0.5),
-    eps: float = 0.1,
-    steps: int = 300,
+    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), eps: float = 0.1, steps: int = 300
 ) -> Page:
     """Show an orbit on the page of `suslov-fast explore`, in a notebook.
 

@@ -133,11 +133,7 @@ TypeError, ValueError
 
 
 def filled(function: F) -> F:
-    """Complete a docstring: lines ``%(name)s``, and what its sections leave out.
-
-    Parameters follow the signature. The errors raised include `INVALID` unless the section Raises
-    has its own ValueError.
-    """
+    """Complete a docstring: lines ``%(name)s``, parameters, and `INVALID` unless it has its own."""
     if not function.__doc__:  # None with `python -OO`
         return function
     text = re.sub(

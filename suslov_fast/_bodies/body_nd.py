@@ -166,10 +166,7 @@ def J_I_rotor(body: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def in_units(body: Any) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """Return J, I and k of a body, of the order of 1, and the exponents (..., 1) of their units.
-
-    These are 2**moments for J and 2**products for I and k. Kernels scale their own arguments.
-    """
+    """Return J, I and k of a body, of the order of 1, and the exponents of J, and of I and k."""
     J, I, rotor = J_I_rotor(body)
     ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))
     moments = sum(ends) // 2
@@ -183,10 +180,7 @@ class NotIntegrableError(ValueError):
 
 
 def is_solved(J: FloatArray, I: FloatArray, rounding: float = 0.0) -> NDArray[np.bool_]:
-    """Return a mask of the bodies with J I = b I, and J = a orthogonal to I, up to `rounding`.
-
-    All J are equal, or at most one component of I is not 0; for n = 3 every body is solved.
-    """
+    """Return a mask of the bodies with J I = b I, and J = a orthogonal to I; of all for n = 3."""
     J, size = np.broadcast_arrays(J, abs(I))
     largest = size.max(axis=-1, keepdims=True)
     coupled = size > rounding * largest

@@ -57,10 +57,7 @@ def plain(a: Fraction) -> float | str:
 
 
 class Polynomial:
-    """A polynomial in x1, x2, ..., which adds, subtracts and multiplies exactly.
-
-    `terms` maps monomials to coefficients. Floats are taken as the binary numbers that they are.
-    """
+    """A polynomial in x1, x2, ..., exact: `terms` maps monomials to coefficients."""
 
     __slots__ = ("terms",)
 

@@ -14,11 +14,7 @@ from .flags import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, pa
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command and exit.
-
-    The status is 0; 2 for usage errors and 1 for other failures, with one
-    line on stderr; 130 after a signal; 141, quietly, if the reader of a pipe is gone.
-    """
+    """Run a command and exit with its status; errors are one line on stderr."""
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
     try:
         try:

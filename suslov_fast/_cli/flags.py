@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from .. import __version__
 
-# The last two are those of a shell for a process that a signal ends.
+# Exit statuses; the last two are those of a shell for a process that a signal ends.
 FAILURE, USAGE, INTERRUPTED, CLOSED_PIPE = 1, 2, 130, 141
 TRAJECTORIES, EXTENT = 65_536, 2.0
 # The body of picture 2 is realizable, that of picture 1 is not.

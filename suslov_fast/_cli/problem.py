@@ -19,10 +19,7 @@ from .terminal import about
 
 
 def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
-    """Return the body, the step size, and the rotation to the adapted basis of a tensor.
-
-    Parameters of a sweep have their first value.
-    """
+    """Return the body, with the first values of sweeps, the step size, and a tensor's rotation."""
     names = {name for kind in body_classes() for name in kind._names()}
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     swept = {name: low for name, low, *_ in getattr(options, "sweep", [])}
@@ -116,10 +113,7 @@ def orientation_of(options: argparse.Namespace) -> FloatArray | None:
 
 
 def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
-    """Return the numbers in a .npy file, memory-mapped, or in a .csv file.
-
-    With `components`, the columns of a .csv may have names, which must be these.
-    """
+    """Return the numbers in a .npy, memory-mapped, or a .csv; a header must be `components`."""
     with about(path):
         if path.suffix.lower() == ".npy":
             array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)

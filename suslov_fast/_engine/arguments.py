@@ -31,10 +31,7 @@ def refuse_rotor(body: object, function: str, instead: str) -> None:
 
 
 def orientations_of(body: Any, carries_attitude: bool, attitude: Any) -> dict[str, ArrayLike]:
-    """Return the argument `attitude` by name if orientations are asked for: the identity for True.
-
-    Raises TypeError where a map carries none.
-    """
+    """Return the argument `attitude` by name, the identity for True, or nothing for False."""
     is_flag = isinstance(attitude, (bool, np.bool_))
     if is_flag and not attitude:
         return {}

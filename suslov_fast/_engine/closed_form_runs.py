@@ -48,17 +48,14 @@ class Orbits(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """States at equal steps: sign (first + every i) for begin <= i < end, first and every >= 0.
-
-    Row i is written to row origin + direction i of the result.
-    """
+    """States at equal steps: sign (first + every i) for begin <= i < end, first and every >= 0."""
 
     sign: float
     first: float
     every: float
     begin: int
     end: int
-    origin: int
+    origin: int  # row i is written to row origin + direction i of the result
     direction: int
 
 
@@ -90,9 +87,7 @@ def states_at(
     flow: bool,
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return states at times () or (N,), and the numbers of missing states: at steps of the map,
-    between two, and out of the range of float64.
-    """
+    """Return states at times () or (N,), and the numbers missing at steps, between, and beyond."""
     parameters, omega = for_loops(body, eps, batch), flat_arrays(state, batch)
     orbits = Orbits(with_rotor(parameters), omega, flow, _NO_ENDS, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)

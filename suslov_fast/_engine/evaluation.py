@@ -49,10 +49,7 @@ class States(NamedTuple):
 
 
 def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArray:
-    """Return a quantity (..., *shape) of states of bodies in three dimensions.
-
-    One warning counts the states without a result.
-    """
+    """Return a quantity (..., *shape) in three dimensions; one warning counts what is missing."""
     out = np.empty((*states.batch, *shape))
     results = out.reshape(-1, math.prod(shape))
     missing: list[tuple[int, int]] = []
@@ -75,10 +72,7 @@ def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArr
 def of_state_nd(
     kernel: Kernel, axes: int, states: States, following: FloatArray | None = None
 ) -> FloatArray:
-    """Return a quantity with `axes` axes of states in n dimensions.
-
-    `following` are the next states if needed, C-contiguous.
-    """
+    """Return a quantity with `axes` axes in n dimensions; `following` are the next states, flat."""
     m = states.body.dimension
     out = np.empty((*states.batch, *(m,) * axes))
     results = out.reshape(-1, m**axes)
@@ -102,10 +96,7 @@ def by_slabs(
     warn: bool = False,
     most: int = SLAB,
 ) -> FloatArray:
-    """Return a quantity with `axes` axes computed by NumPy, `function(body, omega, eps)`, in parts.
-
-    Parts of at most `most` states limit the size of temporary arrays.
-    """
+    """Return a quantity with `axes` axes, `function(body, omega, eps)` by NumPy, in small parts."""
     body, omega, eps, batch, *_ = states
     real_array("omega", omega, allow_nan=True)
     result = (body.dimension,) * axes
@@ -171,10 +162,7 @@ def _parts(states: States) -> Iterator[_Part]:
 
 
 def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
-    """Return parameters of a batch of `ndim` axes as (1, ...) or (period, ...).
-
-    The period covers the axes from the first one along which a parameter varies.
-    """
+    """Return parameters as (1, ...), or (period, ...) from the first axis along which one varies."""
     varies = [[each.shape[k] > 1 and each.strides[k] != 0 for k in range(ndim)] for each in values]
     first = min((axes.index(True) for axes in varies if any(axes)), default=ndim)
     return tuple(

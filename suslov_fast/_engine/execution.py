@@ -72,10 +72,7 @@ def problem_of(
     threads: int | None = None,
     continued: bool = True,
 ) -> Problem:
-    """Return the problem of checked arguments that broadcast to the batch.
-
-    If it may be continued, it shares no memory with the caller.
-    """
+    """Return the problem of checked arguments; if it may be continued, with copies of them."""
     omega0, parameters = flat_arrays(omega0, batch), map.parameters(body, eps, batch)
     if orientation is not None:
         orientation = flat_arrays(orientation, batch, 2).copy()
@@ -221,8 +218,7 @@ def execute(
 ) -> Output:
     """Compute a span from state 0 on, or go on from `resume`; return results in the batch shape.
 
-    Saved states are written to `out` if given. Those saved earlier are copied from `before`;
-    without it, only those of the span are returned.
+    Saved states are written to `out` if given; those saved earlier are copied from `before`.
     """
     (size, D), batch, orientation = problem.omega0.shape, problem.batch, problem.orientation
     earlier = 0 if before is None else span.rows_before

@@ -26,10 +26,7 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
-    """Return a parameter (..., D) as (1, D) if common to all trajectories, or as (B, D).
-
-    The number of axes after those of the batch is 1 for vectors and 0 for numbers.
-    """
+    """Return a parameter with `axes` axes as (1, ...) if common to the whole batch, or (B, ...)."""
     if type(value) is float:
         return np.array([value])
     array = np.asarray(value)
@@ -68,9 +65,6 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
 
 
 def alike(size: int, most: int, lanes: int) -> int:
-    """Return the length of parts of about equal length, at most `most`, in multiples of lanes.
-
-    A short part at the end would leave threads idle.
-    """
+    """Return the length of parts of about equal length, at most `most`, in multiples of lanes."""
     parts = -(-size // most)
     return -(-size // (parts * lanes)) * lanes

@@ -44,7 +44,7 @@ def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
         or _owned()  # by a call interrupted by a signal, whose handler makes this call
-        or not _can_start(2 * numba.config.NUMBA_NUM_THREADS)
+        or not _can_start(2 * numba.config.NUMBA_NUM_THREADS)  # twice: they need memory, too
         or not _parallel(kernel, threads, arguments)
     ):
         kernel.serial(*arguments)
@@ -70,11 +70,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
 
 @cache
 def _can_start(count: int) -> bool:
-    """Return True if the system has room for that many threads.
-
-    Where it has not, those of Numba abort the process, or hang. As many again stand for the memory
-    that they need besides their stacks.
-    """
+    """Return True if the system has room for that many threads; else Numba's abort, or hang."""
     done, waiting = threading.Event(), []
     try:
         for _ in range(count):

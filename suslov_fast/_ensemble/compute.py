@@ -91,10 +91,7 @@ def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
 def _pieces(
     job: Job, tile: int, starts: FloatArray, arrays: Arrays, threads: int | None
 ) -> Iterator[Piece]:
-    """Compute the missing pieces of a tile; yield spans, their results and reductions.
-
-    `job` is the part of the run in the tile, and `starts` are its initial states.
-    """
+    """Compute the missing pieces of a tile; `job` is the part of the run in it."""
     shape, D, every = job.shape(tile), job.body.dimension, job.every
     start, resume, reduced = _left(job, tile, arrays)
     omega0 = np.where(np.isnan(starts).any(axis=-1, keepdims=True), np.nan, starts)
@@ -239,10 +236,7 @@ def _run_here(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, st
 
 
 def client_of(scheduler: Any) -> AbstractContextManager[Any]:
-    """Return the context of a client, passed as such or by the address of its scheduler, or None.
-
-    It closes only clients made here.
-    """
+    """Return the context of a client or of None; a client made here, by an address, is closed."""
     if scheduler is None:
         return nullcontext()
     from distributed import Client

@@ -60,10 +60,7 @@ Arrays = dict[str, Any]
 
 
 def resolved(store: Any) -> Any:
-    """Return a store that other processes can open: folders and their URLs as absolute paths.
-
-    Raises ImportError if a library that stores need is not installed.
-    """
+    """Return a store that other processes can open: folders and their URLs as absolute paths."""
     labelled.import_xarray("dask.array", "filelock", "zarr", extra="large")
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs
@@ -78,11 +75,7 @@ def _is_folder(store: Any) -> bool:
 
 @contextmanager
 def only_writer(store: Any) -> Iterator[None]:
-    """Lock a folder against other writers, under any of its names.
-
-    Raises BlockingIOError if there is another writer, and OSError if the lock file is a symbolic
-    link. Stores that are not folders are not locked.
-    """
+    """Lock a folder against other writers, under any of its names; other stores are not locked."""
     if not _is_folder(store):
         yield
         return
@@ -141,10 +134,7 @@ def _is_free(store: Any) -> bool:
 
 
 def _described(store: Any) -> dict[str, Any]:
-    """Return the description of the run in a store; empty if there is no store, or one just begun.
-
-    Raises ValueError if the store is of another program or version.
-    """
+    """Return the description of the run in a store; empty if there is none, or one just begun."""
     copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
     about, stored = ({} if each is None else dict(each.attrs) for each in (root, own))
     if about == _UNFINISHED or (root is own is None and _is_free(store)):

@@ -25,10 +25,7 @@ PathLike = str | os.PathLike[str]
 
 @contextmanager
 def place_for(path: PathLike) -> Iterator[Callable[..., None]]:
-    """Yield a function that writes the entries of a run, its keywords, to `path`, atomically.
-
-    Obstacles to writing are detected before the computation.
-    """
+    """Yield a function that writes the entries of a run, its keywords, to `path`, atomically."""
     _check_name(path)
     with replacing(path) as new, open(new, "wb") as file:
         yield partial(np.savez, file)
@@ -88,8 +85,6 @@ def replacing(path: PathLike) -> Iterator[Path]:
 
     It is created before the computation, so a path that is not writable is detected immediately.
     The file mode is kept; for a link, its target is replaced.
-
-    Raises OSError, with what was expected and received as its `strerror`.
     """
     try:
         target = Path(os.path.realpath(path))  # a deleted working directory has no path

@@ -36,11 +36,7 @@ class StyledFigure(Figure):
 
 
 def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> Any:
-    """Return the plane axes passed, checked, or those of a new figure.
-
-    The figure, with width and height in inches, is not shown in a window. The letter is above the
-    panel, outside data and legends.
-    """
+    """Return the plane axes passed, checked, or those of a new figure of a size in inches."""
     if ax is None:
         ax = StyledFigure(figsize=size, layout="constrained").add_subplot()
     elif not isinstance(ax, Axes) or ax.name == "3d":
@@ -51,11 +47,7 @@ def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> A
 
 
 def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> None:
-    """Draw orbits, states (N, batch, D), in the plane of two components.
-
-    Colours follow the size of the first state, so that neighbouring orbits look alike; above the
-    axes stands which components of how many are shown.
-    """
+    """Draw orbits, states (N, batch, D), in a plane, coloured by the size of the first state."""
     size = np.sqrt((states[0] ** 2).sum(axis=-1))
     rank = size.argsort().argsort() / max(1, len(size) - 1)
     colours = colormaps["viridis"](0.05 + 0.85 * rank)
@@ -127,11 +119,8 @@ def _towards_eye(axes: Any) -> FloatArray:
 
 
 def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> None:
-    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it in a lighter colour.
-
-    The part behind ends at the first point of the part in front, so that there is no gap.
-    """
-    behind = ~in_front
+    """Draw a curve (N, 3) around a body at `zorder` 2, the part behind it in a lighter colour."""
+    behind = ~in_front  # and the points beside it, so that there is no gap
     behind[1:] |= ~in_front[:-1]
     behind[:-1] |= ~in_front[1:]
     for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):

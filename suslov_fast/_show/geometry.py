@@ -61,18 +61,12 @@ def level(body: BodyIn3D, eps: float, R: float, reach: float = 3.0) -> list[Floa
 
 
 def meeting_phase(A: float, k: float) -> float:
-    """The phase, up to its sign, where a level with A = R abs(g) meets the line l = 0.
-
-    Where it does not, that of the least abs(l).
-    """
+    """The phase, up to its sign, where abs(l) is least on a level with A = R abs(g)."""
     return float(np.arccos(np.clip(-k / A, -1.0, 1.0))) if A else 0.0
 
 
 def steady_line(body: BodyIn3D) -> tuple[FloatArray, FloatArray]:
-    """The state of least energy on the line of steady states, and the direction of the line.
-
-    With a positive step size the half in this direction repels.
-    """
+    """The steady state of least energy, and the direction of the half that repels for eps > 0."""
     g, k = half_angle(body)
     middle = -k / abs(g) ** 2 * np.array([body.I13 / body.I1, body.I23 / body.I2]) + 0.0
     return middle, np.array([body.I23, -body.I13]) / np.hypot(body.I13, body.I23)

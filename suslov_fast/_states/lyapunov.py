@@ -119,7 +119,7 @@ def _canonical(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return DPhi and log |det DPhi| of the steps between states in three dimensions, and 1 - t**2.
 
-    With X = e l, Y and K = e k of the module `_formulas.closed_form`, the invariant density gives
+    With X = e l, Y and K = e k of `_formulas.closed_form`, the invariant density gives
     det DPhi = (1 + Y + K X) / (1 - Y + 2 X**2 - K X) (1 + X_next**2) / (1 + X**2). Next to t = 1
     the first numerator nearly vanishes, and follows from 1 - t**2, which is constant on an orbit:
     (1 + K X + Y) (1 + K X - Y) / (1 + X**2).

@@ -60,10 +60,7 @@ def monomial_values(exponents: Exponents, x: Any) -> Any:
 
 
 def null_space(matrix: Any) -> Residues:
-    """Basis of the null space: the last nonzero entry of each vector is 0 in the others.
-
-    Modulo a prime that entry is 1.
-    """
+    """Basis of the null space: the last nonzero entry, 1 modulo a prime, is 0 in the others."""
     columns, dimension = matrix.nullspace()
     return integer_rows(columns.transpose())[:dimension]
 

@@ -64,10 +64,7 @@ def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[in
 
 
 def _cramer(system: list[list[Any]]) -> list[Any]:
-    """Solve (A | b) over polynomials: det A, then the numerators of the solution.
-
-    Fraction-free Gauss-Jordan elimination (Bareiss), whose divisions are exact.
-    """
+    """Return det A and the numerators of the solution of (A | b), without fractions (Bareiss)."""
     n, previous = len(system), 1
     for k in range(n):
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)

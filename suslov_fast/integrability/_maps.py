@@ -70,10 +70,7 @@ class KahanMap:
 
 
 class Arithmetic:
-    """A map over the rationals, or modulo a prime p; divisions by 0 raise `ZeroDivisionError`.
-
-    A step solves the linear equations A(x) x~ = b(x).
-    """
+    """A map over the rationals, or modulo a prime p: a step solves A(x) x~ = b(x)."""
 
     def __init__(self, map: KahanMap, p: int | None = None) -> None:
         self.dimension, self.p = map.dimension, p

@@ -23,111 +23,83 @@ BODIES = {
     "Suslov3D": "Suslov3D",
 }
 
-# Other parameters, by name.
+# Type and text of other parameters, by name.
 PARAMETERS = {
-    "omega": """\
-omega : array_like(float, shape=(..., D))
+    "omega": """array_like(float, shape=(..., D))
     Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in; or states of a field.
     The result is NaN for states that are NaN.""",
-    "omega0": """\
-omega0 : array_like(float, shape=(..., D))
+    "omega0": """array_like(float, shape=(..., D))
     State 0, or in continuous time that at time 0. The result is NaN where it is NaN.""",
-    "eps": """\
-eps : array_like(float, shape=(...))
+    "eps": """array_like(float, shape=(...))
     Step size, in the unit of time of the angular velocities; a negative one is that of the
     inverse map.""",
-    "steps": """\
-steps : int
+    "steps": """int
     Number of steps, 0 or more.""",
-    "I3": """\
-I3 : array_like(float, shape=(...)), optional
+    "I3": """array_like(float, shape=(...)), optional
     The third moment of inertia, positive; by default that of the body.""",
-    "save_every": """\
-save_every : int or None
+    "save_every": """int or None
     Save the states 0, k, 2k, ... up to `steps`; None saves only the last.""",
-    "out": """\
-out : ndarray(float64, shape=(n_saved, ..., D)), optional
+    "out": """ndarray(float64, shape=(n_saved, ..., D)), optional
     C-contiguous array that receives the saved states, instead of a new one.""",
-    "on_singular": """\
-on_singular : {"warn", "raise", "ignore"}
+    "on_singular": """{"warn", "raise", "ignore"}
     Action if trajectories fail: one :class:`SingularStepWarning` for all, a
     :class:`SingularStepError` that holds the result, or none.""",
-    "progress": """\
-progress : bool or callable, optional
+    "progress": """bool or callable, optional
     True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.""",
-    "dims": """\
-dims : str or sequence of str, optional
+    "dims": """str or sequence of str, optional
     Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
     name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
     coordinate: ``data.sel(eps=0.2)``.""",
-    "coords": """\
-coords : mapping, optional
+    "coords": """mapping, optional
     Coordinates along them, as `xarray.Dataset.assign_coords` takes them.""",
-    "threads": """\
-threads : int, optional
+    "threads": """int, optional
     Number of threads, by default Numba's. Results do not depend on it.""",
-    "rotation": """\
-rotation : array_like(float, shape=(..., n, n)), optional
+    "rotation": """array_like(float, shape=(..., n, n)), optional
     The matrix that `from_inertia` or `from_mass_tensor` returned with the body. With it, vectors
     and matrices are in the basis in which the inertia was given, else in the adapted basis.""",
-    "attitude": """\
-attitude : array_like(float, shape=(..., n, n)), optional
+    "attitude": """array_like(float, shape=(..., n, n)), optional
     Orientations, as :func:`suslov_fast.attitude` returns them, in place of `rotation`. With them
     the result is in space.""",
-    "letter": """\
-letter : str, optional
+    "letter": """str, optional
     Letter of the panel, written above it.""",
-    "ax": """\
-ax : matplotlib.axes.Axes, optional
+    "ax": """matplotlib.axes.Axes, optional
     Axes to draw on; by default those of a new figure.""",
-    "map": """\
-map : KahanMap
+    "map": """KahanMap
     Made by `kahan`.""",
-    "path": """\
-path : str or path-like
+    "path": """str or path-like
     A name that ends in .npz.""",
-    "dimension": """\
-dimension : int
+    "dimension": """int
     The number of variables, D.""",
-    "seed": """\
-seed : int, optional
+    "seed": """int, optional
     Seed of the random primes, points and lines.""",
 }
 
 # Lines ``%(name)s`` of docstrings.
 PARAGRAPHS = {
-    "needs_xarray": """\
-ImportError
+    "needs_xarray": """ImportError
     If a required library is not installed: ``pip install 'suslov_fast[xarray]'``.""",
-    "needs_large": """\
-ImportError
+    "needs_large": """ImportError
     If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.""",
-    "errors_of_runs": """\
-MemoryError
+    "errors_of_runs": """MemoryError
     If the result does not fit in memory.
 ImportError
     If `progress` is True and tqdm is not installed.
 SingularStepError
     If `on_singular` is "raise" and a trajectory fails.""",
-    "not_solved": """\
-NotIntegrableError
+    "not_solved": """NotIntegrableError
     If no closed form is known for the body; in three dimensions there always is one.""",
-    "not_integrable": """\
-NotIntegrableError
+    "not_integrable": """NotIntegrableError
     If no first integral is known for the body.""",
-    "next_states": """\
-The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`, at
-poles.""",
-    "poles": """\
-At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-status SINGULAR. The closed form continues past the pole, as the birational map does:
-:func:`exact` and :func:`limits` return the states after it, and only the state directly after
-the pole is NaN.""",
+    "next_states": """The next states; NaN for states that are NaN, and, with one
+:class:`SingularStepWarning`, at poles.""",
+    "poles": """At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with
+NaN and the status SINGULAR. The closed form continues past the pole, as the birational map does:
+:func:`exact` and :func:`limits` return the states after it, and only the state directly after the
+pole is NaN.""",
 }
 
 # Of every public function.
-INVALID = """\
-TypeError, ValueError
+INVALID = """TypeError, ValueError
     If an argument has a wrong type or shape, or is infinite; before any work.
 """
 
@@ -152,7 +124,7 @@ def filled(function: F) -> F:
         if name == "body" and name not in own:
             own[name] = f"body : {BODIES[parameter.annotation]}\n    A single one, or a batch."
         if name not in ("self", "cls"):
-            paragraphs.append(own.get(name) or PARAMETERS[name])
+            paragraphs.append(own.get(name) or f"{name} : {PARAMETERS[name]}")
     sections["Parameters"] = "\n".join(dict.fromkeys(paragraphs))
     if "ValueError" not in sections["Raises"]:
         sections["Raises"] = INVALID + sections["Raises"]

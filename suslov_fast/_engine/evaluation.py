@@ -162,7 +162,7 @@ def _parts(states: States) -> Iterator[_Part]:
 
 
 def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
-    """Return parameters as (1, ...), or (period, ...) from the first axis along which one varies."""
+    """Return parameters as (1, ...), or (period, ...) from the first axis along which they vary."""
     varies = [[each.shape[k] > 1 and each.strides[k] != 0 for k in range(ndim)] for each in values]
     first = min((axes.index(True) for axes in varies if any(axes)), default=ndim)
     return tuple(

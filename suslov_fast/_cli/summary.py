@@ -8,7 +8,6 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -51,38 +50,27 @@ def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:
 def facts_of_store(path: Path) -> Facts:
     """Return the summary of a store of `ensemble`, finished or not, read tile by tile."""
     dataset = open_dataset(resolved(path), with_dask=False)
-    done = {"tiles_done": dataset.attrs["tiles_done"]}
-    return {**_header(_view(dataset)), **done, **_outcome(_tiles(dataset))}
+    facts = {**_header(_run_in(dataset)), "tiles_done": dataset.attrs["tiles_done"]}
+    facts |= _outcome(_run_in(tile) for tile in _tiles(dataset))
+    for name, short in _SHORT.items():
+        if f"{name}_drift" in dataset:
+            facts["drift"][short] = _largest(dataset[f"{name}_drift"].values)
+    return facts
 
 
-def _view(dataset: Any) -> Any:
-    """Return a dataset with the interface of `Trajectories`; states are read when needed."""
+def _run_in(dataset: Any) -> sf.Trajectories:
+    """Return the run in a dataset, whose states, if it has any, are read when needed."""
     batch, map = tuple(dataset["status"].dims), map_named(dataset.attrs["map"])
-    values = {
-        name: unvarying(dataset, name, batch)
-        for name in ("eps", *map.body._names())
-        if name in dataset
-    }
-    return SimpleNamespace(
-        eps=values.pop("eps"),
-        body=body_of(map, dataset.attrs | values),
-        status=dataset["status"],
-        states=dataset.get(map.variable, ()),
-        final=dataset.get("final"),
-        n=dataset["n"].values if "n" in dataset.dims else np.array([-1]),
-        attitude=dataset.get("attitude"),
-        drifts={
-            name: dataset[f"{name}_drift"].values for name in _SHORT if f"{name}_drift" in dataset
-        },
-        steps=int(dataset.attrs["steps"]),
-        save_every=dataset.attrs.get("save_every"),
-        method=dataset.attrs["method"],
-        _map=map,
-    )
+    names = [name for name in ("eps", *map.body._names()) if name in dataset]
+    values = {name: unvarying(dataset, name, batch) for name in names}
+    body, states = body_of(map, dataset.attrs | values), dataset.get(map.variable, np.empty(0))
+    found = {name: dataset.get(name) for name in ("status", "failed_at", "final", "attitude")}
+    found |= {name: dataset.attrs.get(name) for name in ("method", "steps", "save_every")}
+    return sf.Trajectories(states=states, eps=values["eps"], body=body, **found, _map=map)
 
 
 def _tiles(dataset: Any) -> Iterator[Any]:
-    """Divide a dataset along its batch into stored tiles."""
+    """Divide a dataset along its batch into the tiles that are stored together."""
     status = dataset["status"]
     sizes = dict(zip(status.dims, status.encoding["chunks"], strict=True))
     tiles = list(product(*(range(0, status.sizes[dim], size) for dim, size in sizes.items())))
@@ -90,10 +78,10 @@ def _tiles(dataset: Any) -> Iterator[Any]:
         for done, index in enumerate(tiles):
             progress(done, len(tiles))
             where = zip(sizes.items(), index, strict=True)
-            yield _view(dataset.isel({dim: slice(k, k + size) for (dim, size), k in where}))
+            yield dataset.isel({dim: slice(k, k + size) for (dim, size), k in where})
 
 
-def _header(run: Any) -> Facts:
+def _header(run: sf.Trajectories) -> Facts:
     return {
         "body": {"body": type(run.body).__name__, **_parameters(run.body)},
         "eps": _brief(run.eps),
@@ -121,7 +109,7 @@ def _brief(value: Any, own_axes: int = 0) -> Any:
     return {"min": float(array.min()), "max": float(array.max()), "shape": list(array.shape)}
 
 
-def _outcome(parts: Iterable[Any], start: FloatArray | None = None) -> Facts:
+def _outcome(parts: Iterable[sf.Trajectories], start: FloatArray | None = None) -> Facts:
     """Return statuses and largest relative changes, since state 0 or, if not saved, `start`."""
     counts = dict.fromkeys(sf.Status, 0)
     drift: dict[str, float] = {}
@@ -129,16 +117,18 @@ def _outcome(parts: Iterable[Any], start: FloatArray | None = None) -> Facts:
         for status in counts:
             counts[status] += int((part.status == status).sum())
         for name, changes in _changes(part, start):
-            # Ignore states after a failure, and quantities out of the range of float64.
-            largest = float(changes.max(initial=0.0, where=np.isfinite(changes)))
-            drift[name] = max(drift.get(name, 0.0), largest)
+            drift[name] = max(drift.get(name, 0.0), _largest(changes))
     return {"drift": drift, "status": {each.name: n for each, n in counts.items() if n}}
 
 
-def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArray]]:
-    """Yield changes of conserved quantities, each with its name: stored ones, and computed ones."""
-    yield from ((_SHORT[name], changes) for name, changes in getattr(run, "drifts", {}).items())
-    if start is None and run.n[0] == 0:
+def _largest(changes: FloatArray) -> float:
+    """Return the largest change but those after a failure, or out of the range of float64."""
+    return float(changes.max(initial=0.0, where=np.isfinite(changes)))
+
+
+def _changes(run: sf.Trajectories, start: FloatArray | None) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the changes of conserved quantities, each with its name."""
+    if start is None and run.n[0] == 0 and len(run):
         start = np.asarray(run.states[0])
     if start is None:
         return
@@ -148,7 +138,7 @@ def _changes(run: Any, start: FloatArray | None) -> Iterator[tuple[str, FloatArr
         parts.append(np.asarray(run.final)[np.newaxis])
     for name, part in product(run._map.conserved(run.body), parts):
         reduction = REDUCTIONS[f"{name}_drift"]
-        yield _SHORT[name], reduction.reduce(run.body, run.eps, np.asarray(part), start)
+        yield _SHORT[name], reduction.reduce(run.body, np.asarray(run.eps), np.asarray(part), start)
 
 
 # ------------------------------------------------------------------ text

@@ -66,6 +66,8 @@ PARAMETERS = {
     Axes to draw on; by default those of a new figure.""",
     "map": """KahanMap
     Made by `kahan`.""",
+    "parameters": """mapping
+    Numbers and nested lists by name, and, as "body", the name of the class.""",
     "path": """str or path-like
     A name that ends in .npz.""",
     "dimension": """int
@@ -105,7 +107,11 @@ INVALID = """TypeError, ValueError
 
 
 def filled(function: F) -> F:
-    """Complete a docstring: lines ``%(name)s``, parameters, and `INVALID` unless it has its own."""
+    """Complete a docstring: lines ``%(name)s``, and what its sections leave out.
+
+    Parameters and the class of the result follow the signature. The errors raised include `INVALID`
+    unless the section Raises has its own ValueError.
+    """
     if not function.__doc__:  # None with `python -OO`
         return function
     text = re.sub(
@@ -119,13 +125,15 @@ def filled(function: F) -> F:
     sections |= dict(zip(parts[::2], parts[1::2], strict=True))
     given = re.split(r"\n(?=\w)", sections["Parameters"].strip())
     own = {name: each for each in given for name in each.partition(" :")[0].split(", ")}
-    paragraphs = []
-    for name, parameter in inspect.signature(function).parameters.items():
+    signature, paragraphs = inspect.signature(function), []
+    for name, parameter in signature.parameters.items():
         if name == "body" and name not in own:
             own[name] = f"body : {BODIES[parameter.annotation]}\n    A single one, or a batch."
         if name not in ("self", "cls"):
             paragraphs.append(own.get(name) or f"{name} : {PARAMETERS[name]}")
     sections["Parameters"] = "\n".join(dict.fromkeys(paragraphs))
+    if signature.return_annotation != "None":
+        sections["Returns"] = sections["Returns"] or signature.return_annotation
     if "ValueError" not in sections["Raises"]:
         sections["Raises"] = INVALID + sections["Raises"]
     complete = (f"{k}\n{'-' * len(k)}\n{each.strip()}" for k, each in sections.items() if each)

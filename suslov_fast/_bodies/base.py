@@ -10,6 +10,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from .._checks import FloatArray, common_shape, real_array, without_labels
+from .._docs import filled
 
 # Length of a line of text that represents a body.
 _LINE = 100
@@ -154,22 +155,13 @@ class Body:
         return {"body": type(self).__name__, **values}
 
     @classmethod
+    @filled
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            Numbers and nested lists by name, and, as "body", the name of this class.
+        """Return the body of this class that :meth:`to_dict` describes.
 
         Returns
         -------
         body
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it describes no body of this class; :func:`suslov_fast.body_from_dict` takes any.
 
         Examples
         --------

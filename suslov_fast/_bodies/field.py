@@ -124,10 +124,6 @@ class QuadraticField(Body):
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
             symbolic variables, so its coefficients remain exact; floats are binary numbers.
 
-        Returns
-        -------
-        QuadraticField
-
         Raises
         ------
         TypeError, ValueError
@@ -157,10 +153,6 @@ class QuadraticField(Body):
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
-
-        Returns
-        -------
-        QuadraticField
 
         Raises
         ------

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._checks import FloatArray, integer, positive, vectors, wrong
+from .._docs import filled
 from .._engine.memory import require
 
 Slices = tuple[slice, ...]
@@ -19,6 +20,7 @@ Slices = tuple[slice, ...]
 _READ = 2**20
 
 
+@filled
 @dataclass(frozen=True)
 class RandomStarts:
     """Random initial states for :func:`ensemble`, uniform in a cube around 0.
@@ -33,11 +35,6 @@ class RandomStarts:
         Each component lies in [-extent, extent), in the unit of angular velocity.
     seed : int
         0 or more.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is not of the kind above.
 
     Examples
     --------

@@ -12,6 +12,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .._checks import instance, one_of
+from .._docs import filled
 
 if TYPE_CHECKING:
     from .._checks import FloatArray
@@ -108,23 +109,14 @@ def _map_of_class(kind: type[Any]) -> Map:
     raise TypeError(f"body: expected {' or '.join(body_names())}, got {kind.__name__}")
 
 
+@filled
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     """Return the body that its method `to_dict` described, of any class.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Numbers and nested lists by name, and, as "body", the name of the class.
 
     Returns
     -------
     body
         A body or a field.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If it does not describe a body.
 
     Examples
     --------

@@ -95,10 +95,6 @@ def iterate(
         True, or the initial rotation matrix (by default the identity), to compute the orientation
         of the body at every step, for any `save_every`; see :func:`attitude`.
 
-    Returns
-    -------
-    Trajectories
-
     Raises
     ------
     %(errors_of_runs)s

@@ -337,10 +337,6 @@ class Trajectories:
         dataset : xarray.Dataset
             The dataset, or a selection of trajectories from it.
 
-        Returns
-        -------
-        Trajectories
-
         Raises
         ------
         %(needs_xarray)s
@@ -375,10 +371,6 @@ class Trajectories:
     @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
         """Read a run written by :meth:`save`.
-
-        Returns
-        -------
-        Trajectories
 
         Raises
         ------

@@ -1,10 +1,15 @@
 """Child processes, for tests that may abort or hang, or that need other settings."""
 
+import functools
 import os
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
+
+import pytest
+
+LAYERS = ("omp", "tbb", "workqueue")
 
 SETUP = """
 import numpy as np, suslov_fast as sf
@@ -46,3 +51,27 @@ def run(code, *arguments, timeout=300, **environment):
     text = f"{output[-2000:]}{errors[-4000:]}"
     assert process.returncode == 0, f"ended with {process.returncode}: {text}"
     return output
+
+
+def layer(name):
+    """Return the environment for a threading layer of Numba; skip the test if it is missing."""
+    if not _has(name):
+        pytest.skip(f"Numba has no threading layer {name} here")
+    return _settings(name)
+
+
+def _settings(name):
+    # pip installs the TBB library in a folder that the loader does not search.
+    places = [str(Path(sys.prefix) / "lib"), os.environ.get("LD_LIBRARY_PATH", "")]
+    return {
+        "NUMBA_THREADING_LAYER": name,
+        "NUMBA_NUM_THREADS": "2",
+        "LD_LIBRARY_PATH": os.pathsep.join(filter(None, places)),
+    }
+
+
+@functools.cache
+def _has(name):
+    process = start("import numba; numba.get_num_threads()", **_settings(name))
+    finish(process)
+    return process.returncode == 0

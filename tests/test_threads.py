@@ -5,6 +5,7 @@ import random
 import signal
 import textwrap
 import threading
+from types import SimpleNamespace
 
 import children
 import numba
@@ -27,76 +28,42 @@ needs_two_threads = pytest.mark.skipif(
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
-class Recorded:
-    """A kernel that notes its calls, and does what it is given."""
-
-    def __init__(self, action=lambda part: None):
-        self.calls, self.action = [], action
-
-    def compiled(self, part, parts, *arguments):
-        self.calls.append((part, parts))
-        self.action(part)
-
-
 @needs_two_threads
-def test_an_error_in_a_part(body, rng, monkeypatch):
-    """It reaches the caller, whose next call has the requested number of parts again."""
+@pytest.mark.compiled
+def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
+    """After an error, the next call is parallel again, with the requested number of threads."""
+    big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
-    def fail(part):
-        if part == 1:
-            raise MemoryError
+    def fail(threads, *arguments):
+        seen.append(threads)
+        raise MemoryError
 
-    big = rng.uniform(-2, 2, (3 * LANES, 2))
+    monkeypatch.setattr(loops.canonical, "parallel", fail)
     for count in (2, None):
-        failing = Recorded(fail)
-        monkeypatch.setattr(loops.canonical, "compiled", failing.compiled)
         with pytest.raises(MemoryError):
             sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
-        assert (1, count or numba.config.NUMBA_NUM_THREADS) in failing.calls
+    assert seen == [2, numba.get_num_threads()]
 
 
-@needs_two_threads
-def test_the_number_of_threads():
-    """Numba's own are not started to ask for it."""
-    in_child(
-        """
-        import numba
-        from suslov_fast._engine import threads
-        assert (run() == expected).all()
-        assert threads.available() == numba.config.NUMBA_NUM_THREADS == 2
-        try:
-            numba.threading_layer()
-        except ValueError:
-            numba.set_num_threads(1)
-        assert threads.available() == 1
-        """,
-        NUMBA_NUM_THREADS="2",
-    )
-
-
-def test_little_work_takes_one_thread(body, monkeypatch):
-    """A small batch, and a single block of lanes for any number of steps."""
-    calls, kernel = [], loops.canonical.compiled
-
-    def counting(part, parts, *arguments):
-        calls.append(parts)
-        kernel(part, parts, *arguments)
-
-    monkeypatch.setattr(loops.canonical, "compiled", counting)
+def test_little_work_stays_serial(body, monkeypatch):
+    """A small batch is serial, and a single block of lanes for any number of steps."""
+    monkeypatch.setattr(loops.canonical, "parallel", None)
     sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10, method="canonical")
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, method="canonical")
-    assert set(calls) == {1}
 
 
 @pytest.mark.compiled
-def test_python_threads_at_once():
+@pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.sampled(1)
+def test_python_threads_at_once(layer):
     in_child(
         """
         from concurrent.futures import ThreadPoolExecutor
         with ThreadPoolExecutor(8) as pool:
             results = list(pool.map(lambda _: run(), range(64)))
         assert all((result == expected).all() for result in results)
-        """
+        """,
+        **children.layer(layer),
     )
 
 
@@ -133,8 +100,7 @@ thread.start()
 for _ in range(int(sys.argv[1])):
     child = os.fork()
     if child == 0:
-        right, count = (run() == expected).all(), threading.active_count()
-        os._exit(0 if right and count == 2 else 1)
+        os._exit(0 if (run() == expected).all() else 1)
     assert os.waitpid(child, 0)[1] == 0
 stop.set()
 thread.join()
@@ -143,11 +109,31 @@ thread.join()
 
 @needs_fork
 @pytest.mark.compiled
-@pytest.mark.parametrize("count", [20, 500])
+@pytest.mark.parametrize(
+    ("layer", "count"), [("omp", 20), *((layer, 500) for layer in children.LAYERS)]
+)
 @pytest.mark.sampled(1)
-def test_forks(count):
-    """A child forked while another thread computes has threads, and neither aborts nor hangs."""
-    children.run(children.SETUP + FORKS, count, timeout=1800, NUMBA_NUM_THREADS="2")
+def test_forks(layer, count):
+    """A child forked while another thread computes neither aborts nor hangs."""
+    children.run(children.SETUP + FORKS, count, timeout=1800, **children.layer(layer))
+
+
+@needs_fork
+@pytest.mark.compiled
+def test_forks_leave_the_parent_its_threads():
+    in_child(
+        """
+        import os
+        from suslov_fast._engine import threads
+        assert (run() == expected).all()
+        if os.fork() == 0:
+            os._exit(threads._may_use_threads)
+        assert os.wait()[1] == 0
+        assert threads._may_use_threads
+        assert threads._one_at_a_time.acquire(blocking=False)
+        """,
+        **children.layer("omp"),
+    )
 
 
 class Alarm(Exception):
@@ -159,43 +145,44 @@ def raise_alarm(signum, frame):
 
 
 @needs_two_threads
+@pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments():
-    """Calls work wherever the handler of a signal raised, or made a call itself."""
-    chance, kernel = random.Random(1), Recorded()
-    nested = iter(range(1_000))
-
-    def handler(signum, frame):
-        if next(nested, None) is not None:
-            threads.run(Recorded(), threads.CROSSOVER, 2)
-        raise Alarm
-
-    before = signal.signal(signal.SIGALRM, handler)
-    threads.run(kernel, threads.CROSSOVER, 2)  # starts threads, once
+    """The lock and the number of threads are restored wherever the handler of a signal raises."""
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
+    available = numba.get_num_threads()
+    idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
+    threads.run(idle, threads.CROSSOVER, 2)  # starts threads, once
     try:
         for _ in range(2_000):
             try:
-                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-4), 1.0)
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
-                    threads.run(Recorded(), threads.CROSSOVER, 2)
+                    threads.run(idle, threads.CROSSOVER, 2)
             except Alarm:
                 signal.setitimer(signal.ITIMER_REAL, 0)
-            kernel.calls.clear()
-            threads.run(kernel, threads.CROSSOVER, 2)
-            assert sorted(kernel.calls) == [(0, 2), (1, 2)]
+            assert not threads._owned()
+            assert numba.get_num_threads() == available
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
 
 
-@needs_two_threads
-def test_a_call_within_a_call():
-    """As in the handler of a signal: all parts are computed, though the helpers are busy."""
-    inner = Recorded()
-    outer = Recorded(lambda part: threads.run(inner, threads.CROSSOVER, 2))
-    threads.run(outer, threads.CROSSOVER, 2)
-    assert sorted(outer.calls) == [(0, 2), (1, 2)]
-    assert sorted(inner.calls) == [(0, 2), (0, 2), (1, 2), (1, 2)]
+def test_a_call_during_a_parallel_call_is_serial():
+    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
+    calls = []
+    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
+
+    def parallel(count):
+        threads.run(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.run, args=(inner, threads.CROSSOVER, None))
+        other.start()
+        other.join()
+        calls.append("parallel")
+
+    threads._parallel(SimpleNamespace(parallel=parallel), None, ())
+    assert calls == ["serial", "serial", "parallel"]
+    assert not threads._owned()
 
 
 @pytest.mark.compiled
@@ -252,39 +239,45 @@ def test_progress(body, capsys, small_parts):
     assert "10.0/10.0" in capsys.readouterr().err
 
 
-@needs_two_threads
+@needs_fork
+def test_a_child_of_a_process_in_a_parallel_call(monkeypatch):
+    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
+    monkeypatch.setattr(threads, "_idle_at_fork", True)
+    monkeypatch.setattr(threads, "_one_at_a_time", threading.RLock())
+    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
+    for busy in (False, True):
+        monkeypatch.setattr(threads, "_may_use_threads", True)
+        lock = threads._one_at_a_time
+        if busy:
+            other = threading.Thread(target=lock.acquire)
+            other.start()
+            other.join()
+        threads._before_fork()
+        threads._after_fork_in_child()
+        assert threads._may_use_threads != busy
+
+
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])
 def test_threads_that_cannot_be_started(error, monkeypatch):
-    """Calls then take one thread."""
-    started, start, kernel = [], threading.Thread.start, Recorded()
+    """Calls are then serial, and the threads that were started end."""
+    started, threads_before, start = [], threading.active_count(), threading.Thread.start
 
     def limited(thread):
         if len(started) == 2:
             raise error("can't start new thread")
-        start(thread)
-        started.append(thread)
+        started.append(start(thread))
 
-    monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 4)
+    calls = []
+    kernel = SimpleNamespace(serial=lambda: calls.append("serial"), parallel=calls.append)
     monkeypatch.setattr(threading.Thread, "start", limited)
-    threads._tasks_of_helpers.cache_clear()
+    threads._can_start.cache_clear()
     try:
-        threads.run(kernel, threads.CROSSOVER, 4)
+        threads.run(kernel, threads.CROSSOVER, 2)
     finally:
-        threads._tasks_of_helpers.cache_clear()
-    assert kernel.calls == [(0, 1)]
+        threads._can_start.cache_clear()
+    assert calls == ["serial"]
     assert len(started) == 2
-
-
-def test_at_the_end_of_the_interpreter():
-    """A function that `atexit` calls can still compute."""
-    output = in_child(
-        """
-        import atexit
-        assert (run() == expected).all()
-        atexit.register(lambda: print("right" if (run() == expected).all() else "wrong"))
-        """
-    )
-    assert output.strip() == "right"
+    assert threading.active_count() == threads_before
 
 
 def test_stretches_of_a_run_with_one_thread(body, monkeypatch, small_parts):

@@ -106,7 +106,7 @@ def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) 
     results = output.final, output.status, output.failed_at, state
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
-    tasks = min(problem.threads or _threads.available(), max(-(-size // lanes), 1))
+    tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
     memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
@@ -129,7 +129,7 @@ def _carried(span: Span, resume: Resume, output: Output, **starts: FloatArray) -
 def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[int, int]:
     """Return the number of tasks, and the number of lanes of a block."""
     blocks = max(-(-size // (WIDTH if eliminates else LANES_ND)), 1)
-    tasks = min(threads or _threads.available(), blocks) if blocks > 1 else 1
+    tasks = min(threads or numba.get_num_threads(), blocks) if blocks > 1 else 1
     if eliminates:
         return tasks, WIDTH
     # Tasks have equal numbers of blocks, of about equal size.

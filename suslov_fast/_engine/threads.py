@@ -1,29 +1,28 @@
-"""Calls of kernels, on one thread or several.
-
-Kernels release the GIL, so the threads are those of Python: they are as safe in signal handlers, in
-forked children and in concurrent calls as Python itself.
-"""
+"""Calls of kernels, serial or parallel."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future
+from contextlib import suppress
 from functools import cache
-from queue import SimpleQueue
-from typing import Any, TypeAlias
+from typing import Any
 
 import numba
 
 from .._checks import integer
 from .._jit import Kernel
 
-# Lane-steps below which a call takes one thread. Measured on two cores: active threads gain from
-# some 10,000 on, but less than 0.1 ms up to here, and a sleeping thread may take 8 ms to wake.
+# Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
+# 10,000 on, but less than 0.1 ms up to here, and a sleeping thread may take 8 ms to wake.
 CROSSOVER = 1_000_000
 
-Task: TypeAlias = "tuple[Future[None], Callable[[], None]]"
+# One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
+# makes a serial call, whose results are bit-identical. The lock stores its owner, so it can be
+# released without knowing whether it was acquired.
+_one_at_a_time = threading.RLock()
+_may_use_threads = True
+_idle_at_fork = True
 
 
 def thread_count(threads: int | None) -> int | None:
@@ -38,73 +37,86 @@ def thread_count(threads: int | None) -> int | None:
     return count
 
 
-def available() -> int:
-    """Return the number of threads of a call: that of `numba.set_num_threads`, if it was used.
-
-    Numba would start threads of its own if it was asked before.
-    """
-    try:
-        numba.threading_layer()
-    except ValueError:
-        return int(numba.config.NUMBA_NUM_THREADS)
-    return int(numba.get_num_threads())
-
-
 def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel; `work` lane-steps decide between one thread and several."""
-    count = 1 if work < CROSSOVER else threads or available()
-    tasks = _tasks_of_helpers() if count > 1 else None
-    if tasks is None:
-        kernel.compiled(0, 1, *arguments)
-    else:
-        _in_parts(kernel, count, arguments, tasks)
+    """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
+    if (
+        work < CROSSOVER
+        or (threads or numba.config.NUMBA_NUM_THREADS) == 1
+        or not _may_use_threads
+        or _owned()  # by a call interrupted by a signal, whose handler makes this call
+        or not _can_start(2 * numba.config.NUMBA_NUM_THREADS)  # twice: they need memory, too
+        or not _parallel(kernel, threads, arguments)
+    ):
+        kernel.serial(*arguments)
 
 
-def _in_parts(
-    kernel: Kernel, count: int, arguments: tuple[Any, ...], tasks: SimpleQueue[Task]
-) -> None:
-    """Call a kernel for each part; this thread computes what no helper has begun."""
-    parts = iter(range(count))
+# A signal handler may raise between any two lines here, but not before the first call of a
+# `finally`, which is one to C.
 
-    def compute() -> None:
-        for part in parts:
-            kernel.compiled(part, count, *arguments)
 
-    helped: list[Future[None]] = [Future() for _ in range(count - 1)]
+def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
+    """Call a kernel in parallel and return True, or return False if another thread is doing so."""
     try:
-        for each in helped:
-            tasks.put((each, compute))
-        compute()
+        if not _one_at_a_time.acquire(blocking=False):
+            return False
+        kernel.parallel(threads or numba.get_num_threads(), *arguments)
+        return True
     finally:
-        errors = [each.exception() for each in helped if not each.cancel()]
-    for error in filter(None, errors):
-        raise error
-
-
-def _help(tasks: SimpleQueue[Task]) -> None:
-    """Do tasks as long as the process runs."""
-    while True:
-        future, compute = tasks.get()
-        if future.set_running_or_notify_cancel():
-            try:
-                future.set_result(compute())
-            except BaseException as error:
-                future.set_exception(error)
-        del future, compute  # and the arrays
+        try:  # noqa: SIM105  (`suppress` would be the first call)
+            _one_at_a_time.release()
+        except RuntimeError:  # another thread's
+            pass
 
 
 @cache
-def _tasks_of_helpers() -> SimpleQueue[Task] | None:
-    """Return the queue of started threads, or None if the system has no room for them."""
-    # A queue that the handler of a signal may use during a call, unlike ThreadPoolExecutor.
-    tasks: SimpleQueue[Task] = SimpleQueue()
+def _can_start(count: int) -> bool:
+    """Return True if the system has room for that many threads; else Numba's abort, or hang."""
+    done, waiting = threading.Event(), []
     try:
-        for _ in range(numba.config.NUMBA_NUM_THREADS - 1):
-            threading.Thread(target=_help, args=(tasks,), daemon=True).start()
+        for _ in range(count):
+            thread = threading.Thread(target=done.wait, daemon=True)
+            thread.start()
+            waiting.append(thread)
     except (RuntimeError, MemoryError):
-        return None
-    return tasks
+        return False
+    finally:
+        done.set()
+        for thread in waiting:
+            thread.join()
+    return True
+
+
+def _owned() -> bool:
+    """Return True in a thread that is in a parallel call."""
+    owned: bool = _one_at_a_time._is_owned()  # type: ignore[attr-defined]
+    return owned
+
+
+def _before_fork() -> None:
+    """Prevent parallel calls during a fork; record if one was running before it."""
+    global _idle_at_fork
+    _idle_at_fork = _one_at_a_time.acquire(blocking=False)
+
+
+def _after_fork_in_parent() -> None:
+    with suppress(RuntimeError):  # another thread's
+        _one_at_a_time.release()
+
+
+def _after_fork_in_child() -> None:
+    """Make serial calls in a forked child that cannot use the threads of its parent.
+
+    OpenMP aborts the child, TBB may hang, and `workqueue` starts new threads unless it was running.
+    """
+    global _may_use_threads, _one_at_a_time
+    _one_at_a_time = threading.RLock()
+    with suppress(ValueError):  # no thread was ever started
+        _may_use_threads &= numba.threading_layer() == "workqueue" and _idle_at_fork
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_tasks_of_helpers.cache_clear)
+    os.register_at_fork(
+        before=_before_fork,
+        after_in_parent=_after_fork_in_parent,
+        after_in_child=_after_fork_in_child,
+    )

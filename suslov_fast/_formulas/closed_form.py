@@ -116,7 +116,7 @@ Levels = namedtuple("Levels", "R T square root root_lost gap r")
 # m_square   m**2 of TURNS, else 0
 # turns      b of TURNS in quarter turns, else 0, as the sum of this and `turns_lost`
 Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root m_square turns turns_lost")
-# omega = (x c**2 + 2 y c s + z s**2) / (d11 c**2 + 2 d12 c s + d22 s**2).
+# omega = (x c**2 + y c s + z s**2) / (d11 c**2 + d12 c s + d22 s**2).
 Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
 
@@ -353,10 +353,10 @@ def forms(start, levels, steps, given):
     passes, K, T, L, r = steps.kind == PASSES, start.K, levels.T, levels.root, levels.r
     inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.order * L)
     f11, f12, f21, f22 = frame(start, levels.R * inverse)
-    y = T * of_one
+    y = 2.0 * T * of_one
     return Forms(
         d11=select(passes, r, 0.0),
-        d12=select(passes, -K * inverse * of_one, 0.0),
+        d12=select(passes, -2.0 * K * inverse * of_one, 0.0),
         d22=select(start.fate < 0.0, np.nan, 1.0),
         x1=select(passes, r * (f12 * L - f11 * K), 0.0),
         y1=select(passes, f11 * y, 0.0),
@@ -372,10 +372,10 @@ def turning_forms(start, levels, steps):
     """The `Forms` of an orbit that turns."""
     X, Y, K, U, V, TR = start.X, start.Y, start.K, start.U, start.V, levels.T * levels.R
     f11, f12, f21, f22 = frame(start, 1.0)
-    y_u, y_v = -K * V, -(TR + K * U)
+    y_u, y_v = -2.0 * K * V, -2.0 * (TR + K * U)
     z_u, z_v = -(K * K * U + TR * (X + K)), V * steps.m_square
     return Forms(
-        d11=1.0, d12=-Y, d22=2.0 * K * X - steps.m_square,
+        d11=1.0, d12=-2.0 * Y, d22=2.0 * K * X - steps.m_square,
         x1=f11 * U - f12 * V, y1=f11 * y_u + f12 * y_v, z1=f11 * z_u + f12 * z_v,
         x2=f21 * U - f22 * V, y2=f21 * y_u + f22 * y_v, z2=f21 * z_u + f22 * z_v,
     )  # fmt: skip
@@ -391,14 +391,14 @@ def near_forms(start, levels, odd):
     gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
     XT = X * T * (1.0 + start.order * L)
     total, is_first = larger_sum(start, levels)
-    minus = select(is_first, total, levels.r * (XT / total) * XT)  # S - L Y
+    minus = 2.0 * select(is_first, total, levels.r * (XT / total) * XT)  # 2 (S - L Y)
     more, sign = select(odd, 2.0 * (K * X / L), 0.0), select(odd, -1.0, 1.0)
     gap, one = gap + more, 1.0 + more / L
     f11, f12, f21, f22 = frame(start, levels.R / T)
-    x_u, y_u, z_u = sign * X - K * one, sign * L * X - K * gap, -2.0 * minus * K
-    z_v = -2.0 * minus * L
+    x_u, y_u = sign * X - K * one, 2.0 * (sign * L * X - K * gap)
+    z_u, z_v = -minus * K, -minus * L
     return Forms(
-        d11=one, d12=gap, d22=2.0 * minus,
+        d11=one, d12=2.0 * gap, d22=minus,
         x1=f11 * x_u + f12 * Y, y1=f11 * y_u - f12 * minus, z1=f11 * z_u + f12 * z_v,
         x2=f21 * x_u + f22 * Y, y2=f21 * y_u - f22 * minus, z2=f21 * z_u + f22 * z_v,
     )  # fmt: skip
@@ -484,21 +484,26 @@ def sine_and_cosine(n, turns, turns_lost):
 
 
 @formula
-def omega_of(c, s, forms):
-    """omega, without the factor 2**power_left(power)."""
-    c_or_0, ss = select(abs(c) > NO_SQUARE, c, 0.0), s * select(abs(s) > NO_SQUARE, s, 0.0)
-    twice = 2.0 * s
-    inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * twice) * c + forms.d22 * ss)
+def squarable(v):
+    """v, or 0 if its square is negligible, and subnormal."""
+    return select(abs(v) > NO_SQUARE, v, 0.0)
+
+
+@formula
+def omega_of(c, c_or_0, s, forms):
+    """omega, without the factor 2**power_left(power); `c_or_0` is `squarable(c)`."""
+    ss = s * squarable(s)
+    inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * s) * c + forms.d22 * ss)
     return (
-        ((forms.x1 * c_or_0 + forms.y1 * twice) * c + forms.z1 * ss) * inverse,
-        ((forms.x2 * c_or_0 + forms.y2 * twice) * c + forms.z2 * ss) * inverse,
+        ((forms.x1 * c_or_0 + forms.y1 * s) * c + forms.z1 * ss) * inverse,
+        ((forms.x2 * c_or_0 + forms.y2 * s) * c + forms.z2 * ss) * inverse,
     )
 
 
 @formula
 def is_pole(c, s, forms):
     """Test that the denominator of `omega_of` is 0 to rounding, or NaN."""
-    first, second, third = forms.d11 * c * c, 2.0 * forms.d12 * c * s, forms.d22 * s * s
+    first, second, third = forms.d11 * c * c, forms.d12 * c * s, forms.d22 * s * s
     size = (abs(first) + abs(third)) + abs(second)
     return ~(abs((first + third) + second) > ZERO_TO_ROUNDING * size)
 
@@ -519,7 +524,7 @@ def step_to_pole(forms, steps, second):
 
     np.log suffices: the caller tries the steps beside it.
     """
-    d11, d12, d22 = forms.d11, forms.d12, forms.d22
+    d11, d12, d22 = forms.d11, 0.5 * forms.d12, forms.d22
     total = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
     ratio = d22 / total if second else total / d11  # of c and s
     if steps.kind == NEARS:

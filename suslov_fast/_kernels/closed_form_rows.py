@@ -73,11 +73,11 @@ Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
 # recompute_from   see the formula
 # power_left       exponent of what multiplies states last, see the formula
 # fails            the first step without a state
-# c, s             the pair at the last multiple of BASE rows
+# c, s             the pair at the last multiple of BASE rows; `c_or_0` is `squarable(c)`
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 Lanes = namedtuple(
     "Lanes",
-    "place offset number recompute_from power_left fails c s seed_c seed_s table_c table_s",
+    "place offset number recompute_from power_left fails c c_or_0 s seed_c seed_s table_c table_s",
 )
 # The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. Row BASE a + b
 # of a group is its seed times eights[a] times ones[b]; both include the offset of the lane.
@@ -186,7 +186,7 @@ def state_at(orbit, power_left, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
     forms = forms_of(orbit, n % 2.0 == 1.0)
     c, s = formulas.pair(n, orbit.steps, True)
-    omega1, omega2 = formulas.omega_of(c, s, forms)
+    omega1, omega2 = formulas.omega_of(c, formulas.squarable(c), s, forms)
     if formulas.is_pole(c, s, forms):
         omega1, omega2 = np.nan, np.nan
     return scaled(omega1, power_left), scaled(omega2, power_left)
@@ -323,12 +323,16 @@ def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
         for l in range(used):
             rows = BASE * (a + np.floor(lanes.offset[l] / BASE))
             c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
-            growth.eights_c[a, l], growth.eights_s[a, l] = not_negligible(c), s
+            growth.eights_c[a, l] = not_negligible(c)
+            if any_kind:
+                growth.eights_s[a, l] = s
     for a in range(0, BASE, min(abreast, BASE)):
         for l in range(used):
             rows = a + lanes.offset[l] - BASE * np.floor(lanes.offset[l] / BASE)
             c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
-            growth.ones_c[a, l], growth.ones_s[a, l] = not_negligible(c), s
+            growth.ones_c[a, l] = not_negligible(c)
+            if any_kind:
+                growth.ones_s[a, l] = s
 
 
 @formula
@@ -343,6 +347,7 @@ def enter_table(b, lanes, used, first_number, every, top, any_kind):
         c, s = formulas.pair(number, steps, any_kind)
         c = select((steps.kind == PASSES) & (s < 1.0), np.inf, c)
         lanes.table_c[l], lanes.table_s[l] = not_negligible(c), s
+        lanes.seed_c[l], lanes.seed_s[l] = not_negligible(c), s  # of the only group if abreast == 1
         unusual += select(abs(c) < np.inf, 0, 1)
     return unusual > 0
 
@@ -373,14 +378,15 @@ def fill_tile(b, lanes, growth, used, row, any_kind, tile):
             if any_kind:
                 next_s, square = growth.eights_s[row // BASE, l], b.steps.m_square[l]
                 c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, square)
-            lanes.c[l] = not_negligible(c)
+            lanes.c[l], lanes.c_or_0[l] = not_negligible(c), formulas.squarable(c)
     for l in range(used):
         next_c, s = growth.ones_c[row % BASE, l], 1.0
-        c = lanes.c[l] * next_c
+        c, c_or_0 = lanes.c[l] * next_c, lanes.c_or_0[l] * next_c
         if any_kind:
             next_s, square = growth.ones_s[row % BASE, l], b.steps.m_square[l]
             c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, square)
-        tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, s, lane(b.forms, l))
+            c_or_0 = formulas.squarable(c)
+        tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, c_or_0, s, lane(b.forms, l))
 
 
 @formula
@@ -388,7 +394,8 @@ def fill_tile_at_times(b, lanes, used, any_kind, tile):
     """Compute the states at the times of the lanes."""
     for l in range(used):
         c, s = formulas.pair(lanes.number[l], lane(b.steps, l), any_kind)
-        tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, s, lane(b.forms, l))
+        omega = formulas.omega_of(c, formulas.squarable(c), s, lane(b.forms, l))
+        tile[2 * l], tile[2 * l + 1] = omega
 
 
 @kernel
@@ -426,7 +433,7 @@ def fill_rows(
                 unusual = enter_table(b, lanes, used, first_number, every, top, False)
             for i in range(top, min(top + GROUP * abreast, end), abreast):
                 row = (i - top) % GROUP
-                if row == 0:
+                if row == 0 and abreast > 1:
                     take_seeds(lanes, (i - top) // GROUP, width, abreast, used, any_kind)
                 if any_kind:
                     fill_tile(b, lanes, growth, used, row, True, tile)

@@ -102,7 +102,7 @@ pole is NaN.""",
 
 # Of every public function.
 INVALID = """TypeError, ValueError
-    If an argument has a wrong type or shape, or is infinite; before any work.
+    If an argument has a wrong type, shape or value; before any work.
 """
 
 

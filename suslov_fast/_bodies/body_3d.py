@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
+from .._docs import filled
 from .base import Body
 from .matter import check_triangles, shortest_rotation_to_last, warn_of_I3
 
@@ -28,6 +29,7 @@ def set_in_3d(body: Any) -> None:
     warn_of_I3(body)
 
 
+@filled
 @dataclass(frozen=True, eq=False, repr=False)
 class Suslov3D(Body):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
@@ -38,19 +40,14 @@ class Suslov3D(Body):
     Parameters
     ----------
     I1, I2 : array_like(float, shape=(...))
-        Moments of inertia, positive, in any unit that all four share.
+        Moments of inertia, positive, within a factor of 2**1800 of each other, in any unit that all
+        four share.
     I13, I23 : array_like(float, shape=(...))
         Products of inertia. Where both are 0 every angular velocity is constant.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive. It does not enter the map; :func:`iterate_full` and
         :func:`animate_body` take it from the body. A warning is given if no rigid body has it; see
         :meth:`admissible_I3`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is not a finite real number, a moment is not positive, I1 and I2 are more
-        than 2**1800 apart, or the shapes do not broadcast.
 
     Notes
     -----
@@ -169,6 +166,7 @@ class Suslov3D(Body):
         return body, rotation
 
 
+@filled
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(Body):
     """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
@@ -179,19 +177,13 @@ class SuslovGyrostat(Body):
     Parameters
     ----------
     I1, I2 : array_like(float, shape=(...))
-        Moments of inertia, positive, in any unit that I13 and I23 share.
+        Moments of inertia, positive, as in :class:`Suslov3D`.
     I13, I23 : array_like(float, shape=(...))
         Products of inertia.
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, in units of inertia times angular velocity.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive, as in :class:`Suslov3D`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a parameter is not a finite real number, a moment is not positive, they are more than
-        2**1800 apart, or the shapes do not broadcast.
 
     Notes
     -----

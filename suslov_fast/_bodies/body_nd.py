@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis
+from .._docs import filled
 from .base import Body
 from .matter import shortest_rotation_to_last
 
@@ -25,6 +26,7 @@ _INSTEAD = {
 }
 
 
+@filled
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class SuslovND(Body):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
@@ -38,12 +40,6 @@ class SuslovND(Body):
         J_i = I_ii + I_nn, positive, in any unit that I shares.
     I : array_like(float, shape=(..., n - 1))
         The couplings I_in. Where all are 0 every angular velocity is constant.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If J or I are not finite real numbers, their last axes differ, J is not positive, or the
-        batches do not broadcast.
 
     Notes
     -----

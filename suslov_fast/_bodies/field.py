@@ -29,6 +29,7 @@ _AXES = {"quadratic": 3, "linear": 2, "constant": 1}
 _LINE = 300
 
 
+@filled
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class QuadraticField(Body):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
@@ -54,11 +55,6 @@ class QuadraticField(Body):
     H, K
         The Hamiltonian, which can be called, and the matrix (D, D), if the field was made by
         :meth:`from_hamiltonian`, else None.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a coefficient is not a finite rational number, or a shape is not as above.
 
     Examples
     --------

@@ -112,14 +112,15 @@ class Suslov3D(Body):
         return low, high
 
     @classmethod
+    @filled
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
         """Return the body with a given inertia tensor and constraint axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(..., 3, 3))
-            Inertia tensor in any basis fixed in the body: symmetric, positive definite, and each
-            principal moment smaller than the sum of the others.
+            Inertia tensor in any basis fixed in the body: symmetric to 1e-12 of its size, positive
+            definite, and each principal moment smaller than the sum of the others.
         a : array_like(float, shape=(..., 3))
             The axis, fixed in the body, about which it may not turn; of any length but 0.
 
@@ -131,11 +132,6 @@ class Suslov3D(Body):
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
             It is the identity where the given basis is adapted already.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If I is not symmetric to 1e-12 of its size, or no body has it, or a is 0.
 
         Examples
         --------

@@ -81,6 +81,7 @@ class SuslovND(Body):
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
     @classmethod
+    @filled
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None
     ) -> tuple[SuslovND, FloatArray]:
@@ -89,9 +90,9 @@ class SuslovND(Body):
         Parameters
         ----------
         I : array_like(float, shape=(n, n))
-            Symmetric and positive definite, in any basis fixed in the body: the I of
-            M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that is not
-            the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
+            Symmetric to 1e-12 of its size and positive definite, in any basis fixed in the body:
+            the I of M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that
+            is not the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
         a : array_like(float, shape=(n,)), optional
             The axis that becomes e_n, of any length but 0; by default e_n itself.
 
@@ -103,11 +104,6 @@ class SuslovND(Body):
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
             adapted already.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If I is not symmetric to 1e-12 of its size or not positive definite, or a is 0.
 
         Examples
         --------

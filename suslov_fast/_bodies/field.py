@@ -120,11 +120,6 @@ class QuadraticField(Body):
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
             symbolic variables, so its coefficients remain exact; floats are binary numbers.
 
-        Raises
-        ------
-        TypeError, ValueError
-            If f does not return D such polynomials.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -149,12 +144,6 @@ class QuadraticField(Body):
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
-
-        Raises
-        ------
-        TypeError, ValueError
-            If H does not return such a polynomial, K is not antisymmetric, or D is odd and there
-            is no K.
 
         Examples
         --------

@@ -258,8 +258,6 @@ class Trajectories:
 
         Raises
         ------
-        TypeError, ValueError
-            If `components` are not two indices of components.
         ImportError
             If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
 
@@ -308,8 +306,6 @@ class Trajectories:
         Raises
         ------
         %(needs_xarray)s
-        TypeError, ValueError
-            If `dims` are not one distinct name for each axis, or `coords` do not fit.
 
         Examples
         --------

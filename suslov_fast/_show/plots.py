@@ -56,12 +56,6 @@ def plot_phase(
     -------
     matplotlib.axes.Axes
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the criticality is at least 1 in the corners of the picture, all states are steady, or an
-        argument is not of the kind above.
-
     Notes
     -----
     Each level has a colour: a thin line, and states of the map as dots. An orbit is drawn from near
@@ -127,9 +121,9 @@ def animate_body(
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat, optional
-        A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the
-        interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, an I3 with
-        a positive definite inertia tensor.
+        A single body with a positive definite inertia tensor, by default
+        Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the interval ``admissible_I3()``
+        is drawn or, if no rigid body has these parameters, another one.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one that passes from one steady rotation to the other.
     eps : float
@@ -149,8 +143,6 @@ def animate_body(
 
     Raises
     ------
-    TypeError, ValueError
-        If the inertia tensor is not positive definite, or an argument is not of the kind above.
     SingularStepError
         If the orbit meets a pole of the map.
 

@@ -49,7 +49,8 @@ def attitude(
     Parameters
     ----------
     omega : array_like(float, shape=(N + 1, ..., D))
-        All states of trajectories, as :func:`iterate` returns them, including NaN after a failure.
+        Consecutive states of trajectories, as :func:`iterate` returns them, including NaN after a
+        failure. States that do not follow each other, as every k-th state, are an error.
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix, the orientation at the first state; by default the identity.
 
@@ -59,12 +60,6 @@ def attitude(
         Matrices R that take components in the body frame to components in space, orthogonal to
         rounding; NaN from the first NaN state on. In three dimensions
         ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` converts them.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument has a wrong type or shape or is infinite, or states are not consecutive, for
-        example in a run that saved every k-th state only.
 
     Notes
     -----

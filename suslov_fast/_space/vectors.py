@@ -60,18 +60,12 @@ def from_matrix(
     ----------
     matrix : array_like(float, shape=(..., n, n))
         Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
-        basis. Where one is NaN, so is the result.
+        basis, to 1e-12 of the largest component. Where one is NaN, so is the result.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         Components in the adapted basis, as all functions take them.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the constraint or the antisymmetry is violated by more than 1e-12 of the largest
-        component, or an argument is invalid.
 
     Examples
     --------
@@ -140,18 +134,13 @@ def from_vector(
     Parameters
     ----------
     vector : array_like(float, shape=(..., 3))
-        Angular velocities normal to the constrained axis. Where one is NaN, so is the result.
+        Angular velocities normal to the constrained axis, to 1e-12 of the largest component. Where
+        one is NaN, so is the result.
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
         (Omega1, Omega2) in the adapted basis, as all functions take them.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the constraint is violated by more than 1e-12 of the largest component, or an argument
-        is invalid.
 
     Examples
     --------

@@ -206,8 +206,6 @@ def darboux_polynomials(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument, or what `cofactor` returns, is not as above.
     ArithmeticError
         If the map or the cofactor is undefined at most points.
 

@@ -7,7 +7,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast._formulas.nd_map import solve_bordered
-from suslov_fast._kernels.elimination import WIDEST, WIDTH, eliminate
+from suslov_fast._kernels.elimination import WIDEST, WIDTH, eliminate, eliminate_twofold
 
 METHODS = ("rank2", "gauss")
 every_method = pytest.mark.parametrize("method", METHODS)
@@ -167,14 +167,40 @@ def test_systems_side_by_side(rng, m, width):
         matrix += 1.0
     matrix[7, m - 1] = matrix[7, 0] * (m > 1)
     system = np.ascontiguousarray(np.moveaxis(np.concatenate([matrix, right], axis=2), 0, 2))
+    ratio = np.empty(width)
     with np.errstate(all="ignore"):
-        numba.njit(lambda systems: eliminate(systems))(system)
+        numba.njit(lambda systems, ratio: eliminate(systems, ratio))(system, ratio)
     solved = np.moveaxis(system[:, m:], 2, 0)
-    assert np.isnan(solved[7]).all()
+    assert not ratio[7] > 1e-14
     for each in np.delete(np.arange(width), 7):
         exact = naive.mpmath.lu_solve(naive.mpmath.matrix(matrix[each].tolist()), right[each, :, 0])
-        assert naive.relative_error(solved[each, :, 0], list(exact)) < 1e-11
+        error = naive.relative_error(solved[each, :, 0], list(exact))
+        assert error < 1e-11
+        assert error < 1e-15 * m / ratio[each]
         np.testing.assert_allclose(matrix[each] @ solved[each], right[each], atol=1e-11)
+
+
+@pytest.mark.parametrize("m", [2, 3, 8])
+@pytest.mark.parametrize(("distance", "regular"), [(2.0**-40, True), (2.0**-60, False)])
+def test_a_system_with_twice_the_digits(rng, m, distance, regular):
+    """Rows of very different size, two of which are nearly equal, and two right sides."""
+    system = np.zeros((m, m + 2, 3))
+    system[..., 0] = rng.normal(size=(m, m + 2)) * 10.0 ** rng.uniform(-20, 20, (m, 1))
+    system[..., 1] = 2.0**-54 * rng.uniform(-1, 1, (m, m + 2)) * system[..., 0]
+    system[0] = system[1]
+    system[0, 0, 0 if regular else 1] += distance * system[0, 0, 0]
+    system[..., 2] = abs(system[..., 0])
+    whole = naive.mpmath.matrix(m, m + 2)
+    for i, j in np.ndindex(m, m + 2):
+        whole[i, j] = naive.mpmath.mpf(system[i, j, 0]) + naive.mpmath.mpf(system[i, j, 1])
+    with np.errstate(all="ignore"):
+        numba.njit(lambda system: eliminate_twofold(system))(system)
+    for r in (m, m + 1):
+        if regular:
+            exact = naive.mpmath.lu_solve(whole[:, :m], whole[:, r])
+            assert naive.relative_error(system[:, r, 0], list(exact)) < 1e-15
+        else:
+            assert np.isnan(system[:, r, 0]).all()
 
 
 def test_elimination_beyond_memory():

@@ -1,15 +1,20 @@
-"""Gaussian elimination with partial pivoting of several systems of equations side by side."""
+"""Gaussian elimination with partial pivoting: of several systems of equations side by side, and of
+one system with twice the digits, for systems that lose too many of them.
+"""
 
 import numpy as np
 
-from .._formulas.elementary import larger
-from .._jit import LINE, inner, select, stack, subtract_product
+from .._formulas.coordinates import ZERO_TO_ROUNDING
+from .._formulas.elementary import exponent, larger, smaller, two_to_the
+from .._formulas.twofold import difference, product, quotient
+from .._jit import LINE, formula, inner, select, stack, subtract_product
 
 # Usual and largest numbers of systems side by side. 128 take 0.6 of the time for 3 equations, and
 # 0.9 for 12; matrices of 64 then leave the second cache.
 WIDTH, WIDEST = 32, 128
-# The tolerance of systems that are singular to rounding.
-ZERO_TO_ROUNDING = 2.0**-50
+# Elimination loses less than three digits if the ratio of the least to the largest pivot, and that
+# of the sizes of the unknowns, are above this.
+ACCURATE = 2.0**-10
 
 
 @inner
@@ -29,21 +34,21 @@ def exchange_rows(matrix, k, beyond_1):
 
 
 @inner
-def eliminate(matrix, tolerance=ZERO_TO_ROUNDING, beyond_1=None):
+def eliminate(matrix, ratio, beyond_1=None):
     """Solve systems of m equations in place.
 
-    matrix      (m, m + r, width): the coefficients, and r right sides, which become the solutions,
-                NaN if a system is singular; the diagonal becomes that of inverse pivots, and the
-                other coefficients are lost. width is a multiple of WIDTH up to WIDEST.
-    tolerance   a pivot is 0 if it is below the previous ones times this and m
+    matrix      (m, m + r, width): the coefficients, and r right sides, which become the solutions;
+                the diagonal becomes that of inverse pivots, and the other coefficients are lost.
+                width is a multiple of WIDTH up to WIDEST.
+    ratio       (width,), that of the least to the largest pivot, is filled
     beyond_1    None, or (m, width): the diagonal less 1, more accurate than the diagonal itself if
                 that is near 1; it becomes the pivots less 1, NaN if rows were exchanged
     """
     m, columns, width = matrix.shape
-    largest, pivots = stack(WIDEST), stack(WIDEST)
+    largest, pivots, least = stack(WIDEST), stack(WIDEST), stack(WIDEST)
     inverse, factor = stack(WIDEST), stack(WIDEST)
     for l in range(width):
-        pivots[l] = 0.0
+        pivots[l], least[l] = 0.0, np.inf
     for k in range(m):
         for l in range(width):
             largest[l] = abs(matrix[k, k, l])
@@ -58,9 +63,8 @@ def eliminate(matrix, tolerance=ZERO_TO_ROUNDING, beyond_1=None):
         if smaller_pivots > 0:
             exchange_rows(matrix, k, beyond_1)
         for l in range(width):
-            pivots[l] = larger(largest[l], pivots[l])
-            regular = largest[l] > tolerance * m * pivots[l]
-            inverse[l] = select(regular, 1.0 / matrix[k, k, l], np.nan)
+            pivots[l], least[l] = larger(largest[l], pivots[l]), smaller(largest[l], least[l])
+            inverse[l] = 1.0 / matrix[k, k, l]
             matrix[k, k, l] = inverse[l]
         for i in range(k + 1, m):
             for l in range(width):
@@ -74,6 +78,8 @@ def eliminate(matrix, tolerance=ZERO_TO_ROUNDING, beyond_1=None):
                 for j in range(k + 1, columns):
                     for l in range(first, first + WIDTH, LINE):
                         subtract_product(matrix, (i, j, l), factor, (l,), matrix, (k, j, l))
+    for l in range(width):
+        ratio[l] = least[l] / pivots[l]
     for i in range(m - 1, -1, -1):
         for r in range(m, columns):
             for first in range(0, width, WIDTH):
@@ -82,3 +88,54 @@ def eliminate(matrix, tolerance=ZERO_TO_ROUNDING, beyond_1=None):
                         subtract_product(matrix, (i, r, l), matrix, (i, j, l), matrix, (j, r, l))
             for l in range(width):
                 matrix[i, r, l] *= matrix[i, i, l]
+
+
+@formula
+def twofold(matrix, i, j):
+    return matrix[i, j, 0], matrix[i, j, 1]
+
+
+@formula
+def subtract(matrix, i, j, v):
+    """Subtract a number of twice the digits from an entry, see `eliminate_twofold`."""
+    matrix[i, j, 0], matrix[i, j, 1] = difference(twofold(matrix, i, j), v)
+    matrix[i, j, 2] += abs(v[0])
+
+
+@inner
+def eliminate_twofold(matrix):
+    """Solve a system of m equations in place, with twice the digits.
+
+    matrix      (m, m + r, 3 or more): numbers and their rounding errors, of coefficients and right
+                sides, and the sums of the magnitudes of their terms; the right sides become the
+                solutions, NaN where a pivot is zero to rounding of its terms
+    """
+    m, columns, _ = matrix.shape
+    for i in range(m):
+        largest = 0.0
+        for j in range(m):
+            largest = larger(abs(matrix[i, j, 0]), largest)
+        for j in range(columns):
+            for part in range(3):
+                matrix[i, j, part] *= two_to_the(-exponent(largest))
+    for k in range(m):
+        pivot = k
+        for i in range(k + 1, m):
+            if abs(matrix[i, k, 0]) > abs(matrix[pivot, k, 0]):
+                pivot = i
+        for j in range(columns):
+            for part in range(3):
+                above = matrix[k, j, part]
+                matrix[k, j, part], matrix[pivot, j, part] = matrix[pivot, j, part], above
+        if not abs(matrix[k, k, 0]) > m * ZERO_TO_ROUNDING * matrix[k, k, 2]:
+            matrix[k, k, 0] = np.nan
+        for i in range(k + 1, m):
+            factor = quotient(twofold(matrix, i, k), twofold(matrix, k, k))
+            for j in range(k + 1, columns):
+                subtract(matrix, i, j, product(factor, twofold(matrix, k, j)))
+    for r in range(m, columns):
+        for i in range(m - 1, -1, -1):
+            for j in range(i + 1, m):
+                subtract(matrix, i, r, product(twofold(matrix, i, j), twofold(matrix, j, r)))
+            x = quotient(twofold(matrix, i, r), twofold(matrix, i, i))
+            matrix[i, r, 0], matrix[i, r, 1] = x

@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas.elementary import exponent, larger, scaled, two_to_the, within
-from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product
+from .._formulas.elementary import exponent, scaled, within
+from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product, two_product
 from .codes import NONFINITE, OK, SINGULAR
-from .elimination import WIDEST, eliminate
+from .elimination import ACCURATE, WIDEST, eliminate, eliminate_twofold, subtract
 from .lanes import entry
 
 # States whose components add up to less than this are finite.
@@ -48,7 +48,9 @@ class Lanes(NamedTuple):
     unit: object
     bound: object  # LARGEST in the unit of length
     size: object  # the sum of the absolute values of the components of the next state
+    way: object  # half the sum of the absolute values of the components of the increment
     factor: object
+    ratio: object  # of pivots, see `eliminate`
 
 
 @allocation
@@ -78,7 +80,7 @@ def value(values, t, i):
 def advance(c, b, begin):
     """Make a step."""
     build(c, b, begin)
-    eliminate(c.matrix)
+    eliminate(c.matrix, b.ratio)
     if add(c, b) > 0:
         return False
     take(c)
@@ -120,18 +122,27 @@ def next_component(x, half):
 
 @formula
 def add(c, b):
-    """Fill the next states; return how many are not finite."""
+    """Fill the next states; return how many are not finite, or not accurate."""
     D, width = c.x.shape
     for l in range(width):
-        b.size[l] = 0.0
+        b.size[l], b.way[l] = 0.0, 0.0
     for i in range(D):
         for l in range(width):
             c.after[i, l] = next_component(c.x[i, l], c.matrix[i, D, l])
             b.size[l] += abs(c.after[i, l])
+            b.way[l] += abs(c.matrix[i, D, l])
     failed = 0
     for l in range(width):
-        failed += select(b.size[l] <= b.bound[l], 0, 1)
+        failed += select(is_accurate(b.size[l], b.way[l], b.bound[l], b.ratio[l]), 0, 1)
     return failed
+
+
+@formula
+def is_accurate(size, way, bound, ratio):
+    """Test that a next state is finite, and that neither elimination nor the sum of the state and
+    its increment lose digits.
+    """
+    return (size <= bound) & (size >= ACCURATE * way) & (ratio > ACCURATE)
 
 
 @formula
@@ -144,44 +155,51 @@ def take(c):
 
 @inner
 def settle(c, b, n, results, begin, end):
-    """Find next states that are not finite from evened out equations, or end lanes."""
+    """Find next states that are not accurate with twice the digits, and end lanes without one."""
     _, status, failed_at, _ = results
-    build(c, b, begin)
-    even_out(c, b)
-    eliminate(c.matrix)
-    D, width = c.x.shape
-    for l in range(width):
-        if not b.size[l] <= b.bound[l]:
-            size = 0.0
-            for i in range(D):
-                c.after[i, l] = next_component(c.x[i, l], c.matrix[i, D, l])
-                size += abs(c.after[i, l])
+    for l in range(c.x.shape[1]):
+        if not is_accurate(b.size[l], b.way[l], b.bound[l], b.ratio[l]):
+            size = eliminate_lane(c, b, l, begin)
             if not size <= b.bound[l]:
                 if begin + l < end:
-                    singular = np.isnan(size) and not np.isnan(b.factor[l])
-                    status[begin + l] = SINGULAR if singular else NONFINITE
+                    finite = b.factor[l] == 0.0
+                    status[begin + l] = SINGULAR if np.isnan(size) and finite else NONFINITE
                     failed_at[begin + l] = n
                 stop(c, b, l)
     take(c)
 
 
-@formula
-def even_out(c, b):
-    """Make the largest entries of all rows of A alike; `factor` becomes NaN unless all are finite.
-
-    Elimination takes matrices for singular whose rows are of very different size.
+@inner
+def eliminate_lane(c, b, l, begin):
+    """Find the next state of a lane from A x_next = x + (eps/2) l x + eps c with twice the digits,
+    and return its size, see `Lanes`; the factor becomes NaN unless all equations are finite.
     """
-    D, _, width = c.matrix.shape
-    for l in range(width):
-        b.factor[l] = 0.0
-        for i in range(D):
-            largest = 0.0
-            for j in range(D + 1):
-                b.factor[l] += 0.0 * c.matrix[i, j, l]
-                largest = larger(select(j < D, abs(c.matrix[i, j, l]), 0.0), largest)
-            shrink = two_to_the(-exponent(largest))
-            for j in range(D + 1):
-                c.matrix[i, j, l] *= shrink
+    indices, values, matrix, x = c.indices, c.values, c.matrix, c.x
+    D = len(x)
+    for i in range(D):
+        for j in range(D + 1):
+            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
+        subtract(matrix, i, i, (-1.0, 0.0))
+        subtract(matrix, i, D, (-x[i, l], 0.0))
+        subtract(matrix, i, D, (-2.0 * c.slopes[i, D, l], 0.0))
+        for j in range(D):
+            subtract(matrix, i, j, (c.slopes[i, j, l], 0.0))
+            subtract(matrix, i, D, two_product(-c.slopes[i, j, l], x[j, l]))
+    for t in range(len(values)):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        if k < D:
+            factor = b.half[l] * value(values, t, begin + l)
+            subtract(matrix, i, j, two_product(factor, x[k, l]))
+            subtract(matrix, i, k, two_product(factor, x[j, l]))
+    b.factor[l], size = 0.0, 0.0
+    for i in range(D):
+        for j in range(D + 1):
+            b.factor[l] += 0.0 * matrix[i, j, 0]
+    eliminate_twofold(matrix)
+    for i in range(D):
+        c.after[i, l] = matrix[i, D, 0]
+        size += abs(c.after[i, l])
+    return size
 
 
 @inner

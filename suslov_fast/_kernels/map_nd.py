@@ -28,9 +28,9 @@ from .._formulas.nd_map import (
     solve2,
     solve_bordered,
 )
-from .._jit import allocation, formula, inner, rows_of, select, stack
+from .._jit import allocation, formula, inner, rows_of, select, stack, two_product
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import eliminate
+from .elimination import ACCURATE, WIDTH, eliminate, eliminate_twofold, subtract
 from .units_nd import unit_of, unit_of_moments
 
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
@@ -78,6 +78,8 @@ class Lanes(NamedTuple):
     of_omega: object  # this and `of_I` are the factors in delta, see `solve2`
     of_I: object
     outcome: object  # SOLVED, SOLVED_IF_FAR, OPEN or DONE
+    ratio: object  # of pivots, see `eliminate`
+    least_ratio: object  # elimination is accurate above this
 
 
 @allocation
@@ -250,10 +252,54 @@ def eliminate_lanes(c, b):
     matrix = c.matrices[c.task]
     m, _, lanes = matrix.shape
     fill_matrix(c, b)
-    eliminate(matrix)
+    eliminate(matrix, b.ratio)
+    inaccurate = 0
+    for l in range(WIDTH):  # constant: otherwise it took a third of a step of few components
+        inaccurate += select(b.ratio[l] > b.least_ratio[l], 0, 1)
     for i in range(m):
         for l in range(lanes):
-            c.omega[i, l] = select(b.outcome[l] == OPEN, matrix[i, m, l], c.omega[i, l])
+            solved = (b.outcome[l] == OPEN) & (b.ratio[l] > b.least_ratio[l])
+            c.omega[i, l] = select(solved, matrix[i, m, l], c.omega[i, l])
+    if inaccurate > 0:
+        for l in range(lanes):
+            if b.outcome[l] == OPEN and not b.ratio[l] > b.least_ratio[l]:
+                eliminate_lane(c, b, l)
+
+
+@inner
+def eliminate_lane(c, b, l):
+    """Take the step in a lane by elimination with twice the digits.
+
+    The equations are those of J A: eps I, rounded, is the only coefficient. The unknowns are scaled
+    to the same order in the norm of the energy.
+    """
+    matrix = c.matrices[c.task]
+    m = len(matrix)
+    for i in range(m):
+        w, e = c.omega[i, l], b.eps[l] * c.I[i, l]
+        for j in range(m + 1):
+            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
+        subtract(matrix, i, i, (-c.J[i, l], 0.0))
+        subtract(matrix, i, m, two_product(-c.J[i, l], w))
+        for j in range(m):
+            if j != i:
+                of_j, w_j = 0.5 * (b.eps[l] * c.I[j, l]), c.omega[j, l]
+                subtract(matrix, i, i, two_product(of_j, w_j))
+                subtract(matrix, i, j, two_product(of_j, w))
+                subtract(matrix, i, j, two_product(-e, w_j))
+    for j in range(m):
+        for i in range(m):
+            for part in range(3):
+                matrix[i, j, part] *= root(c.J[j, l])
+    eliminate_twofold(matrix)
+    for i in range(m):
+        c.omega[i, l] = matrix[i, m, 0] * root(c.J[i, l])
+
+
+@formula
+def root(J):
+    """Return a power of two of the order of J**(-1/2)."""
+    return two_to_the(np.floor(-0.5 * exponent(J)))
 
 
 @inner
@@ -341,15 +387,17 @@ def enter_body(c, b, l, J, I, eps):
     of_J = unit_of_moments(J)
     of_I = unit_of(I, of_J)
     factor_J, factor_I = two_to_the(-of_J), two_to_the(-of_I)
-    smallest, I_square = np.inf, 0.0
+    smallest, largest, I_square = np.inf, 0.0, 0.0
     for i in range(c.omega.shape[0]):
         J_i, I_i = np.inf, 0.0
         if i < J.size:
             J_i, I_i = J[i] * factor_J, I[i] * factor_I
+            largest = larger(J_i, largest)
         set_at(c.J, i, l, J_i)
         set_at(c.I, i, l, I_i)
         smallest = smaller(J_i, smallest)
         I_square += I_i * I_i
+    b.least_ratio[l] = select(smallest > ACCURATE * ACCURATE * largest, ACCURATE, 1.0)
     b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
     b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, of_I - of_J
 

@@ -14,7 +14,7 @@ def add_log_det(matrix, beyond_1, sign, totals):
         for l in range(WIDTH):
             pivot, beyond = abs(1.0 / matrix[i, i, l]), beyond_1[i, l]
             distance = select(beyond > -1.0, -beyond, 1.0 - pivot)
-            log = select(pivot == pivot, logarithm(pivot, distance), -np.inf)
+            log = select(pivot > 0.0, logarithm(pivot, distance), -np.inf)
             totals[l] += sign * log
 
 
@@ -31,6 +31,7 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, scrat
     """
     count, D, _ = slopes.shape
     of_ahead, of_back, totals = scratch[2][part, 0], scratch[2][part, 1], stack(WIDTH)
+    ratio = stack(WIDTH)
     ahead, back = scratch[0][part], scratch[1][part]
     blocks = (count + WIDTH - 1) // WIDTH
     first, last = share(blocks, part, parts)
@@ -47,8 +48,8 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, scrat
                     undefined += 0.0 * before + 0.0 * after
                 of_ahead[i, l], of_back[i, l] = -slopes[k, i, i], following[k, i, i]
             totals[l] = undefined
-        eliminate(ahead, 0.0, of_ahead)
-        eliminate(back, 0.0, of_back)
+        eliminate(ahead, ratio, of_ahead)
+        eliminate(back, ratio, of_back)
         add_log_det(back, of_back, 1.0, totals)
         add_log_det(ahead, of_ahead, -1.0, totals)
         for l in range(min(WIDTH, count - begin)):

@@ -36,19 +36,20 @@ def opposite(x):
 from .._formulas.small import half, opposite, twice
 from .._jit import Kernel, inner
 
-def loop_of(change):
-    @inner
+def loop_of(name, change):
     def fill(x, out):
         for i in range(x.size):
             out[i] = change(x[i])
-    return fill
+
+    fill.__qualname__ = name + "_fill"
+    return inner(fill)
 
 def whole(part, parts, x, out):
     fill(x, out)
 
 names = {"opposite_twice": twice, "half": half, "opposite": opposite}
 kernels = {
-    change: Kernel(whole, name, fill=loop_of(change)) for name, change in names.items()
+    change: Kernel(whole, name, fill=loop_of(name, change)) for name, change in names.items()
 }
 """,
 }

@@ -33,14 +33,9 @@ def digests():
     return tuple(d.hexdigest()[:_DIGITS] for d in (sources, hashlib.sha256(versions)))
 
 
-def name_of(function):
-    """Return the name of a function, for which its sources do not matter."""
-    return getattr(function, "name_without_digests", function.__qualname__)
-
-
 def enable_cache(function, compile_with):
     """Compile a function on its first call, with Numba's cache if a cache folder exists."""
-    function.name_without_digests = name = function.__qualname__
+    name = function.__qualname__
     function.__qualname__ = "_".join((name, *digests()))
     compiled = compile_with(function)
     # Numba would cache code with and without checks of bounds under one name.

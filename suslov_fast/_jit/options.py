@@ -1,10 +1,8 @@
 """Every option of Numba that the package uses, with the reason for it."""
 
-import hashlib
-
 import numba
 
-from .cache import enable_cache, name_of
+from .cache import enable_cache
 
 OPTIONS = {
     # The default model tests every divisor and raises; the test costs 30 % and prevents SIMD.
@@ -26,12 +24,12 @@ def called_from_python(function, parallel=False):
 
 def inner(function):
     """Compile a loop that kernels call."""
-    return enable_cache(_distinct(function), numba.njit(**_INNER))
+    return enable_cache(function, numba.njit(**_INNER))
 
 
 def formula(function):
     """Compile a formula: LLVM inlines it, so a loop over lanes that calls it becomes SIMD."""
-    return enable_cache(_distinct(function), numba.njit(forceinline=True, **_INNER))
+    return enable_cache(function, numba.njit(forceinline=True, **_INNER))
 
 
 def allocation(function):
@@ -39,20 +37,4 @@ def allocation(function):
 
     A `formula` has a stack frame until LLVM inlines it, so that LLVM may use its memory again.
     """
-    return enable_cache(_distinct(function), numba.njit(inline="always", **_INNER))
-
-
-def _distinct(function):
-    """Name a function defined by a factory after its free variables.
-
-    Numba distinguishes functions of one name by a counter in the process. Those of two processes,
-    loaded from the cache by a third, could have the same symbol, and LLVM would link only one.
-    """
-    if function.__closure__:
-        parts = [
-            getattr(cell.cell_contents, "py_func", cell.cell_contents)
-            for cell in function.__closure__
-        ]
-        names = [f"{p.__module__}.{name_of(p)}" if callable(p) else repr(p) for p in parts]
-        function.__qualname__ += "_" + hashlib.sha256(repr(names).encode()).hexdigest()[:12]
-    return function
+    return enable_cache(function, numba.njit(inline="always", **_INNER))

@@ -88,8 +88,12 @@ def evaluate(part, parts, parameters, omega, out, period, counts):
 
 
 def of_formulas(name, size, enter, at_state):
-    """Build the kernel of a quantity from its formulas."""
-    contents = namespace(name, size=size, enter=enter, at_state=at_state)
+    """Build the kernel of a quantity from a formula and a function that becomes one.
+
+    Numba distinguishes closures by names, in the cache too.
+    """
+    at_state.__qualname__ = f"{name}_at_state"
+    contents = namespace(name, size=size, enter=enter, at_state=formula(at_state))
     return Kernel(evaluate, name, quantity=contents)
 
 
@@ -100,12 +104,10 @@ def of_body(name, evaluated, *dimensions):
     """
     first, second = (dimensions * 2)[:2]
 
-    @formula
     def one(body, omega1, omega2):
         problem, unit = units.of_state(body, omega1, omega2)
         return units.leave(evaluated(*problem), unit, *first)
 
-    @formula
     def two(body, omega1, omega2):
         problem, unit = units.of_state(body, omega1, omega2)
         value1, value2 = evaluated(*problem)
@@ -117,7 +119,6 @@ def of_body(name, evaluated, *dimensions):
 def of_numbers(name, size, evaluated):
     """`of_body` for results without a dimension."""
 
-    @formula
     def at_state(body, omega1, omega2):
         problem, _ = units.of_state(body, omega1, omega2)
         return evaluated(*problem)
@@ -128,7 +129,6 @@ def of_numbers(name, size, evaluated):
 def of_reaction(name, evaluated):
     """`of_body` for the difference of two terms, each with a dimension of its own."""
 
-    @formula
     def at_state(body, omega1, omega2):
         problem, unit = units.of_state(body, omega1, omega2)
         first, second = evaluated(*problem)
@@ -143,13 +143,11 @@ def as_given(I1, I2, I13, I23, k, eps):
     return units.Body(I1, I2, I13, I23, k, eps, 0.0, 0.0, 0.0, 0.0)
 
 
-@formula
 def energy_at_state(body, omega1, omega2):
     """In the units of the user: no product is out of range unless the result is."""
     return integrals.energy(body.I1, body.I2, omega1, omega2)
 
 
-@formula
 def from_xy_at_state(body, x, y):
     """A state from (x, y), of the dimensions of `to_xy`."""
     W = larger(exponent(x) - body.P, exponent(y) - body.P - body.M)
@@ -158,7 +156,6 @@ def from_xy_at_state(body, x, y):
     return scaled(omega1, W), scaled(omega2, W)
 
 
-@formula
 def constants_at_state(body, omega1, omega2):
     problem, unit = units.of_state(body, omega1, omega2)
     h, k1, k2, t = integrals.constants(*problem)

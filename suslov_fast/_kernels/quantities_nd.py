@@ -191,13 +191,13 @@ def of_body(name, fill, *dimension):
     """
     moment, product, omega = dimension
 
-    @formula
     def at_state(s, eps, unit, out):
         fill(s, eps, out)
         for i in range(out.size):
             out[i] = leave(out[i], unit, moment, product, omega)
 
-    return Kernel(evaluate, name, quantity=namespace(name, at_state=at_state))
+    at_state.__qualname__ = f"{name}_at_state"  # see `quantities_3d.of_formulas`
+    return Kernel(evaluate, name, quantity=namespace(name, at_state=formula(at_state)))
 
 
 energy = of_body("energy_nd", fill_energy, 1, 0, 2)

@@ -133,8 +133,8 @@ def ensemble(
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
     names, dims = checked(body, reductions), batch_names(dims, len(batch))
-    run = (body, step_size, source, orientation, batch, steps, save_every, method, names, dims)
-    job = cut(Job(*run, batch, 1, store, compression), chunk)
+    run = body, step_size, source, orientation, batch, steps, save_every, method, names, dims
+    job = cut(Job(*run, store, compression), chunk)
     identity, dataset = job.identity(), dataset_of(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)

@@ -32,22 +32,18 @@ class Job:
 
     body: Any
     eps: FloatArray
-    # Initial states of the batch; None if a worker receives those of its tile separately.
-    source: Source | None
-    # Orientations at step 0, which broadcast to the batch.
-    orientation: FloatArray | None
+    source: Source | None  # of initial states; None if a worker receives those of its tile
+    orientation: FloatArray | None  # at step 0; it broadcasts to the batch
     batch: tuple[int, ...]
     steps: int
     save_every: int | None
     method: str
     reductions: tuple[str, ...]
     dims: tuple[str, ...]
-    # Number of trajectories of a tile along each axis of the batch.
-    tile: tuple[int, ...]
-    # Number of saved states in a chunk.
-    rows: int
     store: Any
     compression: str | None
+    tile: tuple[int, ...] = ()  # number of trajectories of a tile along each axis of the batch
+    rows: int = 1  # number of saved states in a chunk
 
     @property
     def map(self) -> Map:

@@ -19,8 +19,7 @@ class Reduction(NamedTuple):
     meaning: str
     # Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
     reduce: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
-    # Of the values of two ranges of steps, to the value of both together.
-    combine: Callable[[FloatArray, FloatArray], FloatArray]
+    combine: Callable[[FloatArray, FloatArray], FloatArray]  # of the values of two ranges of steps
     of_components: bool = False
 
 

@@ -40,14 +40,11 @@ COMPONENTS = "component", "component_j", "component_k"
 class Entry(NamedTuple):
     """An array of a run."""
 
-    # Symbolic axes, and fixed lengths.
-    dims: tuple[str | int, ...]
+    dims: tuple[str | int, ...]  # symbolic axes, and fixed lengths
     dtype: str = "float64"
     meaning: str = ""
-    # True for parameters, of any shape that broadcasts to the batch.
-    varying: bool = False
-    # True if it may be absent.
-    optional: bool = False
+    varying: bool = False  # True for parameters, of any shape that broadcasts to the batch
+    optional: bool = False  # True if it may be absent
 
     def axes(self, batch: tuple[Any, ...], sizes: Mapping[Any, Any]) -> tuple[Any, ...]:
         """Return the axes, with those of the batch inserted and others replaced by `sizes`."""

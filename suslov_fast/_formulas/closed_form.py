@@ -95,6 +95,8 @@ OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0
 # Kinds of orbits.
 RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
 
+# A `units.Body`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
+Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
 # Dimensionless coordinates of state 0, and a matrix f: omega = (f (U, V)) 2**power. X, Y and K are
 # sums of two numbers (`_lost` is the smaller), and X is 0 for a state at rest.
 #
@@ -121,34 +123,42 @@ Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
 
 @formula
-def start(back, flows, given):
+def body(given):
+    """The `Body` of a `units.Problem` in the units of the user.
+
+    The exponent of eps is kept apart: for a slow orbit X, Y and K would underflow.
+    """
+    own = units.of_body(given.I1, given.I2, given.I13, given.I23, given.k, given.eps)
+    e = twofold.root(twofold.quotient((0.5, 0.0), two_product(2.0 * own.I1, own.I2)))
+    e, e_lost = twofold.product(e, (own.eps, 0.0))
+    return Body(
+        own.I1, own.I2, own.I13, own.I23, own.k, own.eps, own.M, own.P, own.Q, own.E,
+        e, e_lost, 1.0 / np.sqrt(own.I1), 1.0 / np.sqrt(own.I2),
+    )  # fmt: skip
+
+
+@formula
+def start(back, flows, body, omega1, omega2):
     """The `Start` of an orbit of the map, or of the flow for which eps is the unit of time.
 
     back    -1 for the inverse map and the flow backward in time, else 1
-    given   the `units.Problem` in the units of the user
     """
-    E = exponent(given.eps)
-    # The exponent of eps is kept apart: for a slow orbit X, Y and K would underflow.
-    eps = given.eps * two_to_the(-E)
-    I1, I2, I13, I23, k, _, omega1, omega2 = given
-    p, unit = units.enter(I1, I2, I13, I23, k, 1.0, omega1, omega2)
+    p, unit = units.of_state(body, omega1, omega2)
+    e, eps, of_1, of_2 = (body.e, body.e_lost), body.eps, body.of_1, body.of_2
     _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, eps, p.omega1, p.omega2)
-    e = twofold.root(twofold.quotient((0.5, 0.0), two_product(2.0 * p.I1, p.I2)))
-    e = twofold.product(e, (eps, 0.0))
     l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
     X, X_lost = twofold.product(e, l)
     K, K_lost = twofold.product(e, (p.k, 0.0))
     u = e[0] * sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
 
     # Exponents: of the unit of X, Y and K so far, and of the largest of them.
-    of_step = E + unit.P + unit.W - unit.M
+    of_step = body.E + unit.P + unit.W - unit.M
     size = exponent(larger(larger(abs(X), abs(Y)), abs(K)))
     slow = flows | (of_step + size < SLOW)
     factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
     time = select(slow, of_step + size, 0.0)
 
     sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
-    of_1, of_2 = 1.0 / np.sqrt(p.I1), 1.0 / np.sqrt(p.I2)
     g1, g2 = p.I13 * of_1, p.I23 * of_2
     g = np.sqrt(g1 * g1 + g2 * g2)
     coupled, coupling = g > UNCOUPLED, sign_of_eps * (e[0] * g)
@@ -257,7 +267,7 @@ def larger_sum(start, levels):
 
 @formula
 def steps(start, levels):
-    """The `Steps` of an orbit, of which `turning` replaces four if it turns."""
+    """The `Steps` of an orbit, of which `logarithm` and `turning` replace some."""
     X, T, L, r, order = start.X, levels.T, levels.root, levels.r, start.order
     # w cancels next to L = 0, except for r < 0, and next to poles for large L; the coordinates of
     # NEARS do not.
@@ -266,11 +276,7 @@ def steps(start, levels):
     kind = select(apart, PASSES, select(levels.square > 0.0, NEARS, TURNS))
     kind = select((X == 0.0) | (start.fate < 0.0), RESTS, kind)
     passes, decays = kind == PASSES, (kind == PASSES) | (kind == NEARS)
-    high, low = logarithm_of_ratio(L, levels.root_lost, r)
-    # For the flow log r is -2 L.
-    slow, unit = order == 0.0, -2.0 * two_to_the(start.time)
-    high, low = select(slow, L * unit, high), select(slow, levels.root_lost * unit, low)
-    ends = decays & (r == 0.0)
+    unit, ends = -2.0 * two_to_the(start.time), decays & (r == 0.0)
 
     # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
     total, from_0 = larger_sum(start, levels)
@@ -282,8 +288,8 @@ def steps(start, levels):
     return Steps(
         kind=kind,
         r=select(decays, r, 1.0),
-        log_r=select(ends, NO_POWER, select(decays, high, 0.0)),
-        log_lost=select(decays & ~ends, low, 0.0),
+        log_r=select(ends, NO_POWER, select(decays, L * unit, 0.0)),
+        log_lost=select(decays & ~ends, levels.root_lost * unit, 0.0),
         v=select(passes, v * two_to_the(-v_power), select(decays, 1.0, 0.0)),
         power=select(passes, select(from_0, power, -power) + v_power, 0.0),
         lag=select(passes & ~from_0, order, 0.0),
@@ -295,8 +301,16 @@ def steps(start, levels):
 
 
 @formula
-def turning(start, levels, steps):
-    """The last four of `Steps` of an orbit that may turn: b is computed to twice the digits."""
+def logarithm(start, levels, steps):
+    """log |r| of an orbit of the map; that of the flow and of slow orbits, -2 L, stays."""
+    high, low = logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
+    of_map = (start.order > 0.0) & (steps.log_r < 0.0) & (levels.r != 0.0)
+    return select(of_map, high, steps.log_r), select(of_map, low, steps.log_lost)
+
+
+@formula
+def turning_levels(start, levels, steps):
+    """L**2, and m as a sum of two numbers, of an orbit that turns; others stay."""
     # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), where X and Y are divided by a power of
     # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
     one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
@@ -311,18 +325,36 @@ def turning(start, levels, steps):
     least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
     known = turns & (square[0] > least)
     square = select(known, square[0], select(turns, least, 1.0)), select(known, square[1], 0.0)
-    m = twofold.root(square)
+    m, lost = twofold.root(square)
+    return (
+        select(turns, -square[0], levels.square),
+        select(turns, m, levels.root),
+        select(turns, lost, levels.root_lost),
+    )
+
+
+@formula
+def turning_tangent(levels):
+    """tan(b / 8) for b = arctan(m), or if m > 1 for b = arctan(1 / m), to twice the digits."""
+    m, m_lost = levels.root, levels.root_lost
+    inverse, lost = twofold.quotient((1.0, 0.0), (m, m_lost))
+    return twofold.eighth_tangent((select(m > 1.0, inverse, m), select(m > 1.0, lost, m_lost)))
+
+
+@formula
+def turning(start, levels, steps, tangent):
+    """The last four of `Steps` of an orbit that turns, from its `turning_tangent`; others stay."""
     # The angle of the flow is m, and of the map the arctangent.
+    turns, m = steps.kind == TURNS, (levels.root, levels.root_lost)
     slow, unit, large = start.order == 0.0, two_to_the(start.time), m[0] > 1.0
-    one, over = twofold.quotient((1.0, 0.0), m)
-    angle, lost = twofold.arctangent((select(large, one, m[0]), select(large, over, m[1])))
+    angle, lost = twofold.angle_of_eighth(tangent)
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
     angle, lost = twofold.product((angle, lost), TWO_OVER_PI)
     above, rest = twofold.difference((1.0, 0.0), (angle, lost))
     large = large & ~slow
     return (
         select(turns, m[0], steps.root),
-        select(turns, square[0], 0.0),
+        select(turns, -levels.square, 0.0),
         select(turns, select(large, above, angle), 0.0),
         select(turns, select(large, rest, lost), 0.0),
     )

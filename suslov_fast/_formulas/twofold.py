@@ -66,6 +66,12 @@ def half_tangent(t):
 
 
 @formula
+def eighth_tangent(t):
+    """The tangent of an eighth of the angle whose tangent is 0 <= t <= 1."""
+    return half_tangent(half_tangent(half_tangent(t)))
+
+
+@formula
 def term(n, q, rest):
     """1 / n - q rest."""
     more, lost = product(q, rest)
@@ -73,9 +79,8 @@ def term(n, q, rest):
 
 
 @formula
-def arctangent(t):
-    """The arctangent of 0 <= t <= 1."""
-    t = half_tangent(half_tangent(half_tangent(t)))
+def angle_of_eighth(t):
+    """The angle of which an eighth has the tangent 0 <= t <= 0.1."""
     # Taylor's series, whose last terms need half the digits.
     q = square(t)
     x = q[0]

@@ -37,17 +37,18 @@ from .._formulas.closed_form import (
     SUPERCRITICAL,
     TURNS,
     UNKNOWN,
+    Body,
     Forms,
     Levels,
     Start,
     Steps,
 )
 from .._formulas.coordinates import NEGLIGIBLE
-from .._formulas.elementary import exponent, scaled
+from .._formulas.elementary import exponent, scaled, smaller
 from .._formulas.units import Problem
 from .._jit import allocation, formula, inner, kernel, lane, put, rows_of, select, share, stack
 from . import codes
-from .lanes import entry, whole
+from .lanes import all_share, spread, whole
 from .tiles import lead_of, shortening_of_first_block, write_row
 
 BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
@@ -60,7 +61,7 @@ TASK = 2**16
 LARGEST_EXPONENT = 1022.0
 
 # What is known of the orbit of each lane: tuples of arrays. A `lane` of it is called an orbit.
-Block = namedtuple("Block", "problem start levels steps forms")
+Block = namedtuple("Block", "problem body start levels steps forms")
 # The division of the work into tasks, some rows of the trajectories of a block each.
 #
 # abreast   number of rows, or times, side by side in a block
@@ -88,6 +89,7 @@ Growth = namedtuple("Growth", "eights_c eights_s ones_c ones_s")
 def block():
     return Block(
         rows_of(Problem, LANES),
+        rows_of(Body, LANES),
         rows_of(Start, LANES),
         rows_of(Levels, LANES),
         rows_of(Steps, LANES),
@@ -125,23 +127,38 @@ def task_of(task, plan, trajectories):
 
 
 @formula
-def fill_lanes(problem, lanes, parameters, omega, first, width, abreast, direction):
+def fill_lanes(b, lanes, omega, first, width, abreast, direction):
     """Give each lane a trajectory and a row, in the order of the output; return how many are used.
 
-    Lanes beyond the last repeat it.
+    Lanes beyond the last are copies of the first.
     """
-    I1, I2, I13, I23, k, eps = parameters
-    used, place, i = whole(width * abreast), 0, 0
+    used, states = whole(width * abreast), omega[first : first + width]
+    omega1, omega2 = b.problem.omega1, b.problem.omega2
+    for l in range(width):
+        omega1[l], omega2[l] = states[l, 0], states[l, 1]
+    for l in range(width, used):
+        omega1[l], omega2[l] = omega1[l - width], omega2[l - width]
     for l in range(used):
-        problem.I1[l], problem.I2[l] = entry(I1, first + i), entry(I2, first + i)
-        problem.I13[l], problem.I23[l] = entry(I13, first + i), entry(I23, first + i)
-        problem.k[l], problem.eps[l] = entry(k, first + i), entry(eps, first + i)
-        problem.omega1[l], problem.omega2[l] = omega[first + i, 0], omega[first + i, 1]
-        lanes.place[l], lanes.offset[l] = place, place if direction > 0 else abreast - 1 - place
-        if i < width - 1:
-            i += 1
-        elif place < abreast - 1:
-            i, place = 0, place + 1
+        place = smaller(np.floor(l / width), abreast - 1.0)
+        lanes.place[l], lanes.offset[l] = place, select(direction > 0, place, abreast - 1.0 - place)
+    return used
+
+
+@formula
+def enter_bodies(b, parameters, first, width, used, entered):
+    """Give each lane the body and the step size of its trajectory; return how many have one.
+
+    If all trajectories share them, lanes `entered` by the block before keep theirs.
+    """
+    if used <= entered and all_share(parameters):
+        return entered
+    for k in range(len(parameters)):
+        row = b.problem[k]
+        spread(parameters[k], first, width, row)
+        for l in range(width, used):
+            row[l] = row[l - width]
+    for l in range(used):
+        put(b.body, l, formulas.body(lane(b.problem, l)))
     return used
 
 
@@ -152,12 +169,16 @@ def enter(b, lanes, motion, used):
     """
     back, flows = motion
     for l in range(used):
-        put(b.start, l, formulas.start(back, flows, lane(b.problem, l)))
+        body, omega1, omega2 = lane(b.body, l), b.problem.omega1[l], b.problem.omega2[l]
+        put(b.start, l, formulas.start(back, flows, body, omega1, omega2))
     others, turning, recomputed = 0, 0, 0
     for l in range(used):
         put(b.levels, l, formulas.levels(lane(b.start, l)))
     for l in range(used):
         put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))
+    for l in range(0 if flows else used):
+        found = formulas.logarithm(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
+        b.steps.log_r[l], b.steps.log_lost[l] = found
     for l in range(used):
         start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
         put(b.forms, l, formulas.forms(start, levels, steps, lane(b.problem, l)))
@@ -167,9 +188,16 @@ def enter(b, lanes, motion, used):
         others += select(steps.kind > PASSES, 1, 0)
         turning += select(steps.kind == TURNS, 1, 0)
         recomputed += select((size < np.inf) | (power_left != 0.0), 1, 0)
-    if turning > 0:
+    if turning > 0:  # in three loops: a processor overlaps the lanes of a short one
         for l in range(used):
-            found = formulas.turning(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
+            start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
+            found = formulas.turning_levels(start, levels, steps)
+            b.levels.square[l], b.levels.root[l], b.levels.root_lost[l] = found
+        for l in range(used):
+            lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
+        for l in range(used):
+            start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
+            found = formulas.turning(start, levels, steps, (lanes.c[l], lanes.s[l]))
             b.steps.root[l], b.steps.m_square[l], b.steps.turns[l], b.steps.turns_lost[l] = found
     if others > 0:
         for l in range(used):
@@ -221,7 +249,7 @@ def first_missing(orbit, power_left, stop):
 @inner
 def end_of(orbit, power_left, stop):
     """Return the status of an orbit at step `stop`, and the index of its first missing state."""
-    problem, start, levels, steps, _ = orbit
+    problem, _, start, levels, steps, _ = orbit
     if start.fate < 0.0:
         if start.fate == OUT_OF_RANGE:
             return codes.NEEDS_STEPS, np.inf
@@ -416,9 +444,11 @@ def fill_rows(
     growth = Growth(stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES))
     flat, lead, tile = out.reshape(out.size), lead_of(out), stack(_TILE)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
+    entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
-        used = fill_lanes(b.problem, lanes, parameters, omega, first, width, abreast, direction)
+        used = fill_lanes(b, lanes, omega, first, width, abreast, direction)
+        entered = enter_bodies(b, parameters, first, width, used, entered)
         any_kind, any_recomputed = enter(b, lanes, motion, used)
         any_recomputed |= write_ends(b, lanes, first, width, used, ends)
         if any_kind:
@@ -467,9 +497,11 @@ def fill_states(
     b, lanes, tile = block(), rows_of(Lanes, LANES), stack(_TILE)
     flat, lead = out.reshape(out.size), lead_of(out)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
+    entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
-        used = fill_lanes(b.problem, lanes, parameters, omega, first, width, abreast, 1)
+        used = fill_lanes(b, lanes, omega, first, width, abreast, 1)
+        entered = enter_bodies(b, parameters, first, width, used, entered)
         any_kind, _ = enter(b, lanes, motion, used)
         write_ends(b, lanes, first, width, used, ends)
         for j in range(skipped, min(skipped + plan.rows_per_task, times.size), abreast):

@@ -16,7 +16,7 @@ import numpy as np
 from .._formulas import coordinates, equations, integrals, units
 from .._formulas.elementary import exponent, larger, scaled
 from .._jit import Kernel, formula, lane, namespace, put, rows_of, share, stack
-from .lanes import LANES
+from .lanes import LANES, all_share, spread
 
 # The number of states without a result that are not NaN, the first of them, and that of infinite
 # states.
@@ -28,26 +28,11 @@ _MOST = 4 * LANES  # results
 quantity = namespace("quantity")
 
 
-@formula
-def spread(parameter, first, width, lanes):
-    """Fill lanes with a parameter of the bodies of a block."""
-    if parameter.size == 1:
-        for l in range(width):
-            lanes[l] = parameter[0]
-    else:
-        # LLVM knows that indices from 0 on are not negative.
-        numbers = parameter[first : first + width]
-        for l in range(width):
-            lanes[l] = numbers[l]
-
-
 def evaluate(part, parts, parameters, omega, out, period, counts):
     """Evaluate a quantity in a part of the tasks."""
     bodies, tile = rows_of(units.Body, LANES), stack(_MOST)
     flat, results = omega.reshape(omega.size), out.reshape(out.size)
-    count, tasks, shared = len(omega), len(counts), True
-    for k in range(len(parameters)):
-        shared &= parameters[k].size == 1
+    count, tasks, shared = len(omega), len(counts), all_share(parameters)
     times = (count + period - 1) // period
     pieces = (period + LANES - 1) // LANES * times
     first_task, last_task = share(tasks, part, parts)

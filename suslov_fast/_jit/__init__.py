@@ -2,7 +2,6 @@
 
 from .cache import compile_timer
 from .instructions import (
-    LINE,
     expect_store,
     lane,
     put,
@@ -14,6 +13,7 @@ from .instructions import (
     two_product,
 )
 from .kernels import Kernel, kernel, namespace, share
+from .llvm import LINE
 from .options import allocation, formula, inner
 
 __all__ = [

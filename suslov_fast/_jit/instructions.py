@@ -1,250 +1,28 @@
-"""LLVM instructions that Numba lacks, each with a Python equivalent for interpreted runs.
+"""Instructions that Numba lacks, and what they are in Python, for interpreted runs.
 
-Only the documented extension API is used: numba.extending.intrinsic and numba.types.
+The reasons, measured on AVX2 with the closed form (entering an orbit takes 26 ns):
+
+select        not an instruction: both values are computed, so that LLVM can choose without a
+              branch, as SIMD needs; a ternary of expressions is a branch: 110 ns
+two_product   the error of a product takes one FMA, or 16 other operations
+stack         LLVM knows that rows on the stack do not overlap; other arrays it compares in pairs
+              at run time, and does not vectorize with eight: 110 ns
+rows_of, lane, put
+              lanes by name, without a line of code for each name
+stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
+expect_store  a store to a line that is not in the caches delays those after it
+subtract_product
+              elimination of 64 equations in half the time: a loop that LLVM makes for a few
+              numbers spends half its time on the first and last iterations
 """
 
-import math
-
 import numpy as np
-from llvmlite import binding, ir
-from numba import config, types
-from numba.core.errors import RequireLiteralValue
-from numba.extending import intrinsic
+from numba import config
 
+from . import llvm
+from .llvm import LINE
 from .options import formula
 
-_DOUBLE, _BYTE, _WORD = ir.DoubleType(), ir.IntType(8), ir.IntType(64)
-LINE = 8  # numbers of a cache line, and of the longest vector
-# Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
-# then take 1.4 times as long. On AMD's it saves up to a third where rows share lines, or nothing.
-_PREFETCHES = binding.get_host_cpu_name().startswith("znver")
-
-
-@intrinsic
-def _fma(typing, a, b, c):
-    def emit(context, builder, signature, arguments):
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), emit
-
-
-def _on_stack(context, builder, shape):
-    """Return an array of uninitialised floats in the calling function, on a cache line."""
-    if not all(isinstance(each, types.Literal) for each in shape):
-        raise RequireLiteralValue("expected constant sizes")
-    shape = [each.literal_value for each in shape]
-    with builder.goto_entry_block():
-        memory = builder.alloca(ir.ArrayType(_DOUBLE, math.prod(shape)))
-        memory.align = 64
-    kind, sizes = types.Array(types.float64, len(shape), "C"), ir.ArrayType(_WORD, len(shape))
-    array = context.make_array(kind)(context, builder)
-    array.data = builder.bitcast(memory, _DOUBLE.as_pointer())
-    array.nitems, array.itemsize = _WORD(math.prod(shape)), _WORD(8)
-    array.shape = sizes(shape)
-    array.strides = sizes([8 * math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
-    return array._getvalue()
-
-
-@intrinsic(prefer_literal=True)
-def _stack(typing, *shape):
-    def emit(context, builder, signature, arguments):
-        return _on_stack(context, builder, shape)
-
-    result = types.Array(types.float64, len(shape), "C")
-    return result(types.StarArgTuple.from_types(shape)), emit
-
-
-@intrinsic(prefer_literal=True)
-def _rows_of(typing, kind, lanes):
-    named = kind.instance_class
-    row = types.Array(types.float64, 1, "C")
-    result = types.NamedUniTuple(row, len(named._fields), named)
-
-    def emit(context, builder, signature, arguments):
-        rows = [_on_stack(context, builder, (lanes,)) for _ in named._fields]
-        return context.make_tuple(builder, result, rows)
-
-    return result(kind, lanes), emit
-
-
-def _places(context, builder, kind, rows, index, count):
-    """Return pointers to number `index` of each row, or to `count` numbers of an array."""
-    if isinstance(kind, types.Array):
-        data = context.make_array(kind)(context, builder, rows).data
-        first = builder.gep(data, [index], inbounds=True)
-        return [builder.gep(first, [_WORD(k)], inbounds=True) for k in range(count)]
-    arrays = (builder.extract_value(rows, k) for k in range(count))
-    arrays = (context.make_array(kind.dtype)(context, builder, each) for each in arrays)
-    return [builder.gep(each.data, [index], inbounds=True) for each in arrays]
-
-
-def _numbers_of(kind):
-    """Return the type of the numbers of a lane, for that of a row or of a NamedTuple."""
-    if isinstance(kind, types.Array):
-        return kind.dtype
-    return types.BaseTuple.from_types([_numbers_of(each) for each in kind], kind.instance_class)
-
-
-def _load(context, builder, kind, rows, index):
-    """Return the number of a lane of a row, or the tuple of those of a NamedTuple."""
-    if isinstance(kind, types.Array):
-        data = context.make_array(kind)(context, builder, rows).data
-        return builder.load(builder.gep(data, [index], inbounds=True))
-    numbers = [
-        _load(context, builder, each, builder.extract_value(rows, k), index)
-        for k, each in enumerate(kind)
-    ]
-    return context.make_tuple(builder, _numbers_of(kind), numbers)
-
-
-@intrinsic
-def _lane(typing, rows, l):
-    def emit(context, builder, signature, arguments):
-        return _load(context, builder, rows, *arguments)
-
-    return _numbers_of(rows)(rows, types.intp), emit
-
-
-@intrinsic
-def _put(typing, rows, l, numbers):
-    kinds = list(numbers) if isinstance(numbers, types.BaseTuple) else [numbers]
-
-    def emit(context, builder, signature, arguments):
-        *where, value = arguments
-        places = _places(context, builder, rows, *where, len(kinds))
-        for k, (place, kind) in enumerate(zip(places, kinds, strict=True)):
-            number = value if kind is numbers else builder.extract_value(value, k)
-            builder.store(context.cast(builder, number, kind, types.float64), place)
-        return context.get_dummy_value()
-
-    return types.void(rows, types.intp, numbers), emit
-
-
-def _line(context, builder, signature, arguments, k):
-    """Return a pointer to a vector in array k of the arguments, whose indices follow it."""
-    array = context.make_array(signature.args[k])(context, builder, arguments[k])
-    number, index = array.data, arguments[k + 1]
-    if isinstance(signature.args[k + 1], types.UniTuple):
-        *rows, index = (builder.extract_value(index, i) for i in range(len(signature.args[k + 1])))
-        byte = builder.bitcast(number, _BYTE.as_pointer())
-        for axis, row in enumerate(rows):
-            byte = builder.gep(byte, [builder.mul(row, builder.extract_value(array.strides, axis))])
-        number = builder.bitcast(byte, _DOUBLE.as_pointer())
-    number = builder.gep(number, [index])
-    return builder.bitcast(number, ir.VectorType(_DOUBLE, LINE).as_pointer())
-
-
-@intrinsic
-def _subtract_product(typing, target, i, factor, j, source, k):
-    def emit(context, builder, signature, arguments):
-        lines = [_line(context, builder, signature, arguments, n) for n in (0, 2, 4)]
-        before, v, w = (builder.load(each, align=8) for each in lines)
-        builder.store(builder.fsub(before, builder.fmul(v, w)), lines[0], align=8)
-        return context.get_dummy_value()
-
-    return types.void(target, i, factor, j, source, k), emit
-
-
-@intrinsic
-def _stream_line(typing, target, i, source, j):
-    def emit(context, builder, signature, arguments):
-        source, target = (_line(context, builder, signature, arguments, k) for k in (2, 0))
-        store = builder.store(builder.load(source, align=8), target, align=64)
-        one = ir.Constant(ir.IntType(32), 1)
-        store.set_metadata("nontemporal", builder.module.add_metadata([one]))
-        return context.get_dummy_value()
-
-    return types.void(target, i, source, j), emit
-
-
-@intrinsic
-def _expect_store(typing, target, i):
-    def emit(context, builder, signature, arguments):
-        if _PREFETCHES:
-            array = context.make_array(signature.args[0])(context, builder, arguments[0])
-            byte, word = _BYTE.as_pointer(), ir.IntType(32)
-            kind = ir.FunctionType(ir.VoidType(), (byte, word, word, word))
-            prefetch = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
-            place = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
-            builder.call(prefetch, (place, word(1), word(3), word(1)))  # to write, keep, data
-        return context.get_dummy_value()
-
-    return types.void(target, types.intp), emit
-
-
-def _call_at(context, builder, address, values):
-    """Call the function at an address, which returns None."""
-    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
-    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
-
-
-@intrinsic
-def call(typing, address, numbers):
-    """Call a compiled function by its address, with a tuple of integers."""
-
-    def emit(context, builder, signature, arguments):
-        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
-        _call_at(context, builder, arguments[0], values)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, numbers), emit
-
-
-def _borrowed(context, builder, kind, value):
-    """Return an argument whose arrays count no references, which threads would wait for."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        array.meminfo = ir.Constant(array.meminfo.type, None)
-        return array._getvalue()
-    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
-        element = _borrowed(context, builder, each, builder.extract_value(value, k))
-        value = builder.insert_value(value, element, k)
-    return value
-
-
-@intrinsic
-def pack(typing, arguments):
-    """Return the address of a function, and that of its data, for use while the caller runs.
-
-    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
-    """
-    result = types.UniTuple(types.int64, 2)
-
-    def emit(context, builder, signature, values):
-        packed = _borrowed(context, builder, arguments, values[0])
-        with builder.goto_entry_block():
-            memory = builder.alloca(packed.type)
-        builder.store(packed, memory)
-        kind = ir.FunctionType(context.get_value_type(types.none), [_WORD] * 4)
-        function = ir.Function(builder.module, kind, f"{builder.function.name}.part")
-        function.linkage = "internal"
-        kernel, data, part, parts = function.args
-        inner = ir.IRBuilder(function.append_basic_block())
-        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
-        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        _call_at(context, inner, kernel, [part, parts, *numbers])
-        inner.ret(context.get_dummy_value())
-        addresses = [builder.ptrtoint(each, _WORD) for each in (function, memory)]
-        return context.make_tuple(builder, result, addresses)
-
-    return result(arguments), emit
-
-
-# The reasons, measured on AVX2 with the closed form (entering an orbit takes 26 ns):
-#
-# select        not an instruction: both values are computed, so that LLVM can choose without a
-#               branch, as SIMD needs; a ternary of expressions is a branch: 110 ns
-# two_product   the error of a product takes one FMA, or 16 other operations
-# stack         LLVM knows that rows on the stack do not overlap; other arrays it compares in pairs
-#               at run time, and does not vectorize with eight: 110 ns
-# rows_of, lane, put
-#               lanes by name, without a line of code for each name
-# stream_line   non-temporal stores: 15 GB/s instead of 9 if every state is saved
-# expect_store  a store to a line that is not in the caches delays those after it
-# call, pack    a parallel loop calls a kernel by its address, so that Numba compiles it once
-# subtract_product
-#               elimination of 64 equations in half the time: a loop that LLVM makes for a few
-#               numbers spends half its time on the first and last iterations
 if config.DISABLE_JIT:
 
     def select(condition, first, second):
@@ -298,8 +76,9 @@ if config.DISABLE_JIT:
         """Prefetch the cache line of target[i] for writing, on AMD's processors."""
 
 else:
-    stack, rows_of, lane, put = _stack, _rows_of, _lane, _put
-    stream_line, subtract_product, expect_store = _stream_line, _subtract_product, _expect_store
+    stack, rows_of, lane, put = llvm.stack, llvm.rows_of, llvm.lane, llvm.put
+    stream_line, subtract_product = llvm.stream_line, llvm.subtract_product
+    expect_store = llvm.expect_store
 
     @formula
     def select(condition, first, second):
@@ -310,4 +89,4 @@ else:
     def two_product(v, w):
         """Return v*w, rounded, and its rounding error."""
         product = v * w
-        return product, _fma(v, w, -product)
+        return product, llvm.fma(v, w, -product)

@@ -14,7 +14,7 @@ import numpy as np
 from numba import config, prange, types
 
 from .cache import enable_cache
-from .instructions import call, pack
+from .llvm import call, pack
 from .options import called_from_python, formula
 
 

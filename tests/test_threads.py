@@ -14,7 +14,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast._engine import threads
-from suslov_fast._kernels import maps_3d as loops
+from suslov_fast._kernels import blocks as loops
 from suslov_fast._kernels.blocks import LANES
 
 

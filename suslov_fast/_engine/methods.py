@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from .._bodies.body_nd import is_solved
-from .._kernels import blocks_nd, codes, maps_3d
+from .._kernels import blocks, blocks_nd, codes
 from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
 from .execution import (
     NONE,
@@ -44,9 +44,9 @@ JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
 _EXPANDED = 2**19
 
-canonical_steps = partial(iterate, kernel=maps_3d.canonical)
-printed_steps = partial(iterate, kernel=maps_3d.printed)
-gyrostat_steps = partial(iterate, kernel=maps_3d.gyrostat, step=2.0)
+canonical_steps = partial(iterate, kernel=blocks.canonical)
+printed_steps = partial(iterate, kernel=blocks.printed)
+gyrostat_steps = partial(iterate, kernel=blocks.gyrostat, step=2.0)
 by_rank2 = partial(iterate_nd, kernel=blocks_nd.rank2)
 # If every step needs elimination, a stretch takes some 0.3 s.
 by_rank2_or_elimination = partial(iterate_nd, kernel=blocks_nd.rank2, elimination=1.0 / 48.0)

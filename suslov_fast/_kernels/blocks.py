@@ -40,7 +40,7 @@ results      final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 import numpy as np
 
 from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
-from . import codes
+from . import codes, map_canonical, map_full, map_gyrostat, map_printed
 from .lanes import LANES, whole
 from .tiles import lead_of, shortening_of_first_block, write_row
 from .turning_3d import enter_turns, leave_turns, start_turns, turn_on, turns_block, write_turns
@@ -195,3 +195,9 @@ def map_kernel(name, module):
     }
     of_map = {each: value for each, value in vars(module).items() if not each.startswith("_")}
     return Kernel(run_blocks, name, map=namespace(name, **optional | of_map))
+
+
+canonical = map_kernel("canonical", map_canonical)
+printed = map_kernel("printed", map_printed)
+full = map_kernel("full", map_full)
+gyrostat = map_kernel("gyrostat", map_gyrostat)

@@ -30,7 +30,7 @@ LARGEST = 1e307
 FAR = 500.0
 
 
-class Components(NamedTuple):
+class FieldComponents(NamedTuple):
     """The field, states (D, lanes), and the equations of a step."""
 
     indices: object  # see above
@@ -41,7 +41,7 @@ class Components(NamedTuple):
     matrix: object  # A, and minus half the step size times f as the right side
 
 
-class Lanes(NamedTuple):
+class FieldLanes(NamedTuple):
     """Numbers of each lane."""
 
     half: object  # half the step size times the unit of length
@@ -58,7 +58,7 @@ def block(parameters, memory, task):
     """Return a block whose components are in the memory of a task."""
     (indices, values, _, _, _), (systems, states) = parameters, memory
     slopes, matrix, x, after = systems[task, 0], systems[task, 1], states[task, 0], states[task, 1]
-    return Components(indices, values, x, after, slopes, matrix), rows_of(Lanes, WIDEST)
+    return FieldComponents(indices, values, x, after, slopes, matrix), rows_of(FieldLanes, WIDEST)
 
 
 @formula
@@ -172,7 +172,7 @@ def settle(c, b, n, results, begin, end):
 @inner
 def eliminate_lane(c, b, l, begin):
     """Find the next state of a lane from A x_next = x + (eps/2) l x + eps c with twice the digits,
-    and return its size, see `Lanes`; the factor becomes NaN unless all equations are finite.
+    and return its size, see `FieldLanes`; the factor becomes NaN unless all equations are finite.
     """
     indices, values, matrix, x = c.indices, c.values, c.matrix, c.x
     D = len(x)

@@ -8,7 +8,7 @@ from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray
 from .._engine.layout import flat_body, flat_parameter
 from .._engine.stepping import iterate
-from .._kernels.maps_3d import full
+from .._kernels.blocks import full
 from .registry import Kept, Map
 
 

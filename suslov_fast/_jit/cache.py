@@ -72,9 +72,10 @@ def _tolerate_unusable_files(compiled, name):
         with suppress(Exception):
             save(signature, data)
             sources, versions = digests()
-            for path in Path(cache.cache_path).glob(f"*.{name}_{'?' * _DIGITS}_{versions}-*"):
+            mine = f"*.{name}_{'?' * _DIGITS}_{versions}-*"
+            for path in list(Path(cache.cache_path).glob(mine)):
                 if f"_{sources}_{versions}-" not in path.name:  # of an earlier source
-                    path.unlink()
+                    path.unlink(missing_ok=True)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
 

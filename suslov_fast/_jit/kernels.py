@@ -21,17 +21,9 @@ from .options import called_from_python, formula
 class Kernel:
     """A function called from Python, cached on disk: `function(part, parts, *arguments)`.
 
-    It does one of `parts` equal parts of the work for a batch.
-
-    Parameters
-    ----------
-    function : callable
-        The function.
-    name : str, optional
-        Its name in the cache, by default its own.
-    **names
-        What names of the function stand for that its module only declares, such as a `namespace`.
-        Numba caches no closure.
+    It does one of `parts` equal parts of the work for a batch. `name` is its name in the cache, and
+    `names` say what stands for names that its module only declares, such as a `namespace`: Numba
+    caches no closure.
     """
 
     def __init__(self, function, name=None, **names):

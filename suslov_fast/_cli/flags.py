@@ -245,10 +245,6 @@ def flag(name: str) -> str:
 
 
 class _Parser(argparse.ArgumentParser):
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings, allow_abbrev=False)
-        self._negative_number_matcher = re.compile(r"-[\d.]")  # -1,0.5 is a value, too
-
     def error(self, message: str) -> NoReturn:
         raise UsageError(message)
 
@@ -258,15 +254,27 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser = _Parser(
         prog="suslov-fast",
         description="The Hirota-Kimura discretization of the nonholonomic Suslov problem.",
+        allow_abbrev=False,
     )
     parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     title = "commands, each with a --help of its own"
     parsers = parser.add_subparsers(title=title, dest="command", metavar="COMMAND", required=True)
     for name, command in COMMANDS.items():
         first = command.text.partition(".")[0]
-        own = parsers.add_parser(name, help=first, description=command.text)
+        own = parsers.add_parser(name, help=first, description=command.text, allow_abbrev=False)
         _fill(own, command)
-    return parser.parse_args(words)
+    return parser.parse_args(_with_negative_values(words))
+
+
+def _with_negative_values(words: Sequence[str]) -> list[str]:
+    """Join options and negative values, such as -1,0.5, which argparse takes for options."""
+    joined: list[str] = []
+    for word in words:
+        if re.match(r"-[\d.]", word) and joined and re.fullmatch(r"--[\w-]+", joined[-1]):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _fill(parser: argparse.ArgumentParser, command: Command) -> None:

@@ -13,12 +13,12 @@ sqrt(2). On the page of the gyrostat e, g, R, T, L, m and K are delta, chi, rho,
 delta mu and delta k. The components of state n are quotients of quadratic forms in (p_n, q_n), and
 so in (c, s), other coordinates of that plane. There are three kinds of orbits that move:
 
-PASSES    From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of the
-          coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
-NEARS     The same next to L = 0 or a pole, where w cancels. (1 + G)**n = c_n + s_n G, and
-          (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), up to a common factor.
-TURNS     K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
-          b = arctan(m), which is known to twice the digits, and so is the phase n b.
+PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
+             the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
+PASSES_NEAR  The same near L = 0 or a pole, where w cancels. (1 + G)**n = c_n + s_n G, and
+             (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), up to a common factor.
+TURNS        K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
+             b = arctan(m), which is known to twice the digits, and so is the phase n b.
 
 The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. For
 the flow, and for states so slow that the map follows it to rounding, terms of higher order in e are
@@ -93,7 +93,7 @@ TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 # undefined, 0 / 0; no pole can be met; |T| >= 1.
 OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 1.0
 # Kinds of orbits.
-RESTS, PASSES, NEARS, TURNS = 0.0, 1.0, 2.0, 3.0
+RESTS, PASSES, PASSES_NEAR, TURNS = 0.0, 1.0, 2.0, 3.0
 
 # A `units.Body`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
 Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
@@ -270,12 +270,12 @@ def steps(start, levels):
     """The `Steps` of an orbit, of which `logarithm` and `turning` replace some."""
     X, T, L, r, order = start.X, levels.T, levels.root, levels.r, start.order
     # w cancels next to L = 0, except for r < 0, and next to poles for large L; the coordinates of
-    # NEARS do not.
+    # PASSES_NEAR do not.
     apart = (levels.square >= 0.25 * T * T) | (order * levels.square >= 1.0)
     apart = apart & ((order * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
-    kind = select(apart, PASSES, select(levels.square > 0.0, NEARS, TURNS))
+    kind = select(apart, PASSES, select(levels.square > 0.0, PASSES_NEAR, TURNS))
     kind = select((X == 0.0) | (start.fate < 0.0), RESTS, kind)
-    passes, decays = kind == PASSES, (kind == PASSES) | (kind == NEARS)
+    passes, decays = kind == PASSES, (kind == PASSES) | (kind == PASSES_NEAR)
     unit, ends = -2.0 * two_to_the(start.time), decays & (r == 0.0)
 
     # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
@@ -363,7 +363,7 @@ def turning(start, levels, steps, tangent):
 @formula
 def has_two_forms(steps):
     """Test that odd n have other `Forms`."""
-    return (steps.kind == NEARS) & (steps.r < 0.0)
+    return (steps.kind == PASSES_NEAR) & (steps.r < 0.0)
 
 
 @formula
@@ -415,7 +415,7 @@ def turning_forms(start, levels, steps):
 
 @formula
 def near_forms(start, levels, odd):
-    """The `Forms` of NEARS, for even or odd n.
+    """The `Forms` of PASSES_NEAR, for even or odd n.
 
     Where r < 0, (c, s) is that of |r|**n, and odd n start from (-X, Y) / (1 + 2 K X / L**2).
     """
@@ -492,16 +492,16 @@ def multiples(n, v, power, steps, any_kind):
         # Near 1 the distance from 1 is more precise.
         rest = select(power == 0.0, -p, 1.0 - abs(c)) * (0.5 / steps.root)
         sine, cosine = sine_and_cosine(n, steps.turns, steps.turns_lost)
-        turns, nears = steps.kind == TURNS, steps.kind == NEARS
-        c = select(turns, cosine, select(nears, abs(c), c))
-        s = select(turns, sine / steps.root, select(nears, rest, s))
+        turns, near = steps.kind == TURNS, steps.kind == PASSES_NEAR
+        c = select(turns, cosine, select(near, abs(c), c))
+        s = select(turns, sine / steps.root, select(near, rest, s))
     return c, s
 
 
 @formula
 def combined(c, s, next_c, next_s, square):
-    """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for NEARS, and
-    that of the sum of the angles for TURNS, with `square` = m**2.
+    """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for PASSES_NEAR,
+    and that of the sum of the angles for TURNS, with `square` = m**2.
     """
     return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
 
@@ -559,7 +559,7 @@ def step_to_pole(forms, steps, second):
     d11, d12, d22 = forms.d11, 0.5 * forms.d12, forms.d22
     total = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
     ratio = d22 / total if second else total / d11  # of c and s
-    if steps.kind == NEARS:
+    if steps.kind == PASSES_NEAR:
         return -np.log1p(2.0 * steps.root / ratio) / steps.log_r
     log_w = np.log(abs(ratio / steps.v)) - steps.power * math.log(2.0)
     return steps.lag + log_w / steps.log_r

@@ -76,8 +76,8 @@ Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
 # fails            the first step without a state
 # c, s             the pair at the last multiple of BASE rows; `c_or_0` is `squarable(c)`
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
-Lanes = namedtuple(
-    "Lanes",
+RowLanes = namedtuple(
+    "RowLanes",
     "place offset number recompute_from power_left fails c c_or_0 s seed_c seed_s table_c table_s",
 )
 # The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. Row BASE a + b
@@ -203,8 +203,8 @@ def enter(b, lanes, motion, used):
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
             turns = formulas.turning_forms(start, levels, steps)
-            nears = formulas.near_forms(start, levels, False)
-            moves = formulas.select_forms(steps.kind == TURNS, turns, nears)
+            near = formulas.near_forms(start, levels, False)
+            moves = formulas.select_forms(steps.kind == TURNS, turns, near)
             put(b.forms, l, formulas.select_forms(steps.kind > PASSES, moves, lane(b.forms, l)))
     return others > 0, recomputed > 0
 
@@ -440,7 +440,7 @@ def fill_rows(
     first_group = begin // GROUP * GROUP
     plan = plan_of(trajectories, out, end - first_group, GROUP)
     abreast = plan.abreast
-    b, lanes = block(), rows_of(Lanes, LANES)
+    b, lanes = block(), rows_of(RowLanes, LANES)
     growth = Growth(stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES))
     flat, lead, tile = out.reshape(out.size), lead_of(out), stack(_TILE)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
@@ -494,7 +494,7 @@ def fill_states(
     """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
     plan = plan_of(trajectories, out, times.size, 1)
     abreast = plan.abreast
-    b, lanes, tile = block(), rows_of(Lanes, LANES), stack(_TILE)
+    b, lanes, tile = block(), rows_of(RowLanes, LANES), stack(_TILE)
     flat, lead = out.reshape(out.size), lead_of(out)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     entered = 0

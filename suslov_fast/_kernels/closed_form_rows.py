@@ -426,6 +426,20 @@ def fill_tile_at_times(b, lanes, used, any_kind, tile):
         tile[2 * l], tile[2 * l + 1] = omega
 
 
+@formula
+def write_asked(tile, flat, lead, batch, rows, i, abreast, first, width):
+    """Write the rows of a tile, from row i on, that are asked for."""
+    begin, end, origin, direction = rows
+    low, high = max(i, begin), min(i + abreast, end)
+    # The first of them in the output, and its place in the tile.
+    upper, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
+    target = 2 * ((origin + direction * upper) * batch + first)
+    size, stride = 2 * width * (high - low), 2 * direction * batch * abreast
+    for j in range(size if place > 0 else 0):
+        tile[j] = tile[2 * width * place + j]
+    write_row(tile, flat, target, size, stride, lead)
+
+
 @kernel
 def fill_rows(
     part, parts, motion, parameters, omega, steps, rows, trajectories, out, ends, missing
@@ -436,7 +450,7 @@ def fill_rows(
     rows    begin, end, origin, direction
     """
     first_number, every = steps
-    begin, end, origin, direction = rows
+    begin, end, _, direction = rows
     first_group = begin // GROUP * GROUP
     plan = plan_of(trajectories, out, end - first_group, GROUP)
     abreast = plan.abreast
@@ -477,14 +491,7 @@ def fill_rows(
                     for l in range(width * abreast if count_unusual(lanes, used, tile) else 0):
                         if begin <= i + lanes.offset[l] < end:
                             correct(b, lanes, l, tile, counts)
-                # The rows asked for; the first of them in the output, and its place in the tile.
-                low, high = max(i, begin), min(i + abreast, end)
-                upper, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
-                target = 2 * ((origin + direction * upper) * out.shape[1] + first)
-                size, stride = 2 * width * (high - low), 2 * direction * out.shape[1] * abreast
-                for j in range(size if place > 0 else 0):
-                    tile[j] = tile[2 * width * place + j]
-                write_row(tile, flat, target, size, stride, lead)
+                write_asked(tile, flat, lead, out.shape[1], rows, i, abreast, first, width)
 
 
 @kernel

@@ -1,7 +1,9 @@
 """The n-dimensional map, for `blocks_nd`, in the symbols of `_formulas.nd_map`.
 
-A step in O(n) solves for the increment by `solve2`; lanes where this is inaccurate use
-`solve_bordered` or elimination. States have m = n - 1 components, and lanes M = m + m % 2.
+A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate,
+`repair` takes the step: `bordered` if one d is small, else elimination (`eliminate_lanes`), with
+twice the digits where that is inaccurate (`eliminate_lane`). After that, `settle` ends lanes or
+renews their units. States have m = n - 1 components, and lanes M = m + m % 2.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)

@@ -11,7 +11,7 @@ from mpmath import mpf
 import suslov_fast as sf
 
 # Loss of digits beyond those that a change of all inputs by one rounding costs.
-LOST = 1e4
+LOST, LOST_BY_DERIVATIVES = 1e5, 1e6
 DIGITS = 250
 
 
@@ -67,7 +67,7 @@ def norm(difference, weights):
     return mpmath.sqrt(sum((w * v) ** 2 for v, w in zip(difference, weights, strict=True)))
 
 
-def check(rng, results, problems, reference, weights):
+def check(rng, results, problems, reference, weights, lost=LOST):
     """Compare results (size, ...) with a reference, in a norm with weights."""
     wrong, missing = [], 0
     with mpmath.workdps(DIGITS):
@@ -83,7 +83,7 @@ def check(rng, results, problems, reference, weights):
             others = [reference(*(changed(rng, each) for each in problem)) for _ in range(2)]
             change = max(norm(np.subtract(other, exact), of) for other in others)
             error = norm([mpf(v) - e for v, e in zip(result.ravel(), exact, strict=True)], of)
-            if error > LOST * (change + mpf(2) ** -53 * size):
+            if error > lost * (change + mpf(2) ** -53 * size):
                 wrong.append((float(error / size), float(change / size), problem))
     assert not wrong
     assert missing < 0.1 * len(results)
@@ -129,3 +129,55 @@ def test_steps_of_fields(rng, D):
     run = sf.iterate(sf.QuadraticField(q, l, c), x, eps, 1, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
     check(rng, run.final, problems, kahan, lambda *_: [1] * D)
+
+
+def derivative(residual, x, y):
+    """Derivative of the map from x to y with residual(x, y) = 0, affine in x and in y."""
+    D = len(x)
+    columns = []
+    for j in range(D):
+        moved = [v + (i == j) for i, v in enumerate(x)]
+        of_x = residual(moved, y)
+
+        def change(d, of_x=of_x):
+            of_y = residual(x, [v + w for v, w in zip(y, d, strict=True)])
+            return [v + w for v, w in zip(of_x, of_y, strict=True)]
+
+        columns.append(naive.solve_affine(change, D))
+    return None if None in columns else [columns[j][i] for i in range(D) for j in range(D)]
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
+@pytest.mark.parametrize("m", [2, 3])
+def test_derivatives(rng, m):
+    def reference(*problem):
+        J, I, omega, (eps,) = (naive.exactly(*np.atleast_1d(each)) for each in problem)
+        following = naive.step_nd(J, I, eps, omega)
+        return following and derivative(lambda x, y: naive.dsn(J, I, eps, x, y), omega, following)
+
+    def weights(J, *_):
+        return [mpmath.sqrt(mpf(a) / mpf(b)) for a in J for b in J]
+
+    J, I, omega, eps = problems = nd_problems(rng, m, 300)
+    found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
+    check(rng, found, problems, reference, weights, LOST_BY_DERIVATIVES)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
+@pytest.mark.parametrize("D", [1, 2, 3])
+def test_derivatives_of_fields(rng, D):
+    def reference(q, l, c, x, eps):
+        def residual(x, y):
+            return [
+                y[i] - x[i] - eps * sum(mpf(q[i][j][k]) * x[j] * y[k] for j in axes for k in axes)
+                - eps * sum(mpf(l[i][j]) * (x[j] + y[j]) / 2 for j in axes)
+                - eps * mpf(c[i])
+                for i in axes
+            ]  # fmt: skip
+
+        axes, eps, following = range(D), mpf(eps), kahan(q, l, c, x, eps)
+        return following and derivative(residual, naive.exactly(*x), following)
+
+    q, l, c, x, eps = problems = field_problems(rng, D, 100)
+    found = sf.jacobian(sf.QuadraticField(q, l, c), x, eps)
+    check(rng, found, problems, reference, lambda *_: [1] * D**2, LOST_BY_DERIVATIVES)

@@ -4,7 +4,6 @@ one system with twice the digits, for systems that lose too many of them.
 
 import numpy as np
 
-from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, smaller, two_to_the
 from .._formulas.twofold import difference, product, quotient
 from .._jit import LINE, formula, inner, select, stack, subtract_product
@@ -40,7 +39,8 @@ def eliminate(matrix, ratio, beyond_1=None):
     matrix      (m, m + r, width): the coefficients, and r right sides, which become the solutions;
                 the diagonal becomes that of inverse pivots, and the other coefficients are lost.
                 width is a multiple of WIDTH up to WIDEST.
-    ratio       (width,), that of the least to the largest pivot, is filled
+    ratio       (width,), that of the least pivot to the largest one or 1, is filled: the matrices
+                are the identity and more
     beyond_1    None, or (m, width): the diagonal less 1, more accurate than the diagonal itself if
                 that is near 1; it becomes the pivots less 1, NaN if rows were exchanged
     """
@@ -48,7 +48,7 @@ def eliminate(matrix, ratio, beyond_1=None):
     largest, pivots, least = stack(WIDEST), stack(WIDEST), stack(WIDEST)
     inverse, factor = stack(WIDEST), stack(WIDEST)
     for l in range(width):
-        pivots[l], least[l] = 0.0, np.inf
+        pivots[l], least[l] = 1.0, np.inf
     for k in range(m):
         for l in range(width):
             largest[l] = abs(matrix[k, k, l])
@@ -103,18 +103,21 @@ def subtract(matrix, i, j, v):
 
 
 @inner
-def eliminate_twofold(matrix):
-    """Solve a system of m equations in place, with twice the digits.
+def eliminate_twofold(matrix, tolerance):
+    """Solve a system of m equations in place, with twice the digits; return k, for which |det| is
+    the product of the magnitudes of the diagonal and 2**k.
 
     matrix      (m, m + r, 3 or more): numbers and their rounding errors, of coefficients and right
                 sides, and the sums of the magnitudes of their terms; the right sides become the
-                solutions, NaN where a pivot is zero to rounding of its terms
+                solutions, NaN if a pivot is not above its terms times m and the tolerance
     """
     m, columns, _ = matrix.shape
+    power = 0.0
     for i in range(m):
         largest = 0.0
         for j in range(m):
             largest = larger(abs(matrix[i, j, 0]), largest)
+        power += exponent(largest)
         for j in range(columns):
             for part in range(3):
                 matrix[i, j, part] *= two_to_the(-exponent(largest))
@@ -127,7 +130,7 @@ def eliminate_twofold(matrix):
             for part in range(3):
                 above = matrix[k, j, part]
                 matrix[k, j, part], matrix[pivot, j, part] = matrix[pivot, j, part], above
-        if not abs(matrix[k, k, 0]) > m * ZERO_TO_ROUNDING * matrix[k, k, 2]:
+        if not abs(matrix[k, k, 0]) > m * tolerance * matrix[k, k, 2]:
             matrix[k, k, 0] = np.nan
         for i in range(k + 1, m):
             factor = quotient(twofold(matrix, i, k), twofold(matrix, k, k))
@@ -139,3 +142,4 @@ def eliminate_twofold(matrix):
                 subtract(matrix, i, r, product(twofold(matrix, i, j), twofold(matrix, j, r)))
             x = quotient(twofold(matrix, i, r), twofold(matrix, i, i))
             matrix[i, r, 0], matrix[i, r, 1] = x
+    return power

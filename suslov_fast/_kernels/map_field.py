@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, scaled, within
 from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product, two_product
 from .codes import NONFINITE, OK, SINGULAR
@@ -195,7 +196,7 @@ def eliminate_lane(c, b, l, begin):
     for i in range(D):
         for j in range(D + 1):
             b.factor[l] += 0.0 * matrix[i, j, 0]
-    eliminate_twofold(matrix)
+    eliminate_twofold(matrix, ZERO_TO_ROUNDING)
     for i in range(D):
         c.after[i, l] = matrix[i, D, 0]
         size += abs(c.after[i, l])

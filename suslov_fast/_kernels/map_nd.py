@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import (
     FAR,
@@ -293,7 +294,7 @@ def eliminate_lane(c, b, l):
         for i in range(m):
             for part in range(3):
                 matrix[i, j, part] *= root(c.J[j, l])
-    eliminate_twofold(matrix)
+    eliminate_twofold(matrix, ZERO_TO_ROUNDING)
     for i in range(m):
         c.omega[i, l] = matrix[i, m, 0] * root(c.J[i, l])
 

@@ -2,9 +2,13 @@
 
 import numpy as np
 
-from .._formulas.elementary import exponent, logarithm, two_to_the
+from .._formulas.elementary import exponent, larger, logarithm, smaller, two_to_the
+from .._formulas.twofold import product
 from .._jit import LINE, inner, kernel, select, share, stack, subtract_product
-from .elimination import WIDTH, eliminate
+from .elimination import WIDTH, eliminate, eliminate_twofold, subtract, twofold
+
+# A pivot this much smaller than its terms has lost most of twice the digits.
+UNKNOWN = 2.0**-60
 
 
 @inner
@@ -19,19 +23,20 @@ def add_log_det(matrix, beyond_1, sign, totals):
 
 
 @kernel
-def differentiate(part, parts, slopes, following, derivatives, logarithms, scratch):
+def differentiate(part, parts, slopes, following, derivatives, logarithms, ratios, scratch):
     """Find derivatives of steps, (1 - S)**-1 (1 + S_next), and logarithms of |det|.
 
     slopes        (count, D, D): S = (eps/2) f' at states
     following     (count, D, D): S_next, the same at the next states
     derivatives   (count, D, D)
     logarithms    (count,)
+    ratios        (count,), of the pivots, see `eliminate`
     scratch       for matrices (parts, D, 2 D, WIDTH) and (parts, D, D, WIDTH), and for their
                   diagonals less 1 (parts, 2, D, WIDTH)
     """
     count, D, _ = slopes.shape
     of_ahead, of_back, totals = scratch[2][part, 0], scratch[2][part, 1], stack(WIDTH)
-    ratio = stack(WIDTH)
+    of_steps, ratio = stack(WIDTH), stack(WIDTH)
     ahead, back = scratch[0][part], scratch[1][part]
     blocks = (count + WIDTH - 1) // WIDTH
     first, last = share(blocks, part, parts)
@@ -48,15 +53,114 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, scrat
                     undefined += 0.0 * before + 0.0 * after
                 of_ahead[i, l], of_back[i, l] = -slopes[k, i, i], following[k, i, i]
             totals[l] = undefined
-        eliminate(ahead, ratio, of_ahead)
+        eliminate(ahead, of_steps, of_ahead)
         eliminate(back, ratio, of_back)
         add_log_det(back, of_back, 1.0, totals)
         add_log_det(ahead, of_ahead, -1.0, totals)
         for l in range(min(WIDTH, count - begin)):
             logarithms[begin + l] = totals[l]
+            ratios[begin + l] = smaller(of_steps[l], ratio[l])
             for i in range(D):
                 for j in range(D):
                     derivatives[begin + l, i, j] = ahead[i, D + j, l]
+
+
+@inner
+def fill(matrix, first, terms, mass, values, half, state, lost):
+    """Fill columns from `first` on with the mass times 1 - half f' at a state and its rounding."""
+    D = len(mass)
+    for i in range(D):
+        for j in range(first, first + D):
+            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
+        subtract(matrix, i, first + i, (-mass[i], 0.0))
+    for t in range(len(values)):
+        i, j, k, factor = terms[0, t], terms[1, t], terms[2, t], (half * values[t], 0.0)
+        if k < D:
+            subtract(matrix, i, first + j, product(factor, (state[k], lost[k])))
+            subtract(matrix, i, first + k, product(factor, (state[j], lost[j])))
+        elif j < D:
+            subtract(matrix, i, first + j, factor)
+
+
+@kernel
+def differentiate_twofold(
+    part, parts, terms, half, mass, unit, values, states, derivatives, logarithms, scratch
+):
+    """Find what `differentiate` does with twice the digits, from the terms of a field.
+
+    terms         (3, T): i, j, k of the terms v x_j x_k of the mass times f_i, as in `map_field`
+    half          (count,), half the step size
+    mass, unit    (count, D), that of each equation, and the unit of each unknown
+    values        (count, T), of v
+    states        (count, D)
+    derivatives   (count, D, D)
+    logarithms    (count,)
+    scratch       (parts, D, 2 D + 1, 3) and (parts, 3, D)
+    """
+    count, D = states.shape
+    matrix, (zero, following, lost) = scratch[0][part], scratch[1][part]
+    tangent, system = matrix[:, : 2 * D], matrix[:, : D + 1]
+    begin, end = share(count, part, parts)
+    for n in range(begin, end):
+        step = terms, mass[n], values[n], half[n]
+        back = terms, mass[n], values[n], -half[n]
+        # A(x) x_next = A(0; -eps) x + eps c
+        zero[:] = 0.0
+        fill(matrix, D + 1, *back, zero, zero)
+        matrix[:, D] = 0.0
+        for i in range(D):
+            for j in range(D):
+                subtract(matrix, i, D, product(twofold(matrix, i, D + 1 + j), (-states[n, j], 0.0)))
+        for t in range(terms.shape[1]):
+            if terms[1, t] == D:
+                subtract(matrix, terms[0, t], D, (-2.0 * half[n] * values[n, t], 0.0))
+        fill(matrix, 0, *step, states[n], zero)
+        scale(matrix, unit[n])
+        eliminate_twofold(system, UNKNOWN)
+        for i in range(D):
+            following[i], lost[i] = matrix[i, D, 0] * unit[n, i], matrix[i, D, 1] * unit[n, i]
+        fill(matrix, 0, *back, following, lost)
+        scale(matrix, unit[n])
+        log = log_det(system)
+        fill(matrix, 0, *step, states[n], zero)
+        fill(matrix, D, *back, following, lost)
+        scale(matrix, unit[n])
+        known = is_known(tangent)
+        logarithms[n] = log - log_det(tangent)
+        for i in range(D):
+            for j in range(D):
+                value = matrix[i, D + j, 0] * unit[n, i]
+                derivatives[n, i, j] = value if known else np.nan
+
+
+@inner
+def scale(matrix, unit):
+    """Multiply the first columns by the units of the unknowns, powers of two."""
+    for j in range(len(unit)):
+        for i in range(len(unit)):
+            for part in range(3):
+                matrix[i, j, part] *= unit[j]
+
+
+@inner
+def is_known(tangent):
+    """Test that the right sides are not small differences of their terms."""
+    D, largest, terms = len(tangent), 0.0, 0.0
+    for i in range(D):
+        for j in range(D, 2 * D):
+            largest = larger(abs(tangent[i, j, 0]), largest)
+            terms = larger(tangent[i, j, 2], terms)
+    return largest > UNKNOWN * terms
+
+
+@inner
+def log_det(matrix):
+    """Eliminate, and return log |det|, -inf if the matrix is singular."""
+    log = eliminate_twofold(matrix, UNKNOWN) * np.log(2.0)
+    for i in range(len(matrix)):
+        pivot = abs(matrix[i, i, 0])
+        log += select(pivot > 0.0, logarithm(pivot, 1.0 - pivot), -np.inf)
+    return log
 
 
 @kernel

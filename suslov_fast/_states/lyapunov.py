@@ -156,7 +156,7 @@ def _by_slopes(
 ) -> tuple[FloatArray, FloatArray, None]:
     slopes = TABLE[map_of(body).body]["slopes"]
     found = slopes(States(body, omega, eps, omega.shape[:-1], threads))
-    return *derivatives_of(found[:-1], found[1:], threads), None
+    return *derivatives_of(body, omega[:-1], eps, found[:-1], found[1:], threads), None
 
 
 def _logarithm(value: FloatArray, less_1: FloatArray) -> FloatArray:

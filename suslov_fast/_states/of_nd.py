@@ -21,6 +21,7 @@ from .._kernels import quantities_nd as kernels
 from .._kernels.elimination import WIDTH
 from .._kernels.tangent_map import differentiate
 from .._maps.registry import map_of
+from .twofold_derivatives import are_doubtful, improve
 
 
 def _of_solved(name: str, function: Callable[..., FloatArray], states: States) -> FloatArray:
@@ -71,19 +72,27 @@ def jacobian_by(
         slopes(States(body, each, eps, omega.shape[:-1]))
         for each in (omega, next_states(body, omega, eps))
     )
-    return derivatives_of(before, after, None)[0].reshape(before.shape)
+    return derivatives_of(body, omega, eps, before, after, None)[0].reshape(before.shape)
 
 
 def derivatives_of(
-    slopes: FloatArray, following: FloatArray, threads: int | None
+    body: Any,
+    omega: FloatArray,
+    eps: float | FloatArray,
+    slopes: FloatArray,
+    following: FloatArray,
+    threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return derivatives (count, D, D) of steps and logarithms (count,) of their determinants."""
     D = slopes.shape[-1]
     before, after = slopes.reshape(-1, D, D), following.reshape(-1, D, D)
-    derivatives, logarithms = np.empty(before.shape), np.empty(len(before))
+    derivatives, logarithms, ratios = np.empty(before.shape), *np.empty((2, len(before)))
     scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
-    arguments = before, after, derivatives, logarithms, scratch
+    arguments = before, after, derivatives, logarithms, ratios, scratch
     _threads.run(differentiate, 2 * before.size * D, threads, *arguments)
+    doubtful = np.flatnonzero(are_doubtful(body, ratios, omega.shape[:-1]))
+    if doubtful.size:
+        improve(body, omega, eps, doubtful, (derivatives, logarithms), threads)
     return derivatives, logarithms
 
 

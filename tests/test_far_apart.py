@@ -96,7 +96,7 @@ def of_energy(J, *_):
 @pytest.mark.parametrize("m", [2, 3, 5])
 @pytest.mark.parametrize("method", ["auto", "rank2", "gauss"])
 def test_steps(rng, m, method):
-    J, I, omega, eps = problems = nd_problems(rng, m, {2: 400, 3: 400, 5: 100}[m])
+    J, I, omega, eps = problems = nd_problems(rng, m, {2: 200, 3: 200, 5: 50}[m])
     run = sf.iterate(sf.SuslovND(J, I), omega, eps, 1, method=method, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
     check(
@@ -125,7 +125,7 @@ def kahan(q, l, c, x, eps):
 
 @pytest.mark.parametrize("D", [1, 2, 3])
 def test_steps_of_fields(rng, D):
-    q, l, c, x, eps = problems = field_problems(rng, D, 150)
+    q, l, c, x, eps = problems = field_problems(rng, D, 100)
     run = sf.iterate(sf.QuadraticField(q, l, c), x, eps, 1, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
     check(rng, run.final, problems, kahan, lambda *_: [1] * D)
@@ -158,7 +158,7 @@ def test_derivatives(rng, m):
     def weights(J, *_):
         return [mpmath.sqrt(mpf(a) / mpf(b)) for a in J for b in J]
 
-    J, I, omega, eps = problems = nd_problems(rng, m, 300)
+    J, I, omega, eps = problems = nd_problems(rng, m, 200)
     found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
     check(rng, found, problems, reference, weights, LOST_BY_DERIVATIVES)
 

@@ -7,8 +7,9 @@ from .._formulas.twofold import product
 from .._jit import LINE, inner, kernel, select, share, stack, subtract_product
 from .elimination import WIDTH, eliminate, eliminate_twofold, subtract, twofold
 
-# A pivot this much smaller than its terms has lost most of twice the digits.
-UNKNOWN = 2.0**-60
+# Where terms cancel to this part of them, twice the digits may not suffice, and rounding of the input
+# decides.
+UNKNOWN = 2.0**-50
 
 
 @inner

@@ -158,7 +158,7 @@ def test_derivatives(rng, m):
     def weights(J, *_):
         return [mpmath.sqrt(mpf(a) / mpf(b)) for a in J for b in J]
 
-    J, I, omega, eps = problems = nd_problems(rng, m, 200)
+    J, I, omega, eps = problems = nd_problems(rng, m, 300)
     found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
     check(rng, found, problems, reference, weights, LOST_BY_DERIVATIVES)
 

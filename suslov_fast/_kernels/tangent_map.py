@@ -7,8 +7,7 @@ from .._formulas.twofold import product
 from .._jit import LINE, inner, kernel, select, share, stack, subtract_product
 from .elimination import WIDTH, eliminate, eliminate_twofold, subtract, twofold
 
-# Where terms cancel to this part of them, twice the digits may not suffice, and rounding of the input
-# decides.
+# Where terms cancel to this part of them, twice the digits may not suffice.
 UNKNOWN = 2.0**-50
 
 

@@ -3,15 +3,17 @@
 With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
 e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k, the discrete equations are
 z_next / (1 + i e l_next) = z / (1 - i e l). So R = |z| / sqrt(1 + (e l)**2) is conserved and, with
-psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a step is linear:
+psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a step is linear up to a
+common factor:
 
 (p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
 
-G**2 = T**2 - K**2 = L**2. The state is U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z)
-are its dimensionless coordinates; X and K are those of `coordinates.dimensionless` divided by
-sqrt(2). On the page of the gyrostat e, g, R, T, L, m and K are delta, chi, rho, delta L, delta nu,
-delta mu and delta k. The components of state n are quotients of quadratic forms in (p_n, q_n), and
-so in (c, s), other coordinates of that plane. There are three kinds of orbits that move:
+For e < 0, -g stands in place of g, so that T >= 0. G**2 = T**2 - K**2 = L**2. The state is
+U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates; X and K
+are those of `coordinates.dimensionless` divided by sqrt(2). On the page of the gyrostat e, g, R, T,
+L, m and K are delta, chi, rho, delta L, delta nu, delta mu and delta k. The components of state n
+are quotients of quadratic forms in (p_n, q_n), and so in (c, s), other coordinates of that plane.
+There are three kinds of orbits that move:
 
 PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
              the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
@@ -78,7 +80,7 @@ LARGE = 200.0
 # Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
 # PASSES cancel.
 LARGE_ROOT = 8.0
-# w and s whose squares are negligible, and subnormal, which is slow.
+# Squares of smaller w and s are negligible; if subnormal, they would be slow.
 NO_SQUARE = 1e-100
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
@@ -89,18 +91,21 @@ UNCOUPLED = 1e-150
 # 2 / pi, as a sum of two numbers.
 TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 
-# Fates of orbits: beyond the range of float64; state 0 is NaN; state 0 is where the map is
-# undefined, 0 / 0; no pole can be met; |T| >= 1.
-OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 1.0
+# Fates of orbits.
+OUT_OF_RANGE = -3.0  # of float64
+UNKNOWN = -2.0  # state 0 is NaN
+UNDEFINED = -1.0  # at state 0 the map is 0 / 0
+REGULAR = 0.0  # no pole can be met
+SUPERCRITICAL = 1.0  # T >= 1
 # Kinds of orbits.
 RESTS, PASSES, PASSES_NEAR, TURNS = 0.0, 1.0, 2.0, 3.0
 
 # A `units.Body`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
 Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
-# Dimensionless coordinates of state 0, and a matrix f: omega = (f (U, V)) 2**power. X, Y and K are
-# sums of two numbers (`_lost` is the smaller), and X is 0 for a state at rest.
+# Coordinates of state 0, and a matrix f: omega = (f (U, V)) 2**power. X, Y and K are dimensionless,
+# and sums of two numbers (`_lost` is the smaller); X is 0 for a state at rest.
 #
-# coupling   e |g|, in the unit of X; 0 if g = 0
+# coupling   |e g|, in the unit of X; 0 if g = 0
 # order      1, or 0 for the flow and slow orbits
 # time       exponent of the unit of X, Y and K, 0 unless `order` is 0
 Start = namedtuple(
@@ -112,7 +117,7 @@ Start = namedtuple(
 Levels = namedtuple("Levels", "R T square root root_lost gap r")
 # Constants of (c, s) after n steps.
 #
-# log_r      log |r|, as the sum of this and `log_lost`
+# log_r      log |r|, as the sum of this and `log_lost`; -2 L 2**time if `order` is 0, where r is 1
 # v          of PASSES: w_n = v 2**power r**(n - lag)
 # root       L, or m of TURNS
 # m_square   m**2 of TURNS, else 0
@@ -143,6 +148,7 @@ def start(back, flows, body, omega1, omega2):
 
     back    -1 for the inverse map and the flow backward in time, else 1
     """
+    # X, Y, K and u, the part of X without the rotor.
     p, unit = units.of_state(body, omega1, omega2)
     e, eps, of_1, of_2 = (body.e, body.e_lost), body.eps, body.of_1, body.of_2
     _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, eps, p.omega1, p.omega2)
@@ -158,12 +164,13 @@ def start(back, flows, body, omega1, omega2):
     factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
     time = select(slow, of_step + size, 0.0)
 
+    # The frame, and U and V: they take the signs, so that K >= 0 and T >= 0.
     sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
     g1, g2 = p.I13 * of_1, p.I23 * of_2
     g = np.sqrt(g1 * g1 + g2 * g2)
     coupled, coupling = g > UNCOUPLED, sign_of_eps * (e[0] * g)
     inverse = 1.0 / select(coupled, coupling, 1.0)
-    # The direction of g, or any if g = 0, with the sign of eps.
+    # The direction of g, or any if g = 0.
     g1 = select(coupled, g1 * (e[0] * inverse), sign_of_eps)
     g2 = select(coupled, g2 * (e[0] * inverse), 0.0)
     U = sign_of_K * select(coupled, u * inverse, sign_of_eps * (p.I1 * of_1 * p.omega1))
@@ -172,6 +179,7 @@ def start(back, flows, body, omega1, omega2):
     X, X_lost, K, K_lost = X * of_X, X_lost * of_X, K * of_X, K_lost * of_X
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
+    # The fate.
     undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - Y_lost == 0.0)
     rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time < MOTIONLESS)
@@ -215,7 +223,7 @@ def levels(start):
     least = LEAST_ROOT * T
     square = select(abs(square) > least * least, square, least * least)
     root = np.sqrt(abs(square))
-    # L - |Y| = (L**2 - Y**2) / (L + |Y|), whose terms do not cancel.
+    # L - |Y| = (L**2 - Y**2) / (L + |Y|): L and |Y| do not cancel.
     plus, minus = (1.0 + order * Y) + order * Y_lost, (1.0 - order * Y) - order * Y_lost
     gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + order * K * X)) / (root + abs(Y))
     # If it is small beside |Y| and |1 - |Y||, L = |Y| + gap has more digits than the root.
@@ -242,8 +250,8 @@ def logarithm_of_ratio(L, L_lost, r):
     scale = two_to_the(-power)
     scale = select(r < 0.0, -scale, scale)
     d, d_lost = scale * d, scale * d_lost
-    # L_lost comes last, as it may be larger than 1. For large L, where scale = -1, it cancels in
-    # the first sum.
+    # L_lost is added last, since it may exceed 1. For large L, where scale = -1, it cancels in the
+    # first sum, like L.
     above, lost = two_sum(d, -s)
     above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * L_lost)
     below, lost = two_sum(d, s)
@@ -259,7 +267,7 @@ def logarithm_of_ratio(L, L_lost, r):
 def larger_sum(start, levels):
     """The larger in size of S - L Y and S + L Y, S = L**2 + K X, and True if that is the first.
 
-    Their product is X**2 T**2 (1 - L**2).
+    The larger has not cancelled, and the smaller is X**2 T**2 (1 - L**2) over it.
     """
     S, LY = levels.root * levels.root + start.K * start.X, levels.root * abs(start.Y)
     return S + select(S < 0.0, -1.0, 1.0) * LY, (start.Y < 0.0) == (S >= 0.0)
@@ -302,7 +310,7 @@ def steps(start, levels):
 
 @formula
 def logarithm(start, levels, steps):
-    """log |r| of an orbit of the map; that of the flow and of slow orbits, -2 L, stays."""
+    """log |r| of an orbit of the map; that of the flow and of slow orbits stays."""
     high, low = logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
     of_map = (start.order > 0.0) & (steps.log_r < 0.0) & (levels.r != 0.0)
     return select(of_map, high, steps.log_r), select(of_map, low, steps.log_lost)
@@ -315,7 +323,7 @@ def turning_levels(start, levels, steps):
     # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
     one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
     X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
-    K, order, turns = (start.K, start.K_lost), (start.order, 0.0), steps.kind == TURNS
+    K, order, is_turning = (start.K, start.K_lost), (start.order, 0.0), steps.kind == TURNS
     KX = twofold.product(K, X)
     beyond = twofold.difference((2.0 * one * KX[0], 2.0 * one * KX[1]), twofold.square(X))
     beyond = twofold.difference(beyond, twofold.square(Y))
@@ -323,13 +331,13 @@ def turning_levels(start, levels, steps):
     below = twofold.plus((one * one, 0.0), twofold.product(order, twofold.square(X)))
     square = twofold.quotient(beyond, below)
     least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
-    known = turns & (square[0] > least)
-    square = select(known, square[0], select(turns, least, 1.0)), select(known, square[1], 0.0)
+    known = is_turning & (square[0] > least)
+    square = select(known, square[0], select(is_turning, least, 1.0)), select(known, square[1], 0.0)
     m, lost = twofold.root(square)
     return (
-        select(turns, -square[0], levels.square),
-        select(turns, m, levels.root),
-        select(turns, lost, levels.root_lost),
+        select(is_turning, -square[0], levels.square),
+        select(is_turning, m, levels.root),
+        select(is_turning, lost, levels.root_lost),
     )
 
 
@@ -345,7 +353,7 @@ def turning_tangent(levels):
 def turning(start, levels, steps, tangent):
     """The last four of `Steps` of an orbit that turns, from its `turning_tangent`; others stay."""
     # The angle of the flow is m, and of the map the arctangent.
-    turns, m = steps.kind == TURNS, (levels.root, levels.root_lost)
+    is_turning, m = steps.kind == TURNS, (levels.root, levels.root_lost)
     slow, unit, large = start.order == 0.0, two_to_the(start.time), m[0] > 1.0
     angle, lost = twofold.angle_of_eighth(tangent)
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
@@ -353,10 +361,10 @@ def turning(start, levels, steps, tangent):
     above, rest = twofold.difference((1.0, 0.0), (angle, lost))
     large = large & ~slow
     return (
-        select(turns, m[0], steps.root),
-        select(turns, -levels.square, 0.0),
-        select(turns, select(large, above, angle), 0.0),
-        select(turns, select(large, rest, lost), 0.0),
+        select(is_turning, m[0], steps.root),
+        select(is_turning, -levels.square, 0.0),
+        select(is_turning, select(large, above, angle), 0.0),
+        select(is_turning, select(large, rest, lost), 0.0),
     )
 
 
@@ -417,7 +425,8 @@ def turning_forms(start, levels, steps):
 def near_forms(start, levels, odd):
     """The `Forms` of PASSES_NEAR, for even or odd n.
 
-    Where r < 0, (c, s) is that of |r|**n, and odd n start from (-X, Y) / (1 + 2 K X / L**2).
+    Where r < 0, (c, s) is that of |r|**n; odd n, for which r**n has the other sign, start from
+    (-X, Y) / (1 + 2 K X / L**2).
     """
     X, Y, K, T, L = start.X, start.Y, start.K, levels.T, levels.root
     gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
@@ -492,18 +501,19 @@ def multiples(n, v, power, steps, any_kind):
         # Near 1 the distance from 1 is more precise.
         rest = select(power == 0.0, -p, 1.0 - abs(c)) * (0.5 / steps.root)
         sine, cosine = sine_and_cosine(n, steps.turns, steps.turns_lost)
-        turns, near = steps.kind == TURNS, steps.kind == PASSES_NEAR
-        c = select(turns, cosine, select(near, abs(c), c))
-        s = select(turns, sine / steps.root, select(near, rest, s))
+        is_turning, near = steps.kind == TURNS, steps.kind == PASSES_NEAR
+        c = select(is_turning, cosine, select(near, abs(c), c))
+        s = select(is_turning, sine / steps.root, select(near, rest, s))
     return c, s
 
 
 @formula
-def combined(c, s, next_c, next_s, square):
+def combined(c, s, next_c, next_s, m_square):
     """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for PASSES_NEAR,
-    and that of the sum of the angles for TURNS, with `square` = m**2.
+    and that of the sum of the angles for TURNS.
     """
-    return c * next_c - square * (s * next_s), s * select(square > 0.0, next_c, 1.0) + c * next_s
+    of_s = select(m_square > 0.0, next_c, 1.0)
+    return c * next_c - m_square * (s * next_s), s * of_s + c * next_s
 
 
 @formula
@@ -517,13 +527,13 @@ def sine_and_cosine(n, turns, turns_lost):
 
 @formula
 def squarable(v):
-    """v, or 0 if its square is negligible, and subnormal."""
+    """v, or 0 if its square is negligible."""
     return select(abs(v) > NO_SQUARE, v, 0.0)
 
 
 @formula
 def omega_of(c, c_or_0, s, forms):
-    """omega, without the factor 2**power_left(power); `c_or_0` is `squarable(c)`."""
+    """omega, without the factor 2**power_left(power); `c_or_0` is c, or 0 if c**2 is negligible."""
     ss = s * squarable(s)
     inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * s) * c + forms.d22 * ss)
     return (
@@ -542,7 +552,9 @@ def is_pole(c, s, forms):
 
 @formula
 def recompute_from(start, levels, steps):
-    """The size from which on states are computed again one by one, as they may be at a pole."""
+    """The size from which on states are computed again one by one: from there on they may be at a
+    pole. 0 for orbits with two forms or without states.
+    """
     f11, f12, f21, f22 = frame(start, levels.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
     may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)
@@ -556,8 +568,8 @@ def step_to_pole(forms, steps, second):
 
     np.log suffices: the caller tries the steps beside it.
     """
-    d11, d12, d22 = forms.d11, 0.5 * forms.d12, forms.d22
-    total = -(d12 + select(d12 < 0.0, -1.0, 1.0) * np.sqrt(d12 * d12 - d11 * d22))
+    d11, half, d22 = forms.d11, 0.5 * forms.d12, forms.d22
+    total = -(half + select(half < 0.0, -1.0, 1.0) * np.sqrt(half * half - d11 * d22))
     ratio = d22 / total if second else total / d11  # of c and s
     if steps.kind == PASSES_NEAR:
         return -np.log1p(2.0 * steps.root / ratio) / steps.log_r

@@ -20,7 +20,8 @@ out          (N, B, 2), the states; NaN if a state does not exist
 ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
              empty arrays the closed form continues past it
 missing      (parts, 3), incremented by the numbers of NaN states of orbits whose state 0 is not
-             NaN, in columns: at a step, between two steps, and out of the range of float64
+             NaN, in columns: at a step, between two steps, and out of the range of float64 or of
+             known phases
 """
 
 from collections import namedtuple
@@ -46,8 +47,9 @@ TASK = 2**16
 # abreast   number of rows, or times, side by side in a block
 # shift     number of lanes by which the first block is shorter
 Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
-# The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. Row BASE a + b
-# of a group is its seed times eights[a] times ones[b]; both include the offset of the lane.
+# The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. The (c, s) of
+# row GROUP g + BASE a + b is seed[g] eights[a] ones[b], products as in `combined`; `eights` and
+# `ones` include the offset of the lane.
 Growth = namedtuple("Growth", "eights_c eights_s ones_c ones_s")
 
 
@@ -84,7 +86,7 @@ def task_of(task, plan, trajectories):
 def fill_lanes(b, lanes, omega, first, width, abreast, direction):
     """Give each lane a trajectory and a row, in the order of the output; return how many are used.
 
-    Lanes beyond the last are copies of the first.
+    Lanes beyond the last repeat trajectories.
     """
     used, states = whole(width * abreast), omega[first : first + width]
     omega1, omega2 = b.problem.omega1, b.problem.omega2
@@ -125,7 +127,7 @@ def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
 
 @formula
 def enter_table(b, lanes, used, first_number, every, top, any_kind):
-    """Fill the seeds of the groups of rows from `top` on: lanes at place i hold those of group i.
+    """Fill the seeds of the groups of rows from `top` on: that of group i in the lanes at place i.
 
     Return True if a seed is not finite: unknown, or a ratio too large for one number.
     """
@@ -164,15 +166,15 @@ def fill_tile(b, lanes, growth, used, row, any_kind, tile):
             seed_c, seed_s = lanes.seed_c[l], lanes.seed_s[l]
             c = seed_c * next_c
             if any_kind:
-                next_s, square = growth.eights_s[row // BASE, l], b.steps.m_square[l]
-                c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, square)
+                next_s, m_square = growth.eights_s[row // BASE, l], b.steps.m_square[l]
+                c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, m_square)
             lanes.c[l], lanes.c_or_0[l] = not_negligible(c), formulas.squarable(c)
     for l in range(used):
         next_c, s = growth.ones_c[row % BASE, l], 1.0
         c, c_or_0 = lanes.c[l] * next_c, lanes.c_or_0[l] * next_c
         if any_kind:
-            next_s, square = growth.ones_s[row % BASE, l], b.steps.m_square[l]
-            c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, square)
+            next_s, m_square = growth.ones_s[row % BASE, l], b.steps.m_square[l]
+            c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, m_square)
             c_or_0 = formulas.squarable(c)
         tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, c_or_0, s, lane(b.forms, l))
 
@@ -192,24 +194,24 @@ def write_asked(tile, flat, lead, batch, rows, i, abreast, first, width):
     begin, end, origin, direction = rows
     low, high = max(i, begin), min(i + abreast, end)
     # The first of them in the output, and its place in the tile.
-    upper, place = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
+    upper, skip = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
     target = 2 * ((origin + direction * upper) * batch + first)
     size, stride = 2 * width * (high - low), 2 * direction * batch * abreast
-    for j in range(size if place > 0 else 0):
-        tile[j] = tile[2 * width * place + j]
+    for j in range(size if skip > 0 else 0):
+        tile[j] = tile[2 * width * skip + j]
     write_row(tile, flat, target, size, stride, lead)
 
 
 @kernel
 def fill_rows(
-    part, parts, motion, parameters, omega, steps, rows, trajectories, out, ends, missing
+    part, parts, motion, parameters, omega, numbering, rows, trajectories, out, ends, missing
 ):
     """Fill rows: state number first + every i goes to row origin + direction i, begin <= i < end.
 
-    steps   first, every
-    rows    begin, end, origin, direction
+    numbering   first, every
+    rows        begin, end, origin, direction
     """
-    first_number, every = steps
+    first_number, every = numbering
     begin, end, _, direction = rows
     first_group = begin // GROUP * GROUP
     plan = plan_of(trajectories, out, end - first_group, GROUP)
@@ -225,12 +227,12 @@ def fill_rows(
         entered = enter_bodies(b, parameters, first, width, used, entered)
         any_kind, any_recomputed = enter(b, lanes, motion, used)
         any_recomputed |= write_ends(b, lanes, first, width, used, ends)
-        if any_kind:
+        if any_kind:  # a call for each constant: the compiler makes a loop of each
             enter_growth(b, lanes, growth, used, abreast, every, True)
         else:
             enter_growth(b, lanes, growth, used, abreast, every, False)
-        start = first_group + skipped
-        for top in range(start, min(start + plan.rows_per_task, end), GROUP * abreast):
+        first_row = first_group + skipped
+        for top in range(first_row, min(first_row + plan.rows_per_task, end), GROUP * abreast):
             if any_kind:
                 unusual = enter_table(b, lanes, used, first_number, every, top, True)
             else:
@@ -243,7 +245,7 @@ def fill_rows(
                     fill_tile(b, lanes, growth, used, row, True, tile)
                 else:
                     fill_tile(b, lanes, growth, used, row, False, tile)
-                if i + abreast <= begin:
+                if i + abreast <= begin:  # these only advance c and s
                     continue
                 if any_recomputed or unusual or (i == 0 and first_number == 0.0):
                     for l in range(used):
@@ -258,7 +260,7 @@ def fill_rows(
 def fill_states(
     part, parts, motion, parameters, omega, times, to, trajectories, out, ends, missing
 ):
-    """Fill row to[j] with the states at times[j], which are numbers of steps of the map."""
+    """Fill row to[j] with the states at times[j]: numbers of steps, or times of the flow."""
     plan = plan_of(trajectories, out, times.size, 1)
     abreast = plan.abreast
     b, lanes, tile = block(), rows_of(RowLanes, LANES), stack(_TILE)

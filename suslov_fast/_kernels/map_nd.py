@@ -3,13 +3,14 @@
 A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate,
 `repair` takes the step: `bordered` if one d is small, else elimination (`eliminate_lanes`), with
 twice the digits where that is inaccurate (`eliminate_lane`). After that, `settle` ends lanes or
-renews their units. States have m = n - 1 components, and lanes M = m + m % 2.
+renews their units. States have m = n - 1 components, and arrays of lanes M = m + m % 2 rows.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)
-memory       for J and I (tasks, 2, M, lanes), or (tasks, 2, M) if there is only one body; for omega
-             and 1 / d (tasks, 2, M, lanes); and for matrices (tasks, m, m + 1, lanes), or None if
-             trajectories that need elimination end with the status NEEDS_ELIMINATION
+memory       for J and I (tasks, 2, M, lanes), or (tasks, 2, M) of a single body if there are
+             neither matrices nor orientations; for omega and 1 / d (tasks, 2, M, lanes); and for
+             matrices (tasks, m, m + 1, lanes), or None if trajectories that need elimination end
+             with the status NEEDS_ELIMINATION
 
 Lanes store J, I and omega in units, powers of two, in which they are of the order of 1; that of
 omega changes when omega leaves this range. Lanes that have ended have the state 0 in the unit NaN.
@@ -39,9 +40,11 @@ from .units_nd import unit_of, unit_of_moments
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
 # just written. Blocks of a run that eliminates have `elimination.WIDTH`.
 LANES = 64
-# Outcomes of `solve2` in a lane: the step is solved, solved if no d is small, or open; and of
-# `bordered`: the step is taken.
-SOLVED, SOLVED_IF_FAR, OPEN, DONE = 0.0, 1.0, 2.0, 3.0
+# Outcomes in a lane.
+SOLVED = 0.0  # the increment of `solve2` is accurate
+SOLVED_IF_FAR = 1.0  # it is if no d is small
+OPEN = 2.0  # it is not
+DONE = 3.0  # `bordered` has taken the step
 # Components i and M/2 + i are added up in pairs, which halves the stores. (At 2 i and 2 i + 1 LLVM
 # would test for each i whether written rows overlap others.) If m is odd, the last of the M
 # components has J = infinity and I = omega = 0.
@@ -65,7 +68,7 @@ class Lanes(NamedTuple):
     of_body: object  # exponent of the unit of I, less that of J
     near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
     reach: object  # see `bounds`
-    eps: object  # in the unit of omega; 0 for fixed states
+    eps: object  # in the unit of omega; 0 for fixed states and ended lanes
     exponent: object  # of the unit of omega
     unit: object  # 2**exponent; NaN if the lane has ended
     longest: object  # this, `low` and `high` are bounds of |omega|**2, see `bounds`
@@ -257,7 +260,7 @@ def eliminate_lanes(c, b):
     fill_matrix(c, b)
     eliminate(matrix, b.ratio)
     inaccurate = 0
-    for l in range(WIDTH):  # constant: otherwise it took a third of a step of few components
+    for l in range(WIDTH):  # a constant; to `lanes`, the loop took a third of a step for small m
         inaccurate += select(b.ratio[l] > b.least_ratio[l], 0, 1)
     for i in range(m):
         for l in range(lanes):
@@ -273,8 +276,8 @@ def eliminate_lanes(c, b):
 def eliminate_lane(c, b, l):
     """Take the step in a lane by elimination with twice the digits.
 
-    The equations are those of J A: eps I, rounded, is the only coefficient. The unknowns are scaled
-    to the same order in the norm of the energy.
+    The equations are J A omega_next = J omega, of whose data only the products eps I are rounded.
+    The unknowns are scaled to the same order in the norm of the energy.
     """
     matrix = c.matrices[c.task]
     m = len(matrix)
@@ -293,14 +296,14 @@ def eliminate_lane(c, b, l):
     for j in range(m):
         for i in range(m):
             for part in range(3):
-                matrix[i, j, part] *= root(c.J[j, l])
+                matrix[i, j, part] *= inverse_root(c.J[j, l])
     eliminate_twofold(matrix, ZERO_TO_ROUNDING)
     for i in range(m):
-        c.omega[i, l] = matrix[i, m, 0] * root(c.J[i, l])
+        c.omega[i, l] = matrix[i, m, 0] * inverse_root(c.J[i, l])
 
 
 @formula
-def root(J):
+def inverse_root(J):
     """Return a power of two of the order of J**(-1/2)."""
     return two_to_the(np.floor(-0.5 * exponent(J)))
 
@@ -316,7 +319,7 @@ def fill_matrix(c, b):
         others[l] = 0.0
     for i in range(m - 1, -1, -1):
         for l in range(lanes):
-            matrix[i, m, l] = others[l]  # terms of p after component i
+            matrix[i, m, l] = others[l]  # until omega stands there: terms of p after component i
             others[l] = others[l] + c.I[i, l] * c.omega[i, l]
     for l in range(lanes):
         others[l] = 0.0  # and before it
@@ -375,7 +378,8 @@ def unit_of_state(largest, before):
 @formula
 def take_unit(c, b, l, power):
     """Change a lane to the unit 2**power, or to the state 0 if its trajectory has ended."""
-    change, ended, unit, largest = b.exponent[l] - power, b.status[l] != OK, two_to_the(power), 0.0
+    change, ended = b.exponent[l] - power, b.status[l] != OK
+    unit, largest = two_to_the(power), 0.0
     for i in range(c.omega.shape[0]):
         c.omega[i, l] = 0.0 if ended else scaled(c.omega[i, l], change)
         largest = larger(abs(c.omega[i, l]), largest)
@@ -400,6 +404,7 @@ def enter_body(c, b, l, J, I, eps):
         set_at(c.I, i, l, I_i)
         smallest = smaller(J_i, smallest)
         I_square += I_i * I_i
+    # With moments far apart no ratio is above this.
     b.least_ratio[l] = select(smallest > ACCURATE * ACCURATE * largest, ACCURATE, 1.0)
     b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
     b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, of_I - of_J
@@ -426,7 +431,7 @@ def enter(c, b, parameters, start, results, begin, end):
             status[k], failed_at[k] = (NONFINITE, 0) if undefined else (OK, -1)
             exponents[k] = unit_of_state(largest, 0.0)
         b.status[l] = status[k] if failed_at[k] >= 0 else OK
-        b.exponent[l] = 0.0 if start == 0 else exponents[k]
+        b.exponent[l] = 0.0 if start == 0 else exponents[k]  # the input is in the unit 1
         take_unit(c, b, l, exponents[k])
     measure(c, b)
 

@@ -40,10 +40,10 @@ Block = namedtuple("Block", "problem body start levels steps forms")
 #
 # place, offset    how many rows of the block precede its own in the output, and in time
 # number           the number of steps, or the time
-# recompute_from   see the formula
-# power_left       exponent of what multiplies states last, see the formula
+# recompute_from   size from which on a state is computed again
+# power_left       exponent of the factor that multiplies states last
 # fails            the first step without a state
-# c, s             the pair at the last multiple of BASE rows; `c_or_0` is `squarable(c)`
+# c, s             the pair at the last multiple of BASE rows; `c_or_0` is 0 for negligible c**2
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 RowLanes = namedtuple(
     "RowLanes",
@@ -112,7 +112,7 @@ def enter(b, lanes, motion, used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
             found = formulas.turning_levels(start, levels, steps)
             b.levels.square[l], b.levels.root[l], b.levels.root_lost[l] = found
-        for l in range(used):
+        for l in range(used):  # `c` and `s` hold the tangent until there are rows
             lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
@@ -121,9 +121,9 @@ def enter(b, lanes, motion, used):
     if others > 0:
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            turns = formulas.turning_forms(start, levels, steps)
-            near = formulas.near_forms(start, levels, False)
-            moves = formulas.select_forms(steps.kind == TURNS, turns, near)
+            turning_forms = formulas.turning_forms(start, levels, steps)
+            near_forms = formulas.near_forms(start, levels, False)
+            moves = formulas.select_forms(steps.kind == TURNS, turning_forms, near_forms)
             put(b.forms, l, formulas.select_forms(steps.kind > PASSES, moves, lane(b.forms, l)))
     return others > 0, recomputed > 0
 
@@ -213,7 +213,7 @@ def write_ends(b, lanes, first, width, used, ends):
 
 @formula
 def count_unusual(lanes, used, tile):
-    """Return how many states are missing, state 0, or large enough to be computed again."""
+    """Return how many states are state 0, missing, to be computed again, or to be scaled."""
     count = 0
     for l in range(used):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]

@@ -214,7 +214,7 @@ def summary(results):
     text = (
         "Steps per second for the last states of 65,536 trajectories after 1000 steps (fewer for "
         "naive loops), with the largest relative error of 64 of them. The closed form takes no "
-        "steps: its row has equivalent ones, as the command prints. "
+        "steps: its row counts those that it replaces, as the command does. "
         f"Measured on {caption(results)}."
     )
     in_C = [row for row in results.best("last states") if row.whose == "C"]

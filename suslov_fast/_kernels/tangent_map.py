@@ -164,9 +164,10 @@ def log_det(matrix):
 
 
 @kernel
-def orthonormalise(part, parts, derivatives, logarithms, carried, of_det, scratch):
+def orthonormalise(part, parts, columns, derivatives, logarithms, carried, of_det, scratch):
     """Multiply frames by derivatives in turn, and replace each product Q R by Q.
 
+    columns       number of columns of Q that are computed
     derivatives   (N, B, D, D)
     logarithms    (N, B), of their |det|
     carried       (B, D + 2, D), read and written: the columns of Q, as rows; and the products of
@@ -192,7 +193,7 @@ def orthonormalise(part, parts, derivatives, logarithms, carried, of_det, scratc
                 for i in range(D):
                     for j in range(D):
                         derivative[i, j, l] = derivatives[n, begin + l, i, j]
-            for k in range(D):
+            for k in range(columns):
                 for i in range(D):  # minus the derivative times row k of the frame
                     for l in range(LINE):
                         column[i, l] = 0.0

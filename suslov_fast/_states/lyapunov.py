@@ -71,10 +71,12 @@ def lyapunov_exponents(
     if 0 in batch:
         return np.empty((*batch, body.dimension))
     with np.errstate(all="ignore"):
-        lengths, of_det = _sums(problem, steps)
-        # The last length is the least accurate, and follows from the others and the determinant.
-        last, lost = of_det - lengths[..., :-1].sum(axis=-1), (lengths[..., :-1] == -np.inf)
-        lengths[..., -1] = np.where(lost.any(axis=-1), lengths[..., -1], last)
+        lengths, of_det = _sums(problem, steps, body.dimension - 1)
+        lost = (lengths[..., :-1] == -np.inf).any(axis=-1, keepdims=True)
+        # The last follows from the others and the determinant, unless these are 0.
+        lengths[..., -1] = of_det - lengths[..., :-1].sum(axis=-1)
+        if lost.any():
+            lengths = np.where(lost, _sums(problem, steps, body.dimension)[0], lengths)
     lengths[np.isnan(lengths).any(axis=-1)] = np.nan
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
@@ -87,8 +89,8 @@ def lyapunov_exponents(
     return result
 
 
-def _sums(problem: Problem, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return the sums of the logarithms of the diagonals of R, and of |det DPhi|."""
+def _sums(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, FloatArray]:
+    """Return the sums of logarithms of the first diagonal entries of R, and of |det DPhi|."""
     body, eps, threads, (size, D) = problem.body, problem.eps, problem.threads, problem.omega0.shape
     scratch, of_det, invariant = np.empty((TASKS, 2 * D + 3, D, LINE)), np.zeros(size), None
     log_det = _canonical if isinstance(body, BodyIn3D) else _by_slopes
@@ -97,7 +99,8 @@ def _sums(problem: Problem, steps: int) -> tuple[FloatArray, FloatArray]:
     for omega in _slabs(problem, steps):
         derivatives, logarithms, invariant = log_det(body, omega, eps, invariant, threads)
         arrays = derivatives.reshape(-1, size, D, D), logarithms.reshape(-1, size), carried, of_det
-        _threads.run(orthonormalise, _COST * derivatives.size * D, threads, *arrays, scratch)
+        work = _COST * derivatives.size * columns
+        _threads.run(orthonormalise, work, threads, columns, *arrays, scratch)
     lengths = np.log(carried[:, D]) + carried[:, D + 1] * np.log(2.0)
     return lengths.reshape(*problem.batch, D), of_det.reshape(problem.batch)
 

@@ -2,6 +2,8 @@
 their dependence on the last digit of the input allows, or NaN with a status.
 """
 
+from functools import partial
+
 import mpmath
 import naive
 import numpy as np
@@ -89,6 +91,47 @@ def check(rng, results, problems, reference, weights, lost=LOST):
     assert missing < 0.1 * len(results)
 
 
+def residual_nd(J, I, _, eps):
+    J, I, eps = naive.exactly(*J), naive.exactly(*I), mpf(eps)
+    return lambda x, y: naive.dsn(J, I, eps, x, y)
+
+
+def residual_of_field(q, l, c, x, eps):
+    axes, eps = range(len(x)), mpf(eps)
+
+    def residual(x, y):
+        return [
+            y[i] - x[i] - eps * sum(mpf(q[i][j][k]) * x[j] * y[k] for j in axes for k in axes)
+            - eps * sum(mpf(l[i][j]) * (x[j] + y[j]) / 2 for j in axes)
+            - eps * mpf(c[i])
+            for i in axes
+        ]  # fmt: skip
+
+    return residual
+
+
+def step(residual_of, *problem):
+    residual, x = residual_of(*problem), naive.exactly(*problem[-2])
+    return naive.solve_affine(lambda y: residual(x, y), len(x))
+
+
+def derivative(residual_of, *problem):
+    """Derivative of the map from x to y with residual(x, y) = 0, affine in x and in y."""
+    residual, x, y = residual_of(*problem), naive.exactly(*problem[-2]), step(residual_of, *problem)
+    if y is None:
+        return None
+    columns = []
+    for j in range(len(x)):
+        of_x = residual([v + (i == j) for i, v in enumerate(x)], y)
+
+        def change(d, of_x=of_x):
+            of_y = residual(x, [v + w for v, w in zip(y, d, strict=True)])
+            return [v + w for v, w in zip(of_x, of_y, strict=True)]
+
+        columns.append(naive.solve_affine(change, len(x)))
+    return None if None in columns else [v for row in zip(*columns, strict=True) for v in row]
+
+
 def of_energy(J, *_):
     return [mpmath.sqrt(mpf(v)) for v in J]
 
@@ -99,28 +142,7 @@ def test_steps(rng, m, method):
     J, I, omega, eps = problems = nd_problems(rng, m, {2: 200, 3: 200, 5: 50}[m])
     run = sf.iterate(sf.SuslovND(J, I), omega, eps, 1, method=method, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
-    check(
-        rng,
-        run.final,
-        problems,
-        lambda J, I, omega, eps: naive.step_nd(J, I, eps, omega),
-        of_energy,
-    )
-
-
-def kahan(q, l, c, x, eps):
-    D = range(len(x))
-
-    def f(x):
-        x = [mpf(v) for v in x]
-        return [
-            sum(mpf(q[i][j][k]) * x[j] * x[k] for j in D for k in D)
-            + sum(mpf(l[i][j]) * x[j] for j in D)
-            + mpf(c[i])
-            for i in D
-        ]
-
-    return naive.kahan_step(f, eps, x)
+    check(rng, run.final, problems, partial(step, residual_nd), of_energy)
 
 
 @pytest.mark.parametrize("D", [1, 2, 3])
@@ -128,56 +150,26 @@ def test_steps_of_fields(rng, D):
     q, l, c, x, eps = problems = field_problems(rng, D, 100)
     run = sf.iterate(sf.QuadraticField(q, l, c), x, eps, 1, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
-    check(rng, run.final, problems, kahan, lambda *_: [1] * D)
-
-
-def derivative(residual, x, y):
-    """Derivative of the map from x to y with residual(x, y) = 0, affine in x and in y."""
-    D = len(x)
-    columns = []
-    for j in range(D):
-        moved = [v + (i == j) for i, v in enumerate(x)]
-        of_x = residual(moved, y)
-
-        def change(d, of_x=of_x):
-            of_y = residual(x, [v + w for v, w in zip(y, d, strict=True)])
-            return [v + w for v, w in zip(of_x, of_y, strict=True)]
-
-        columns.append(naive.solve_affine(change, D))
-    return None if None in columns else [columns[j][i] for i in range(D) for j in range(D)]
+    check(rng, run.final, problems, partial(step, residual_of_field), lambda *_: [1] * D)
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
 @pytest.mark.parametrize("m", [2, 3])
 def test_derivatives(rng, m):
-    def reference(*problem):
-        J, I, omega, (eps,) = (naive.exactly(*np.atleast_1d(each)) for each in problem)
-        following = naive.step_nd(J, I, eps, omega)
-        return following and derivative(lambda x, y: naive.dsn(J, I, eps, x, y), omega, following)
-
-    def weights(J, *_):
-        return [mpmath.sqrt(mpf(a) / mpf(b)) for a in J for b in J]
-
     J, I, omega, eps = problems = nd_problems(rng, m, 300)
     found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
+    reference = partial(derivative, residual_nd)
+
+    def weights(*problem):
+        return [a / b for a in of_energy(*problem) for b in of_energy(*problem)]
+
     check(rng, found, problems, reference, weights, LOST_BY_DERIVATIVES)
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
 @pytest.mark.parametrize("D", [1, 2, 3])
 def test_derivatives_of_fields(rng, D):
-    def reference(q, l, c, x, eps):
-        def residual(x, y):
-            return [
-                y[i] - x[i] - eps * sum(mpf(q[i][j][k]) * x[j] * y[k] for j in axes for k in axes)
-                - eps * sum(mpf(l[i][j]) * (x[j] + y[j]) / 2 for j in axes)
-                - eps * mpf(c[i])
-                for i in axes
-            ]  # fmt: skip
-
-        axes, eps, following = range(D), mpf(eps), kahan(q, l, c, x, eps)
-        return following and derivative(residual, naive.exactly(*x), following)
-
     q, l, c, x, eps = problems = field_problems(rng, D, 100)
     found = sf.jacobian(sf.QuadraticField(q, l, c), x, eps)
+    reference = partial(derivative, residual_of_field)
     check(rng, found, problems, reference, lambda *_: [1] * D**2, LOST_BY_DERIVATIVES)

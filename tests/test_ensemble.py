@@ -97,14 +97,6 @@ def test_parameters_are_axes_of_the_batch(store, rng, chunk):
     assert np.array_equal(again.omega, orbits.omega)
 
 
-def test_one_row_may_fill_a_chunk(store, rng, monkeypatch):
-    monkeypatch.setattr("suslov_fast._ensemble.job._BYTES", 2**12)
-    omega0 = rng.uniform(-2.0, 2.0, (70, 3))
-    for steps in (3, 5):
-        dataset, _ = compare(store, BODY_4D, omega0, 0.2, steps, save_every=1, attitude=True)
-    assert dataset.omega.encoding["chunks"] == (1, 35, 3)
-
-
 @pytest.mark.parametrize("method", ["auto", "canonical", "ds2"])
 @pytest.mark.sampled(1)
 def test_failed_trajectories_are_not_recomputed(store, monkeypatch, method):

@@ -70,7 +70,6 @@ def test_instructions(disable_jit):
 @pytest.mark.compiled
 def test_a_wrong_index_is_an_error_where_bounds_are_checked():
     """With NUMBA_BOUNDSCHECK=1, all kernels check indices, including those of rows on the stack."""
-    process = children.start(KERNEL, 1, NUMBA_BOUNDSCHECK="1", NUMBA_DISABLE_JIT="0")
-    _, errors = children.finish(process)
-    assert process.returncode == 1
-    assert "IndexError" in errors
+    done = children.attempt(KERNEL, 1, NUMBA_BOUNDSCHECK="1", NUMBA_DISABLE_JIT="0")
+    assert done.returncode == 1
+    assert "IndexError" in done.stderr

@@ -118,14 +118,6 @@ def test_steps_runs_and_continuation(record, problem):
     assert lost.failed_at.tolist() == [0, -1]
 
 
-def test_samples_and_texts(record):
-    for body, state in record.samples:
-        assert isinstance(body, record.body)
-        assert len(state) == len(record.components(body)) == len(record.symbols(body))
-        assert sf.body_from_dict(json.loads(json.dumps(body.to_dict()))) == body
-    assert record.title[0].isupper()
-
-
 def test_files_datasets_and_labels(record, problem, tmp_path):
     step, iterate, body, starts = problem
     run = iterate(body, starts, 0.1, 6, save_every=3)
@@ -215,12 +207,3 @@ def test_objects_of_a_subclass_are_bodies():
     assert sf.attitude(own, run.omega, 0.2).shape == (10, 3, 3)
     with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND or .*, got Body"):
         sf.step(sf.Suslov3D.__base__(), [1, 0.5], 0.2)
-
-
-def test_labels_of_axes():
-    assert map_of(sf.SuslovND(np.ones(3), np.ones(3))).symbols(sf.SuslovND([1, 1], [1, 1])) == [
-        r"$\Omega_{1n}$",
-        r"$\Omega_{2n}$",
-    ]
-    with pytest.raises(ValueError, match=r"map: expected suslov3d or .* got 'Euler'"):
-        map_named("Euler")

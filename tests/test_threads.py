@@ -239,24 +239,6 @@ def test_progress(body, capsys, small_parts):
     assert "10.0/10.0" in capsys.readouterr().err
 
 
-@needs_fork
-def test_a_child_of_a_process_in_a_parallel_call(monkeypatch):
-    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
-    monkeypatch.setattr(threads, "_idle_at_fork", True)
-    monkeypatch.setattr(threads, "_one_at_a_time", threading.RLock())
-    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
-    for busy in (False, True):
-        monkeypatch.setattr(threads, "_may_use_threads", True)
-        lock = threads._one_at_a_time
-        if busy:
-            other = threading.Thread(target=lock.acquire)
-            other.start()
-            other.join()
-        threads._before_fork()
-        threads._after_fork_in_child()
-        assert threads._may_use_threads != busy
-
-
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])
 def test_threads_that_cannot_be_started(error, monkeypatch):
     """Calls are then serial, and the threads that were started end."""
@@ -278,14 +260,3 @@ def test_threads_that_cannot_be_started(error, monkeypatch):
     assert calls == ["serial"]
     assert len(started) == 2
     assert threading.active_count() == threads_before
-
-
-def test_stretches_of_a_run_with_one_thread(body, monkeypatch, small_parts):
-    """Their length, and so the time between calls of `progress`, is that of one thread."""
-    options, calls = {"method": "canonical", "threads": 1}, []
-    for available in (1, 64):
-        monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", available)
-        calls.append([])
-        omega0, report = np.ones((8 * LANES, 2)), lambda *n: calls[-1].append(n)
-        sf.iterate(body, omega0, 0.1, 20, **options, progress=report)
-    assert calls[0] == calls[1]

@@ -217,20 +217,6 @@ def test_names_and_coordinates_of_the_user(sweep):
     assert run_of("batch").to_xarray(dims="start").omega.dims == ("n", "start", "component")
 
 
-def test_nothing_is_repeated_or_copied(sweep):
-    for name, separate in (("batch", False), ("last", False), ("not_saved", True)):
-        assert ("final" in run_of(name).to_xarray()) == separate
-    turning = run_of("turning").to_xarray()
-    for name in ("omega", "final", "attitude", "status"):
-        assert np.shares_memory(turning[name].values, getattr(run_of("turning"), name))
-    data = sweep.to_xarray()
-    dims = [data[name].dims for name in ("I1", "I2", "I13", "eps", "time")]
-    assert dims == [("batch_0",), (), (), ("batch_1",), ("n", "batch_1")]
-    states = run_of("last")
-    held = [states.omega.nbytes, states.status.nbytes, states.failed_at.nbytes]
-    assert states.to_xarray().nbytes < sum(held) + 200
-
-
 def test_other_orders_and_parts_of_a_batch(sweep):
     data = sweep.to_xarray().transpose("component", "batch_1", "n", "batch_0")
     turned = sf.Trajectories.from_xarray(data)

@@ -4,7 +4,9 @@ import os
 import signal
 import sys
 import threading
+from pathlib import Path
 
+import children
 import dask.array
 import distributed
 import numpy as np
@@ -18,7 +20,6 @@ from ensemble_runs import (
     assert_same,
     assert_undisturbed,
     contents,
-    finish,
     made,
 )
 
@@ -275,14 +276,6 @@ def test_progress_reaches_the_end_in_a_thread(store):
     assert seen == sorted(seen)
 
 
-@pytest.mark.parametrize("name", ["dask", "zarr", "xarray", "filelock"])
-def test_missing_libraries(store, monkeypatch, name):
-    monkeypatch.setitem(sys.modules, name, None)
-    monkeypatch.delitem(sys.modules, "dask.array", raising=False)
-    with pytest.raises(ImportError, match=r"suslov_fast\[large\]"):
-        ensemble(**ASKED, store=store)
-
-
 def test_workers_of_a_cluster(store):
     random = RandomStarts(50, 1.5)
     states = random.states(50, dimension=3)
@@ -299,6 +292,6 @@ def test_workers_of_a_cluster(store):
 @pytest.mark.parametrize(("kind", "kills"), [("3d attitude", 3), *((kind, 15) for kind in KINDS)])
 @pytest.mark.sampled(1)
 def test_a_killed_run_is_finished(store, kind, kills):
-    steps, killed = finish(store, kind, 2, kills)
-    assert killed == kills
-    assert_undisturbed(store, kind, steps)
+    script = Path(__file__).with_name("ensemble_runs.py")
+    children.run(script, store, kind, 2, kills, timeout=600)
+    assert_undisturbed(store, kind)

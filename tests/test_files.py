@@ -247,18 +247,11 @@ def test_other_paths_are_not_replaced(tmp_path):
     assert (path / "thesis.tex").exists()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda data: data + bytes(8), r"omega\.npy: more data than shape \(5, 5, 2\) needs"),
-        (lambda data: data[:-8], "expected 400 bytes got 392"),
-    ],
-)
-def test_an_entry_of_another_size_than_its_header_says(path, change, message):
+def test_more_data_than_the_header_of_an_entry_says(path):
     with zipfile.ZipFile(path) as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
-    entries["omega.npy"] = change(entries["omega.npy"])
+    entries["omega.npy"] += bytes(8)
     with zipfile.ZipFile(path, "w") as archive:
         for name, data in entries.items():
             archive.writestr(name, data)
-    refused(path, message)
+    refused(path, r"omega\.npy: more data than shape \(5, 5, 2\) needs")

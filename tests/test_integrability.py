@@ -2,8 +2,6 @@
 
 import math
 import random
-import subprocess
-import sys
 from fractions import Fraction as F
 from itertools import product
 
@@ -294,9 +292,3 @@ class Quantity(float):
 def test_bad_input(call, error, message):
     with pytest.raises(error, match=message):
         call()
-
-
-def test_without_python_flint():
-    code = "import sys; sys.modules['flint'] = None; import suslov_fast; suslov_fast.integrability"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "integrability needs python-flint: pip install 'suslov_fast[algebra]'" in done.stderr

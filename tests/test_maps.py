@@ -12,13 +12,9 @@ import pytest
 import suslov_fast as sf
 from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
-from suslov_fast._engine.layout import flat_parameter
+from suslov_fast._engine.layout import for_loops
 from suslov_fast._maps import registry
 from suslov_fast._maps.registry import Kept, Map, map_named, map_of
-
-
-class Named(sf.Suslov3D):
-    """A class of a user, derived from a body."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,9 +57,7 @@ GROWTH = Map(
     body=Growth,
     title="Growth",
     methods=("auto",),
-    parameters=lambda body, eps, batch: tuple(
-        flat_parameter(p, batch) for p in (body.m, body.I, eps)
-    ),
+    parameters=for_loops,
     run=grow,
     kept=(Kept("state", ("flat", "component")),),
     samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
@@ -198,7 +192,8 @@ def test_plots(record, problem):
 
 
 def test_objects_of_a_subclass_are_bodies():
-    body, own = sf.Suslov3D(4, 1, -0.5, -0.3), Named(4, 1, -0.5, -0.3)
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    own = type("OfUser", (sf.Suslov3D,), {})(4, 1, -0.5, -0.3)
     assert map_of(own) is map_of(body)
     for function in (sf.step, sf.first_integral, sf.jacobian):
         np.testing.assert_array_equal(function(own, [1, 0.5], 0.2), function(body, [1, 0.5], 0.2))

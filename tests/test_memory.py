@@ -76,6 +76,15 @@ def test_require(monkeypatch):
     memory.require(memory.SMALL, "")
 
 
+def peak_of(function, *arguments, **options):
+    """Return the result of a call, and the most memory that it used."""
+    tracemalloc.start()
+    try:
+        return function(*arguments, **options), tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
 @pytest.mark.parametrize("function", [sf.step, functools.partial(sf.exact, n=7)])
 def test_large_calls_make_no_copies(body, rng, function):
     """Calls allocate little beside the result, since new memory costs more than a step."""
@@ -83,12 +92,7 @@ def test_large_calls_make_no_copies(body, rng, function):
         pytest.skip("blocks of kernels are arrays where they are not compiled")
     omega = rng.normal(size=(20_000, 2))
     function(body, omega[:1], 0.2, threads=1)
-    tracemalloc.start()
-    try:
-        result = function(body, omega, 0.2, threads=1)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
+    result, peak = peak_of(function, body, omega, 0.2, threads=1)
     assert np.isfinite(result).all()
     assert peak < 1.7 * result.nbytes
 
@@ -101,12 +105,7 @@ def test_the_tested_memory_is_that_used(body, monkeypatch):
     for save_every in (None, 1):
         options = {"save_every": save_every, "method": "canonical", "threads": 1}
         sf.iterate(body, omega[:1], 0.2, 2, **options)
-        tracemalloc.start()
-        try:
-            sf.iterate(body, omega, 0.2, 2, **options)
-            _, peak = tracemalloc.get_traced_memory()
-        finally:
-            tracemalloc.stop()
+        _, peak = peak_of(sf.iterate, body, omega, 0.2, 2, **options)
         assert 0.5 * peak < asked[-1]
 
 

@@ -1,7 +1,6 @@
 """`Trajectories`: methods, and conversion to labelled arrays."""
 
 import re
-import sys
 from dataclasses import replace
 from functools import cache, partial
 
@@ -275,13 +274,6 @@ def spoil(**changes):
 def test_other_datasets(sweep, change, error, message):
     with pytest.raises(error, match=message):
         sf.Trajectories.from_xarray(change(sweep.to_xarray()))
-
-
-def test_without_xarray(monkeypatch):
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    for call in (run_of("one").to_xarray, lambda: sf.Trajectories.from_xarray(None)):
-        with pytest.raises(ImportError, match=r"pip install 'suslov_fast\[xarray\]'"):
-            call()
 
 
 @pytest.mark.parametrize("components", [(0, 1), (2, 0)])

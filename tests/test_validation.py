@@ -1,6 +1,8 @@
 """Bad input raises a clear error, and changes nothing."""
 
+import sys
 from fractions import Fraction
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -146,11 +148,26 @@ def test_other_functions(body, call, message):
         call(body)
 
 
-def test_progress_without_tqdm(body, monkeypatch):
-    for name in ("tqdm", "tqdm.auto"):
-        monkeypatch.setitem(__import__("sys").modules, name, None)
-    with pytest.raises(ImportError, match=r"progress=True needs tqdm: pip install"):
-        sf.iterate(body, OMEGA, 0.2, 3, progress=True)
+MISSING = [
+    ("xarray", "xarray", lambda run: run.to_xarray()),
+    ("xarray", "xarray", lambda run: sf.Trajectories.from_xarray(None)),
+    ("tqdm", "progress", lambda run: run.extend(3, progress=True)),
+    ("flint", "algebra", lambda run: import_module("suslov_fast.integrability")),
+]
+LARGE = [
+    (name, "large", lambda run: sf.ensemble(run.body, OMEGA, 0.2, 3, store="no.zarr"))
+    for name in ("dask", "zarr", "xarray", "filelock")
+]
+
+
+@pytest.mark.parametrize(("library", "extra", "call"), MISSING + LARGE)
+def test_missing_libraries(body, monkeypatch, library, extra, call):
+    run = sf.iterate(body, OMEGA, 0.2, 3)
+    monkeypatch.delitem(sys.modules, "suslov_fast.integrability", raising=False)
+    for name in {library, *(each for each in sys.modules if each.startswith(f"{library}."))}:
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ImportError, match=rf"pip install 'suslov_fast\[{extra}\]'"):
+        call(run)
 
 
 def test_unusual_numbers_are_welcome(body):

@@ -157,9 +157,8 @@ def test_ensembles(record, problem, tmp_path):
     run = iterate(body, starts, 0.1, 6, save_every=2)
     np.testing.assert_array_equal(data[record.variable].values, run.states)
     if not record.carries_attitude:
-        for attitude in (True, np.True_, np.eye(3)):
-            with pytest.raises(TypeError, match="attitude: expected False, as states"):
-                sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=attitude)
+        with pytest.raises(TypeError, match="attitude: expected False, as states"):
+            sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=True)
         assert not (tmp_path / "b.zarr").exists()
         sf.ensemble(body, starts, 0.1, 6, store=tmp_path / "b.zarr", attitude=np.False_)
 

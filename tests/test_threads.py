@@ -239,6 +239,22 @@ def test_progress(body, capsys, small_parts):
     assert "10.0/10.0" in capsys.readouterr().err
 
 
+@needs_fork
+@pytest.mark.parametrize("busy", [False, True])
+def test_a_child_of_a_process_in_a_parallel_call(monkeypatch, busy):
+    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
+    lock = threading.Lock()
+    monkeypatch.setattr(threads, "_idle_at_fork", busy)
+    monkeypatch.setattr(threads, "_may_use_threads", True)
+    monkeypatch.setattr(threads, "_one_at_a_time", lock)
+    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
+    if busy:
+        lock.acquire()
+    threads._before_fork()
+    threads._after_fork_in_child()
+    assert threads._may_use_threads != busy
+
+
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])
 def test_threads_that_cannot_be_started(error, monkeypatch):
     """Calls are then serial, and the threads that were started end."""

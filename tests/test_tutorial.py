@@ -40,7 +40,6 @@ nbformat.write(notebook, sys.argv[2])
 def test_all_pages_are_included(tmp_path):
     pages = TUTORIAL.pages()
     assert set(pages) == {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
-    assert len(pages) == 8
     command = [sys.executable, SCRIPT, tmp_path / "t.ipynb", "--scripts", tmp_path / "scripts"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

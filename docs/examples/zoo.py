@@ -114,7 +114,7 @@ ZOO = {
             lambda x: (2 * x[0] ** 2 - 12 * x[1] ** 2, -6 * x[0] * x[1] - 4 * x[1] ** 2), 2
         ),
         1 / 4,
-        [[each, 0.5] for each in (0.2, 0.5, 0.8, 1.1)],
+        [[each, 0.5] for each in (0.2, 0.5, 0.75, 1.1)],
     ),
     "Euler top": Entry(
         of_function(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3),

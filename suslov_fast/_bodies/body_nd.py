@@ -1,4 +1,4 @@
-"""The n-dimensional body, which such bodies are solved, and all bodies in its form."""
+"""The n-dimensional body, the test whether its problem is solved, and all bodies in its form."""
 
 from __future__ import annotations
 

@@ -95,20 +95,27 @@ class Suslov3D(Body):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
         """
-        # tr(T)/2 - T = B (I3 - P) with B = diag(1, 1, -1) / 2 is singular where I3 is an eigenvalue
-        # of P. B has one negative eigenvalue: it is positive definite between the two largest of P,
-        # or nowhere.
         I1, I2, I13, I23 = np.broadcast_arrays(*self.parameters)
         _, exponent = np.frexp(np.maximum(np.maximum(I1, I2), np.maximum(abs(I13), abs(I23))))
         I1, I2, I13, I23 = (np.ldexp(each, -exponent) for each in (I1, I2, I13, I23))
-        zero = np.zeros_like(I1)
-        rows = (I1 - I2, zero, 2 * I13), (zero, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+        d, m, zero = abs(I1 - I2), np.minimum(I1, I2), np.zeros_like(I1)
+        A, B = np.where(I1 > I2, (I13, I23), (I23, I13))
+        # With s = I3 - d, tr(T)/2 - T is positive definite where s and
+        # m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) are positive. The ends are the two larger of
+        # three roots, eigenvalues of P; only the largest is accurate. The others have the product p
+        # and the sum 2 q.
+        rows = (zero, zero, 2 * A), (zero, -2 * d, 2 * B), (-2 * A, -2 * B, 2 * m)
         P = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        ends = np.sort(np.linalg.eigvals(P).real, axis=-1)[..., 1:]
-        middle = ends.mean(axis=-1)[..., np.newaxis, np.newaxis]
-        A = np.array([[0.5], [0.5], [-0.5]]) * (middle * np.eye(3) - P)
-        exists = (np.linalg.eigvalsh(A) > 0).all(axis=-1)
-        low, high = (np.where(exists, np.ldexp(ends[..., k], exponent), np.nan)[()] for k in (0, 1))
+        last = np.linalg.eigvals(P).real.max(axis=-1)
+        with np.errstate(all="ignore"):
+            p = -8 * A * A * d / last
+            q = (2 * (A * A + B * B - m * d) - 0.5 * p) / last
+            root = np.sqrt(q * q - p)
+            first = np.where(q >= 0, q + root, -p / (root - q))
+            s = 0.5 * (first + last)
+            exists = (s > 0) & (m - 0.5 * s > 2 * A * A / s + 2 * B * B / (s + 2 * d))
+        ends = (np.ldexp(d + s, exponent) for s in (first, last))
+        low, high = (np.where(exists, end, np.nan)[()] for end in ends)
         return low, high
 
     @classmethod

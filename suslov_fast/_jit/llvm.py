@@ -6,11 +6,13 @@ values in LLVM and writes the code.
 """
 
 import math
+import operator
 
 from llvmlite import binding, ir
 from numba import types
+from numba.core import cgutils
 from numba.core.errors import RequireLiteralValue
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 LINE = 8  # numbers of a cache line, and of the longest vector
 _DOUBLE, _BYTE, _WORD = ir.DoubleType(), ir.IntType(8), ir.IntType(64)
@@ -27,62 +29,105 @@ def fma(typing, a, b, c):
     return types.float64(types.float64, types.float64, types.float64), emit
 
 
-def _on_stack(context, builder, shape):
-    """Return an array of uninitialised floats in the calling function, on a cache line."""
-    if not all(isinstance(each, types.Literal) for each in shape):
-        raise RequireLiteralValue("expected constant sizes")
-    shape = [each.literal_value for each in shape]
+class Stack(types.Type):
+    """Floats on the stack: a pointer, which Numba compiles faster than the seven numbers of an
+    array and whose references it does not count. All sizes are constant.
+    """
+
+    def __init__(self, shape):
+        super().__init__(f"stack{shape}")
+        self.shape = shape
+
+
+@register_model(Stack)
+class _StackModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _DOUBLE.as_pointer())
+
+
+def _allocate(builder, kind):
+    """Return uninitialised memory in the calling function, on a cache line."""
     with builder.goto_entry_block():
-        memory = builder.alloca(ir.ArrayType(_DOUBLE, math.prod(shape)))
+        memory = builder.alloca(ir.ArrayType(_DOUBLE, math.prod(kind.shape)))
         memory.align = 64
-    kind, sizes = types.Array(types.float64, len(shape), "C"), ir.ArrayType(_WORD, len(shape))
-    array = context.make_array(kind)(context, builder)
-    array.data = builder.bitcast(memory, _DOUBLE.as_pointer())
-    array.nitems, array.itemsize = _WORD(math.prod(shape)), _WORD(8)
-    array.shape = sizes(shape)
-    array.strides = sizes([8 * math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
-    return array._getvalue()
+    return builder.bitcast(memory, _DOUBLE.as_pointer())
 
 
 @intrinsic(prefer_literal=True)
 def stack(typing, *shape):
-    def emit(context, builder, signature, arguments):
-        return _on_stack(context, builder, shape)
+    if not all(isinstance(each, types.Literal) for each in shape):
+        raise RequireLiteralValue("expected constant sizes")
+    result = Stack(tuple(each.literal_value for each in shape))
 
-    result = types.Array(types.float64, len(shape), "C")
+    def emit(context, builder, signature, arguments):
+        return _allocate(builder, result)
+
     return result(types.StarArgTuple.from_types(shape)), emit
 
 
 @intrinsic(prefer_literal=True)
 def rows_of(typing, kind, lanes):
-    named = kind.instance_class
-    row = types.Array(types.float64, 1, "C")
+    named, row = kind.instance_class, Stack((lanes.literal_value,))
     result = types.NamedUniTuple(row, len(named._fields), named)
 
     def emit(context, builder, signature, arguments):
-        rows = [_on_stack(context, builder, (lanes,)) for _ in named._fields]
+        rows = [_allocate(builder, row) for _ in named._fields]
         return context.make_tuple(builder, result, rows)
 
     return result(kind, lanes), emit
 
 
-def _place(context, builder, kind, row, index):
-    """Return a pointer to a number of a row."""
-    data = context.make_array(kind)(context, builder, row).data
-    return builder.gep(data, [index], inbounds=True)
+def _place(context, builder, kind, value, index_kind, index):
+    """Return a pointer to a number on the stack, or of an array."""
+    indices = [index]
+    if isinstance(index_kind, types.BaseTuple):
+        indices = cgutils.unpack_tuple(builder, index)
+    if isinstance(kind, Stack):
+        place = indices[0]
+        for each, size in zip(indices[1:], kind.shape[1:], strict=True):
+            place = builder.add(builder.mul(place, _WORD(size)), each)
+        return builder.gep(value, [place], inbounds=True)
+    array = context.make_array(kind)(context, builder, value)
+    byte = builder.bitcast(array.data, _BYTE.as_pointer())
+    for axis, each in enumerate(indices[:-1]):
+        byte = builder.gep(byte, [builder.mul(each, builder.extract_value(array.strides, axis))])
+    return builder.gep(builder.bitcast(byte, _DOUBLE.as_pointer()), indices[-1:])
+
+
+@type_callable(operator.getitem)
+def _type_of_number(context):
+    return lambda kind, index: types.float64 if isinstance(kind, Stack) else None
+
+
+@type_callable(operator.setitem)
+def _type_of_nothing(context):
+    return lambda kind, index, number: types.void if isinstance(kind, Stack) else None
+
+
+@lower_builtin(operator.getitem, Stack, types.Any)
+def _get(context, builder, signature, arguments):
+    kind, index_kind = signature.args
+    return builder.load(_place(context, builder, kind, arguments[0], index_kind, arguments[1]))
+
+
+@lower_builtin(operator.setitem, Stack, types.Any, types.Any)
+def _set(context, builder, signature, arguments):
+    kind, index_kind, number_kind = signature.args
+    place = _place(context, builder, kind, arguments[0], index_kind, arguments[1])
+    builder.store(context.cast(builder, arguments[2], number_kind, types.float64), place)
 
 
 def _numbers_of(kind):
     """Return the type of the numbers of a lane, for that of a row or of a NamedTuple."""
-    if isinstance(kind, types.Array):
-        return kind.dtype
+    if isinstance(kind, Stack):
+        return types.float64
     return types.BaseTuple.from_types([_numbers_of(each) for each in kind], kind.instance_class)
 
 
 def _load(context, builder, kind, rows, index):
     """Return the number of a lane of a row, or the tuple of those of a NamedTuple."""
-    if isinstance(kind, types.Array):
-        return builder.load(_place(context, builder, kind, rows, index))
+    if isinstance(kind, Stack):
+        return builder.load(_place(context, builder, kind, rows, types.intp, index))
     numbers = [
         _load(context, builder, each, builder.extract_value(rows, k), index)
         for k, each in enumerate(kind)
@@ -106,12 +151,12 @@ def put(typing, rows, l, numbers):
         where, index, value = arguments
         for k, kind in enumerate(kinds):
             number = value if kind is numbers else builder.extract_value(value, k)
-            if isinstance(rows, types.Array):
-                first = _place(context, builder, rows, where, index)
-                place = builder.gep(first, [_WORD(k)], inbounds=True)
-            else:
+            if isinstance(rows, types.BaseTuple):
                 row = builder.extract_value(where, k)
-                place = _place(context, builder, rows.dtype, row, index)
+                place = _place(context, builder, rows.dtype, row, types.intp, index)
+            else:
+                first = _place(context, builder, rows, where, types.intp, index)
+                place = builder.gep(first, [_WORD(k)], inbounds=True)
             builder.store(context.cast(builder, number, kind, types.float64), place)
         return context.get_dummy_value()
 
@@ -119,16 +164,9 @@ def put(typing, rows, l, numbers):
 
 
 def _line(context, builder, signature, arguments, k):
-    """Return a pointer to a vector in array k of the arguments, whose indices follow it."""
-    array = context.make_array(signature.args[k])(context, builder, arguments[k])
-    number, index = array.data, arguments[k + 1]
-    if isinstance(signature.args[k + 1], types.UniTuple):
-        *rows, index = (builder.extract_value(index, i) for i in range(len(signature.args[k + 1])))
-        byte = builder.bitcast(number, _BYTE.as_pointer())
-        for axis, row in enumerate(rows):
-            byte = builder.gep(byte, [builder.mul(row, builder.extract_value(array.strides, axis))])
-        number = builder.bitcast(byte, _DOUBLE.as_pointer())
-    number = builder.gep(number, [index])
+    """Return a pointer to a vector in argument k, whose indices follow it."""
+    kinds, values = signature.args[k : k + 2], arguments[k : k + 2]
+    number = _place(context, builder, kinds[0], values[0], kinds[1], values[1])
     return builder.bitcast(number, ir.VectorType(_DOUBLE, LINE).as_pointer())
 
 

@@ -153,7 +153,7 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
                 if turning is not None:
                     turn_on(tile, r, lanes)
                 if n == next_saved:
-                    write_row(tile, flat, place, map.D * width, stride, lead)
+                    write_row(tile, 0, flat, place, map.D * width, stride, lead)
                     if turning is not None:
                         write_turns(turning, r, next_saved // every - first_row, first, width)
                     next_saved, place = next_saved + every, place + stride

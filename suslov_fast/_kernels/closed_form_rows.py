@@ -197,9 +197,7 @@ def write_asked(tile, flat, lead, batch, rows, i, abreast, first, width):
     upper, skip = (low, low - i) if direction > 0 else (high - 1, i + abreast - high)
     target = 2 * ((origin + direction * upper) * batch + first)
     size, stride = 2 * width * (high - low), 2 * direction * batch * abreast
-    for j in range(size if skip > 0 else 0):
-        tile[j] = tile[2 * width * skip + j]
-    write_row(tile, flat, target, size, stride, lead)
+    write_row(tile, 2 * width * skip, flat, target, size, stride, lead)
 
 
 @kernel
@@ -285,4 +283,4 @@ def fill_states(
                 correct(b, lanes, l, tile, counts)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
-                write_row(tile[2 * width * i :], flat, target, 2 * width, 0, lead)
+                write_row(tile, 2 * width * i, flat, target, 2 * width, 0, lead)

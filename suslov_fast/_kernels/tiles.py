@@ -17,8 +17,8 @@ def lead_of(out):
 
 
 @formula
-def write_row(tile, flat, start, size, stride, lead):
-    """Copy the first `size` numbers of a tile to flat[start:], `lead` being that of `lead_of`.
+def write_row(tile, skip, flat, start, size, stride, lead):
+    """Copy `size` numbers of a tile, from tile[skip] on, to flat[start:], `lead` being that of `lead_of`.
 
     The next row begins `stride` numbers later.
     """
@@ -27,12 +27,13 @@ def write_row(tile, flat, start, size, stride, lead):
         expect_store(flat, min(start + stride + size, flat.size) - 1)
     head = min((lead - start) % LINE, size) if lead >= 0 else size
     for i in range(head):
-        put(flat, start + i, tile[i])
+        put(flat, start + i, tile[skip + i])
     lines = (size - head) // LINE
     for line in range(lines):
-        stream_line(flat, start + head + LINE * line, tile, head + LINE * line)
+        at = head + LINE * line
+        stream_line(flat, start + at, tile, skip + at)
     for i in range(head + LINE * lines, size):
-        put(flat, start + i, tile[i])
+        put(flat, start + i, tile[skip + i])
 
 
 @formula

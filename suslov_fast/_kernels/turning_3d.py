@@ -77,7 +77,7 @@ def write_turns(turning, r, place, first, width):
                 R0[k, l], R0[k + 1, l], R0[k + 2, l], q[0, l], q[1, l], q[2, l], q[3, l]
             )
     batch, flat = turns.shape[1], turns.reshape(turns.size)
-    write_row(tile, flat, 9 * (place * batch + first), 9 * width, 9 * batch, lead_of(turns))
+    write_row(tile, 0, flat, 9 * (place * batch + first), 9 * width, 9 * batch, lead_of(turns))
 
 
 @formula

@@ -31,12 +31,14 @@ def fma(typing, a, b, c):
 
 class Stack(types.Type):
     """Floats on the stack: a pointer, which Numba compiles faster than the seven numbers of an
-    array and whose references it does not count. All sizes are constant.
+    array, and whose references it does not count.
+
+    The type contains the sizes of all axes but the first, which are constant.
     """
 
-    def __init__(self, shape):
-        super().__init__(f"stack{shape}")
-        self.shape = shape
+    def __init__(self, sizes):
+        super().__init__(f"stack{sizes}")
+        self.sizes = sizes
 
 
 @register_model(Stack)
@@ -45,10 +47,10 @@ class _StackModel(models.PrimitiveModel):
         super().__init__(manager, kind, _DOUBLE.as_pointer())
 
 
-def _allocate(builder, kind):
-    """Return uninitialised memory in the calling function, on a cache line."""
+def _allocate(builder, count):
+    """Return memory for uninitialised floats in the calling function, on a cache line."""
     with builder.goto_entry_block():
-        memory = builder.alloca(ir.ArrayType(_DOUBLE, math.prod(kind.shape)))
+        memory = builder.alloca(ir.ArrayType(_DOUBLE, count))
         memory.align = 64
     return builder.bitcast(memory, _DOUBLE.as_pointer())
 
@@ -57,21 +59,21 @@ def _allocate(builder, kind):
 def stack(typing, *shape):
     if not all(isinstance(each, types.Literal) for each in shape):
         raise RequireLiteralValue("expected constant sizes")
-    result = Stack(tuple(each.literal_value for each in shape))
+    sizes = tuple(each.literal_value for each in shape)
 
     def emit(context, builder, signature, arguments):
-        return _allocate(builder, result)
+        return _allocate(builder, math.prod(sizes))
 
-    return result(types.StarArgTuple.from_types(shape)), emit
+    return Stack(sizes[1:])(types.StarArgTuple.from_types(shape)), emit
 
 
 @intrinsic(prefer_literal=True)
 def rows_of(typing, kind, lanes):
-    named, row = kind.instance_class, Stack((lanes.literal_value,))
-    result = types.NamedUniTuple(row, len(named._fields), named)
+    named = kind.instance_class
+    result = types.NamedUniTuple(Stack(()), len(named._fields), named)
 
     def emit(context, builder, signature, arguments):
-        rows = [_allocate(builder, row) for _ in named._fields]
+        rows = [_allocate(builder, lanes.literal_value) for _ in named._fields]
         return context.make_tuple(builder, result, rows)
 
     return result(kind, lanes), emit
@@ -84,7 +86,7 @@ def _place(context, builder, kind, value, index_kind, index):
         indices = cgutils.unpack_tuple(builder, index)
     if isinstance(kind, Stack):
         place = indices[0]
-        for each, size in zip(indices[1:], kind.shape[1:], strict=True):
+        for each, size in zip(indices[1:], kind.sizes, strict=True):
             place = builder.add(builder.mul(place, _WORD(size)), each)
         return builder.gep(value, [place], inbounds=True)
     array = context.make_array(kind)(context, builder, value)

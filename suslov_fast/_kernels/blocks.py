@@ -121,10 +121,12 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
                     put(tile, 2 * l, map.show(lane(constants, l), lane(state, l)))
                 start_turns(tile, r, lanes)
             elif saves:
-                write_turns(turning, r, 0, first, width)
+                write_turns(turning, r, start, first, width)
 
-        n, next_saved = start, (start // every + 1) * every if saves else stop + 1
-        place = (next_saved // every - first_row) * stride + map.D * first
+        n, row, next_saved = start, 0, stop + 1
+        if saves:
+            row, next_saved = start // every + 1 - first_row, (start // every + 1) * every
+        place = row * stride + map.D * first
         while n < stop:
             since, until = n, min(stop, (n // CHECK_EVERY + 1) * CHECK_EVERY)
             slow = 0
@@ -155,8 +157,8 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
                 if n == next_saved:
                     write_row(tile, 0, flat, place, map.D * width, stride, lead)
                     if turning is not None:
-                        write_turns(turning, r, next_saved // every - first_row, first, width)
-                    next_saved, place = next_saved + every, place + stride
+                        write_turns(turning, r, row, first, width)
+                    row, next_saved, place = row + 1, next_saved + every, place + stride
             if to_guard > 0:
                 for l in range(width):
                     if status[first + l] >= 0 and np.isnan(state[0][l]):
@@ -182,7 +184,7 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
             leave_turns(turning, r, first, width)
             _, _, _, turns = turning
             if not saves and len(turns) > 0:
-                write_turns(turning, r, 0, first, width)
+                write_turns(turning, r, row, first, width)
 
 
 def map_kernel(name, module):

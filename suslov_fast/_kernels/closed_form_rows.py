@@ -33,7 +33,7 @@ from .._formulas.closed_form import PASSES
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import smaller
 from .._jit import formula, kernel, lane, rows_of, select, share, stack
-from .lanes import whole
+from .lanes import all_share, whole
 from .orbits import LANES, RowLanes, block, correct, count_unusual, enter, enter_bodies, write_ends
 from .tiles import lead_of, shortening_of_first_block, write_row
 
@@ -222,7 +222,9 @@ def fill_rows(
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
         used = fill_lanes(b, lanes, omega, first, width, abreast, direction)
-        entered = enter_bodies(b, parameters, first, width, used, entered)
+        if used > entered or not all_share(parameters):  # else lanes keep theirs
+            enter_bodies(b, parameters, first, width, used)
+            entered = used
         any_kind, any_recomputed = enter(b, lanes, motion, used)
         any_recomputed |= write_ends(b, lanes, first, width, used, ends)
         if any_kind:  # a call for each constant: the compiler makes a loop of each
@@ -268,7 +270,9 @@ def fill_states(
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
         used = fill_lanes(b, lanes, omega, first, width, abreast, 1)
-        entered = enter_bodies(b, parameters, first, width, used, entered)
+        if used > entered or not all_share(parameters):  # else lanes keep theirs
+            enter_bodies(b, parameters, first, width, used)
+            entered = used
         any_kind, _ = enter(b, lanes, motion, used)
         write_ends(b, lanes, first, width, used, ends)
         for j in range(skipped, min(skipped + plan.rows_per_task, times.size), abreast):

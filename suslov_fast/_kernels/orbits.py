@@ -27,7 +27,7 @@ from .._formulas.elementary import exponent, scaled
 from .._formulas.units import Problem
 from .._jit import allocation, formula, inner, lane, put, rows_of, select
 from . import codes
-from .lanes import all_share, spread
+from .lanes import spread
 
 # A block of 64 orbits takes 60 KB.
 LANES = 64
@@ -64,13 +64,8 @@ def block():
 
 
 @formula
-def enter_bodies(b, parameters, first, width, used, entered):
-    """Give each lane the body and the step size of its trajectory; return how many have one.
-
-    If all trajectories share them, lanes `entered` by the block before keep theirs.
-    """
-    if used <= entered and all_share(parameters):
-        return entered
+def enter_bodies(b, parameters, first, width, used):
+    """Give each lane the body and the step size of its trajectory."""
     for k in range(len(parameters)):
         row = b.problem[k]
         spread(parameters[k], first, width, row)
@@ -78,7 +73,6 @@ def enter_bodies(b, parameters, first, width, used, entered):
             row[l] = row[l - width]
     for l in range(used):
         put(b.body, l, formulas.body(lane(b.problem, l)))
-    return used
 
 
 @formula

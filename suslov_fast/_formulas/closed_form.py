@@ -422,8 +422,8 @@ def turning_forms(start, levels, steps):
 
 
 @formula
-def near_forms(start, levels, odd):
-    """The `Forms` of PASSES_NEAR, for even or odd n.
+def near_forms(start, levels, sign):
+    """The `Forms` of PASSES_NEAR, for even n (the sign is 1.0) or odd n (-1.0).
 
     Where r < 0, (c, s) is that of |r|**n; odd n, for which r**n has the other sign, start from
     (-X, Y) / (1 + 2 K X / L**2).
@@ -433,7 +433,7 @@ def near_forms(start, levels, odd):
     XT = X * T * (1.0 + start.order * L)
     total, is_first = larger_sum(start, levels)
     minus = 2.0 * select(is_first, total, levels.r * (XT / total) * XT)  # 2 (S - L Y)
-    more, sign = select(odd, 2.0 * (K * X / L), 0.0), select(odd, -1.0, 1.0)
+    more = select(sign < 0.0, 2.0 * (K * X / L), 0.0)
     gap, one = gap + more, 1.0 + more / L
     f11, f12, f21, f22 = frame(start, levels.R / T)
     x_u, y_u = sign * X - K * one, 2.0 * (sign * L * X - K * gap)

@@ -39,6 +39,7 @@ from .tiles import lead_of, shortening_of_first_block, write_row
 
 BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
 _TILE = 2 * LANES
+_ENTRIES = 2 * BASE  # of the growth
 # States of one task.
 TASK = 2**16
 
@@ -47,10 +48,10 @@ TASK = 2**16
 # abreast   number of rows, or times, side by side in a block
 # shift     number of lanes by which the first block is shorter
 Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
-# The `growth` of (c, s) in multiples of BASE rows, and in fewer: (BASE, LANES) each. The (c, s) of
-# row GROUP g + BASE a + b is seed[g] eights[a] ones[b], products as in `combined`; `eights` and
-# `ones` include the offset of the lane.
-Growth = namedtuple("Growth", "eights_c eights_s ones_c ones_s")
+# The `growth` of (c, s) in 0 to BASE - 1 rows, and in as many times BASE: (_ENTRIES, LANES) each. The
+# (c, s) of row GROUP g + BASE a + b is seed[g] growth[BASE + a] growth[b], products as in
+# `combined`; the growth includes the offset of the lane.
+Growth = namedtuple("Growth", "c s")
 
 
 @formula
@@ -109,20 +110,16 @@ def not_negligible(v):
 @formula
 def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
     """Fill the entries of the growth that blocks of `abreast` rows use."""
-    for a in range(0, BASE, max(abreast // BASE, 1)):
+    for k in range(_ENTRIES):
+        if k % (min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)) != 0:
+            continue
         for l in range(used):
-            rows = BASE * (a + np.floor(lanes.offset[l] / BASE))
+            offset, eights = lanes.offset[l], BASE * np.floor(lanes.offset[l] / BASE)
+            rows = select(k < BASE, k + (offset - eights), BASE * (k - BASE) + eights)
             c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
-            growth.eights_c[a, l] = not_negligible(c)
+            growth.c[k, l] = not_negligible(c)
             if any_kind:
-                growth.eights_s[a, l] = s
-    for a in range(0, BASE, min(abreast, BASE)):
-        for l in range(used):
-            rows = a + lanes.offset[l] - BASE * np.floor(lanes.offset[l] / BASE)
-            c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
-            growth.ones_c[a, l] = not_negligible(c)
-            if any_kind:
-                growth.ones_s[a, l] = s
+                growth.s[k, l] = s
 
 
 @formula
@@ -162,18 +159,18 @@ def fill_tile(b, lanes, growth, used, row, any_kind, tile):
     """Compute the states of a row of a group, and of those beside it."""
     if row % BASE == 0:
         for l in range(used):
-            next_c = growth.eights_c[row // BASE, l]
+            next_c = growth.c[BASE + row // BASE, l]
             seed_c, seed_s = lanes.seed_c[l], lanes.seed_s[l]
             c = seed_c * next_c
             if any_kind:
-                next_s, m_square = growth.eights_s[row // BASE, l], b.steps.m_square[l]
+                next_s, m_square = growth.s[BASE + row // BASE, l], b.steps.m_square[l]
                 c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, m_square)
             lanes.c[l], lanes.c_or_0[l] = not_negligible(c), formulas.squarable(c)
     for l in range(used):
-        next_c, s = growth.ones_c[row % BASE, l], 1.0
+        next_c, s = growth.c[row % BASE, l], 1.0
         c, c_or_0 = lanes.c[l] * next_c, lanes.c_or_0[l] * next_c
         if any_kind:
-            next_s, m_square = growth.ones_s[row % BASE, l], b.steps.m_square[l]
+            next_s, m_square = growth.s[row % BASE, l], b.steps.m_square[l]
             c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, m_square)
             c_or_0 = formulas.squarable(c)
         tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, c_or_0, s, lane(b.forms, l))
@@ -215,7 +212,7 @@ def fill_rows(
     plan = plan_of(trajectories, out, end - first_group, GROUP)
     abreast = plan.abreast
     b, lanes = block(), rows_of(RowLanes, LANES)
-    growth = Growth(stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES), stack(BASE, LANES))
+    growth = Growth(stack(_ENTRIES, LANES), stack(_ENTRIES, LANES))
     flat, lead, tile = out.reshape(out.size), lead_of(out), stack(_TILE)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     entered = 0

@@ -116,7 +116,7 @@ def enter(b, lanes, motion, used):
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
             turning_forms = formulas.turning_forms(start, levels, steps)
-            near_forms = formulas.near_forms(start, levels, False)
+            near_forms = formulas.near_forms(start, levels, 1.0)
             moves = formulas.select_forms(steps.kind == TURNS, turning_forms, near_forms)
             put(b.forms, l, formulas.select_forms(steps.kind > PASSES, moves, lane(b.forms, l)))
     return others > 0, recomputed > 0
@@ -125,7 +125,7 @@ def enter(b, lanes, motion, used):
 @inner
 def state_at(orbit, power_left, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
-    forms = forms_of(orbit, n % 2.0 == 1.0)
+    forms = forms_of(orbit, select(n % 2.0 == 1.0, -1.0, 1.0))
     c, s = formulas.pair(n, orbit.steps, True)
     omega1, omega2 = formulas.omega_of(c, formulas.squarable(c), s, forms)
     if formulas.is_pole(c, s, forms):
@@ -134,10 +134,10 @@ def state_at(orbit, power_left, n):
 
 
 @formula
-def forms_of(orbit, odd):
-    """Return the forms of an even or odd number of steps."""
+def forms_of(orbit, sign):
+    """Return the forms of an even or odd number of steps, see `near_forms`."""
     if formulas.has_two_forms(orbit.steps):
-        return formulas.near_forms(orbit.start, orbit.levels, odd)
+        return formulas.near_forms(orbit.start, orbit.levels, sign)
     return orbit.forms
 
 
@@ -148,7 +148,7 @@ def first_missing(orbit, power_left, stop):
     """
     fails, infinite = np.inf, False
     for case in range(4):  # both zeros, for even and odd n
-        forms = forms_of(orbit, case > 1)
+        forms = forms_of(orbit, 1.0 if case < 2 else -1.0)
         nearest = np.floor(formulas.step_to_pole(forms, orbit.steps, case % 2) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):

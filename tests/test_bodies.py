@@ -182,6 +182,6 @@ def test_admissible_I3(rng):
         ends = sf.Suslov3D(*np.ldexp([3, 3, -0.2, -0.2], k)).admissible_I3()
         assert ends == (np.ldexp(low, k), np.ldexp(high, k))
     assert sf.Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
-    # For I1 = I2 = m the ends s obey s (2 m - s) = 4 (I13**2 + I23**2): of a thin rod, one is small.
+    # For I1 = I2 the ends s obey s (2 I1 - s) = 4 (I13**2 + I23**2): for a thin rod one is small.
     low, high = sf.Suslov3D(3, 3, 3e-9, 4e-9).admissible_I3()
     assert (low, high) == pytest.approx((1e-16 / 6, 6), rel=1e-15)

@@ -17,7 +17,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model, ty
 LINE = 8  # numbers of a cache line, and of the longest vector
 _DOUBLE, _BYTE, _WORD = ir.DoubleType(), ir.IntType(8), ir.IntType(64)
 # Intel's processors evict a line that is prefetched for writing before a non-temporal store: rows
-# then take 1.4 times as long. On AMD's it saves up to a third where rows share lines, or nothing.
+# then take 1.4 times as long. On AMD's they take as much longer without the prefetch.
 _PREFETCHES = binding.get_host_cpu_name().startswith("znver")
 
 

@@ -18,9 +18,9 @@ def lead_of(out):
 
 @formula
 def write_row(tile, skip, flat, start, size, stride, lead):
-    """Copy `size` numbers of a tile, from tile[skip] on, to flat[start:], `lead` being that of `lead_of`.
+    """Copy `size` numbers of a tile, from tile[skip] on, to flat[start:].
 
-    The next row begins `stride` numbers later.
+    The next row begins `stride` numbers later; `lead` is that of `lead_of`.
     """
     if lead >= 0:
         expect_store(flat, min(start + stride, flat.size - 1))

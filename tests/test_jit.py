@@ -19,11 +19,11 @@ def fill(x, k, out):
         rows[0, i] = _jit.select(x[i] < 0.5, product, lost)
         rows[1, i] = elementary.number_of_bits(elementary.bits_of(x[i]) + (i << 52))
     _jit.expect_store(out, 0)
-    pair = _jit.stack(2, 16)
+    row, pair = _jit.stack(16), _jit.stack(2, 16)
     for i in range(16):
-        pair[1, i] = rows[0, i]
+        row[i] = pair[1, i] = rows[0, i]
     for i in range(0, 16, 8):
-        _jit.stream_line(out, i, rows[0], i)
+        _jit.stream_line(out, i, row, i)
         _jit.subtract_product(pair, (1, i), rows, (0, i), x, (i,))
     for i in range(16):
         out[32 + i] = pair[1, i]

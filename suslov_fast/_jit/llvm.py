@@ -9,8 +9,7 @@ import math
 import operator
 
 from llvmlite import binding, ir
-from numba import types
-from numba.core import cgutils
+from numba import config, types
 from numba.core.errors import RequireLiteralValue
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
@@ -33,12 +32,16 @@ class Stack(types.Type):
     """Floats on the stack: a pointer, which Numba compiles faster than the seven numbers of an
     array, and whose references it does not count.
 
-    The type contains the sizes of all axes but the first, which are constant.
+    Sizes are constant, and part of the type. That of the first axis is if indices are checked, and
+    else 0: fewer functions are compiled.
     """
 
     def __init__(self, sizes):
-        super().__init__(f"stack{sizes}")
-        self.sizes = sizes
+        self.sizes = sizes if config.BOUNDSCHECK else (0, *sizes[1:])
+        super().__init__(f"stack{self.sizes}")
+
+    def takes(self, index):
+        return (len(index) if isinstance(index, types.BaseTuple) else 1) == len(self.sizes)
 
 
 @register_model(Stack)
@@ -64,13 +67,14 @@ def stack(typing, *shape):
     def emit(context, builder, signature, arguments):
         return _allocate(builder, math.prod(sizes))
 
-    return Stack(sizes[1:])(types.StarArgTuple.from_types(shape)), emit
+    return Stack(sizes)(types.StarArgTuple.from_types(shape)), emit
 
 
 @intrinsic(prefer_literal=True)
 def rows_of(typing, kind, lanes):
     named = kind.instance_class
-    result = types.NamedUniTuple(Stack(()), len(named._fields), named)
+    row = Stack((lanes.literal_value,))
+    result = types.NamedUniTuple(row, len(named._fields), named)
 
     def emit(context, builder, signature, arguments):
         rows = [_allocate(builder, lanes.literal_value) for _ in named._fields]
@@ -83,10 +87,13 @@ def _place(context, builder, kind, value, index_kind, index):
     """Return a pointer to a number on the stack, or of an array."""
     indices = [index]
     if isinstance(index_kind, types.BaseTuple):
-        indices = cgutils.unpack_tuple(builder, index)
+        indices = [builder.extract_value(index, axis) for axis in range(len(index_kind))]
     if isinstance(kind, Stack):
-        place = indices[0]
-        for each, size in zip(indices[1:], kind.sizes, strict=True):
+        place = _WORD(0)
+        for each, size in zip(indices, kind.sizes, strict=True):
+            if config.BOUNDSCHECK:
+                with builder.if_then(builder.icmp_unsigned(">=", each, _WORD(size))):
+                    context.call_conv.return_user_exc(builder, IndexError, ("on the stack",))
             place = builder.add(builder.mul(place, _WORD(size)), each)
         return builder.gep(value, [place], inbounds=True)
     array = context.make_array(kind)(context, builder, value)
@@ -98,12 +105,18 @@ def _place(context, builder, kind, value, index_kind, index):
 
 @type_callable(operator.getitem)
 def _type_of_number(context):
-    return lambda kind, index: types.float64 if isinstance(kind, Stack) else None
+    def type_of(kind, index):
+        return types.float64 if isinstance(kind, Stack) and kind.takes(index) else None
+
+    return type_of
 
 
 @type_callable(operator.setitem)
 def _type_of_nothing(context):
-    return lambda kind, index, number: types.void if isinstance(kind, Stack) else None
+    def type_of(kind, index, number):
+        return types.void if isinstance(kind, Stack) and kind.takes(index) else None
+
+    return type_of
 
 
 @lower_builtin(operator.getitem, Stack, types.Any)

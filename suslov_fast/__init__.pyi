@@ -11,7 +11,7 @@ from ._engine.status import Status as Status
 from ._ensemble.api import ensemble as ensemble
 from ._ensemble.api import open_ensemble as open_ensemble
 from ._ensemble.starts import RandomStarts as RandomStarts
-from ._maps.registry import body_from_dict as body_from_dict
+from ._maps import body_from_dict as body_from_dict
 from ._runs.iterate import iterate as iterate
 from ._runs.iterate import iterate_full as iterate_full
 from ._runs.iterate import step as step

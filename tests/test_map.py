@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import suslov_fast as sf
 from suslov_fast._bodies.paper import PICTURES
 from suslov_fast._kernels.blocks import LANES
-from suslov_fast._maps.registry import map_of
+from suslov_fast._maps import map_of
 
 METHODS = ("auto", "canonical", "ds2")
 every_method = pytest.mark.parametrize("method", METHODS)

@@ -1,9 +1,7 @@
-"""The contract of every map of the registry, and of one that a test registers."""
+"""The contract of every map of the package, and of one that a test registers."""
 
 import json
-import sys
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +10,9 @@ import pytest
 import suslov_fast as sf
 from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
+from suslov_fast._engine import arguments
 from suslov_fast._engine.layout import for_loops
-from suslov_fast._maps import registry
-from suslov_fast._maps.registry import Kept, Map, map_named, map_of
+from suslov_fast._maps import MAPS, Kept, Map, map_named, map_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,19 +65,11 @@ GROWTH = Map(
 )
 
 
-@pytest.fixture(params=[*registry._BODIES, "growth"])
+@pytest.fixture(params=[*MAPS, "growth"])
 def record(request, monkeypatch):
-    """The record of each map of the registry, and of one that is registered here."""
-    if request.param == "growth":
-        monkeypatch.setitem(registry._BODIES, "growth", "Growth")
-        name = "suslov_fast._maps.growth"
-        monkeypatch.setitem(sys.modules, name, SimpleNamespace(MAP=GROWTH))
-    caches = registry.map_named, registry._map_of_class
-    for each in caches:
-        each.cache_clear()
-    yield map_named(request.param)
-    for each in caches:
-        each.cache_clear()
+    """The record of each map of the package, and of one that is registered here."""
+    monkeypatch.setitem(MAPS, "growth", GROWTH)
+    return map_named(request.param)
 
 
 @pytest.fixture
@@ -166,7 +156,7 @@ def test_ensembles(record, problem, tmp_path):
 def test_the_command(record, problem, tmp_path, capsys, monkeypatch):
     """A body is read from a file, or given by options, which need not be of one body alone."""
     *_, body, _ = problem
-    monkeypatch.setattr(sf, "Growth", Growth, raising=False)
+    monkeypatch.setattr(arguments, "AnyBody", arguments.AnyBody | Growth)
     (tmp_path / "body.json").write_text(json.dumps(body.to_dict()))
     lines = [["--body", str(tmp_path / "body.json")]]
     values = {name: np.asarray(value) for name, value in body._values.items()}

@@ -19,7 +19,7 @@ from suslov_fast._engine import closed_form_runs, evaluation, methods, threads
 from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import blocks, tiles
 from suslov_fast._kernels.blocks import LANES
-from suslov_fast._maps.registry import map_of
+from suslov_fast._maps import map_of
 from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 

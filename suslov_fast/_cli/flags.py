@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, get_args
 
 from .. import __version__
 
@@ -226,14 +226,11 @@ COMMANDS = {
 }
 
 
-def body_classes() -> list[Any]:
-    """Return the classes of bodies that have a map and moments of inertia."""
-    import suslov_fast
+def body_classes() -> tuple[Any, ...]:
+    """Return the classes of bodies, without fields."""
+    from .._engine.arguments import AnyBody
 
-    from .._maps.registry import body_names
-
-    classes = [getattr(suslov_fast, name) for name in body_names()]
-    return [kind for kind in classes if kind._moments]
+    return get_args(AnyBody)
 
 
 def flag(name: str) -> str:

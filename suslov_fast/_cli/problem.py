@@ -13,7 +13,7 @@ from .._bodies.body_3d import Suslov3D
 from .._bodies.body_nd import SuslovND
 from .._bodies.paper import PICTURES
 from .._checks import FloatArray, inertia_matrix, wrong
-from .._maps.registry import body_from_dict, map_of
+from .._maps import body_from_dict, map_of
 from .flags import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about
 

@@ -17,7 +17,7 @@ import suslov_fast as sf
 from .._checks import FloatArray
 from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
-from .._maps.registry import map_named
+from .._maps import map_named
 from .._runs.labelled import unvarying
 from .._runs.schema import body_of
 from .terminal import about, progress_bar

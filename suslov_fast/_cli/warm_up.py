@@ -17,7 +17,7 @@ import numpy as np
 
 import suslov_fast as sf
 
-from .._maps.registry import map_named, map_names, map_of
+from .._maps import MAPS, map_of
 from .terminal import progress_bar
 
 # Calls with few trajectories are serial, those with many parallel.
@@ -41,7 +41,7 @@ def warm_up(options: argparse.Namespace) -> str:
 
 def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
     """Yield calls of every public function, each with its name."""
-    maps = map(map_named, map_names())
+    maps = MAPS.values()
     samples = [each for record in maps for each in record.samples if map_of(each[0]) is record]
     for count, (body, pole), name in itertools.product(_COUNTS, samples, dir(sf)):
         function = getattr(sf, name)

@@ -18,7 +18,7 @@ from .progress import Progress, reporter
 from .threads import thread_count
 
 if TYPE_CHECKING:
-    from .._maps.registry import Map
+    from .._maps import Map
 
 Indices = NDArray[np.intp]
 Resume = Mapping[str, NDArray[Any]]

@@ -13,7 +13,7 @@ from .._checks import common_shape, integer, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of
 from .._engine.progress import Progress, check_progress
-from .._maps.registry import map_of
+from .._maps import map_of
 from .._runs.iterate import Method
 from .._runs.labelled import batch_names
 from .compute import client_of, finish

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, integer, wrong
 from .._engine.execution import numbers_of_saved
 from .._engine.layout import alike
-from .._maps.registry import Map, map_of
+from .._maps import Map, map_of
 from .reductions import reductions_of
 from .starts import Slices, Source, described, part_of
 

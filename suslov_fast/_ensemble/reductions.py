@@ -9,7 +9,7 @@ import numpy as np
 
 from .._bodies.body_nd import NotIntegrableError
 from .._checks import FloatArray, wrong
-from .._maps.registry import Map, map_of
+from .._maps import Map, map_of
 from .._states.conserved import energy, first_integral, modified_energy
 
 

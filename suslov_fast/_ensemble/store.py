@@ -30,7 +30,7 @@ import numpy as np
 from .._checks import wrong
 from .._engine.execution import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
-from .._maps.registry import map_named
+from .._maps import map_named
 from .._runs import labelled
 from .._runs.schema import header_of, schema_of
 from .job import Job, require_same

@@ -13,7 +13,7 @@ from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of, refuse_rotor
 from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
-from .._maps.registry import map_named, map_of
+from .._maps import map_named, map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .._checks import wrong
 from .._engine.status import Status
-from .._maps.registry import map_named
+from .._maps import map_named
 from .schema import COMPONENTS, HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from .._checks import one_of, real_array, wrong
 from .._engine.execution import numbers_of_saved
-from .._maps.registry import STATUSES, Map, map_named
+from .._maps import STATUSES, Map, map_named
 
 if TYPE_CHECKING:
     from .trajectories import Trajectories

@@ -28,7 +28,7 @@ from .._engine.execution import (
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
-from .._maps.registry import Map, map_of
+from .._maps import Map, map_of
 
 if TYPE_CHECKING:
     import xarray

@@ -18,7 +18,7 @@ from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
-from .._maps.registry import map_of
+from .._maps import map_of
 from .of_nd import derivatives_of
 from .table import TABLE
 

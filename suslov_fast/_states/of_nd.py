@@ -20,7 +20,7 @@ from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
 from .._kernels.elimination import WIDTH
 from .._kernels.tangent_map import differentiate
-from .._maps.registry import map_of
+from .._maps import map_of
 from .twofold_derivatives import are_doubtful, improve
 
 

@@ -1,0 +1,215 @@
+"""The maps of the package: a record of each, which clients read, and lookup by name or body."""
+
+from __future__ import annotations
+
+import copyreg
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ._bodies.body_3d import Suslov3D, SuslovGyrostat
+from ._bodies.body_nd import SuslovND, are_solved
+from ._bodies.field import QuadraticField
+from ._checks import FloatArray, instance, one_of
+from ._docs import filled
+from ._engine.execution import Output, Problem, Resume, Span
+from ._engine.layout import flat_parameter, for_kernel, for_loops
+from ._engine.methods import gyrostat_steps, run_3d, run_nd
+from ._engine.stepping import iterate, iterate_field
+from ._kernels.blocks import full
+from ._kernels.elimination import WIDEST
+
+
+class Kept(NamedTuple):
+    """An array needed to resume a run, in addition to its states at step 0."""
+
+    name: str
+    # Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
+    dims: tuple[str | int, ...]
+    dtype: str = "float64"
+    attitude: bool = False  # only runs with an orientation have it
+
+
+# Per-trajectory arrays that kernels write and resume from; files hold them as results.
+STATUSES = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map of the package."""
+
+    name: str  # in files
+    body: type[Any]  # the class of its bodies
+    title: str  # of datasets, for people
+    methods: tuple[str, ...]  # values of the argument `method`; the first is the default
+    # The flat arrays for kernels, of (body, eps, batch).
+    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
+    run: Callable[[Problem, Span, Resume, Output], object]  # fills the output of a run
+    kept: tuple[Kept, ...]  # what is needed to resume a run, in addition to `STATUSES`
+    # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
+    # kernels of the map.
+    samples: tuple[tuple[Any, tuple[float, ...]], ...]
+    # The functions of (body, omega, eps) whose drift the summary of a run of a body reports.
+    conserved: Callable[[Any], tuple[str, ...]] = lambda body: ()
+    carries_attitude: bool = True  # runs can include the orientation
+    # The name of a state in `Trajectories`, datasets, files and stores, and what it means.
+    variable: str = "omega"
+    meaning: str = "angular velocity"
+    components: Callable[[Any], tuple[str, ...]] = attrgetter("_labels")  # labels of components
+
+    @property
+    def resume(self) -> tuple[Kept, ...]:
+        """All arrays needed to resume a run."""
+        return *self.kept, *STATUSES
+
+    def symbols(self, body: Any) -> list[str]:
+        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
+        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in self.components(body))
+        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
+        return [f"${word}_{{{index}}}$" for word, index in words]
+
+
+def _with_I3(body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]) -> tuple[Any, ...]:
+    """Return the parameters of a body whose I3 is set, eps and I3."""
+    assert body.I3 is not None
+    return *for_loops(body, eps, batch), flat_parameter(body.I3, batch)
+
+
+def _of_field(
+    body: QuadraticField, eps: float | FloatArray, batch: tuple[int, ...]
+) -> tuple[Any, ...]:
+    """Return the terms of the field, the step size, and the largest quadratic coefficient."""
+    indices, values = body.terms
+    quadratic = values[..., indices[2] < body.dimension]
+    largest = np.abs(quadratic).max(axis=-1, initial=0.0)
+    if body.shape:
+        size, T = math.prod(batch), len(indices[0])
+        some = np.minimum(np.arange(-(-size // WIDEST) * WIDEST), size - 1)
+        values = for_kernel(np.broadcast_to(values, (*batch, T)).reshape(size, T)[some].T)
+    return indices, values, flat_parameter(eps, batch), flat_parameter(largest, batch)
+
+
+def _conserved_in_nd(body: SuslovND) -> tuple[str, ...]:
+    return ("first_integral",) if are_solved(body).all() else ("energy", "modified_energy")
+
+
+_RECORDS = (
+    Map(  # equation (4) of the paper
+        name="suslov3d",
+        body=Suslov3D,
+        title="Discrete Suslov problem",
+        methods=("auto", "canonical", "ds2"),
+        parameters=for_loops,
+        run=run_3d,
+        kept=(Kept("state", ("flat", 2)), Kept("turn", ("flat", 4), attitude=True)),
+        samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
+        conserved=lambda body: ("first_integral",),
+    ),
+    Map(  # equation (15)
+        name="suslov_nd",
+        body=SuslovND,
+        title="Discrete Suslov problem in n dimensions",
+        methods=("auto", "gauss", "rank2"),
+        parameters=for_loops,
+        run=run_nd,
+        kept=(
+            Kept("state", ("flat", "component")),
+            Kept("exponent", ("flat",)),
+            Kept("columns", ("flat", "space", "space"), attitude=True),
+        ),
+        samples=(
+            (SuslovND([1.0, 1.5, 2.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
+            (SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
+        ),
+        conserved=_conserved_in_nd,
+    ),
+    Map(  # equation (3)
+        name="suslov3d_full",
+        body=Suslov3D,
+        title="Suslov problem in three components",
+        methods=("auto",),
+        parameters=_with_I3,
+        run=partial(iterate, kernel=full, step=2.0),
+        kept=(Kept("state", ("flat", 3)),),
+        samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0, 0.5)),),
+        carries_attitude=False,
+        components=lambda body: ("Omega1", "Omega2", "Omega3"),
+    ),
+    Map(
+        name="suslov_gyrostat",
+        body=SuslovGyrostat,
+        title="Discrete Suslov gyrostat",
+        methods=("auto", "canonical"),
+        parameters=for_loops,
+        run=partial(run_3d, by_steps=gyrostat_steps),
+        kept=(Kept("state", ("flat", 4)), Kept("turn", ("flat", 4), attitude=True)),
+        samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
+        conserved=lambda body: ("first_integral",),
+    ),
+    Map(
+        name="quadratic",
+        body=QuadraticField,
+        title="Kahan map of a quadratic field",
+        methods=("auto",),
+        parameters=_of_field,
+        run=iterate_field,
+        kept=(Kept("state", ("flat", "component")),),
+        # x' = x**2, whose map has a pole at 1 / eps.
+        samples=((QuadraticField([[[1]]]), (1.0,)),),
+        conserved=lambda body: () if body.H is None else ("energy", "modified_energy"),
+        carries_attitude=False,
+        variable="x",
+        meaning="state",
+    ),
+)
+# The first map of a class of bodies is that of `iterate`.
+MAPS = {record.name: record for record in _RECORDS}
+
+
+def map_named(name: str) -> Map:
+    """Return the map of a name; ValueError if there is none."""
+    if name not in MAPS:
+        raise ValueError(f"map: expected {' or '.join(MAPS)}, got {name!r}")
+    return MAPS[name]
+
+
+# A record is pickled by its name, since it may hold functions that cannot be pickled.
+copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
+
+
+def map_of(body: Any) -> Map:
+    """Return the map of a body, or of an object of a subclass: that of `iterate`."""
+    for record in MAPS.values():
+        if isinstance(body, record.body):
+            return record
+    raise TypeError(f"body: expected {' or '.join(_classes())}, got {type(body).__name__}")
+
+
+def _classes() -> dict[str, Any]:
+    return {record.body.__name__: record.body for record in MAPS.values()}
+
+
+@filled
+def body_from_dict(parameters: Mapping[str, Any]) -> Any:
+    """Return the body that its method `to_dict` described, of any class.
+
+    Returns
+    -------
+    body
+        A body or a field.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovND, body_from_dict
+    >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+    SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+    """
+    instance("parameters", parameters, Mapping)
+    kinds = _classes()
+    return kinds[one_of("body", parameters.get("body"), [*kinds])].from_dict(parameters)

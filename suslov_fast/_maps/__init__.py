@@ -1,1 +1,0 @@
-"""The maps of the package, one record each."""

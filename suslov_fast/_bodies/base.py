@@ -107,18 +107,17 @@ class Body:
         shape = np.shape(value)
         return shape[: len(shape) - self._axes(name)]
 
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        """What equal bodies have in common; -0.0 becomes 0.0."""
+        values = self._arrays.items()
+        return tuple((name, each.shape, (each + 0.0).tobytes()) for name, each in values)
+
     def __eq__(self, other: object) -> bool:
-        if type(other) is not type(self):
-            return NotImplemented
-        mine, theirs = self._values, other._values
-        return mine.keys() == theirs.keys() and all(
-            map(np.array_equal, mine.values(), theirs.values())
-        )
+        return self._key == other._key if type(other) is type(self) else NotImplemented
 
     def __hash__(self) -> int:
-        # Adding 0 makes equal zeros hash equal.
-        arrays = [np.asarray(value) + 0.0 for value in self._values.values()]
-        return hash(tuple((array.shape, array.tobytes()) for array in arrays))
+        return hash(self._key)
 
     @classmethod
     def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:

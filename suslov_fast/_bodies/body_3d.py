@@ -6,32 +6,65 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis
+from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis, warn, wrong
 from .._docs import filled
 from .base import Body
-from .matter import check_triangles, shortest_rotation_to_last, warn_of_I3
+from .body_nd import shortest_rotation_to_last
 
 # Largest exponent of I1 / I2 for which products with each other and with states are in range.
 _APART = 1800
+# Rounding tolerance of the triangle inequality, which is an equality for flat bodies; a change of
+# the basis of the tensor is included.
+_ROUNDING = 1e-14
 
 
-def set_in_3d(body: Any) -> None:
-    """Check the parameters of a body in three dimensions, and set read-only copies."""
-    body._set(**{name: getattr(body, name) for name in body._names()})
-    I1, I2 = body.I1, body.I2
-    if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():
-        raise ValueError(
-            f"I1, I2: expected moments within a factor of 2**{_APART} of each other, got "
-            f"{np.min(I1)} to {np.max(I1)} and {np.min(I2)} to {np.max(I2)}"
-        )
-    warn_of_I3(body)
+@dataclass(frozen=True, eq=False, repr=False)
+class _In3D(Body):
+    """A rigid body in three dimensions, whose subclasses have I3 as last parameter."""
+
+    I1: float | FloatArray
+    I2: float | FloatArray
+    I13: float | FloatArray
+    I23: float | FloatArray
+
+    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
+    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23")
+    _meanings: ClassVar[dict[str, str]] = {
+        **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
+        **dict.fromkeys(("I13", "I23"), "product of inertia"),
+        "k": "momentum of the rotor",
+    }
+
+    def __post_init__(self) -> None:
+        self._set(**{name: getattr(self, name) for name in self._names()})
+        values = self._arrays
+        I1, I2 = values["I1"], values["I2"]
+        if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():
+            received = f"{I1.min()} to {I1.max()} and {I2.min()} to {I2.max()}"
+            raise wrong("I1, I2", f"moments within a factor of 2**{_APART} of each other", received)
+        if "I3" not in values:
+            return
+        I13, I23, I3 = values["I13"], values["I23"], values["I3"]
+        entries = np.broadcast_arrays(I1, 0.0, I13, 0.0, I2, I23, I13, I23, I3)
+        tensors = np.stack(entries, axis=-1).reshape(-1, 3, 3)
+        moments = np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True))
+        if not (fits := _obey_triangles(moments)).all():
+            expected = "one that a body with these parameters can have (see admissible_I3)"
+            warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
+
+
+def _obey_triangles(moments: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """Return where principal moments (..., 3), in order, obey the triangle inequalities."""
+    largest = moments[..., 2]
+    obey: NDArray[np.bool_] = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
+    return obey
 
 
 @filled
 @dataclass(frozen=True, eq=False, repr=False)
-class Suslov3D(Body):
+class Suslov3D(_In3D):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
@@ -62,21 +95,7 @@ class Suslov3D(Body):
     (3,)
     """
 
-    I1: float | FloatArray
-    I2: float | FloatArray
-    I13: float | FloatArray
-    I23: float | FloatArray
     I3: float | FloatArray | None = None
-
-    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
-    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23")
-    _meanings: ClassVar[dict[str, str]] = {
-        **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
-        **dict.fromkeys(("I13", "I23"), "product of inertia"),
-    }
-
-    def __post_init__(self) -> None:
-        set_in_3d(self)
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
@@ -152,7 +171,13 @@ class Suslov3D(Body):
         True
         """
         tensor = inertia_matrix("I", I, 3)
-        check_triangles("I", tensor)
+        moments = np.linalg.eigvalsh(tensor)
+        if not (fits := _obey_triangles(moments)).all():
+            expected = (
+                "an inertia tensor that a body can have, no principal moment larger than the sum "
+                "of the others"
+            )
+            raise wrong("I", expected, f"the principal moments {moments[~fits][0].tolist()}")
         axis = unit_axis("a", a, 3)
         common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
         to_e3 = shortest_rotation_to_last(axis)
@@ -171,7 +196,7 @@ class Suslov3D(Body):
 
 @filled
 @dataclass(frozen=True, eq=False, repr=False)
-class SuslovGyrostat(Body):
+class SuslovGyrostat(_In3D):
     """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
 
     In the adapted basis the constraint is Omega3 = 0, and the angular momentum is that of
@@ -204,16 +229,7 @@ class SuslovGyrostat(Body):
     (3,)
     """
 
-    I1: float | FloatArray
-    I2: float | FloatArray
-    I13: float | FloatArray
-    I23: float | FloatArray
     k: float | FloatArray
     I3: float | FloatArray | None = None
 
-    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
     _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")
-    _meanings: ClassVar[dict[str, str]] = {**Suslov3D._meanings, "k": "momentum of the rotor"}
-
-    def __post_init__(self) -> None:
-        set_in_3d(self)

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis
 from .._docs import filled
 from .base import Body
-from .matter import shortest_rotation_to_last
 
 IntArray = NDArray[np.intc]
 # Rounding error of J and I, which from_mass_tensor rotates.
@@ -132,6 +131,21 @@ class SuslovND(Body):
         adapted = rotation @ matrix @ rotation.T
         diagonal = np.diag(adapted)
         return cls(diagonal[:-1] + diagonal[-1], adapted[:-1, -1]), rotation
+
+
+def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
+    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
+    n = axis.shape[-1]
+    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
+    half_turn = np.eye(n)
+    half_turn[0, 0] = half_turn[-1, -1] = -1.0
+    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
+    first = np.where(down, half_turn, np.eye(n))
+    up = first @ axis[..., np.newaxis]
+    s = up + np.eye(n)[:, -1:]
+    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
+    rotation[..., -1, :] += 2.0 * up[..., 0]
+    return rotation @ first
 
 
 def _principal_axes(block: FloatArray) -> FloatArray:

@@ -294,14 +294,11 @@ class QuadraticField(Body):
             slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]
             return (slopes @ state[..., np.newaxis])[..., 0] + c
 
-    def __eq__(self, other: object) -> bool:
-        if self.shape or not isinstance(other, QuadraticField):
-            return super().__eq__(other)
-        same = self.polynomials == other.polynomials and self.H == other.H
-        return same and np.array_equal(self.K, other.K)
-
-    def __hash__(self) -> int:
-        return super().__hash__() if self.shape else hash(self.polynomials)
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        if self.shape:
+            return super()._key
+        return self.polynomials, self.H, None if self.K is None else tuple(self.K.flat)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self.shape:

@@ -20,7 +20,6 @@ from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import blocks, tiles
 from suslov_fast._kernels.blocks import LANES
 from suslov_fast._maps import map_of
-from suslov_fast._space import attitude as attitude_of
 from suslov_fast._states import lyapunov
 
 # No body has the I3 of some runs of the scheme in three components.
@@ -256,7 +255,6 @@ def test_calls_in_parts(rng, monkeypatch, small_parts, name, kind):
     for module, constant, value in (
         (evaluation, "SLAB", 16), (evaluation, "NUMBERS", 16), (evaluation, "TASKS", 1),
         (closed_form_runs, "SLICE", 2**10), (lyapunov, "_SLAB", 2**8),
-        (attitude_of, "_SLICE", 2**10),
     ):  # fmt: skip
         monkeypatch.setattr(module, constant, value)
     same(row.values(*problem_of), whole)

@@ -1,15 +1,14 @@
 """Orientations along given states, and the test that states are consecutive.
 
-omega   (N + 1, B, m), the states; the first was processed in the previous call
+omega   (N + 1, B, m), the states
 eps     (B,), the step size
-out     (N, B, n, n), the orientations at the other states; NaN from the first NaN state on
 """
 
 from .._formulas.implicit import distance_to_pole, mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean
 from .._jit import formula, inner, kernel, share
 from .lanes import LANES
-from .turning_3d import enter_turns, leave_turns, turn_on, turns_block, write_turns
+from .turning_3d import enter_turns, turn_on, turns_block, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 
@@ -25,19 +24,18 @@ def turn_block(block, omega, turning):
         begin = (n + 1) * batch + first
         turn_on(states[2 * begin : 2 * (begin + width)], r, width)
         write_turns(turning, r, n, first, width)
-    leave_turns(turning, r, first, width)
 
 
 @kernel
-def reconstruct(part, parts, omega, eps, R0, quaternions, out):
-    """Fill orientations, with the arrays of `turning_3d`."""
+def reconstruct(part, parts, omega, eps, R0, quaternions, turns):
+    """Fill the orientations after the first, with the arrays of `turning_3d`."""
     first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
     for block in range(first, last):
-        turn_block(block, omega, (eps, R0, quaternions, out))
+        turn_block(block, omega, (eps, R0, quaternions, turns))
 
 
 @inner
-def turn_some(task, omega, eps, number, before, out, scratch):
+def turn_some(task, omega, eps, turns, scratch):
     """Fill the orientations for the trajectories of a task."""
     batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
     n, memory = m + 1, scratch[task]
@@ -46,28 +44,24 @@ def turn_some(task, omega, eps, number, before, out, scratch):
     for i in range(task * batch // tasks, (task + 1) * batch // tasks):
         for r in range(n):
             for c in range(n):
-                columns[c, r] = before[i, r, c]
-        for k in range(len(out)):
+                columns[c, r] = turns[0, i, r, c]
+        for k in range(1, len(turns)):
             for j in range(m):
-                b[j] = mean(omega[k, i, j], omega[k + 1, i, j])
+                b[j] = mean(omega[k - 1, i, j], omega[k, i, j])
             turn(columns, b, eps[i], image)
-            if (number + k + 1) % CLEAN_EVERY == 0:
+            if k % CLEAN_EVERY == 0:
                 clean_up(columns, gram, cleaned)
             for r in range(n):
                 for c in range(n):
-                    out[k, i, r, c] = columns[c, r]
+                    turns[k, i, r, c] = columns[c, r]
 
 
 @kernel
-def reconstruct_nd(part, parts, omega, eps, number, before, out, scratch):
-    """Fill orientations in n dimensions.
-
-    `number` is the index of the first state; before (B, n, n), the orientations there;
-    scratch (tasks, 3 n + 2, n).
-    """
+def reconstruct_nd(part, parts, omega, eps, turns, scratch):
+    """Fill orientations (N + 1, B, n, n) after the first; scratch (tasks, 3 n + 2, n)."""
     first, last = share(len(scratch), part, parts)
     for task in range(first, last):
-        turn_some(task, omega, eps, number, before, out, scratch)
+        turn_some(task, omega, eps, turns, scratch)
 
 
 @formula
@@ -111,27 +105,25 @@ def follows(equations, row, omega, k, i):
 
 
 @inner
-def follow_block(block, equations, number, omega, stray):
+def follow_block(block, equations, omega, stray):
     """Fill the index of the first inconsistent state of each trajectory of a block."""
     for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
         row = min(i, len(equations[1]) - 1)
-        k, end = 0, len(omega) - 1 if stray[i] < 0 else 0
+        k, end = 0, len(omega) - 1
         while k < end and follows(equations, row, omega, k, i):
             k += 1
-        if k < end:
-            stray[i] = number + k + 1
+        stray[i] = k + 1 if k < end else -1
 
 
 @kernel
-def follow(part, parts, root, h, I, rotor, number, omega, stray):
+def follow(part, parts, root, h, I, rotor, omega, stray):
     """Find states that are not the image of the previous state.
 
     root     (B, m) or (1, m), the weights of the components: the roots of J
     h, I     (B, m) or (1, m): eps / J, and I, which is of the order of 1
     rotor    (B,) or (1,), the momentum of a rotor in the unit of I; 0 unless m = 2
-    number   index of the first state in `omega`
-    stray    (B,), the index of the first such state, or -1; read and written
+    stray    (B,), the index of the first such state, or -1
     """
     first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
     for block in range(first, last):
-        follow_block(block, (root, h, I, rotor), number, omega, stray)
+        follow_block(block, (root, h, I, rotor), omega, stray)

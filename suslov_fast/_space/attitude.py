@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,6 @@ from .._engine.layout import flat_parameter, for_kernel
 from .._kernels import orientations as kernels
 from .._kernels.lanes import LANES
 
-# Number of elements of the result between checks for Ctrl-C: some 0.1 s.
-_SLICE = 2**25
 # Costs of an element of the result, and of checking an element of the states, in steps of the map.
 _TURNING, _CHECKING = 10, 10
 
@@ -101,40 +98,25 @@ def attitude(
     turns[0] = np.broadcast_to(start, (*batch, n, n)).reshape(turns.shape[1:])
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
     flat_eps = for_kernel(np.broadcast_to(step_size, batch).ravel())
-    in_3d = not isinstance(body, SuslovND)
-    if in_3d:
-        kernel, lanes = kernels.reconstruct, LANES
-        R0, carried = turns[0].copy(), np.tile([1.0, 0.0, 0.0, 0.0], (size, 1))
-    else:
+    arrays: tuple[FloatArray, ...]
+    if isinstance(body, SuslovND):
         kernel, lanes = kernels.reconstruct_nd, 1
-        scratch = np.empty((min(size, TASKS), 3 * n + 2, n))
-    for first, stop in _slices(rows, size * n * n):
-        work = (stop - first) * size * n * n * _TURNING if size > lanes else 0
-        before = (R0, carried) if in_3d else (first - 1, turns[first - 1])
-        more = () if in_3d else (scratch,)
-        of_states = flat[first - 1 : stop], flat_eps
-        _threads.run(kernel, work, threads, *of_states, *before, turns[first:stop], *more)
+        arrays = turns, np.empty((min(size, TASKS), 3 * n + 2, n))
+    else:
+        kernel, lanes = kernels.reconstruct, LANES
+        arrays = turns[0], np.tile([1.0, 0.0, 0.0, 0.0], (size, 1)), turns[1:]
+    work = turns.size * _TURNING if size > lanes else 0
+    _threads.run(kernel, work, threads, flat, flat_eps, *arrays)
     return turns.reshape((rows, *batch, n, n))
-
-
-def _slices(rows: int, numbers: int) -> Iterator[tuple[int, int]]:
-    """Yield parts (start, stop) of the states after the first, of at most _SLICE elements."""
-    length = max(_SLICE // max(numbers, 1), 1)
-    for start in range(1, rows, length):
-        yield start, min(start + length, rows)
 
 
 def _check_that_states_follow(
     body: Any, omega: FloatArray, eps: FloatArray, batch: tuple[int, ...], threads: int | None
 ) -> None:
     """Raise ValueError if states (N + 1, B, D) are not consecutive states of the map."""
-    rows, size, m = omega.shape
-    parameters = _implicit_parameters(body, eps, batch)
-    stray = np.full(size, -1)
-    for start, stop in _slices(rows, size * m):
-        work = (stop - start) * size * m * _CHECKING if size > LANES else 0
-        some = omega[start - 1 : stop]
-        _threads.run(kernels.follow, work, threads, *parameters, start - 1, some, stray)
+    stray, parameters = np.empty(omega.shape[1], np.int64), _implicit_parameters(body, eps, batch)
+    work = omega.size * _CHECKING if stray.size > LANES else 0
+    _threads.run(kernels.follow, work, threads, *parameters, omega, stray)
     if stray.max(initial=-1) < 0:
         return
     where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""

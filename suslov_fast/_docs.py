@@ -9,21 +9,11 @@ import inspect
 import re
 from collections.abc import Callable
 from textwrap import indent
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# The parameter `body`, by its annotation.
-BODIES = {
-    "BodyOrField": "Suslov3D, SuslovND, SuslovGyrostat or QuadraticField",
-    "AnyBody": "Suslov3D, SuslovND or SuslovGyrostat",
-    "WithoutRotor": "Suslov3D or SuslovND",
-    "BodyIn3D": "Suslov3D or SuslovGyrostat",
-    "BodyIn3D | QuadraticField": "Suslov3D, SuslovGyrostat or QuadraticField",
-    "Suslov3D": "Suslov3D",
-}
-
-# Type and text of other parameters, by name.
+# Type and text of parameters, by name.
 PARAMETERS = {
     "omega": """array_like(float, shape=(..., D))
     Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in; or states of a field.
@@ -128,7 +118,10 @@ def filled(function: F) -> F:
     signature, paragraphs = inspect.signature(function), []
     for name, parameter in signature.parameters.items():
         if name == "body" and name not in own:
-            own[name] = f"body : {BODIES[parameter.annotation]}\n    A single one, or a batch."
+            kind = eval(parameter.annotation, function.__globals__)  # a class, or a union
+            *others, last = (each.__name__ for each in get_args(kind) or [kind])
+            kinds = f"{', '.join(others)} or {last}" if others else last
+            own[name] = f"body : {kinds}\n    A single one, or a batch."
         if name not in ("self", "cls"):
             paragraphs.append(own.get(name) or f"{name} : {PARAMETERS[name]}")
     sections["Parameters"] = "\n".join(dict.fromkeys(paragraphs))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .._checks import FloatArray, common_shape, real_array, without_labels
+from .._checks import FloatArray, common_shape, instance, real_array, without_labels, wrong
 from .._docs import filled
 
 # Length of a line of text that represents a body.
@@ -91,9 +91,7 @@ class Body:
         }
         for name, array in arrays.items():
             if name not in self._couplings and not (array > 0).all():
-                raise ValueError(
-                    f"{name}: expected a positive {self._meanings[name]}, got {array.min()}"
-                )
+                raise wrong(name, f"a positive {self._meanings[name]}", array.min())
         common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
         for name, array in arrays.items():
             object.__setattr__(self, name, _frozen(array))
@@ -169,14 +167,13 @@ class Body:
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
         names = cls._names()
-        if not isinstance(parameters, Mapping):
-            raise TypeError(f"expected a mapping of {names}, got {type(parameters).__name__}")
+        instance("parameters", parameters, Mapping)
         parameters = dict(parameters)
         kind = parameters.pop("body", None)
         if kind != cls.__name__:
-            raise ValueError(f"body: expected {cls.__name__!r}, got {kind!r}")
+            raise wrong("body", repr(cls.__name__), repr(kind))
         if not set(names) - set(cls._optional()) <= set(parameters) <= set(names):
-            raise ValueError(f"expected the names {names}, got {sorted(map(str, parameters))}")
+            raise wrong("parameters", f"the names {names}", sorted(map(str, parameters)))
         return cls(**parameters)
 
 

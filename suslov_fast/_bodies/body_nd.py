@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis
+from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis, wrong
 from .._docs import filled
 from .base import Body
 
@@ -64,10 +64,8 @@ class SuslovND(Body):
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
         J, I = real_array("J", J), real_array("I", I)
         if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
-            raise ValueError(
-                "J, I: expected shapes (..., n - 1) with the same n > 1, "
-                f"got {J.shape} and {I.shape}"
-            )
+            expected = "shapes (..., n - 1) with the same n > 1"
+            raise wrong("J, I", expected, f"{J.shape} and {I.shape}")
         self._set(J=J, I=I)
 
     @property
@@ -118,10 +116,10 @@ class SuslovND(Body):
         matrix = inertia_matrix("I", I)
         n = len(matrix)
         if n < 2:
-            raise ValueError(f"I: expected shape (n, n) with n > 1, got {matrix.shape}")
+            raise wrong("I", "shape (n, n) with n > 1", matrix.shape)
         axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
         if axis.ndim != 1:
-            raise ValueError(f"a: expected shape ({n},), got {axis.shape}")
+            raise wrong("a", f"shape ({n},)", axis.shape)
         rotation = shortest_rotation_to_last(axis)
         block = (rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():

@@ -20,7 +20,7 @@ from .._docs import filled
 from .base import Body
 from .body_3d import Suslov3D, SuslovGyrostat
 from .body_nd import J_I_rotor, SuslovND
-from .polynomial import Polynomial, exact_array, numbers, plain, rational
+from .polynomial import Monomial, Polynomial, exact_array, numbers, plain, rational
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -272,16 +272,15 @@ class QuadraticField(Body):
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD."""
         import flint  # optional: only the laboratory needs it
 
+        def exponents(powers: Monomial) -> tuple[int, ...]:
+            return tuple(map(powers.count, range(self.dimension)))
+
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
-
-        def of(polynomial: Polynomial) -> Any:
-            terms = (
-                (tuple(map(powers.count, range(self.dimension))), c)
-                for powers, c in polynomial.terms.items()
-            )
-            return context.from_dict({e: flint.fmpq(c.numerator, c.denominator) for e, c in terms})
-
-        return tuple(map(of, self.polynomials))
+        terms = (
+            {exponents(powers): flint.fmpq(*c.as_integer_ratio()) for powers, c in p.terms.items()}
+            for p in self.polynomials
+        )
+        return tuple(map(context.from_dict, terms))
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""

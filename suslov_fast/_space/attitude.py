@@ -19,6 +19,7 @@ from .._checks import (
     rotations,
     spell,
     vectors,
+    wrong,
 )
 from .._docs import filled
 from .._engine import threads as _threads
@@ -84,7 +85,7 @@ def attitude(
     omega, eps, R0 = aligned({"omega": omega, "eps": eps, "R0": R0}, labels).values()
     states = vectors("omega", omega, m, allow_nan=True, labels=labels)
     if states.ndim < 2 or len(states) == 0:
-        raise ValueError(f"omega: expected shape (N + 1, ..., {m}), got {states.shape}")
+        raise wrong("omega", f"shape (N + 1, ..., {m})", states.shape)
     step_size = real_array("eps", eps)
     start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
     threads = _threads.thread_count(threads)
@@ -121,10 +122,11 @@ def _check_that_states_follow(
         return
     where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""
     number = stray[np.argmax(stray >= 0)]
-    raise ValueError(
-        "omega: expected consecutive states of the map with this eps, got states "
-        f"{number - 1} and {number}{where} that are not; if the run was saved with save_every > 1, "
-        "save every state"
+    received = f"states {number - 1} and {number}{where} that are not"
+    raise wrong(
+        "omega",
+        "consecutive states of the map with this eps",
+        f"{received}; if the run was saved with save_every > 1, save every state",
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import SuslovGyrostat
-from .._checks import FloatArray, common_shape, instance, square_matrices, vectors
+from .._checks import FloatArray, common_shape, instance, square_matrices, vectors, wrong
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyIn3D, check
 
@@ -81,16 +81,13 @@ def from_matrix(
     size = abs(matrices).max(axis=(-2, -1), initial=0.0, keepdims=True)
     excess = abs(0.5 * matrices + 0.5 * matrices.swapaxes(-2, -1))
     if (excess > _ROUNDING * size).any():
-        raise ValueError(
-            f"matrix: expected antisymmetric matrices, got |A + A.T| / 2 = {np.nanmax(excess):.2g}"
-        )
+        received = f"|A + A.T| / 2 = {np.nanmax(excess):.2g}"
+        raise wrong("matrix", "antisymmetric matrices", received)
     adapted = _turned(matrices, turn)
     forbidden = abs(adapted[..., :-1, :-1])
     if (forbidden > _ROUNDING * n * size).any():
-        raise ValueError(
-            "matrix: expected matrices that obey the constraint Omega_ij = 0 for i, j < n, got "
-            f"{np.nanmax(forbidden):.2g}"
-        )
+        expected = "matrices that obey the constraint Omega_ij = 0 for i, j < n"
+        raise wrong("matrix", expected, f"{np.nanmax(forbidden):.2g}")
     column = adapted[..., :-1, -1]
     if isinstance(body, BodyIn3D):
         column = np.stack([-column[..., 1], column[..., 0]], axis=-1)
@@ -156,10 +153,8 @@ def from_vector(
     adapted = _turned_vector(array, turn)
     size = abs(array).max(axis=-1, initial=0.0)
     if (abs(adapted[..., 2]) > _ROUNDING * size).any():
-        raise ValueError(
-            "vector: expected angular velocities normal to the axis of the body, got the component "
-            f"{np.nanmax(abs(adapted[..., 2])):.2g} along it"
-        )
+        received = f"the component {np.nanmax(abs(adapted[..., 2])):.2g} along it"
+        raise wrong("vector", "angular velocities normal to the axis of the body", received)
     batch = common_shape({"body": body.shape, "vector": adapted.shape[:-1]})
     unknown = np.isnan(adapted).any(axis=-1, keepdims=True)
     return np.broadcast_to(np.where(unknown, np.nan, adapted[..., :2]), (*batch, 2)).copy()
@@ -228,7 +223,7 @@ def _zero(state: FloatArray) -> FloatArray:
 def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
     """Return the matrices that convert components from the adapted basis to the requested one."""
     if rotation is not None and attitude is not None:
-        raise ValueError("rotation, attitude: expected at most one of them, got both")
+        raise wrong("rotation, attitude", "at most one of them", "both")
     if rotation is not None:
         return square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     return None if attitude is None else square_matrices("attitude", attitude, n, allow_nan=True)

@@ -27,7 +27,6 @@ the flow, and for states so slow that the map follows it to rounding, terms of h
 missing: `order` is 0 instead of 1.
 """
 
-import math
 from collections import namedtuple
 
 import numpy as np
@@ -35,7 +34,6 @@ import numpy as np
 from .._jit import formula, select, two_product
 from . import twofold, units
 from .coordinates import (
-    ZERO_TO_ROUNDING,
     dimensionless,
     rotor_twofold,
     sum_of_ordered,
@@ -45,15 +43,10 @@ from .coordinates import (
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
-    TO_INTEGER,
     exponent,
-    exponential,
     halvings,
-    is_integer,
     larger,
     logarithm_beyond,
-    of_quarter_turns,
-    scaled,
     smaller,
     two_to_the,
     within,
@@ -61,27 +54,17 @@ from .elementary import (
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
-# Longer times and larger numbers of steps are replaced by this: `two_product` does not overflow.
-LONGEST = 2.0**990
 # Exponents of the largest of X, Y and K: below the first the flow is as good as the map; below the
 # second nothing moves; above the third squares leave the range of float64.
 SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
-# Phases of this many quarter turns or more are not known.
-LONGEST_PHASE = 2.0**52
-# Numbers of steps above this are not known to be even or odd.
-EXACT = 2.0**53
 # A flow is out of range if `time` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
 # Exponents of the unit of states up to this are part of the coefficients of an orbit. What is left
 # of a larger one would take these out of the range of float64, and multiplies the states last.
 PART_OF_COEFFICIENTS = 300.0
-# A ratio w = f 2**k above 2**this is stored as (c, s) = (f, 2**-k).
-LARGE = 200.0
 # Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
 # PASSES cancel.
 LARGE_ROOT = 8.0
-# Squares of smaller w and s are negligible; if subnormal, they would be slow.
-NO_SQUARE = 1e-100
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
 # States larger than R by this may be at a pole.
@@ -309,36 +292,24 @@ def steps(start, levels):
 
 
 @formula
-def logarithm(start, levels, steps):
-    """log |r| of an orbit of the map; that of the flow and of slow orbits stays."""
-    high, low = logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
-    of_map = (start.order > 0.0) & (steps.log_r < 0.0) & (levels.r != 0.0)
-    return select(of_map, high, steps.log_r), select(of_map, low, steps.log_lost)
-
-
-@formula
-def turning_levels(start, levels, steps):
-    """L**2, and m as a sum of two numbers, of an orbit that turns; others stay."""
+def turning_levels(start, T):
+    """L**2, and m as a sum of two numbers, of an orbit that turns."""
     # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), where X and Y are divided by a power of
     # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
     one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
     X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
-    K, order, is_turning = (start.K, start.K_lost), (start.order, 0.0), steps.kind == TURNS
+    K, order = (start.K, start.K_lost), (start.order, 0.0)
     KX = twofold.product(K, X)
     beyond = twofold.difference((2.0 * one * KX[0], 2.0 * one * KX[1]), twofold.square(X))
     beyond = twofold.difference(beyond, twofold.square(Y))
     beyond = twofold.plus(beyond, twofold.product(order, twofold.square(KX)))
     below = twofold.plus((one * one, 0.0), twofold.product(order, twofold.square(X)))
-    square = twofold.quotient(beyond, below)
-    least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
-    known = is_turning & (square[0] > least)
-    square = select(known, square[0], select(is_turning, least, 1.0)), select(known, square[1], 0.0)
-    m, lost = twofold.root(square)
-    return (
-        select(is_turning, -square[0], levels.square),
-        select(is_turning, m, levels.root),
-        select(is_turning, lost, levels.root_lost),
-    )
+    square, lost = twofold.quotient(beyond, below)
+    least = (LEAST_ROOT * T) * (LEAST_ROOT * T)
+    known = square > least
+    square, lost = select(known, square, least), select(known, lost, 0.0)
+    m, m_lost = twofold.root((square, lost))
+    return -square, m, m_lost
 
 
 @formula
@@ -350,22 +321,16 @@ def turning_tangent(levels):
 
 
 @formula
-def turning(start, levels, steps, tangent):
-    """The last four of `Steps` of an orbit that turns, from its `turning_tangent`; others stay."""
+def turning(start, levels, tangent):
+    """b of an orbit that turns in quarter turns, as a sum of two numbers."""
     # The angle of the flow is m, and of the map the arctangent.
-    is_turning, m = steps.kind == TURNS, (levels.root, levels.root_lost)
-    slow, unit, large = start.order == 0.0, two_to_the(start.time), m[0] > 1.0
+    m, slow, unit = (levels.root, levels.root_lost), start.order == 0.0, two_to_the(start.time)
     angle, lost = twofold.angle_of_eighth(tangent)
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
     angle, lost = twofold.product((angle, lost), TWO_OVER_PI)
     above, rest = twofold.difference((1.0, 0.0), (angle, lost))
-    large = large & ~slow
-    return (
-        select(is_turning, m[0], steps.root),
-        select(is_turning, -levels.square, 0.0),
-        select(is_turning, select(large, above, angle), 0.0),
-        select(is_turning, select(large, rest, lost), 0.0),
-    )
+    large = (m[0] > 1.0) & ~slow
+    return select(large, above, angle), select(large, rest, lost)
 
 
 @formula
@@ -388,28 +353,29 @@ def power_left(power):
 
 
 @formula
-def forms(start, levels, steps, given):
-    """The `Forms` of an orbit that passes; one that rests, or has no states, is constant."""
-    passes, K, T, L, r = steps.kind == PASSES, start.K, levels.T, levels.root, levels.r
+def resting_forms(start, given):
+    """The `Forms` of an orbit that rests, or has no states: (c, s) is (0, 1)."""
+    d22 = select(start.fate < 0.0, np.nan, 1.0)
+    return Forms(0.0, 0.0, d22, 0.0, 0.0, given.omega1, 0.0, 0.0, given.omega2)
+
+
+@formula
+def passing_forms(start, levels):
+    """The `Forms` of PASSES."""
+    K, T, L, r = start.K, levels.T, levels.root, levels.r
     inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.order * L)
     f11, f12, f21, f22 = frame(start, levels.R * inverse)
     y = 2.0 * T * of_one
     return Forms(
-        d11=select(passes, r, 0.0),
-        d12=select(passes, -2.0 * K * inverse * of_one, 0.0),
-        d22=select(start.fate < 0.0, np.nan, 1.0),
-        x1=select(passes, r * (f12 * L - f11 * K), 0.0),
-        y1=select(passes, f11 * y, 0.0),
-        z1=select(passes, -f12 * L - f11 * K, given.omega1),
-        x2=select(passes, r * (f22 * L - f21 * K), 0.0),
-        y2=select(passes, f21 * y, 0.0),
-        z2=select(passes, -f22 * L - f21 * K, given.omega2),
-    )
+        d11=r, d12=-2.0 * K * inverse * of_one, d22=1.0,
+        x1=r * (f12 * L - f11 * K), y1=f11 * y, z1=-f12 * L - f11 * K,
+        x2=r * (f22 * L - f21 * K), y2=f21 * y, z2=-f22 * L - f21 * K,
+    )  # fmt: skip
 
 
 @formula
 def turning_forms(start, levels, steps):
-    """The `Forms` of an orbit that turns."""
+    """The `Forms` of TURNS."""
     X, Y, K, U, V, TR = start.X, start.Y, start.K, start.U, start.V, levels.T * levels.R
     f11, f12, f21, f22 = frame(start, 1.0)
     y_u, y_v = -2.0 * K * V, -2.0 * (TR + K * U)
@@ -446,111 +412,6 @@ def near_forms(start, levels, sign):
 
 
 @formula
-def select_forms(first, a, b):
-    """`select` of two `Forms`."""
-    return Forms(
-        select(first, a.d11, b.d11), select(first, a.d12, b.d12), select(first, a.d22, b.d22),
-        select(first, a.x1, b.x1), select(first, a.y1, b.y1), select(first, a.z1, b.z1),
-        select(first, a.x2, b.x2), select(first, a.y2, b.y2), select(first, a.z2, b.z2),
-    )  # fmt: skip
-
-
-@formula
-def power_of_ratio(n, steps):
-    """p, an integer `power` and a sign, for which r**n = sign (1 + p) 2**power.
-
-    The sign is NaN if no such number exists: between two states of L >= 1.
-    """
-    x, lost = two_product(n, steps.log_r)
-    lost = lost + n * steps.log_lost
-    endless = x < NO_POWER
-    p, power = exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
-    sign = select(is_integer(0.5 * abs(n)) | (steps.r >= 0.0), 1.0, -1.0)
-    exists = is_integer(abs(n)) | (steps.r > 0.0)
-    return p, power, select(exists, sign, np.nan)
-
-
-@formula
-def pair(n, steps, any_kind):
-    """(c, s) after n steps; NaN where there is no such state.
-
-    any_kind   False if the orbit is known to pass or rest
-    """
-    c, s = multiples(smaller(n, LONGEST) - steps.lag, steps.v, steps.power, steps, any_kind)
-    # Where r < 0, only integers: n - lag may round a fraction away.
-    unknown = (steps.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
-    return select(unknown, np.nan, c), s
-
-
-@formula
-def growth(n, steps, any_kind):
-    """By what n steps multiply (c, s), see `combined`."""
-    c, s = multiples(n, 1.0, 0.0, steps, any_kind)
-    return c, select(steps.kind > PASSES, s, 0.0)
-
-
-@formula
-def multiples(n, v, power, steps, any_kind):
-    """`pair` of an orbit that begins at the ratio v 2**power."""
-    p, more, sign = power_of_ratio(n, steps)
-    f, power = sign * (v + v * p), power + more
-    large = power >= LARGE
-    c = select(large, f, scaled(f, smaller(power, LARGE)))
-    s = select(large, scaled(1.0, -power), 1.0)
-    if any_kind:
-        # Near 1 the distance from 1 is more precise.
-        rest = select(power == 0.0, -p, 1.0 - abs(c)) * (0.5 / steps.root)
-        sine, cosine = sine_and_cosine(n, steps.turns, steps.turns_lost)
-        is_turning, near = steps.kind == TURNS, steps.kind == PASSES_NEAR
-        c = select(is_turning, cosine, select(near, abs(c), c))
-        s = select(is_turning, sine / steps.root, select(near, rest, s))
-    return c, s
-
-
-@formula
-def combined(c, s, next_c, next_s, m_square):
-    """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for PASSES_NEAR,
-    and that of the sum of the angles for TURNS.
-    """
-    of_s = select(m_square > 0.0, next_c, 1.0)
-    return c * next_c - m_square * (s * next_s), s * of_s + c * next_s
-
-
-@formula
-def sine_and_cosine(n, turns, turns_lost):
-    """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
-    high, low = two_product(n, turns)
-    half = select(abs(high) < LONGEST_PHASE, 0.5 * high, np.nan)
-    whole = (half + TO_INTEGER) - TO_INTEGER
-    return of_quarter_turns(2.0 * (half - whole), low + n * turns_lost)
-
-
-@formula
-def squarable(v):
-    """v, or 0 if its square is negligible."""
-    return select(abs(v) > NO_SQUARE, v, 0.0)
-
-
-@formula
-def omega_of(c, c_or_0, s, forms):
-    """omega, without the factor 2**power_left(power); `c_or_0` is c, or 0 if c**2 is negligible."""
-    ss = s * squarable(s)
-    inverse = 1.0 / ((forms.d11 * c_or_0 + forms.d12 * s) * c + forms.d22 * ss)
-    return (
-        ((forms.x1 * c_or_0 + forms.y1 * s) * c + forms.z1 * ss) * inverse,
-        ((forms.x2 * c_or_0 + forms.y2 * s) * c + forms.z2 * ss) * inverse,
-    )
-
-
-@formula
-def is_pole(c, s, forms):
-    """Test that the denominator of `omega_of` is 0 to rounding, or NaN."""
-    first, second, third = forms.d11 * c * c, forms.d12 * c * s, forms.d22 * s * s
-    size = (abs(first) + abs(third)) + abs(second)
-    return ~(abs((first + third) + second) > ZERO_TO_ROUNDING * size)
-
-
-@formula
 def recompute_from(start, levels, steps):
     """The size from which on states are computed again one by one: from there on they may be at a
     pole. 0 for orbits with two forms or without states.
@@ -560,18 +421,3 @@ def recompute_from(start, levels, steps):
     may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)
     size = select(may_meet, NEAR_POLE * size * (1.0 + levels.T + start.K), np.inf)
     return select((start.fate < 0.0) | has_two_forms(steps), 0.0, size)
-
-
-@formula
-def step_to_pole(forms, steps, second):
-    """The real number of steps to the first or second zero of the denominator, for |r|**n.
-
-    np.log suffices: the caller tries the steps beside it.
-    """
-    d11, half, d22 = forms.d11, 0.5 * forms.d12, forms.d22
-    total = -(half + select(half < 0.0, -1.0, 1.0) * np.sqrt(half * half - d11 * d22))
-    ratio = d22 / total if second else total / d11  # of c and s
-    if steps.kind == PASSES_NEAR:
-        return -np.log1p(2.0 * steps.root / ratio) / steps.log_r
-    log_w = np.log(abs(ratio / steps.v)) - steps.power * math.log(2.0)
-    return steps.lag + log_w / steps.log_r

@@ -16,11 +16,10 @@ cause(k, s)                       Return the status of a trajectory whose next s
 
 The first number of a state is NaN if there is none, and `show` then returns NaN. Blocks are tested
 for this, and take all steps by `guarded`, only if `enter` returns True for one of their lanes.
-Optional, by default `advance`, False, `advance` and no change, are
+Optional are, by default `advance` and no change,
 
 guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
                                   else bit-identical to `advance`.
-is_slow(s), careful(k, s)         Test for subnormal numbers; make the same step without them.
 settle(k, s)                      Replace negligible numbers by 0, every CHECK_EVERY steps.
 
 The arithmetic of a trajectory does not depend on its block or on the division of steps into calls.
@@ -63,12 +62,6 @@ def blocks_of(stretch, saved):
 def unchanged(k, s):
     """`settle` of a map whose states do not become negligible."""
     return s
-
-
-@formula
-def never(s):
-    """`is_slow` of a map whose states do not become subnormal."""
-    return False
 
 
 @formula
@@ -129,11 +122,9 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
         place = row * stride + map.D * first
         while n < stop:
             since, until = n, min(stop, (n // CHECK_EVERY + 1) * CHECK_EVERY)
-            slow = 0
             for l in range(lanes):
                 if n % CHECK_EVERY == 0:
                     put(state, l, map.settle(lane(constants, l), lane(state, l)))
-                slow += map.is_slow(lane(state, l))
                 put(before, l, lane(state, l))
             while n < until:
                 pause = min(until, next_saved) if turning is None else n + 1
@@ -141,10 +132,6 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
                     for _ in range(n, pause):
                         for l in range(lanes):
                             put(state, l, map.guarded(lane(constants, l), lane(state, l)))
-                elif slow > 0:
-                    for _ in range(n, pause):
-                        for l in range(lanes):
-                            put(state, l, map.careful(lane(constants, l), lane(state, l)))
                 else:
                     for _ in range(n, pause):
                         for l in range(lanes):
@@ -189,12 +176,7 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
 
 def map_kernel(name, module):
     """Build the kernel of a map from its module."""
-    optional = {
-        "careful": module.advance,
-        "guarded": module.advance,
-        "settle": unchanged,
-        "is_slow": never,
-    }
+    optional = {"guarded": module.advance, "settle": unchanged}
     of_map = {each: value for each, value in vars(module).items() if not each.startswith("_")}
     return Kernel(run_blocks, name, map=namespace(name, **optional | of_map))
 

@@ -28,7 +28,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from .._formulas import closed_form as formulas
+from .._formulas import closed_form_states as formulas
 from .._formulas.closed_form import PASSES
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import smaller

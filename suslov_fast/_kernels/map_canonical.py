@@ -64,15 +64,15 @@ def enter(parameters, omega, i):
 
 
 @formula
-def advance(k, s):
-    """Equation (8), with c = 0."""
-    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + s.X * s.X)
-    return X, s.Z + s.X * X
+def squarable(X):
+    """X, or 0 if its square is subnormal."""
+    return select(abs(X) < SMALLEST_SQUARED, 0.0, X)
 
 
 @formula
-def careful(k, s):
-    X0 = select(is_slow(s), 0.0, s.X)
+def advance(k, s):
+    """Equation (8), with c = 0."""
+    X0 = squarable(s.X)
     X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + X0 * s.X)
     return X, s.Z + X0 * X
 
@@ -84,7 +84,7 @@ def denominator(k, s):
     The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
     For |Y| < 1 nothing is taken for 0.
     """
-    square = select(is_slow(s), 0.0, s.X) * s.X
+    square = squarable(s.X) * s.X
     d = ((1.0 - k.c) + s.Z) + square
     return d, abs(d) > ZERO_TO_ROUNDING * smaller(1.0 + square, 2.0**20 * square)
 
@@ -92,7 +92,7 @@ def denominator(k, s):
 @formula
 def guarded(k, s):
     d, regular = denominator(k, s)
-    X0 = select(is_slow(s), 0.0, s.X)
+    X0 = squarable(s.X)
     X = s.X * ((1.0 + k.c) - s.Z) / d
     # c - (Y (1 - Y) - X**2) / (1 - Y + X**2), which then cancels nowhere.
     quotient = ((1.0 + k.c) * (X0 * s.X) + s.Z * ((1.0 - k.c) + s.Z)) / d
@@ -118,8 +118,3 @@ def cause(k, s):
 def settle(k, s):
     # Near the smallest normal number, and converging to a fixed point.
     return select((abs(s.X) < NEGLIGIBLE) & (k.c < s.Z), 0.0, s.X), s.Z
-
-
-@formula
-def is_slow(s):
-    return abs(s.X) < SMALLEST_SQUARED

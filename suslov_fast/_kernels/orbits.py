@@ -7,22 +7,7 @@ from collections import namedtuple
 import numpy as np
 
 from .._formulas import closed_form as formulas
-from .._formulas.closed_form import (
-    EXACT,
-    LONGEST_PHASE,
-    OUT_OF_RANGE,
-    PASSES,
-    REGULAR,
-    RESTS,
-    SUPERCRITICAL,
-    TURNS,
-    UNKNOWN,
-    Body,
-    Forms,
-    Levels,
-    Start,
-    Steps,
-)
+from .._formulas import closed_form_states as states
 from .._formulas.elementary import exponent, scaled
 from .._formulas.units import Problem
 from .._jit import allocation, formula, inner, lane, put, rows_of, select
@@ -55,11 +40,11 @@ RowLanes = namedtuple(
 def block():
     return Block(
         rows_of(Problem, LANES),
-        rows_of(Body, LANES),
-        rows_of(Start, LANES),
-        rows_of(Levels, LANES),
-        rows_of(Steps, LANES),
-        rows_of(Forms, LANES),
+        rows_of(formulas.Body, LANES),
+        rows_of(formulas.Start, LANES),
+        rows_of(formulas.Levels, LANES),
+        rows_of(formulas.Steps, LANES),
+        rows_of(formulas.Forms, LANES),
     )
 
 
@@ -90,35 +75,44 @@ def enter(b, lanes, motion, used):
     for l in range(used):
         put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))
     for l in range(0 if flows else used):
-        found = formulas.logarithm(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
-        b.steps.log_r[l], b.steps.log_lost[l] = found
+        root, lost, r = b.levels.root[l], b.levels.root_lost[l], b.levels.r[l]
+        if b.start.order[l] > 0.0 and b.steps.log_r[l] < 0.0 and r != 0.0:
+            b.steps.log_r[l], b.steps.log_lost[l] = formulas.logarithm_of_ratio(root, lost, r)
     for l in range(used):
         start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-        put(b.forms, l, formulas.forms(start, levels, steps, lane(b.problem, l)))
+        if steps.kind == formulas.RESTS:
+            put(b.forms, l, formulas.resting_forms(start, lane(b.problem, l)))
+        else:
+            put(b.forms, l, formulas.passing_forms(start, levels))
         size = formulas.recompute_from(start, levels, steps)
-        power_left = select(steps.kind == RESTS, 0.0, formulas.power_left(start.power))
+        power_left = select(steps.kind == formulas.RESTS, 0.0, formulas.power_left(start.power))
         lanes.recompute_from[l], lanes.power_left[l], lanes.fails[l] = size, power_left, np.inf
-        others += select(steps.kind > PASSES, 1, 0)
-        turning += select(steps.kind == TURNS, 1, 0)
+        others += select(steps.kind > formulas.PASSES, 1, 0)
+        turning += select(steps.kind == formulas.TURNS, 1, 0)
         recomputed += select((size < np.inf) | (power_left != 0.0), 1, 0)
     if turning > 0:  # in three loops: a processor overlaps the lanes of a short one
         for l in range(used):
-            start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            found = formulas.turning_levels(start, levels, steps)
-            b.levels.square[l], b.levels.root[l], b.levels.root_lost[l] = found
+            if b.steps.kind[l] == formulas.TURNS:
+                found = formulas.turning_levels(lane(b.start, l), b.levels.T[l])
+                b.levels.square[l], b.levels.root[l], b.levels.root_lost[l] = found
         for l in range(used):  # `c` and `s` hold the tangent until there are rows
             lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
         for l in range(used):
-            start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            found = formulas.turning(start, levels, steps, (lanes.c[l], lanes.s[l]))
-            b.steps.root[l], b.steps.m_square[l], b.steps.turns[l], b.steps.turns_lost[l] = found
+            if b.steps.kind[l] == formulas.TURNS:
+                start, levels, tangent = (
+                    lane(b.start, l),
+                    lane(b.levels, l),
+                    (lanes.c[l], lanes.s[l]),
+                )
+                b.steps.turns[l], b.steps.turns_lost[l] = formulas.turning(start, levels, tangent)
+                b.steps.root[l], b.steps.m_square[l] = b.levels.root[l], -b.levels.square[l]
     if others > 0:
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
-            turning_forms = formulas.turning_forms(start, levels, steps)
-            near_forms = formulas.near_forms(start, levels, 1.0)
-            moves = formulas.select_forms(steps.kind == TURNS, turning_forms, near_forms)
-            put(b.forms, l, formulas.select_forms(steps.kind > PASSES, moves, lane(b.forms, l)))
+            if steps.kind == formulas.TURNS:
+                put(b.forms, l, formulas.turning_forms(start, levels, steps))
+            elif steps.kind > formulas.PASSES:
+                put(b.forms, l, formulas.near_forms(start, levels, 1.0))
     return others > 0, recomputed > 0
 
 
@@ -126,9 +120,9 @@ def enter(b, lanes, motion, used):
 def state_at(orbit, power_left, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
     forms = forms_of(orbit, select(n % 2.0 == 1.0, -1.0, 1.0))
-    c, s = formulas.pair(n, orbit.steps, True)
-    omega1, omega2 = formulas.omega_of(c, formulas.squarable(c), s, forms)
-    if formulas.is_pole(c, s, forms):
+    c, s = states.pair(n, orbit.steps, True)
+    omega1, omega2 = states.omega_of(c, states.squarable(c), s, forms)
+    if states.is_pole(c, s, forms):
         omega1, omega2 = np.nan, np.nan
     return scaled(omega1, power_left), scaled(omega2, power_left)
 
@@ -149,7 +143,7 @@ def first_missing(orbit, power_left, stop):
     fails, infinite = np.inf, False
     for case in range(4):  # both zeros, for even and odd n
         forms = forms_of(orbit, 1.0 if case < 2 else -1.0)
-        nearest = np.floor(formulas.step_to_pole(forms, orbit.steps, case % 2) + 0.5)
+        nearest = np.floor(states.step_to_pole(forms, orbit.steps, case % 2) + 0.5)
         for n in (nearest - 1.0, nearest, nearest + 1.0):
             if 1.0 <= n <= min(stop, fails - 1.0):
                 omega1, omega2 = state_at(orbit, power_left, n)
@@ -164,18 +158,18 @@ def end_of(orbit, power_left, stop):
     """Return the status of an orbit at step `stop`, and the index of its first missing state."""
     problem, _, start, levels, steps, _ = orbit
     if start.fate < 0.0:
-        if start.fate == OUT_OF_RANGE:
+        if start.fate == formulas.OUT_OF_RANGE:
             return codes.NEEDS_STEPS, np.inf
-        return (codes.NONFINITE, 0.0) if start.fate == UNKNOWN else (codes.SINGULAR, 1.0)
-    if start.fate == SUPERCRITICAL:
-        if steps.kind == RESTS:
+        return (codes.NONFINITE, 0.0) if start.fate == formulas.UNKNOWN else (codes.SINGULAR, 1.0)
+    if start.fate == formulas.SUPERCRITICAL:
+        if steps.kind == formulas.RESTS:
             return codes.SUPERCRITICAL, np.inf
-        if steps.kind == TURNS:  # which of its steps comes next to a pole is not known
+        if steps.kind == formulas.TURNS:  # which of its steps comes next to a pole is not known
             return codes.NEEDS_STEPS, np.inf
         fails, infinite = first_missing(orbit, power_left, stop)
         code = codes.NONFINITE if infinite else codes.SINGULAR
         return code if fails < np.inf else codes.SUPERCRITICAL, fails
-    if start.power > 0.0 and steps.kind != RESTS:
+    if start.power > 0.0 and steps.kind != formulas.RESTS:
         # |z| = R sqrt(1 + X**2), and X is largest where Y = 0.
         T = start.order * levels.T
         X = start.order * (start.K + T) / ((1.0 - T) * (1.0 + T))
@@ -193,7 +187,7 @@ def write_ends(b, lanes, first, width, used, ends):
     any_fails = False
     for l in range(width if len(status) else 0):
         code = codes.OK
-        if b.start.fate[l] != REGULAR or b.start.power[l] > 0.0:
+        if b.start.fate[l] != formulas.REGULAR or b.start.power[l] > 0.0:
             code, lanes.fails[l] = end_of(lane(b, l), lanes.power_left[l], stop)
         status[first + l] = code
         if lanes.fails[l] < np.inf:
@@ -227,18 +221,20 @@ def corrected(orbit, at, omega1, omega2):
         omega1, omega2 = orbit.problem.omega1, orbit.problem.omega2
     elif abs(omega1) + abs(omega2) < at.recompute_from:
         omega1, omega2 = scaled(omega1, at.power_left), scaled(omega2, at.power_left)
-    elif start.fate >= 0.0 and steps.kind != RESTS:
+    elif start.fate >= 0.0 and steps.kind != formulas.RESTS:
         omega1, omega2 = state_at(orbit, at.power_left, n)
     size = abs(omega1) + abs(omega2)
     if at.fails <= n < np.inf:
         omega1, omega2 = np.nan, np.nan
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        unknown_phase = steps.kind == TURNS and LONGEST_PHASE <= n * steps.turns < np.inf
-        if start.fate == OUT_OF_RANGE or size == np.inf or unknown_phase:
+        unknown_phase = (
+            steps.kind == formulas.TURNS and states.LONGEST_PHASE <= n * steps.turns < np.inf
+        )
+        if start.fate == formulas.OUT_OF_RANGE or size == np.inf or unknown_phase:
             column = 2
-        elif start.fate != UNKNOWN:
-            column = 0 if np.floor(n) == n and n <= EXACT else 1
+        elif start.fate != formulas.UNKNOWN:
+            column = 0 if np.floor(n) == n and n <= states.EXACT else 1
     return omega1, omega2, column
 
 

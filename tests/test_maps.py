@@ -25,9 +25,8 @@ class Growth(Body):
     m: Any
     I: Any
 
-    _moments: ClassVar = ("m",)
-    _couplings: ClassVar = ("I",)
     _meanings: ClassVar = {"m": "mass", "I": "rate"}
+    _positive: ClassVar = ("m",)
 
     def __post_init__(self):
         self._set(m=self.m, I=self.I)
@@ -187,4 +186,4 @@ def test_objects_of_a_subclass_are_bodies():
     for function in (sf.step, sf.first_integral, sf.jacobian):
         np.testing.assert_array_equal(function(own, [1, 0.5], 0.2), function(body, [1, 0.5], 0.2))
     with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND or .*, got Body"):
-        sf.step(sf.Suslov3D.__base__(), [1, 0.5], 0.2)
+        sf.step(sf.SuslovND.__base__(), [1, 0.5], 0.2)

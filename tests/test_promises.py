@@ -273,7 +273,7 @@ UNITS_OF_RUNS = [*UNITS, (0, 0, 990), (0, 0, -990)]
 
 
 def in_units(body, moments, products, rotor):
-    powers = dict.fromkeys(body._names(), moments) | dict.fromkeys(body._couplings, products)
+    powers = dict.fromkeys(body._names(), products) | dict.fromkeys(body._positive, moments)
     powers["k"] = rotor
     powers["quadratic"], powers["linear"] = products - moments, rotor - moments
     powers["constant"] = 2 * rotor - products - moments

@@ -24,11 +24,9 @@ class Body:
 
     # The number of axes of most parameters that are not axes of the batch.
     _own_axes: ClassVar[int] = 0
-    # Names of the parameters of the map: moments of inertia, and couplings of the components.
-    _moments: ClassVar[tuple[str, ...]] = ()
-    _couplings: ClassVar[tuple[str, ...]] = ()
-    # Meanings of all parameters; those that are not couplings are positive.
+    # Meanings of all parameters, and the names of those that are positive.
     _meanings: ClassVar[dict[str, str]] = {}
+    _positive: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def _names(cls) -> list[str]:
@@ -36,9 +34,9 @@ class Body:
         return [field.name for field in fields(cls)]
 
     @classmethod
-    def _optional(cls) -> list[str]:
-        """Return the names of the parameters that may be left out."""
-        return [field.name for field in fields(cls) if field.default is not MISSING]
+    def _required(cls) -> list[str]:
+        """Return the names of the parameters of the map, which may not be left out."""
+        return [field.name for field in fields(cls) if field.default is MISSING]
 
     @property
     def _values(self) -> dict[str, float | FloatArray]:
@@ -59,7 +57,7 @@ class Body:
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """The parameters of the map, in order."""
-        return tuple(getattr(self, name) for name in (*self._moments, *self._couplings))
+        return tuple(getattr(self, name) for name in self._required())
 
     @cached_property
     def batch_of_one(self) -> tuple[FloatArray, ...]:
@@ -87,10 +85,10 @@ class Body:
         arrays = {
             name: real_array(name, value)
             for name, value in values.items()
-            if value is not None or name not in self._optional()
+            if value is not None or name in self._required()
         }
         for name, array in arrays.items():
-            if name not in self._couplings and not (array > 0).all():
+            if name in self._positive and not (array > 0).all():
                 raise wrong(name, f"a positive {self._meanings[name]}", array.min())
         common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
         for name, array in arrays.items():
@@ -121,7 +119,7 @@ class Body:
     def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
         """Return a body with parameters of another, or parts of them, which are not checked."""
         self = object.__new__(cls)
-        vars(self).update(dict.fromkeys(cls._optional()))
+        vars(self).update(dict.fromkeys(cls._names()))
         vars(self).update({name: _frozen(np.asarray(each)) for name, each in values.items()})
         return self
 
@@ -172,7 +170,7 @@ class Body:
         kind = parameters.pop("body", None)
         if kind != cls.__name__:
             raise wrong("body", repr(cls.__name__), repr(kind))
-        if not set(names) - set(cls._optional()) <= set(parameters) <= set(names):
+        if not set(cls._required()) <= set(parameters) <= set(names):
             raise wrong("parameters", f"the names {names}", sorted(map(str, parameters)))
         return cls(**parameters)
 

@@ -29,10 +29,9 @@ class _In3D(Body):
     I13: float | FloatArray
     I23: float | FloatArray
 
-    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2")
-    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23")
+    _positive: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
     _meanings: ClassVar[dict[str, str]] = {
-        **dict.fromkeys(("I1", "I2", "I3"), "moment of inertia"),
+        **dict.fromkeys(_positive, "moment of inertia"),
         **dict.fromkeys(("I13", "I23"), "product of inertia"),
         "k": "momentum of the rotor",
     }
@@ -231,5 +230,3 @@ class SuslovGyrostat(_In3D):
 
     k: float | FloatArray
     I3: float | FloatArray | None = None
-
-    _couplings: ClassVar[tuple[str, ...]] = ("I13", "I23", "k")

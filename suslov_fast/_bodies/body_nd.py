@@ -57,9 +57,8 @@ class SuslovND(Body):
     I: FloatArray
 
     _own_axes: ClassVar[int] = 1
-    _moments: ClassVar[tuple[str, ...]] = ("J",)
-    _couplings: ClassVar[tuple[str, ...]] = ("I",)
     _meanings: ClassVar[dict[str, str]] = {"J": "sum I_ii + I_nn", "I": "coupling I_in"}
+    _positive: ClassVar[tuple[str, ...]] = ("J",)
 
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
         J, I = real_array("J", J), real_array("I", I)

@@ -71,7 +71,6 @@ class QuadraticField(Body):
     linear: Any
     constant: Any
 
-    _couplings: ClassVar[tuple[str, ...]] = tuple(_AXES)
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
     # What messages say of fields in place of bodies.
     _kind: ClassVar[str] = (

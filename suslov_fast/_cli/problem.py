@@ -48,7 +48,7 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
 def _with_parameters(base: Any, given: dict[str, list[float]]) -> Any:
     """Return the first body that has the given parameters and those of a base, if any."""
     values: dict[str, Any] = (base._values if base is not None else {}) | given
-    needed = {kind: {*kind._names()} - {*kind._optional()} for kind in body_classes()}
+    needed = {kind: {*kind._required()} for kind in body_classes()}
     # A picture with --k is a gyrostat.
     kinds = [kind for kind in needed if needed[kind] <= values.keys() <= {*kind._names()}]
     if not kinds:

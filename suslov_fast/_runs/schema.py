@@ -81,7 +81,7 @@ def schema_of(map: Map) -> dict[str, Entry]:
             ("batch", *COMPONENTS[: body._axes(name)]),
             meaning=body._meanings[name],
             varying=True,
-            optional=name in body._optional(),
+            optional=name not in body._required(),
         )
         for name in body._names()
     }

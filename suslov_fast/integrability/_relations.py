@@ -18,18 +18,7 @@ from .._bodies.polynomial import exact_array
 from .._checks import instance, integer, wrong
 from .._docs import filled
 from . import _exact
-from ._exact import (
-    Exponents,
-    Matrix,
-    Point,
-    Polynomials,
-    Residues,
-    confirmed,
-    monomial_values,
-    null_space,
-    over_rationals,
-    polynomials_with,
-)
+from ._exact import Exponents, Matrix, Point, Polynomials, Residues, confirmed
 from ._maps import Arithmetic, KahanMap
 
 _MORE = 10  # equations more than unknowns
@@ -57,7 +46,7 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        return polynomials_with(self.basis, self.monomials)
+        return _exact.polynomials_with(self.basis, self.monomials)
 
 
 @filled
@@ -119,12 +108,12 @@ def hk_bases(
     dimension = of_point = confirmed(rng, lambda p: len(relations(p)))
     basis: Matrix | None = ()
     if dimension > 0 or point is not None:
-        basis = over_rationals(rng, lambda p: relations(p, start))
+        basis = _exact.over_rationals(rng, lambda p: relations(p, start))
         of_point = dimension if basis is None else len(basis)
     independent, integrals = 0, ()
     if dimension > 0:
         independent = confirmed(rng, lambda p: _independent(Arithmetic(map, p), exponents, rng))
-        integrals = polynomials_with(over_rationals(rng, span), exponents)
+        integrals = _exact.polynomials_with(_exact.over_rationals(rng, span), exponents)
     return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
 
 
@@ -152,8 +141,8 @@ def _relations(modular: Arithmetic, exponents: Exponents, x: Sequence[Any]) -> R
     """Return the relations along the orbit of a point, in the form of `HKBasis.basis`."""
     steps, before = len(exponents) + _MORE, None
     while True:
-        rows = [list(monomial_values(exponents, y)) for y in modular.orbit(x, steps)]
-        relations = null_space(modular.matrix(rows))
+        rows = [list(_exact.monomial_values(exponents, y)) for y in modular.orbit(x, steps)]
+        relations = _exact.null_space(modular.matrix(rows))
         if len(relations) in (0, before):
             return relations
         before, steps = len(relations), 2 * steps
@@ -173,7 +162,7 @@ def _independent(modular: Arithmetic, exponents: Exponents, rng: random.Random) 
     rows = []
     for y in modular.orbit(x, len(exponents) + _MORE):
         changes = modular.matrix([[each(*y) for each in row] for row in gradients]) * derivative
-        rows.append([*monomial_values(exponents, y), *changes.entries()])
+        rows.append([*_exact.monomial_values(exponents, y), *changes.entries()])
         derivative = modular.derivative(y) * derivative
     reduced = modular.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
     starts = range(len(exponents), len(rows[0]), n)
@@ -236,9 +225,9 @@ def darboux_polynomials(
             image, c = map(x), exact_array("cofactor", C(x), (), exact=True).item()
             # With image = numerators / d, the equations times d**degree have integer coefficients.
             d = math.lcm(*(a.denominator for a in image))
-            before = d**degree * monomial_values(exponents, [int(a) for a in x])
-            after = monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
+            before = d**degree * _exact.monomial_values(exponents, [int(a) for a in x])
+            after = _exact.monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
             equations.append(list(c.denominator * after - c.numerator * before))
         if len(equations) == len(exponents) + _MORE:
-            return polynomials_with(null_space(flint.fmpz_mat(equations)), exponents)
+            return _exact.polynomials_with(_exact.null_space(flint.fmpz_mat(equations)), exponents)
     raise ArithmeticError("the map or the cofactor is undefined at most points")

@@ -72,19 +72,17 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     state = vectors("omega0", omega0, 2)
     if body.shape or state.ndim != 1:
         raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
-    I1, I2, I13, I23 = map(float, body.parameters[:4])
     extent = 1.5 * float(abs(state).max()) or 1.0
-    k = float(getattr(body, "k", 0.0))
-    Omega1, Omega2 = state.tolist()
-    numbers = Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent, k=k)
-    query = urlencode(numbers._asdict())
+    moments, k = body.parameters[:4], body.parameters[4:]
+    values = *moments, eps, *state.tolist(), steps, extent, 0, *k
+    query = urlencode(dict(zip(Parameters._fields, values, strict=False)))
     read(query)
     return query
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:
     body, eps, extent = PICTURES[number]
-    I1, I2, I13, I23 = map(float, body.parameters)
+    I1, I2, I13, I23 = body.parameters
     return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 

@@ -13,8 +13,11 @@ from mpmath import mpf
 import suslov_fast as sf
 
 # Loss of digits beyond those that a change of all inputs by one rounding costs.
-LOST, LOST_BY_DERIVATIVES = 1e5, 1e6
+LOST, LOST_BY_DERIVATIVES, LOST_BY_ENERGIES = 1e5, 1e6, 1e7
 DIGITS = 250
+# Powers of x1 and of x2 in the terms of a Hamiltonian.
+A, B = np.array([(a, b) for a in range(4) for b in range(4 - a) if a + b], dtype=object).T
+exactly = np.vectorize(mpf, otypes=[object])
 
 
 def numbers(rng, exponent, shape):
@@ -59,10 +62,8 @@ def field_problems(rng, D, size):
 
 
 def changed(rng, parameter):
-    """A parameter with a relative change of 2**-53 of each number."""
-    signs = rng.choice([-1, 1], np.shape(parameter))
-    change = np.vectorize(lambda v, s: mpf(float(v)) * (1 + s * mpf(2) ** -53), otypes=[object])
-    return change(parameter, signs)[()]
+    """A parameter with relative changes of up to 2**-53 of each number."""
+    return exactly(parameter) * (1 + mpf(2) ** -53 * rng.uniform(-1.0, 1.0, np.shape(parameter)))
 
 
 def norm(difference, weights):
@@ -82,7 +83,7 @@ def check(rng, results, problems, reference, weights, lost=LOST):
                 continue
             of = weights(*problem)
             size = norm(exact, of)
-            others = [reference(*(changed(rng, each) for each in problem)) for _ in range(2)]
+            others = [reference(*(changed(rng, each) for each in problem)) for _ in range(4)]
             change = max(norm(np.subtract(other, exact), of) for other in others)
             error = norm([mpf(v) - e for v, e in zip(result.ravel(), exact, strict=True)], of)
             if error > lost * (change + mpf(2) ** -53 * size):
@@ -92,48 +93,57 @@ def check(rng, results, problems, reference, weights, lost=LOST):
 
 
 def residual_nd(J, I, _, eps):
-    J, I, eps = naive.exactly(*J), naive.exactly(*I), mpf(eps)
-    return lambda x, y: naive.dsn(J, I, eps, x, y)
+    return lambda x, y: naive.dsn(J, I, mpf(eps), x, y)
 
 
-def residual_of_field(q, l, c, x, eps):
-    axes, eps = range(len(x)), mpf(eps)
-
-    def residual(x, y):
-        return [
-            y[i] - x[i] - eps * sum(mpf(q[i][j][k]) * x[j] * y[k] for j in axes for k in axes)
-            - eps * sum(mpf(l[i][j]) * (x[j] + y[j]) / 2 for j in axes)
-            - eps * mpf(c[i])
-            for i in axes
-        ]  # fmt: skip
-
-    return residual
+def residual_of_field(q, l, c, _, eps):
+    q, l, c, eps = map(exactly, (q, l, c, eps))
+    return lambda x, y: np.subtract(y, x) - eps * (q @ y @ x + l @ np.add(x, y) / 2 + c)
 
 
 def step(residual_of, *problem):
-    residual, x = residual_of(*problem), naive.exactly(*problem[-2])
+    residual, x = residual_of(*problem), exactly(problem[-2])
     return naive.solve_affine(lambda y: residual(x, y), len(x))
 
 
 def derivative(residual_of, *problem):
     """Derivative of the map from x to y with residual(x, y) = 0, affine in x and in y."""
-    residual, x, y = residual_of(*problem), naive.exactly(*problem[-2]), step(residual_of, *problem)
+    residual, x, y = residual_of(*problem), exactly(problem[-2]), step(residual_of, *problem)
     if y is None:
         return None
     columns = []
-    for j in range(len(x)):
-        of_x = residual([v + (i == j) for i, v in enumerate(x)], y)
-
-        def change(d, of_x=of_x):
-            of_y = residual(x, [v + w for v, w in zip(y, d, strict=True)])
-            return [v + w for v, w in zip(of_x, of_y, strict=True)]
-
-        columns.append(naive.solve_affine(change, len(x)))
+    for unit in np.eye(len(x), dtype=int):
+        by_x = np.array(residual(x + unit, y))
+        columns.append(naive.solve_affine(lambda d, v=by_x: v + residual(x, np.add(y, d)), len(x)))
     return None if None in columns else [v for row in zip(*columns, strict=True) for v in row]
+
+
+def reaction(J, I, x, eps):
+    """The matrix of the discrete equations, row by row."""
+    y = step(residual_nd, J, I, x, eps)
+    if y is None:
+        return None
+    matrix = naive.reaction_nd(J, I, exactly(x), y, naive.quotient(eps, x, y))
+    return [v for row in matrix for v in row]
+
+
+def energy_and_density(c, x, eps):
+    """H + (eps/3) grad H.d and 1 / det(1 - h f'), d = (1 - h f')**-1 f, f = (H_2, -H_1)."""
+    c, (x1, x2), h = exactly(c), exactly(x), mpf(eps) / 2
+    terms = c * x1**A * x2**B
+    H1, H2, H12 = terms @ A / x1, terms @ B / x2, terms @ (A * B) / (x1 * x2)
+    H11, H22 = terms @ (A * (A - 1)) / x1**2, terms @ (B * (B - 1)) / x2**2
+    det = 1 - h * h * (H12 * H12 - H11 * H22)
+    work = 2 * h * h * (2 * H12 * H1 * H2 - H22 * H1 * H1 - H11 * H2 * H2) / det
+    return sum(terms) + work / 3, 1 / det
 
 
 def of_energy(J, *_):
     return [mpmath.sqrt(mpf(v)) for v in J]
+
+
+def of_torque(J, *_):
+    return [mpmath.sqrt(mpf(a) * mpf(b)) / max(a, b) for a in J for b in J]
 
 
 @pytest.mark.parametrize("m", [2, 3, 5])
@@ -173,3 +183,29 @@ def test_derivatives_of_fields(rng, D):
     found = sf.jacobian(sf.QuadraticField(q, l, c), x, eps)
     reference = partial(derivative, residual_of_field)
     check(rng, found, problems, reference, lambda *_: [1] * D**2, LOST_BY_DERIVATIVES)
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
+@pytest.mark.parametrize("m", [3, 5])
+def test_reactions(rng, m):
+    J, I, omega, eps = problems = nd_problems(rng, m, 200)
+    check(rng, sf.reaction(sf.SuslovND(J, I), omega, eps), problems, reaction, of_torque)
+
+
+def test_hamiltonian_fields(rng):
+    problems, found = [], []
+    for _ in range(300):
+        spread = rng.choice([1, 3, 10, 30])
+        c, x = numbers(rng, spread, A.size), numbers(rng, spread, 2)
+        c[rng.random(A.size) < 0.5] = 0.0
+        terms = abs(c) * abs(x).max() ** (A + B - 2).astype(float) * (A + B > 1)
+        eps = numbers(rng, rng.choice([0.5, 8, 30]), 1)[0] / (terms.max() or 1.0)
+        terms = [*zip(c, A, B, strict=True)]
+        H = lambda v, terms=terms: sum(v[0] ** a * v[1] ** b * k for k, a, b in terms)  # noqa: E731
+        field = sf.QuadraticField.from_hamiltonian(H, 2)
+        problems.append((c, x, eps))
+        found.append((sf.modified_energy(field, x, eps), sf.invariant_density(field, x, eps)))
+    problems = [np.array(each) for each in zip(*problems, strict=True)]
+    for i, values in enumerate(np.array(found).T):
+        reference = lambda *problem, i=i: [energy_and_density(*problem)[i]]  # noqa: E731
+        check(rng, values, problems, reference, lambda *_: [1], LOST_BY_ENERGIES)

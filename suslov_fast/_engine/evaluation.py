@@ -101,7 +101,9 @@ def by_slabs(
     real_array("omega", omega, allow_nan=True)
     result = (body.dimension,) * axes
     out = np.empty((*batch, *result))
-    full, steps = np.broadcast_to(omega, (*batch, omega.shape[-1])), np.broadcast_to(eps, batch)
+    whole = (*batch, omega.shape[-1])
+    full = omega if omega.shape == whole else np.broadcast_to(omega, whole)
+    steps = np.broadcast_to(eps, batch)
     parameters = {
         name: np.broadcast_to(each, (*batch, *each.shape[each.ndim - body._axes(name) :]))
         for name, each in (body._arrays if body.shape else {}).items()

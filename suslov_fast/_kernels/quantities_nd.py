@@ -17,11 +17,13 @@ from .._formulas.coordinates import sum_of_products
 from .._formulas.elementary import scaled, two_to_the
 from .._formulas.nd_map import matrix_row, slope_of_itself
 from .._formulas.units import Units, leave
-from .._jit import Kernel, formula, inner, namespace, share
+from .._jit import Kernel, formula, inner, namespace, select, share
 from .units_nd import unit_of, unit_of_moments
 
 # Number of rows of `Problem`.
 ROWS = 10
+# A change in a step that differs from that of the states by more than this part of them is wrong.
+DIFFERENT = 2.0**-40
 
 # What a quantity provides: at_state(s, eps, unit, out), which fills `out` from a problem.
 quantity = namespace("quantity")
@@ -125,12 +127,18 @@ def fill_matrix(s, eps, out):
         out[i * (s.J.size + 1)] += 1.0
 
 
-@inner
+@formula
 def fill_reaction(s, eps, unit, out):
-    """Fill the antisymmetric matrix lambda_ij of equation (13), of terms of two dimensions."""
+    """Fill the antisymmetric matrix lambda_ij of equation (13), of terms of two dimensions.
+
+    The slope is more accurate than the difference of the states, unless a long step cancels it.
+    """
     find_slope(s)
     m = s.slope.size
     for i in range(m):
+        w, v = s.omega[i], s.following[i]
+        differs = abs(eps * s.slope[i] - (v - w)) > DIFFERENT * (abs(w) + abs(v))
+        s.slope[i] = select(differs, (v - w) / eps, s.slope[i])
         out[i * m + i] = 0.0 * s.slope[i]
         for j in range(i):
             driven = s.I[j] * s.slope[i] - s.I[i] * s.slope[j]

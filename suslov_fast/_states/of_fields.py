@@ -12,7 +12,11 @@ import numpy as np
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._engine.evaluation import SLAB, States, by_slabs
+from .decimals import modified_energy_and_density
 from .of_nd import jacobian_by, next_states
+
+# Results that may be this part of their terms, or less, are computed in decimals.
+LOST = 2.0**-26
 
 
 def _of_states(
@@ -23,6 +27,8 @@ def _of_states(
     with np.errstate(all="ignore"):
         found = by_slabs(function, axes, states, warn, most)
         unknown = np.isnan(states.omega).any(axis=-1)
+    if not unknown.any():
+        return found
     return np.where(np.reshape(unknown, (*unknown.shape, *(1,) * axes)), np.nan, found)[()]
 
 
@@ -69,16 +75,51 @@ def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
 
 def _modified_energy(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return H(x) + (eps/3) grad H(x).A(x)**-1 f(x)."""
-    work = _vector_field(body.gradient, x, None) * (next_states(body, x, eps) - x)
-    modified: FloatArray = _energy(body, x, None) + work.sum(axis=-1) / 3.0
-    return modified
+    gradient, following = _vector_field(body.gradient, x, None), next_states(body, x, eps)
+    energy: FloatArray = _energy(body, x, None)
+    energy = energy + (gradient * (following - x)).sum(axis=-1) / 3.0
+    bound = _square(gradient) * (_square(x) + _square(following))  # the same for all states
+    accurate = (LOST * np.sqrt(bound) <= abs(energy)) & (bound > 0.0)
+    if accurate.all():
+        return energy
+    doubtful = np.asarray(~accurate)
+    # The error of a next state is relative to its largest component.
+    some = np.maximum(abs(x[doubtful]), abs(following[doubtful])).max(axis=-1)
+    some *= abs(gradient[doubtful]).max(axis=-1)
+    doubtful[doubtful] = abs(np.asarray(energy)[doubtful]) < LOST * some
+    return _repaired(0, energy, doubtful, body, x, eps)
 
 
 def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return 1 / det A(x)."""
     assert body.hamiltonian
-    density: FloatArray = 1.0 / np.linalg.det(_matrix(body, x, eps))
-    return density
+    matrix = _matrix(body, x, eps)
+    density: FloatArray = 1.0 / np.linalg.det(matrix)
+    D, largest = body.dimension, max(matrix.max(initial=0.0), -matrix.min(initial=0.0))
+    if LOST * (D * largest) ** D * abs(density).max(initial=0.0) <= 1.0:
+        return density
+    density = np.asarray(density)
+    doubtful = np.asarray(abs(matrix).sum(axis=-1).prod(axis=-1) * abs(density) * LOST > 1.0)
+    if doubtful.any():  # where small changes of entries matter
+        some = matrix[doubtful]
+        some *= 1.0 + LOST**1.5 * np.cos(np.arange(D * D)).reshape(D, D)
+        doubtful[doubtful] = abs(np.linalg.det(some) * density[doubtful] - 1.0) > LOST
+    return _repaired(1, density, doubtful, body, x, eps)
+
+
+def _square(vectors: FloatArray) -> Any:
+    """Return the sum of the squares of all components; a library's would use its own threads."""
+    return np.einsum("i,i", vectors.ravel(), vectors.ravel())
+
+
+def _repaired(
+    quantity: int, found: FloatArray, doubtful: Any, body: Any, x: FloatArray, eps: FloatArray
+) -> FloatArray:
+    """Return a quantity whose doubtful values are replaced."""
+    found = np.asarray(found)
+    for index in map(tuple, np.argwhere(doubtful)):
+        found[index] = modified_energy_and_density(body, x[index], eps[index])[quantity]
+    return found
 
 
 _SLOPES = partial(_of_states, _slopes, 2)

@@ -97,7 +97,7 @@ def derivatives_of(
 
 
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    states = States(body, np.ascontiguousarray(omega), 0.0, omega.shape[:-1])
+    states = States(body, np.ascontiguousarray(omega), eps, omega.shape[:-1])
     return of_state_nd(kernels.reaction, 2, states, following=next_states(body, omega, eps))
 
 

@@ -6,62 +6,51 @@ eps     (B,), the step size
 
 from .._formulas.implicit import distance_to_pole, mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean
-from .._jit import formula, inner, kernel, share
+from .._jit import formula, kernel, share
 from .lanes import LANES
 from .turning_3d import enter_turns, turn_on, turns_block, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
 
 
-# Loops are inner functions: in a kernel, serial calls of functions that take arrays would count the
-# references of these.
-@inner
-def turn_block(block, omega, turning):
-    """Fill the orientations of a block."""
-    r, batch, first = turns_block(), omega.shape[1], block * LANES
-    width, states = min(LANES, batch - first), omega.reshape(omega.size)
-    enter_turns(turning, omega[0], first, width, width, r)
-    for n in range(len(turning[3])):
-        begin = (n + 1) * batch + first
-        turn_on(states[2 * begin : 2 * (begin + width)], r, width)
-        write_turns(turning, r, n, first, width)
-
-
 @kernel
 def reconstruct(part, parts, omega, eps, R0, quaternions, turns):
     """Fill the orientations after the first, with the arrays of `turning_3d`."""
-    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
-    for block in range(first, last):
-        turn_block(block, omega, (eps, R0, quaternions, turns))
-
-
-@inner
-def turn_some(task, omega, eps, turns, scratch):
-    """Fill the orientations for the trajectories of a task."""
-    batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
-    n, memory = m + 1, scratch[task]
-    columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
-    image, b = memory[3 * n], memory[3 * n + 1, :m]
-    for i in range(task * batch // tasks, (task + 1) * batch // tasks):
-        for r in range(n):
-            for c in range(n):
-                columns[c, r] = turns[0, i, r, c]
-        for k in range(1, len(turns)):
-            for j in range(m):
-                b[j] = mean(omega[k - 1, i, j], omega[k, i, j])
-            turn(columns, b, eps[i], image)
-            if k % CLEAN_EVERY == 0:
-                clean_up(columns, gram, cleaned)
-            for r in range(n):
-                for c in range(n):
-                    turns[k, i, r, c] = columns[c, r]
+    batch, states, r = omega.shape[1], omega.reshape(omega.size), turns_block()
+    turning = eps, R0, quaternions, turns
+    first_block, last_block = share((batch + LANES - 1) // LANES, part, parts)
+    for block in range(first_block, last_block):
+        first = block * LANES
+        width = min(LANES, batch - first)
+        enter_turns(turning, omega[0], first, width, width, r)
+        for n in range(len(turns)):
+            begin = (n + 1) * batch + first
+            turn_on(states[2 * begin : 2 * (begin + width)], r, width)
+            write_turns(turning, r, n, first, width)
 
 
 @kernel
 def reconstruct_nd(part, parts, omega, eps, turns, scratch):
     """Fill orientations (N + 1, B, n, n) after the first; scratch (tasks, 3 n + 2, n)."""
-    first, last = share(len(scratch), part, parts)
-    for task in range(first, last):
-        turn_some(task, omega, eps, turns, scratch)
+    batch, m, tasks = omega.shape[1], omega.shape[2], len(scratch)
+    n = m + 1
+    first_task, last_task = share(tasks, part, parts)
+    for task in range(first_task, last_task):
+        memory = scratch[task]
+        columns, gram, cleaned = memory[:n], memory[n : 2 * n], memory[2 * n : 3 * n]
+        image, b = memory[3 * n], memory[3 * n + 1, :m]
+        for i in range(task * batch // tasks, (task + 1) * batch // tasks):
+            for r in range(n):
+                for c in range(n):
+                    columns[c, r] = turns[0, i, r, c]
+            for k in range(1, len(turns)):
+                for j in range(m):
+                    b[j] = mean(omega[k - 1, i, j], omega[k, i, j])
+                turn(columns, b, eps[i], image)
+                if k % CLEAN_EVERY == 0:
+                    clean_up(columns, gram, cleaned)
+                for r in range(n):
+                    for c in range(n):
+                        turns[k, i, r, c] = columns[c, r]
 
 
 @formula
@@ -104,17 +93,6 @@ def follows(equations, row, omega, k, i):
     return not strays(left, step, size, distance)
 
 
-@inner
-def follow_block(block, equations, omega, stray):
-    """Fill the index of the first inconsistent state of each trajectory of a block."""
-    for i in range(block * LANES, min((block + 1) * LANES, omega.shape[1])):
-        row = min(i, len(equations[1]) - 1)
-        k, end = 0, len(omega) - 1
-        while k < end and follows(equations, row, omega, k, i):
-            k += 1
-        stray[i] = k + 1 if k < end else -1
-
-
 @kernel
 def follow(part, parts, root, h, I, rotor, omega, stray):
     """Find states that are not the image of the previous state.
@@ -124,6 +102,9 @@ def follow(part, parts, root, h, I, rotor, omega, stray):
     rotor    (B,) or (1,), the momentum of a rotor in the unit of I; 0 unless m = 2
     stray    (B,), the index of the first such state, or -1
     """
-    first, last = share((omega.shape[1] + LANES - 1) // LANES, part, parts)
-    for block in range(first, last):
-        follow_block(block, (root, h, I, rotor), omega, stray)
+    equations, (first, last) = (root, h, I, rotor), share(omega.shape[1], part, parts)
+    for i in range(first, last):
+        row, k, end = min(i, len(h) - 1), 0, len(omega) - 1
+        while k < end and follows(equations, row, omega, k, i):
+            k += 1
+        stray[i] = k + 1 if k < end else -1

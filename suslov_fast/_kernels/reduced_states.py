@@ -9,7 +9,7 @@ import numpy as np
 
 from .._formulas.coordinates import sum_of_products, two_sum
 from .._formulas.elementary import TO_INTEGER, exponent, larger, scaled, two_to_the
-from .._jit import formula, inner, kernel, select, share, two_product
+from .._jit import formula, inner, kernel, put, select, share, two_product
 from .units_nd import unit_of, unit_of_moments
 
 # The largest exponents of states, step sizes and ratios of J for which all numbers are far from the
@@ -84,37 +84,6 @@ def split(I, omega, k, own, across):
     return I23, omega1, scaled(norm * length / I23, power), length == 0.0, p
 
 
-@inner
-def reduce_one(J, I, eps, omega, three, state, along, across):
-    """Find the 3D problem of a trajectory, in units of its own.
-
-    Returns the unit of the moments, and True if the numbers of the problem are in range.
-    """
-    k, undefined, m = 0, 0.0, I.size
-    M, own = unit_of_moments(J), unit_of(omega, 0.0)
-    P = unit_of(I, M)
-    for i in range(m):
-        if abs(I[i]) > abs(I[k]):
-            k = i
-        undefined += 0.0 * omega[i]
-    step, unit = scaled(eps, own + P - M), two_to_the(-M)
-    of_k, of_others = J[k] * unit, J[0 if k > 0 else m - 1] * unit
-    for i in range(m):
-        along[i] = I[i] * two_to_the(-P)
-    I23, omega1, omega2, on_line, p = split(along, omega, k, own, across)
-    if I[k] == 0.0 or on_line or step == 0.0:  # a fixed state is `along` itself
-        I23, omega1, omega2 = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
-        for i in range(m):
-            along[i], across[i] = omega[i], 0.0
-    if undefined != 0.0:
-        I23, omega1, omega2 = 0.0, np.nan, np.nan
-    three[0], three[1], three[2], three[3], three[4] = of_k, of_others, 0.0, I23, step
-    state[0], state[1] = omega1, omega2
-    apart = abs(exponent(of_k) - exponent(of_others))
-    in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
-    return M, in_range and exponent(step) <= LONGEST
-
-
 @kernel
 def reduce(part, parts, parameters, omega, three, state, along, across, unit, fits):
     """Find the 3D problems of trajectories of solved bodies.
@@ -129,28 +98,44 @@ def reduce(part, parts, parameters, omega, three, state, along, across, unit, fi
     unit : (B,), the logarithms of the units of the moments
     fits : (B,), 1 if a trajectory is in the range of this reduction, else 0
     """
-    J, I, eps = parameters
-    first, last = share(len(omega), part, parts)
+    m, (first, last) = omega.shape[1], share(len(omega), part, parts)
     for b in range(first, last):
-        of_J, of_I, of_eps = b % len(J), b % len(I), b % len(eps)
-        unit[b], fits[b] = reduce_one(
-            J[of_J], I[of_I], eps[of_eps], omega[b], three[b], state[b], along[b], across[b]
-        )
-
-
-@inner
-def expand_row(states, along, across, out):
-    for b in range(along.shape[0]):
-        omega1, omega2 = states[b, 0], states[b, 1]
-        for i in range(along.shape[1]):
-            out[b, i] = along[b, i] * omega1 + across[b, i] * omega2
+        J, I = parameters[0][b % len(parameters[0])], parameters[1][b % len(parameters[1])]
+        eps = parameters[2][b % len(parameters[2])]
+        k, undefined = 0, 0.0
+        M, own = unit_of_moments(J), unit_of(omega[b], 0.0)
+        P = unit_of(I, M)
+        for i in range(m):
+            if abs(I[i]) > abs(I[k]):
+                k = i
+            undefined += 0.0 * omega[b, i]
+        for i in range(m):
+            along[b, i] = I[i] * two_to_the(-P)
+        of_k, of_others = J[k] * two_to_the(-M), J[0 if k > 0 else m - 1] * two_to_the(-M)
+        step = scaled(eps, own + P - M)
+        I23, omega1, omega2, on_line, p = split(along[b], omega[b], k, own, across[b])
+        if I[k] == 0.0 or on_line or step == 0.0:  # a fixed state is `along` itself
+            I23, omega1, omega2 = 0.0 if I[k] == 0.0 else p, 1.0, 0.0
+            for i in range(m):
+                along[b, i], across[b, i] = omega[b, i], 0.0
+        if undefined != 0.0:
+            I23, omega1, omega2 = 0.0, np.nan, np.nan
+        put(three[b], 0, (of_k, of_others, 0.0, I23, step))
+        put(state[b], 0, (omega1, omega2))
+        apart = abs(exponent(of_k) - exponent(of_others))
+        in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
+        unit[b], fits[b] = M, in_range and exponent(step) <= LONGEST
 
 
 @kernel
 def expand(part, parts, states, along, across, out, begin):
     """Fill states out (rows, B, m), from `begin` on, from 3D states (rows, lanes, 2)."""
-    lanes = states.shape[1]
+    lanes, m = states.shape[1], along.shape[1]
+    left, right = along[begin : begin + lanes], across[begin : begin + lanes]
     first, last = share(len(states), part, parts)
     for r in range(first, last):
         row = out[r, begin : begin + lanes]
-        expand_row(states[r], along[begin : begin + lanes], across[begin : begin + lanes], row)
+        for b in range(lanes):
+            omega1, omega2 = states[r, b, 0], states[r, b, 1]
+            for i in range(m):
+                row[b, i] = left[b, i] * omega1 + right[b, i] * omega2

@@ -6,7 +6,6 @@ import argparse
 import sys
 import threading
 import webbrowser
-from typing import Any
 
 from .._bodies.paper import PICTURES
 from .._runs.files import replacing
@@ -18,29 +17,20 @@ from .flags import CommandError
 from .problem import orientation_of, problem_of
 from .terminal import about, progress_bar, require_new
 
-# Files are reproducible, and text in them remains text.
-_SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "suslov_fast"}
-_DATES: dict[str, Any] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-
 
 def pictures(options: argparse.Namespace) -> str:
     """Draw the pictures of the paper, and return their names."""
-    with style(), about(options.output):
-        from matplotlib import rcParams
-
-        rcParams.update(_SETTINGS)
+    paths = [options.output / f"picture{number}.{options.format}" for number in PICTURES]
+    for path in paths:
+        require_new(path, options.force)
+    with about(options.output), progress_bar("drawing") as progress:
         options.output.mkdir(parents=True, exist_ok=True)
-        paths = {n: options.output / f"picture{n}.{options.format}" for n in PICTURES}
-        for path in paths.values():
-            require_new(path, options.force)
-        saving = {"format": options.format, "dpi": options.dpi, "metadata": _DATES[options.format]}
-        with progress_bar("drawing") as progress:
-            for k, (number, picture) in enumerate(PICTURES.items()):
-                progress(k, len(PICTURES))
-                with replacing(paths[number]) as new:
-                    letter = "abcd"[k] if options.letters else None
-                    plots.plot_phase(*picture, letter=letter).figure.savefig(new, **saving)
-    return "\n".join(map(str, paths.values()))
+        for k, (path, picture) in enumerate(zip(paths, PICTURES.values(), strict=True)):
+            progress(k, len(paths))
+            axes = plots.plot_phase(*picture, letter="abcd"[k] if options.letters else None)
+            with replacing(path) as new:
+                axes.figure.savefig(new, format=options.format, dpi=options.dpi)
+    return "\n".join(map(str, paths))
 
 
 def animate(options: argparse.Namespace) -> str:

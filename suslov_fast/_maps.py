@@ -47,21 +47,25 @@ class Map:
     name: str  # in files
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
-    methods: tuple[str, ...]  # values of the argument `method`; the first is the default
-    # The flat arrays for kernels, of (body, eps, batch).
-    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[FloatArray, ...]]
     run: Callable[[Problem, Span, Resume, Output], object]  # fills the output of a run
     kept: tuple[Kept, ...]  # what is needed to resume a run, in addition to `STATUSES`
     # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
     # kernels of the map.
     samples: tuple[tuple[Any, tuple[float, ...]], ...]
+    methods: tuple[str, ...] = ("auto",)  # values of the argument `method`, the default first
+    # The flat arrays for kernels, of (body, eps, batch).
+    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[Any, ...]] = for_loops
     # The functions of (body, omega, eps) whose drift the summary of a run of a body reports.
     conserved: Callable[[Any], tuple[str, ...]] = lambda body: ()
-    carries_attitude: bool = True  # runs can include the orientation
     # The name of a state in `Trajectories`, datasets, files and stores, and what it means.
     variable: str = "omega"
     meaning: str = "angular velocity"
     components: Callable[[Any], tuple[str, ...]] = attrgetter("_labels")  # labels of components
+
+    @property
+    def carries_attitude(self) -> bool:
+        """True if runs can include the orientation."""
+        return any(each.attitude for each in self.kept)
 
     @property
     def resume(self) -> tuple[Kept, ...]:
@@ -105,7 +109,6 @@ _RECORDS = (
         body=Suslov3D,
         title="Discrete Suslov problem",
         methods=("auto", "canonical", "ds2"),
-        parameters=for_loops,
         run=run_3d,
         kept=(Kept("state", ("flat", 2)), Kept("turn", ("flat", 4), attitude=True)),
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
@@ -116,7 +119,6 @@ _RECORDS = (
         body=SuslovND,
         title="Discrete Suslov problem in n dimensions",
         methods=("auto", "gauss", "rank2"),
-        parameters=for_loops,
         run=run_nd,
         kept=(
             Kept("state", ("flat", "component")),
@@ -133,12 +135,10 @@ _RECORDS = (
         name="suslov3d_full",
         body=Suslov3D,
         title="Suslov problem in three components",
-        methods=("auto",),
         parameters=_with_I3,
         run=partial(iterate, kernel=full, step=2.0),
         kept=(Kept("state", ("flat", 3)),),
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0, 0.5)),),
-        carries_attitude=False,
         components=lambda body: ("Omega1", "Omega2", "Omega3"),
     ),
     Map(
@@ -146,7 +146,6 @@ _RECORDS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         methods=("auto", "canonical"),
-        parameters=for_loops,
         run=partial(run_3d, by_steps=gyrostat_steps),
         kept=(Kept("state", ("flat", 4)), Kept("turn", ("flat", 4), attitude=True)),
         samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
@@ -156,14 +155,12 @@ _RECORDS = (
         name="quadratic",
         body=QuadraticField,
         title="Kahan map of a quadratic field",
-        methods=("auto",),
         parameters=_of_field,
         run=iterate_field,
         kept=(Kept("state", ("flat", "component")),),
         # x' = x**2, whose map has a pole at 1 / eps.
         samples=((QuadraticField([[[1]]]), (1.0,)),),
         conserved=lambda body: () if body.H is None else ("energy", "modified_energy"),
-        carries_attitude=False,
         variable="x",
         meaning="state",
     ),

@@ -11,7 +11,6 @@ import suslov_fast as sf
 from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
 from suslov_fast._engine import arguments
-from suslov_fast._engine.layout import for_loops
 from suslov_fast._maps import MAPS, Kept, Map, map_named, map_of
 
 
@@ -53,12 +52,9 @@ GROWTH = Map(
     name="growth",
     body=Growth,
     title="Growth",
-    methods=("auto",),
-    parameters=for_loops,
     run=grow,
     kept=(Kept("state", ("flat", "component")),),
     samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
-    carries_attitude=False,
     variable="x",
     meaning="size",
 )

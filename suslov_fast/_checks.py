@@ -115,7 +115,7 @@ def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value
-    _refuse_units(name, value)
+    refuse_units(name, value)
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -127,7 +127,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         return array
     if array.dtype.kind == "O":
         for item in array.flat:
-            _refuse_units(name, item)
+            refuse_units(name, item)
             if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
                 received = f"{_short(item)} of type {type(item).__name__}"
                 raise wrong(name, "real numbers", received, TypeError)
@@ -157,12 +157,12 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     return False
 
 
-def _refuse_units(name: str, value: Any) -> None:
+def refuse_units(name: str, value: Any) -> None:
     """Raise TypeError for tables, and for quantities with units, alone or in lists."""
     if isinstance(value, (list, tuple)):
         for each in value:
             if type(each) is not float and type(each) is not int:
-                _refuse_units(name, each)
+                refuse_units(name, each)
         return
     if type(value) in _PLAIN:
         return

@@ -132,6 +132,11 @@ def test_python_flint_is_not_needed():
     assert done.stdout == "(Fraction(-2, 1),)\n"
 
 
+class Milliseconds(float):
+    unit = "ms"
+
+
+TIMES = [[[Milliseconds(20)]]]
 HUGE, ONES = QuadraticField([[[F(10) ** 400]]]), np.ones(4)
 
 
@@ -143,6 +148,8 @@ def changed(field, **entries):
     ("call", "error", "message"),
     [
         (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, r"quadratic: .*D, D, D\).*2, 2"),
+        (lambda: QuadraticField(TIMES), TypeError, "quadratic: .* unit, got Milliseconds in ms"),
+        (lambda: QuadraticField(np.array(TIMES, object)), TypeError, "got Milliseconds in ms"),
         (lambda: QuadraticField([]), ValueError, r"quadratic: .*D, D, D\), got \(0,\)"),
         (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
         (lambda: QuadraticField([[[None]]]), TypeError, "quadratic: .*floats, got NoneType"),

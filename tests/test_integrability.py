@@ -267,7 +267,7 @@ class Quantity(float):
         (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, r"field: .*shape \(2,\)"),
         (lambda: kahan(BODY, 1), TypeError, "field: expected QuadraticField, got Suslov3D"),
         (lambda: kahan(CUBIC, None), TypeError, "eps: .*got NoneType"),
-        (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without units, got Quantity"),
+        (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without a unit, got Quantity"),
         (lambda: kahan(QuadraticField([[[0]]], [[2]]), 1)([1]), ZeroDivisionError, "no image"),
         (lambda: MAP([1]), ValueError, r"point: .*\(2,\), got \(1,\)"),
         (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),

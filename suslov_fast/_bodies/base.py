@@ -119,8 +119,8 @@ class Body:
     def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
         """Return a body with parameters of another, or parts of them, which are not checked."""
         self = object.__new__(cls)
-        vars(self).update(dict.fromkeys(cls._names()))
-        vars(self).update({name: _frozen(np.asarray(each)) for name, each in values.items()})
+        frozen = {name: _frozen(np.asarray(each)) for name, each in values.items()}
+        vars(self).update(dict.fromkeys(cls._names()) | frozen)
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:

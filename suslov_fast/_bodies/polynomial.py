@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import wrong
+from .._checks import refuse_units, wrong
 
 Monomial = tuple[int, ...]  # the indices of the variables, in ascending order: (0, 0, 2) is x1^2*x3
 _NUMBERS = Rational | float | np.integer | np.floating
@@ -29,8 +29,7 @@ def rational(name: str, value: Any, exact: bool = False) -> Fraction:
 
 def numbers(name: str, value: Any) -> NDArray[Any]:
     """Return an array of the numbers as they are: one of integers and floats is one of objects."""
-    if hasattr(value, "unit") or hasattr(value, "units"):
-        raise wrong(name, "numbers without units", type(value).__name__, TypeError)
+    refuse_units(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
@@ -41,6 +40,7 @@ def exact_array(name: str, value: Any, shape: Any, exact: bool = False) -> NDArr
         raise wrong(name, f"shape {shape}", given.shape)
     some = given.flat if given.dtype == object else given.ravel()[:1]
     for each in {type(each): each for each in some}.values():  # the types of zeros, too
+        refuse_units(name, each)
         rational(name, each, exact)
     array = np.full(shape, Fraction(0))
     for index in map(tuple, np.argwhere(given).tolist()):

@@ -32,16 +32,13 @@ class Stack(types.Type):
     """Floats on the stack: a pointer, which Numba compiles faster than the seven numbers of an
     array, and whose references it does not count.
 
-    Sizes are constant, and part of the type. That of the first axis is if indices are checked, and
-    else 0: fewer functions are compiled.
+    The sizes are part of the type; that of the first axis only if indices are checked, so that
+    fewer functions are compiled.
     """
 
     def __init__(self, sizes):
         self.sizes = sizes if config.BOUNDSCHECK else (0, *sizes[1:])
         super().__init__(f"stack{self.sizes}")
-
-    def takes(self, index):
-        return (len(index) if isinstance(index, types.BaseTuple) else 1) == len(self.sizes)
 
 
 @register_model(Stack)
@@ -83,8 +80,9 @@ def rows_of(typing, kind, lanes):
     return result(kind, lanes), emit
 
 
-def _place(context, builder, kind, value, index_kind, index):
-    """Return a pointer to a number on the stack, or of an array."""
+def _place(context, builder, kinds, values):
+    """Return a pointer to a number, from the types and the values of an array and an index."""
+    (kind, index_kind), (value, index) = kinds, values
     indices = [index]
     if isinstance(index_kind, types.BaseTuple):
         indices = [builder.extract_value(index, axis) for axis in range(len(index_kind))]
@@ -104,32 +102,24 @@ def _place(context, builder, kind, value, index_kind, index):
 
 
 @type_callable(operator.getitem)
-def _type_of_number(context):
-    def type_of(kind, index):
-        return types.float64 if isinstance(kind, Stack) and kind.takes(index) else None
-
-    return type_of
-
-
 @type_callable(operator.setitem)
-def _type_of_nothing(context):
-    def type_of(kind, index, number):
-        return types.void if isinstance(kind, Stack) and kind.takes(index) else None
+def _type_of_item(context):
+    def type_of(kind, index, number=None):
+        result = types.float64 if number is None else types.void
+        return result if isinstance(kind, Stack) else None
 
     return type_of
 
 
 @lower_builtin(operator.getitem, Stack, types.Any)
 def _get(context, builder, signature, arguments):
-    kind, index_kind = signature.args
-    return builder.load(_place(context, builder, kind, arguments[0], index_kind, arguments[1]))
+    return builder.load(_place(context, builder, signature.args, arguments))
 
 
 @lower_builtin(operator.setitem, Stack, types.Any, types.Any)
 def _set(context, builder, signature, arguments):
-    kind, index_kind, number_kind = signature.args
-    place = _place(context, builder, kind, arguments[0], index_kind, arguments[1])
-    builder.store(context.cast(builder, arguments[2], number_kind, types.float64), place)
+    number = context.cast(builder, arguments[2], signature.args[2], types.float64)
+    builder.store(number, _place(context, builder, signature.args[:2], arguments[:2]))
 
 
 def _numbers_of(kind):
@@ -142,7 +132,7 @@ def _numbers_of(kind):
 def _load(context, builder, kind, rows, index):
     """Return the number of a lane of a row, or the tuple of those of a NamedTuple."""
     if isinstance(kind, Stack):
-        return builder.load(_place(context, builder, kind, rows, types.intp, index))
+        return builder.load(_place(context, builder, (kind, types.intp), (rows, index)))
     numbers = [
         _load(context, builder, each, builder.extract_value(rows, k), index)
         for k, each in enumerate(kind)
@@ -167,10 +157,10 @@ def put(typing, rows, l, numbers):
         for k, kind in enumerate(kinds):
             number = value if kind is numbers else builder.extract_value(value, k)
             if isinstance(rows, types.BaseTuple):
-                row = builder.extract_value(where, k)
-                place = _place(context, builder, rows.dtype, row, types.intp, index)
+                row = builder.extract_value(where, k), index
+                place = _place(context, builder, (rows.dtype, types.intp), row)
             else:
-                first = _place(context, builder, rows, where, types.intp, index)
+                first = _place(context, builder, (rows, types.intp), (where, index))
                 place = builder.gep(first, [_WORD(k)], inbounds=True)
             builder.store(context.cast(builder, number, kind, types.float64), place)
         return context.get_dummy_value()
@@ -180,8 +170,7 @@ def put(typing, rows, l, numbers):
 
 def _line(context, builder, signature, arguments, k):
     """Return a pointer to a vector in argument k, whose indices follow it."""
-    kinds, values = signature.args[k : k + 2], arguments[k : k + 2]
-    number = _place(context, builder, kinds[0], values[0], kinds[1], values[1])
+    number = _place(context, builder, signature.args[k : k + 2], arguments[k : k + 2])
     return builder.bitcast(number, ir.VectorType(_DOUBLE, LINE).as_pointer())
 
 
@@ -212,11 +201,10 @@ def stream_line(typing, target, i, source, j):
 def expect_store(typing, target, i):
     def emit(context, builder, signature, arguments):
         if _PREFETCHES:
-            array = context.make_array(signature.args[0])(context, builder, arguments[0])
             byte, word = _BYTE.as_pointer(), ir.IntType(32)
             kind = ir.FunctionType(ir.VoidType(), (byte, word, word, word))
             prefetch = builder.module.declare_intrinsic("llvm.prefetch", (byte,), kind)
-            place = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
+            place = builder.bitcast(_place(context, builder, signature.args, arguments), byte)
             builder.call(prefetch, (place, word(1), word(3), word(1)))  # to write, keep, data
         return context.get_dummy_value()
 

@@ -1,12 +1,11 @@
-"""Orientations along given states, and the test that states are consecutive.
+"""Orientations along given states.
 
 omega   (N + 1, B, m), the states
 eps     (B,), the step size
 """
 
-from .._formulas.implicit import distance_to_pole, mismatch, rotor_term, strays, unit_of
 from .._formulas.rotation import mean
-from .._jit import formula, kernel, share
+from .._jit import kernel, share
 from .lanes import LANES
 from .turning_3d import enter_turns, turn_on, turns_block, write_turns
 from .turning_nd import CLEAN_EVERY, clean_up, turn
@@ -51,60 +50,3 @@ def reconstruct_nd(part, parts, omega, eps, turns, scratch):
                 for r in range(n):
                     for c in range(n):
                         turns[k, i, r, c] = columns[c, r]
-
-
-@formula
-def follows(equations, row, omega, k, i):
-    """Test by the implicit equations that state k + 1 of trajectory i is the image of state k."""
-    # Indices instead of slices, which would count references.
-    root, h, I, rotor = equations
-    m, largest = omega.shape[2], 0.0
-    for j in range(m):
-        largest = max(largest, max(abs(omega[k, i, j]), abs(omega[k + 1, i, j])))
-    unit = unit_of(largest)
-    p, p_next, product = 0.0, 0.0, 0.0
-    size_p, size_next, size_product = 0.0, 0.0, 0.0
-    for j in range(m):
-        w, v = omega[k, i, j] * unit, omega[k + 1, i, j] * unit
-        p += I[row, j] * w
-        p_next += I[row, j] * v
-        product += w * v
-        size_p += abs(I[row, j] * w)
-        size_next += abs(I[row, j] * v)
-        size_product += abs(w * v)
-    left, step, size, momentum = 0.0, 0.0, 0.0, rotor[row] * unit
-    for j in range(m):
-        w, v, driven, of_rotor = omega[k, i, j] * unit, omega[k + 1, i, j] * unit, 0.0, 0.0
-        if momentum != 0.0:
-            other, after = omega[k, i, 1 - j] * unit, omega[k + 1, i, 1 - j] * unit
-            driven = rotor_term(j, momentum, other, after)
-            of_rotor = abs(rotor_term(j, momentum, abs(other), abs(after)))
-        sums, sizes = (p, p_next, product, driven), (size_p, size_next, size_product, of_rotor)
-        difference, terms = mismatch(h[row, j] / unit, I[row, j], w, v, sums, sizes)
-        left += root[row, j] * abs(difference)
-        size += root[row, j] * terms
-        step += root[row, j] * abs(v - w)
-    distance = 1.0
-    if m == 2:
-        h1, h2, w1, w2 = h[row, 0], h[row, 1], omega[k, i, 0], omega[k, i, 1]
-        distance = distance_to_pole(
-            h1 / unit, h2 / unit, I[row, 0], I[row, 1], momentum, w1 * unit, w2 * unit
-        )
-    return not strays(left, step, size, distance)
-
-
-@kernel
-def follow(part, parts, root, h, I, rotor, omega, stray):
-    """Find states that are not the image of the previous state.
-
-    root     (B, m) or (1, m), the weights of the components: the roots of J
-    h, I     (B, m) or (1, m): eps / J, and I, which is of the order of 1
-    rotor    (B,) or (1,), the momentum of a rotor in the unit of I; 0 unless m = 2
-    stray    (B,), the index of the first such state, or -1
-    """
-    equations, (first, last) = (root, h, I, rotor), share(omega.shape[1], part, parts)
-    for i in range(first, last):
-        row, k, end = min(i, len(h) - 1), 0, len(omega) - 1
-        while k < end and follows(equations, row, omega, k, i):
-            k += 1
-        stray[i] = k + 1 if k < end else -1

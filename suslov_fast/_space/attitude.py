@@ -27,6 +27,7 @@ from .._engine.arguments import AnyBody
 from .._engine.evaluation import TASKS
 from .._engine.layout import flat_parameter, for_kernel
 from .._kernels import orientations as kernels
+from .._kernels.consecutive import follow
 from .._kernels.lanes import LANES
 
 # Costs of an element of the result, and of checking an element of the states, in steps of the map.
@@ -117,7 +118,7 @@ def _check_that_states_follow(
     """Raise ValueError if states (N + 1, B, D) are not consecutive states of the map."""
     stray, parameters = np.empty(omega.shape[1], np.int64), _implicit_parameters(body, eps, batch)
     work = omega.size * _CHECKING if stray.size > LANES else 0
-    _threads.run(kernels.follow, work, threads, *parameters, omega, stray)
+    _threads.run(follow, work, threads, *parameters, omega, stray)
     if stray.max(initial=-1) < 0:
         return
     where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""

@@ -1,4 +1,4 @@
-"""The closed form of the map and of the flow of the gyrostat, with k = 0 of the Suslov body.
+"""The closed form of the map and of the flow of the gyrostat; k = 0 is the Suslov body.
 
 With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
 e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k, the discrete equations are
@@ -12,8 +12,8 @@ For e < 0, -g stands in place of g, so that T >= 0. G**2 = T**2 - K**2 = L**2. T
 U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates; X and K
 are those of `coordinates.dimensionless` divided by sqrt(2). On the page of the gyrostat e, g, R, T,
 L, m and K are delta, chi, rho, delta L, delta nu, delta mu and delta k. The components of state n
-are quotients of quadratic forms in (p_n, q_n), and so in (c, s), other coordinates of that plane.
-There are three kinds of orbits that move:
+are quotients of quadratic forms in (p_n, q_n), or in other coordinates (c, s) of that plane, which
+are those of the kind of the orbit, if it moves:
 
 PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
              the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
@@ -22,9 +22,11 @@ PASSES_NEAR  The same near L = 0 or a pole, where w cancels. (1 + G)**n = c_n + 
 TURNS        K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
              b = arctan(m), which is known to twice the digits, and so is the phase n b.
 
-The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. For
-the flow, and for states so slow that the map follows it to rounding, terms of higher order in e are
-missing: `order` is 0 instead of 1.
+The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. The
+factor `order` of the terms of higher order in e is 1 for the map; it is 0 for the flow, and for
+states so slow that the map equals the flow to rounding.
+
+This module computes the constants of an orbit, and `closed_form_states` its states.
 """
 
 from collections import namedtuple
@@ -59,8 +61,8 @@ NO_POWER = -1e5
 SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
 # A flow is out of range if `time` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
-# Exponents of the unit of states up to this are part of the coefficients of an orbit. What is left
-# of a larger one would take these out of the range of float64, and multiplies the states last.
+# The `Forms` of an orbit include the unit of its states, 2**power, up to this exponent. The rest of
+# a larger one would take them out of the range of float64: `power_left` multiplies states last.
 PART_OF_COEFFICIENTS = 300.0
 # Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
 # PASSES cancel.
@@ -250,7 +252,7 @@ def logarithm_of_ratio(L, L_lost, r):
 def larger_sum(start, levels):
     """The larger in size of S - L Y and S + L Y, S = L**2 + K X, and True if that is the first.
 
-    The larger has not cancelled, and the smaller is X**2 T**2 (1 - L**2) over it.
+    Its terms do not cancel, and the smaller is X**2 T**2 (1 - L**2) divided by it.
     """
     S, LY = levels.root * levels.root + start.K * start.X, levels.root * abs(start.Y)
     return S + select(S < 0.0, -1.0, 1.0) * LY, (start.Y < 0.0) == (S >= 0.0)

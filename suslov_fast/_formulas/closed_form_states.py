@@ -60,7 +60,7 @@ def pair(n, steps, any_kind):
 
 @formula
 def growth(n, steps, any_kind):
-    """By what n steps multiply (c, s), see `combined`."""
+    """The pair that takes (c, s) n steps further by `combined`."""
     c, s = multiples(n, 1.0, 0.0, steps, any_kind)
     return c, select(steps.kind > PASSES, s, 0.0)
 
@@ -86,7 +86,7 @@ def multiples(n, v, power, steps, any_kind):
 @formula
 def combined(c, s, next_c, next_s, m_square):
     """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for PASSES_NEAR,
-    and that of the sum of the angles for TURNS.
+    and for TURNS that of the sum of the angles.
     """
     of_s = select(m_square > 0.0, next_c, 1.0)
     return c * next_c - m_square * (s * next_s), s * of_s + c * next_s

@@ -57,12 +57,6 @@ def length_of_products(I1, I2, I13, I23):
 
 
 @formula
-def is_subcritical(X, Y, K):
-    """Test that |e| A < 1, of the rounded numbers of `dimensionless`."""
-    return (1.0 - Y) * (1.0 + Y) > K * (0.5 * K - X)
-
-
-@formula
 def criticality(I1, I2, I13, I23, k, eps, omega1, omega2):
     """e A = e |g| |z| / sqrt(1 + e**2 l**2), e = eps / (2 sqrt(I1 I2)).
 
@@ -73,8 +67,9 @@ def criticality(I1, I2, I13, I23, k, eps, omega1, omega2):
     gz = length_of_products(I1, I2, I13, I23) * z
     T = 0.5 * abs(eps) * gz / np.sqrt((I1 * I2) * (1.0 + 0.5 * X * X))
     # Rounding must not move an orbit to the other regime.
+    subcritical = (1.0 - Y) * (1.0 + Y) > K * (0.5 * K - X)
     within, beyond = select(T < 1.0, T, BELOW_ONE), select(T > 1.0, T, 1.0)
-    T = select(T == T, select(is_subcritical(X, Y, K), within, beyond), T)
+    T = select(T == T, select(subcritical, within, beyond), T)
     return select(eps < 0.0, -T, T)
 
 

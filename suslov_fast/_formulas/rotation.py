@@ -1,8 +1,8 @@
 """Rotations: unit quaternions (w, x, y, z) in three dimensions, rows of matrices in n.
 
 A turn between two states is cay(S) = (Id - S/2)**-1 (Id + S/2), where S is eps times the matrix of
-their mean angular velocity. It is stored as (unit, b): b is the vector of S/2 in a unit in which 1
-is `unit`, which is 1, or 0 if 1 is negligible relative to b.
+their mean angular velocity. It is stored as (unit, b), with the vector b of S/2, and 1 as `unit`;
+if 1 is negligible relative to b, `unit` is 0, and b has any length.
 """
 
 import numpy as np

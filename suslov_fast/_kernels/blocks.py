@@ -16,7 +16,7 @@ cause(k, s)                       Return the status of a trajectory whose next s
 
 The first number of a state is NaN if there is none, and `show` then returns NaN. Blocks are tested
 for this, and take all steps by `guarded`, only if `enter` returns True for one of their lanes.
-Optional are, by default `advance` and no change,
+Optional, by default `advance`, and no change:
 
 guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
                                   else bit-identical to `advance`.
@@ -52,13 +52,6 @@ CHECK_EVERY = 256
 
 
 @formula
-def blocks_of(stretch, saved):
-    """Return how many blocks a call has, and by how much the first one is shorter."""
-    shift = shortening_of_first_block(lead_of(saved), saved.shape[1], saved.shape[2])
-    return (stretch[1] - stretch[0] + shift + LANES - 1) // LANES, shift
-
-
-@formula
 def unchanged(k, s):
     """`settle` of a map whose states do not become negligible."""
     return s
@@ -82,7 +75,8 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
     code_of = stack(LANES)
     saves, lead, stride = len(saved) > 0, lead_of(saved), map.D * saved.shape[1]
     flat, flat_final = saved.reshape(saved.size), final.reshape(final.size)
-    blocks, shift = blocks_of(stretch, saved)
+    shift = shortening_of_first_block(lead, saved.shape[1], map.D)
+    blocks = (end - begin + shift + LANES - 1) // LANES
     first_block, last_block = share(blocks, part, parts)
     for block in range(first_block, last_block):
         first = begin + max(block * LANES - shift, 0)

@@ -5,8 +5,8 @@ a time: few trajectories fill it with several rows. At equal steps (c, s) is com
 GROUP rows, and multiplied twice in between: a state depends only on its orbit and its index. Blocks
 of orbits, and the states that are not computed in this way, are those of `orbits`.
 
-An argument that is a constant at the call, as `any_kind`, makes two loops of one: if it is False,
-all orbits pass or rest, and the loop computes no sines.
+`any_kind` is False where all orbits pass or rest: loops then compute no sines. It is a constant in
+each call, so that the compiler makes two loops of one.
 
 Arguments of kernels, over a batch of B trajectories:
 
@@ -111,7 +111,8 @@ def not_negligible(v):
 def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
     """Fill the entries of the growth that blocks of `abreast` rows use."""
     for k in range(_ENTRIES):
-        if k % (min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)) != 0:
+        distance = min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)
+        if k % distance != 0:
             continue
         for l in range(used):
             offset, eights = lanes.offset[l], BASE * np.floor(lanes.offset[l] / BASE)
@@ -224,7 +225,7 @@ def fill_rows(
             entered = used
         any_kind, any_recomputed = enter(b, lanes, motion, used)
         any_recomputed |= write_ends(b, lanes, first, width, used, ends)
-        if any_kind:  # a call for each constant: the compiler makes a loop of each
+        if any_kind:
             enter_growth(b, lanes, growth, used, abreast, every, True)
         else:
             enter_growth(b, lanes, growth, used, abreast, every, False)

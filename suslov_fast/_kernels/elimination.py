@@ -39,8 +39,8 @@ def eliminate(matrix, ratio, beyond_1=None):
     matrix      (m, m + r, width): the coefficients, and r right sides, which become the solutions;
                 the diagonal becomes that of inverse pivots, and the other coefficients are lost.
                 width is a multiple of WIDTH up to WIDEST.
-    ratio       (width,), that of the least pivot to the largest one or 1, is filled: the matrices
-                are the identity and more
+    ratio       (width,), filled with the ratio of the least pivot to the largest, or to 1 if that
+                is larger: the matrices are sums of the identity and other terms
     beyond_1    None, or (m, width): the diagonal less 1, more accurate than the diagonal itself if
                 that is near 1; it becomes the pivots less 1, NaN if rows were exchanged
     """

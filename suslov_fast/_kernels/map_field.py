@@ -116,12 +116,6 @@ def build(c, b, begin):
 
 
 @formula
-def next_component(x, half):
-    """Return x plus an increment, given half of that with the other sign; -0.0 remains."""
-    return select(half == 0.0, x, x - 2.0 * half)
-
-
-@formula
 def add(c, b):
     """Fill the next states; return how many are not finite, or not accurate."""
     D, width = c.x.shape
@@ -129,9 +123,10 @@ def add(c, b):
         b.size[l], b.way[l] = 0.0, 0.0
     for i in range(D):
         for l in range(width):
-            c.after[i, l] = next_component(c.x[i, l], c.matrix[i, D, l])
+            x, half = c.x[i, l], c.matrix[i, D, l]  # minus half the increment
+            c.after[i, l] = select(half == 0.0, x, x - 2.0 * half)  # -0.0 remains
             b.size[l] += abs(c.after[i, l])
-            b.way[l] += abs(c.matrix[i, D, l])
+            b.way[l] += abs(half)
     failed = 0
     for l in range(width):
         failed += select(is_accurate(b.size[l], b.way[l], b.bound[l], b.ratio[l]), 0, 1)

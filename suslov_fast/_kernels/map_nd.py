@@ -276,8 +276,8 @@ def eliminate_lanes(c, b):
 def eliminate_lane(c, b, l):
     """Take the step in a lane by elimination with twice the digits.
 
-    The equations are J A omega_next = J omega, of whose data only the products eps I are rounded.
-    The unknowns are scaled to the same order in the norm of the energy.
+    The equations are J A omega_next = J omega, whose coefficients are exact sums of products if
+    eps I is. The unknowns are scaled to the same order in the norm of the energy.
     """
     matrix = c.matrices[c.task]
     m = len(matrix)

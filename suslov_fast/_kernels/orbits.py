@@ -23,10 +23,10 @@ LARGEST_EXPONENT = 1022.0
 Block = namedtuple("Block", "problem body start levels steps forms")
 # Numbers of each lane.
 #
-# place, offset    how many rows of the block precede its own in the output, and in time
+# place, offset    number of rows of the block before its own: in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   size from which on a state is computed again
-# power_left       exponent of the factor that multiplies states last
+# power_left       exponent of the factor that multiplies states last, see `closed_form`
 # fails            the first step without a state
 # c, s             the pair at the last multiple of BASE rows; `c_or_0` is 0 for negligible c**2
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups

@@ -1,8 +1,9 @@
 """Reduction of solved bodies from n to three dimensions.
 
-With J I = b I, J = a on the vectors orthogonal to I, and across = that part of omega, the 3D body
-I1 = b, I2 = a, I13 = 0 has x = |I| |across|, y = b I.omega if I23 Omega1 = I.omega and
-I23 Omega2 = |I| |across|.
+A solved body has J I = b I, and J = a on the vectors orthogonal to I. Its states stay in the plane
+of I and of `across`, the part of omega orthogonal to I: there it is the 3D body with I1 = b,
+I2 = a and I13 = 0 in the state I23 Omega1 = I.omega, I23 Omega2 = |I| |across|, whose coordinates
+are x = |I| |across| and y = b I.omega.
 """
 
 import numpy as np
@@ -17,14 +18,6 @@ from .units_nd import unit_of, unit_of_moments
 LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
 # The unit in the last place of numbers from 2 to 4.
 _LAST_PLACE = 2.0**-51
-
-
-@formula
-def sum_in_two(total, lost, v, w):
-    """Return total + lost + v w as the rounded sum and its rounding error."""
-    product, of_product = two_product(v, w)
-    total, of_sum = two_sum(total, product)
-    return total, lost + (of_product + of_sum)
 
 
 @formula
@@ -56,13 +49,16 @@ def as_product(p, lost):
 def split(I, omega, k, own, across):
     """Split a state in units of 2**own into parts along I and orthogonal to it; I_k is the largest.
 
-    The part along I replaces I. Returns I23 and the state of the 3D body.
+    The part along I replaces I. Returns I23 and the state of the 3D body, True if the other part is
+    0, and I.omega.
     """
     p, lost, square, total = 0.0, 0.0, 0.0, 0.0
     w_k = scaled(omega[k], -own)
     for i in range(I.size):
         w = scaled(omega[i], -own)
-        p, lost = sum_in_two(p, lost, I[i], w)
+        product, of_product = two_product(I[i], w)
+        p, of_sum = two_sum(p, product)
+        lost += of_product + of_sum
         # Accurate near the steady states, where all of these differences vanish.
         across[i] = sum_of_products(I[k], w, -I[i], w_k)
         square += I[i] * I[i]

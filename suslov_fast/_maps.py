@@ -18,7 +18,7 @@ from ._bodies.body_nd import SuslovND, are_solved
 from ._bodies.field import QuadraticField
 from ._checks import FloatArray, instance, one_of
 from ._docs import filled
-from ._engine.execution import Output, Problem, Resume, Span
+from ._engine.execution import Output, Problem, Span
 from ._engine.layout import flat_parameter, for_kernel, for_loops
 from ._engine.methods import gyrostat_steps, run_3d, run_nd
 from ._engine.stepping import iterate, iterate_field
@@ -47,7 +47,7 @@ class Map:
     name: str  # in files
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
-    run: Callable[[Problem, Span, Resume, Output], object]  # fills the output of a run
+    run: Callable[[Problem, Span, Output], object]  # fills the output of a run
     kept: tuple[Kept, ...]  # what is needed to resume a run, in addition to `STATUSES`
     # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
     # kernels of the map.

@@ -35,16 +35,17 @@ class Growth(Body):
         return "x1", "x2"
 
 
-def grow(problem, span, resume, output):
+def grow(problem, span, output):
     _, I, eps = problem.parameters
-    state = resume["state"] if span.start else problem.omega0
+    state = span.resume["state"] if span.start else problem.omega0
     for n in range(span.start, span.steps + 1):
         if n > span.start:
             state = state * (1.0 + I * eps)[:, np.newaxis]
         if len(output.saved) and n % span.every == 0 and (n > span.start or n == 0):
             output.saved[n // span.every - span.rows_before] = state
     failed = np.isnan(state).any(axis=-1)
-    output.status[:], output.failed_at[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK), 0
+    output.status[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK)
+    output.failed_at[failed] = 0
     output.final[:], output.resume["state"] = state, state
 
 

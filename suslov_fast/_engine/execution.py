@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -93,6 +92,7 @@ class Span(NamedTuple):
     every: int  # steps between saved states, more than `steps` if none are saved
     rows_before: int  # states saved before this span
     rows: int  # states saved in it, with state 0 if it starts there
+    resume: Resume  # `Output.resume` of the span up to state `start`, if that is not 0
 
     @property
     def saves_last(self) -> bool:
@@ -100,11 +100,14 @@ class Span(NamedTuple):
         return self.rows > 0 and self.steps % self.every == 0
 
 
-def span_of(start: int, steps: int, save_every: int | None) -> Span:
+def span_of(
+    steps: int, save_every: int | None, start: int = 0, resume: Resume | None = None
+) -> Span:
     if save_every is None:
-        return Span(start, steps, None, steps + 1, 0, 0)
+        return Span(start, steps, None, steps + 1, 0, 0, resume or {})
     before = start // save_every + 1 if start else 0
-    return Span(start, steps, save_every, save_every, before, steps // save_every + 1 - before)
+    rows = steps // save_every + 1 - before
+    return Span(start, steps, save_every, save_every, before, rows, resume or {})
 
 
 class Output(NamedTuple):
@@ -114,7 +117,7 @@ class Output(NamedTuple):
     turns: FloatArray | None  # (rows, B, n, n); without saved states a row for the last orientation
     final: FloatArray  # (B, D), the last state; NaN if it does not exist
     status: NDArray[np.int8]  # (B,)
-    failed_at: NDArray[np.int64]  # if the status is negative, the first state that does not exist
+    failed_at: NDArray[np.int64]  # the first state that does not exist, or -1
     resume: dict[str, NDArray[Any]]  # arrays from which the run can be continued
 
     def put(self, chosen: Indices, part: Output) -> None:
@@ -132,13 +135,7 @@ class Output(NamedTuple):
 
 
 # Fills the output of a problem; returns the indices of the trajectories that it cannot compute.
-Driver = Callable[[Problem, Span, Resume, Output], Indices]
-
-
-@lru_cache
-def _no_failures(size: int) -> NDArray[np.int64]:
-    """Return `failed_at` for no failures: -1, read-only, without memory per trajectory."""
-    return np.ndarray((size,), np.int64, b"\xff" * 8, 0, (0,))
+Driver = Callable[[Problem, Span, Output], Indices]
 
 
 def worst(status: NDArray[np.int8]) -> int:
@@ -164,19 +161,18 @@ def _empty_output(
     final: FloatArray | None = None,
 ) -> Output:
     """Return an output that no driver has filled."""
-    size = len(problem.omega0)
     if final is None:
         final = saved[-1] if span.saves_last else np.empty(problem.omega0.shape)
-    status = np.empty(size, np.int8)
+    status, failed_at = np.empty(problem.size, np.int8), np.empty(problem.size, np.int64)
     status.fill(codes.NOT_COMPUTED)
-    return Output(saved, turns, final, status, np.empty(size, np.int64), {})
+    failed_at.fill(-1)
+    return Output(saved, turns, final, status, failed_at, {})
 
 
 def in_turn(
     drivers: Sequence[Driver],
     problem: Problem,
     span: Span,
-    resume: Resume,
     output: Output,
     from_0: bool = False,
 ) -> None:
@@ -186,11 +182,11 @@ def in_turn(
     are not continued.
     """
     first, *others = drivers
-    left = first(problem, span, resume, output)
+    left = first(problem, span, output)
     if not left.size:
         return
     if from_0:
-        span, resume = span_of(0, span.steps, span.save_every), {}
+        span = span_of(span.steps, span.save_every)
     together = max(_COPIED // (problem.omega0.shape[1] * (span.rows + 1)), 1)
     for driver in others:
         computing, left = left, NONE
@@ -200,8 +196,8 @@ def in_turn(
             saved, turned = np.empty((span.rows, *chosen.omega0.shape)), chosen.orientation
             turns = None if turned is None else np.empty((span.rows or 1, *turned.shape))
             part = _empty_output(chosen, span, saved, turns)
-            known = {name: array[some] for name, array in resume.items()}
-            rest = driver(chosen, span, known, part)
+            resume = {name: array[some] for name, array in span.resume.items()}
+            rest = driver(chosen, span._replace(resume=resume), part)
             if from_0:
                 part.resume.clear()
             output.put(some, part)
@@ -212,11 +208,10 @@ def execute(
     problem: Problem,
     span: Span,
     progress: Progress = None,
-    resume: Resume | None = None,
     out: FloatArray | None = None,
     before: tuple[FloatArray, FloatArray | None] | None = None,
 ) -> Output:
-    """Compute a span from state 0 on, or go on from `resume`; return results in the batch shape.
+    """Compute a span; return results in the batch shape.
 
     Saved states are written to `out` if given; those saved earlier are copied from `before`.
     """
@@ -242,28 +237,22 @@ def execute(
             turns[:earlier] = before[1][:earlier]
     saved, final = (flat[earlier:], None) if span.save_every else (flat[:0], flat[0])
     output = _empty_output(problem, span, saved, flat_turns, final)
-    resume, run = resume or {}, problem.map.run
     if progress:
         with reporter(progress, span.steps - span.start) as report:
-            run(problem._replace(progress=report), span, resume, output)
+            problem.map.run(problem._replace(progress=report), span, output)
     else:  # a context and a second problem would take a tenth of a single step
-        run(problem, span, resume, output)
+        problem.map.run(problem, span, output)
 
-    _, _, final, status, failed_at, resumable = output
-    least = worst(status)
-    if least == codes.NOT_COMPUTED:
+    _, _, final, status, failed_at, resume = output
+    if worst(status) == codes.NOT_COMPUTED:
         raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
-    if least < 0:
-        failed_at[status >= 0] = -1
-    else:
-        failed_at = _no_failures(size)
-    if resumable:
-        resumable |= {"status": status, "failed_at": failed_at}
-    resumable["omega0"] = problem.omega0
+    if resume:
+        resume |= {"status": status, "failed_at": failed_at}
+    resume["omega0"] = problem.omega0
     if orientation is not None:
-        resumable["R0"] = orientation
+        resume["R0"] = orientation
     # The last state is that saved, also if a span of no steps follows.
     last_is_saved = rows > 0 and span.steps % span.every == 0
     final = states[-1] if last_is_saved else final.reshape(shape[1:])
     status, failed_at = status.reshape(batch), failed_at.reshape(batch)
-    return Output(states, turns, final, status, failed_at, resumable)
+    return Output(states, turns, final, status, failed_at, resume)

@@ -29,7 +29,6 @@ from .execution import (
     Indices,
     Output,
     Problem,
-    Resume,
     Span,
     in_turn,
     span_of,
@@ -54,18 +53,18 @@ by_elimination = partial(iterate_nd, kernel=blocks_nd.gauss, elimination=1.0 / 3
 
 
 def run_3d(
-    problem: Problem, span: Span, resume: Resume, output: Output, by_steps: Driver = canonical_steps
+    problem: Problem, span: Span, output: Output, by_steps: Driver = canonical_steps
 ) -> None:
     """Compute a run of a body in three dimensions."""
     if problem.method == "ds2":
         by_steps = printed_steps
     if _may_jump(problem, span) and not _is_short(span):
-        in_turn((closed_form, by_steps), problem, span, resume, output, from_0=True)
+        in_turn((closed_form, by_steps), problem, span, output, from_0=True)
     else:
-        by_steps(problem, span, resume, output)
+        by_steps(problem, span, output)
 
 
-def run_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> None:
+def run_nd(problem: Problem, span: Span, output: Output) -> None:
     """Compute a run in n dimensions; the choice for a trajectory does not depend on the others."""
     drivers: list[Driver] = [by_rank2, by_rank2_or_elimination]
     if problem.method == "gauss":
@@ -76,8 +75,8 @@ def run_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> None
         if is_short:
             # From step 0: the division of a run must not decide where the closed form is used,
             # which is more accurate next to a pole than elimination.
-            span, resume = span_of(0, span.steps, span.save_every), {}
-    in_turn(drivers, problem, span, resume, output)
+            span = span_of(span.steps, span.save_every)
+    in_turn(drivers, problem, span, output)
 
 
 def _may_jump(problem: Problem, span: Span) -> bool:
@@ -94,7 +93,7 @@ def _is_short(span: Span) -> bool:
     return span.save_every is None and span.steps < JUMP
 
 
-def closed_form(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
+def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     """Evaluate all states; return the orbits that must be iterated."""
     ends = output.status, output.failed_at, float(span.steps)
     parameters, missing = with_rotor(problem.parameters), none_missing()
@@ -117,7 +116,7 @@ def closed_form(problem: Problem, span: Span, resume: Resume, output: Output) ->
     return with_status(output.status, codes.NEEDS_STEPS)
 
 
-def closed_form_nd(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
+def closed_form_nd(problem: Problem, span: Span, output: Output) -> Indices:
     """Evaluate all states of solved bodies from those in three dimensions; return the others."""
     J, I, eps = problem.parameters
     size, m = problem.omega0.shape
@@ -125,7 +124,7 @@ def closed_form_nd(problem: Problem, span: Span, resume: Resume, output: Output)
         return np.arange(size)
     if m == 2:
         three = problem._replace(parameters=(*map(for_kernel, of_n_3(J, I)), eps))
-        in_turn((closed_form, canonical_steps), three, span, {}, output, from_0=True)
+        in_turn((closed_form, canonical_steps), three, span, output, from_0=True)
         left = NONE
     else:
         reduced = reduce(problem.parameters, problem.omega0, problem.threads)
@@ -163,12 +162,12 @@ def _expand(
         omega0=reduced.state[begin:end],
         parameters=tuple(for_kernel(each) for each in reduced.three[begin:end].T),
     )
-    part = span_of(start, steps, span.save_every)
+    part = span_of(steps, span.save_every, start)
     status, failed_at = output.status[begin:end], output.failed_at[begin:end]
     if part.saves_last:
         final = states[-1]
     found = Output(states, None, final, status, failed_at, {})
-    in_turn((closed_form, canonical_steps), three, part, {}, found, from_0=True)
+    in_turn((closed_form, canonical_steps), three, part, found, from_0=True)
     if len(states):
         reduced.expand(states, output.saved[row:stop], begin, problem.threads)
     if last:

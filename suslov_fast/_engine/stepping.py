@@ -19,7 +19,7 @@ from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from .._kernels.map_nd import LANES as LANES_ND
 from . import threads as _threads
-from .execution import NONE, Indices, Output, Problem, Resume, Span, with_status
+from .execution import NONE, Indices, Output, Problem, Span, with_status
 from .layout import alike
 from .memory import require
 
@@ -41,14 +41,14 @@ Stretch = tuple[int, int, int, int, int, int]
 
 
 def iterate(
-    problem: Problem, span: Span, resume: Resume, output: Output, kernel: Kernel, step: float = 1.0
+    problem: Problem, span: Span, output: Output, kernel: Kernel, step: float = 1.0
 ) -> Indices:
     """Iterate by a kernel of `map_kernel`; `step` is the cost of a step, in those of the 3D map."""
     shape = problem.size if problem.continued else 0, len(kernel.names["map"].State._fields)
-    (state,) = _carried(span, resume, output, state=np.empty(shape))
+    (state,) = _carried(span, output, state=np.empty(shape))
     turning = None
     if problem.orientation is not None:
-        (turn,) = _carried(span, resume, output, turn=np.tile(_NO_TURN, (problem.size, 1)))
+        (turn,) = _carried(span, output, turn=np.tile(_NO_TURN, (problem.size, 1)))
         turning = problem.parameters[-1], problem.orientation, turn, output.turns
     results = output.final, output.status, output.failed_at, state
     before = problem.parameters, problem.omega0
@@ -60,12 +60,7 @@ def iterate(
 
 
 def iterate_nd(
-    problem: Problem,
-    span: Span,
-    resume: Resume,
-    output: Output,
-    kernel: Kernel,
-    elimination: float = 0.0,
+    problem: Problem, span: Span, output: Output, kernel: Kernel, elimination: float = 0.0
 ) -> Indices:
     """Iterate the n-dimensional map; return the trajectories for which steps in O(n) do not do.
 
@@ -75,12 +70,10 @@ def iterate_nd(
     size, m = problem.omega0.shape
     step, eliminates = max(8.0 * m, elimination * m**3), elimination > 0.0
     tasks, lanes = _tasks_and_lanes(size, problem.threads, eliminates)
-    state, exponent = _carried(
-        span, resume, output, state=np.empty((size, m)), exponent=np.empty(size)
-    )
+    state, exponent = _carried(span, output, state=np.empty((size, m)), exponent=np.empty(size))
     turned, turning = problem.orientation, None
     if turned is not None:  # transposed, and rotated in place
-        (columns,) = _carried(span, resume, output, columns=turned.swapaxes(1, 2).copy())
+        (columns,) = _carried(span, output, columns=turned.swapaxes(1, 2).copy())
         scratch = np.empty((tasks, m, lanes)), np.empty((tasks, 2 * m + 4, m + 1))
         turning = problem.parameters[-1], columns, output.turns, *scratch
     results = output.final, output.status, output.failed_at, state, exponent
@@ -100,9 +93,9 @@ def iterate_nd(
     return with_status(output.status, NEEDS_ELIMINATION)
 
 
-def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) -> Indices:
+def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     size, D = problem.omega0.shape
-    (state,) = _carried(span, resume, output, state=np.empty((size, D)))
+    (state,) = _carried(span, output, state=np.empty((size, D)))
     results = output.final, output.status, output.failed_at, state
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
@@ -114,14 +107,14 @@ def iterate_field(problem: Problem, span: Span, resume: Resume, output: Output) 
     return NONE
 
 
-def _carried(span: Span, resume: Resume, output: Output, **starts: FloatArray) -> list[FloatArray]:
+def _carried(span: Span, output: Output, **starts: FloatArray) -> list[FloatArray]:
     """Return arrays that kernels carry from step to step, and the output keeps, by name.
 
     A resumed run continues with copies of its own, and from its own statuses.
     """
     if span.start:
-        output.status[:], output.failed_at[:] = resume["status"], resume["failed_at"]
-        starts = {name: resume[name].copy() for name in starts}
+        output.status[:], output.failed_at[:] = span.resume["status"], span.resume["failed_at"]
+        starts = {name: span.resume[name].copy() for name in starts}
     output.resume.update(starts)
     return list(starts.values())
 

@@ -107,9 +107,9 @@ def _pieces(
         if every is not None:  # the states of a piece fill one chunk at most
             row = start // every + 1 if start else 0
             stop = min(stop, max((row // job.rows + 1) * job.rows * every - every, start + 1))
-        span = span_of(start, stop, every)
+        span = span_of(stop, every, start, resume)
         begin = time.perf_counter()
-        output = execute(problem, span, resume=resume)
+        output = execute(problem, span)
         # With the closed form steps are free, and one piece soon contains them all.
         speed = (stop - start) / max(time.perf_counter() - begin, 1e-3)
         most, resume = int(speed * _DURATION), output.resume

@@ -121,7 +121,7 @@ def iterate(
     state, step_size, orientation = (*arrays, None)[:3]
     one_of("method", method, map.methods)
     problem = problem_of(map, body, batch, state, step_size, method, orientation, threads)
-    return finish(problem, 0, steps, save_every, on_singular, progress, out)
+    return finish(problem, steps, save_every, on_singular, progress, out)
 
 
 @filled
@@ -201,7 +201,7 @@ def iterate_full(
     array([ 0.1, -0.1,  0.1, -0.1])
     """
     problem = _problem(body, "omega0", omega0, eps, I3, threads)
-    return finish(problem, 0, steps, save_every, on_singular, progress, out)
+    return finish(problem, steps, save_every, on_singular, progress, out)
 
 
 def _problem(

@@ -18,7 +18,6 @@ from .._engine.arguments import BodyOrField
 from .._engine.execution import (
     Output,
     Problem,
-    Resume,
     execute,
     numbers_of_saved,
     problem_of,
@@ -88,7 +87,7 @@ class Trajectories:
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
-        The index of the first state that does not exist, or -1; read-only if nothing failed.
+        The index of the first state that does not exist, or -1.
     final : ndarray(float, shape=(..., D))
         The state after the last step, even if not saved; if saved, it may share memory with
         `states`.
@@ -169,17 +168,14 @@ class Trajectories:
                 "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
                 "of to_xarray does not hold the data needed to resume"
             )
-        resume = dict(self._resume)
-        omega0, R0 = resume.pop("omega0"), resume.pop("R0", None)
-        batch, before = self.status.shape, (self.states, self.attitude)
-        omega0 = omega0.reshape(self.final.shape)
+        batch, R0 = self.status.shape, self._resume.get("R0")
+        omega0 = self._resume["omega0"].reshape(self.final.shape)
         if R0 is not None:
             R0 = R0.reshape((*batch, *R0.shape[1:]))
         problem = problem_of(
             self._map, self.body, batch, omega0, self.eps, self.method, R0, threads
         )
-        span = self.steps, steps, self.save_every
-        return finish(problem, *span, on_singular, progress, None, resume, before)
+        return finish(problem, steps, self.save_every, on_singular, progress, earlier=self)
 
     @property
     def omega(self) -> FloatArray:
@@ -405,25 +401,26 @@ def _range(eps: float | FloatArray) -> str:
 
 def finish(
     problem: Problem,
-    start: int,
     steps: int,
     save_every: int | None,
     on_singular: OnSingular,
     progress: Progress,
     out: FloatArray | None = None,
-    resume: Resume | None = None,
-    before: tuple[FloatArray, FloatArray | None] | None = None,
+    earlier: Trajectories | None = None,
 ) -> Trajectories:
-    """Check the other arguments of `iterate`, compute the run, and warn."""
+    """Check the other arguments of `iterate`, compute the run, from `earlier` on, and warn."""
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     check_progress(progress)
-    span = span_of(start, start + steps, save_every)
+    span, before, since = span_of(steps, save_every), None, 0
+    if earlier is not None:
+        start, before = earlier.steps, (earlier.states, earlier.attitude)
+        span, since = span_of(start + steps, save_every, start, earlier._resume), start + 1
     if out is not None:
         out = checked_out(out, (span.rows or 1, *problem.batch, problem.omega0.shape[1]))
-    output = execute(problem, span, progress, resume, out, before)
+    output = execute(problem, span, progress, out, before)
     run = Trajectories(
         output.saved,
         problem.eps,
@@ -438,7 +435,6 @@ def finish(
         output.resume,
         _map=problem.map,
     )
-    since = 0 if before is None else start + 1
     if on_singular != "ignore" and (message := failures(output, since)):
         if on_singular == "raise":
             raise SingularStepError(message, run)
@@ -448,7 +444,7 @@ def finish(
 
 def one_step(problem: Problem) -> FloatArray:
     """Return the next states, and warn of those that do not exist."""
-    output = execute(problem, span_of(0, 1, None))
+    output = execute(problem, span_of(1, None))
     # Failures at step 0 are NaN in the input, which are not reported.
     if message := failures(output, 1):
         warn(message, SingularStepWarning)

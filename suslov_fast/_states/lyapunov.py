@@ -109,11 +109,11 @@ def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
     """Yield all states (..., D) of a run in parts; the first state of a part is the last before."""
     size = max(problem.omega0.size * problem.omega0.shape[1], 1)
     length = max(_SLAB // size, 1)
-    found = execute(problem, span_of(0, min(length, steps), 1))
+    found = execute(problem, span_of(min(length, steps), 1))
     yield found.saved
     for start in range(length, steps, length):
-        span, last = span_of(start, min(start + length, steps), 1), found.saved[-1:]
-        found = execute(problem, span, resume=found.resume)
+        last = found.saved[-1:]
+        found = execute(problem, span_of(min(start + length, steps), 1, start, found.resume))
         yield np.concatenate([last, found.saved])
 
 

@@ -103,7 +103,7 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
     problem = problem_of(map_of(body), body, omega.shape[:-1], omega, eps, continued=False)
-    return execute(problem, span_of(0, 1, None)).final
+    return execute(problem, span_of(1, None)).final
 
 
 _SLOPES = partial(of_state_nd, kernels.slopes, 2)

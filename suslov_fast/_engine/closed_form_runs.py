@@ -44,19 +44,46 @@ class Orbits(NamedTuple):
     omega: FloatArray
     flow: bool
     ends: Ends
+    missing: FloatArray  # numbers of missing states so far, a row for each thread
     threads: int | None
+
+    def run(
+        self,
+        kernel: Kernel,
+        sign: float,
+        which: tuple[Any, Any],
+        lanes: Range,
+        work: int,
+        out: FloatArray,
+    ) -> None:
+        """Call a kernel for some trajectories; `work` is that of one after it is entered."""
+        parameters, omega, flow, ends, missing, threads = self
+        work = (lanes[1] - lanes[0]) * (_ENTERING + work)
+        before = (sign, flow), parameters, omega, *which
+        _threads.run(kernel, work, threads, *before, lanes, out, ends, missing)
+
+
+def orbits_of(
+    parameters: tuple[FloatArray, ...],
+    omega: FloatArray,
+    flow: bool,
+    threads: int | None,
+    ends: Ends = _NO_ENDS,
+) -> Orbits:
+    missing = np.zeros((numba.config.NUMBA_NUM_THREADS, 3))
+    return Orbits(with_rotor(parameters), omega, flow, ends, missing, threads)
 
 
 class Rows(NamedTuple):
     """States at equal steps: sign (first + every i) for begin <= i < end, first and every >= 0."""
 
-    sign: float
-    first: float
     every: float
     begin: int
     end: int
     origin: int  # row i is written to row origin + direction i of the result
-    direction: int
+    direction: int = 1
+    first: float = 0.0
+    sign: float = 1.0
 
 
 def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Range, Range]]:
@@ -89,27 +116,22 @@ def states_at(
 ) -> tuple[FloatArray, FloatArray]:
     """Return states at times () or (N,), and the numbers missing at steps, between, and beyond."""
     parameters, omega = for_loops(body, eps, batch), flat_arrays(state, batch)
-    orbits = Orbits(with_rotor(parameters), omega, flow, _NO_ENDS, threads)
+    orbits = orbits_of(parameters, omega, flow, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
-    states, missing = np.empty((moments.size, len(omega), 2)), none_missing()
+    states = np.empty((moments.size, len(omega), 2))
     if runs := rows_of(moments, flow):
         for rows in runs:
-            fill_rows(orbits, rows, states, missing)
+            fill_rows(orbits, rows, states)
     else:
         for sign, some, places in _by_sign(moments):
-            fill_states(orbits, sign, some, places, states, missing)
-    return states.reshape(shape), missing.sum(axis=0)
+            fill_states(orbits, sign, some, places, states)
+    return states.reshape(shape), orbits.missing.sum(axis=0)
 
 
 def with_rotor(parameters: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
     """Return parameters with k, 0 for a body without a rotor."""
     return (*parameters[:4], *(parameters[4:-1] or (NO_ROTOR,)), parameters[-1])
-
-
-def none_missing() -> FloatArray:
-    """Return the numbers of missing states before a calculation, a row for each thread."""
-    return np.zeros((numba.config.NUMBA_NUM_THREADS, 3))
 
 
 def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
@@ -123,44 +145,20 @@ def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[n
 
 
 def fill_states(
-    orbits: Orbits,
-    sign: float,
-    times: FloatArray,
-    to: NDArray[np.intp],
-    out: FloatArray,
-    missing: FloatArray,
+    orbits: Orbits, sign: float, times: FloatArray, to: NDArray[np.intp], out: FloatArray
 ) -> None:
     """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
     for lanes, (begin, end) in slices(len(orbits.omega), times.size):
         which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
-        _call(kernels.fill_states, orbits, sign, which, lanes, work, out, missing)
+        orbits.run(kernels.fill_states, sign, which, lanes, work, out)
 
 
-def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray, missing: FloatArray) -> None:
+def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
     low = rows.begin // kernels.GROUP * kernels.GROUP
     for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
         numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
-        which = (rows.first, rows.every), numbers
-        work = (end - begin) * _ROW
-        _call(kernels.fill_rows, orbits, rows.sign, which, lanes, work, out, missing)
-
-
-def _call(
-    kernel: Kernel,
-    orbits: Orbits,
-    sign: float,
-    which: tuple[Any, Any],
-    lanes: Range,
-    work: int,
-    out: FloatArray,
-    missing: FloatArray,
-) -> None:
-    parameters, omega, flow, ends, threads = orbits
-    work = (lanes[1] - lanes[0]) * (_ENTERING + work)
-    motion = sign, flow
-    _threads.run(
-        kernel, work, threads, motion, parameters, omega, *which, lanes, out, ends, missing
-    )
+        which, work = ((rows.first, rows.every), numbers), (end - begin) * _ROW
+        orbits.run(kernels.fill_rows, rows.sign, which, lanes, work, out)
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
@@ -184,17 +182,15 @@ def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
         return []
     negative = int(np.searchsorted(times, 0.0))
     found = []
-    for sign, outward, origin in (
-        (-1, -times[:negative][::-1], negative - 1),
-        (1, times[negative:], negative),
-    ):
+    for sign, outward in ((-1, -times[:negative][::-1]), (1, times[negative:])):
         if outward.size:
             expected = outward[0] + every * np.arange(outward.size)
             if (abs(outward - expected) > outward * (2.0**-52 if flow else 0.0)).any():
                 return []
             nearest = float(outward[0])
             skipped = 0 if flow or not every.is_integer() else int(nearest // every)
+            origin = (negative if sign > 0 else negative - 1) - sign * skipped
             first, end = nearest - skipped * every, skipped + outward.size
-            place = origin - sign * skipped
-            found.append(Rows(float(sign), first, every, skipped, end, place, sign))
+            rows = Rows(every, skipped, end, origin, direction=sign, first=first, sign=float(sign))
+            found.append(rows)
     return found

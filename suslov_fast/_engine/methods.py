@@ -22,7 +22,7 @@ import numpy as np
 
 from .._bodies.body_nd import is_solved
 from .._kernels import blocks, blocks_nd, codes
-from .closed_form_runs import Orbits, Rows, fill_rows, fill_states, none_missing, slices, with_rotor
+from .closed_form_runs import Rows, fill_rows, fill_states, orbits_of, slices
 from .execution import (
     NONE,
     Driver,
@@ -95,24 +95,15 @@ def _is_short(span: Span) -> bool:
 
 def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     """Evaluate all states; return the orbits that must be iterated."""
-    ends = output.status, output.failed_at, float(span.steps)
-    parameters, missing = with_rotor(problem.parameters), none_missing()
-    orbits = Orbits(parameters, problem.omega0, False, ends, problem.threads)
-    if len(output.saved):
-        first = span.rows_before
-        rows = Rows(
-            sign=1.0,
-            first=0.0,
-            every=float(span.every),
-            begin=first,
-            end=first + len(output.saved),
-            origin=-first,
-            direction=1,
-        )
-        fill_rows(orbits, rows, output.saved, missing)
+    last = float(span.steps)
+    ends = output.status, output.failed_at, last
+    orbits = orbits_of(problem.parameters, problem.omega0, False, problem.threads, ends)
+    if span.rows:
+        first, every = span.rows_before, float(span.every)
+        fill_rows(orbits, Rows(every, first, first + span.rows, -first), output.saved)
     if not span.saves_last:
-        last = output.final[np.newaxis]
-        fill_states(orbits, 1.0, np.array([float(span.steps)]), np.zeros(1, np.intp), last, missing)
+        to = np.zeros(1, np.intp)
+        fill_states(orbits, 1.0, np.array([last]), to, output.final[np.newaxis])
     return with_status(output.status, codes.NEEDS_STEPS)
 
 

@@ -170,11 +170,7 @@ def _empty_output(
 
 
 def in_turn(
-    drivers: Sequence[Driver],
-    problem: Problem,
-    span: Span,
-    output: Output,
-    from_0: bool = False,
+    drivers: Sequence[Driver], problem: Problem, span: Span, output: Output, from_0: bool = False
 ) -> None:
     """Let each driver compute the trajectories that those before it left.
 

@@ -23,17 +23,7 @@ import numpy as np
 from .._bodies.body_nd import is_solved
 from .._kernels import blocks, blocks_nd, codes
 from .closed_form_runs import Rows, fill_rows, fill_states, orbits_of, slices
-from .execution import (
-    NONE,
-    Driver,
-    Indices,
-    Output,
-    Problem,
-    Span,
-    in_turn,
-    span_of,
-    with_status,
-)
+from .execution import NONE, Driver, Indices, Output, Problem, Span, in_turn, span_of, with_status
 from .layout import for_kernel
 from .reduced_runs import Reduced, of_n_3, reduce
 from .stepping import iterate, iterate_nd

@@ -120,6 +120,28 @@ class Output(NamedTuple):
     failed_at: NDArray[np.int64]  # the first state that does not exist, or -1
     resume: dict[str, NDArray[Any]]  # arrays from which the run can be continued
 
+    @classmethod
+    def empty(
+        cls, problem: Problem, span: Span, states: FloatArray, turns: FloatArray | None
+    ) -> Output:
+        """Return an output that is not filled; without saved states, `states` is the last."""
+        is_last = span.save_every is None or span.saves_last
+        final = states[-1] if is_last else np.empty(problem.omega0.shape)
+        status, failed_at = np.empty(problem.size, np.int8), np.empty(problem.size, np.int64)
+        status.fill(codes.NOT_COMPUTED)
+        failed_at.fill(-1)
+        return cls(states[: span.rows], turns, final, status, failed_at, {})
+
+    @property
+    def worst(self) -> int:
+        """The least status, negative if a trajectory failed; at most 0."""
+        status = self.status
+        return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
+
+    def with_status(self, code: int) -> Indices:
+        """Return the trajectories with this status, the least of all that occur."""
+        return np.flatnonzero(self.status == code) if self.worst == code else NONE
+
     def put(self, chosen: Indices, part: Output) -> None:
         """Take over the results of some trajectories, of their last rows if they have more."""
         for whole, rows in ((self.saved, part.saved), (self.turns, part.turns)):
@@ -138,35 +160,9 @@ class Output(NamedTuple):
 Driver = Callable[[Problem, Span, Output], Indices]
 
 
-def worst(status: NDArray[np.int8]) -> int:
-    """Return the least status, negative if a trajectory failed; at most 0."""
-    return min(status.item(), 0) if status.size == 1 else int(status.min(initial=0))
-
-
-def with_status(status: NDArray[np.int8], code: int) -> Indices:
-    """Return the trajectories whose status is this code, the least of all codes that occur."""
-    return np.flatnonzero(status == code) if worst(status) == code else NONE
-
-
 def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
     """Return the indices of all saved states."""
     return np.array([steps]) if save_every is None else np.arange(0, steps + 1, save_every)
-
-
-def _empty_output(
-    problem: Problem,
-    span: Span,
-    saved: FloatArray,
-    turns: FloatArray | None,
-    final: FloatArray | None = None,
-) -> Output:
-    """Return an output that no driver has filled."""
-    if final is None:
-        final = saved[-1] if span.saves_last else np.empty(problem.omega0.shape)
-    status, failed_at = np.empty(problem.size, np.int8), np.empty(problem.size, np.int64)
-    status.fill(codes.NOT_COMPUTED)
-    failed_at.fill(-1)
-    return Output(saved, turns, final, status, failed_at, {})
 
 
 def in_turn(
@@ -188,10 +184,10 @@ def in_turn(
         computing, left = left, NONE
         for begin in range(0, computing.size, together):
             some = computing[begin : begin + together]
-            chosen = problem.take(some)
-            saved, turned = np.empty((span.rows, *chosen.omega0.shape)), chosen.orientation
-            turns = None if turned is None else np.empty((span.rows or 1, *turned.shape))
-            part = _empty_output(chosen, span, saved, turns)
+            chosen, rows = problem.take(some), span.rows or 1
+            turned = chosen.orientation
+            turns = None if turned is None else np.empty((rows, *turned.shape))
+            part = Output.empty(chosen, span, np.empty((rows, *chosen.omega0.shape)), turns)
             resume = {name: array[some] for name, array in span.resume.items()}
             rest = driver(chosen, span._replace(resume=resume), part)
             if from_0:
@@ -223,7 +219,7 @@ def execute(
     if span.steps > EXACT:  # numbers of steps are floats in the closed form
         raise wrong("steps", "at most 2**53", span.steps)
     states = np.empty(shape) if out is None else out
-    flat, turns, flat_turns = states.reshape(rows, size, D), None, None
+    flat, turns, flat_turns = states.reshape(rows, size, D)[earlier:], None, None
     if orientation is not None:
         turns = np.empty((rows, *batch, D + 1, D + 1))
         flat_turns = turns.reshape(rows, size, D + 1, D + 1)[earlier:]
@@ -231,8 +227,7 @@ def execute(
         states[:earlier] = before[0][:earlier]
         if turns is not None and before[1] is not None:
             turns[:earlier] = before[1][:earlier]
-    saved, final = (flat[earlier:], None) if span.save_every else (flat[:0], flat[0])
-    output = _empty_output(problem, span, saved, flat_turns, final)
+    output = Output.empty(problem, span, flat, flat_turns)
     if progress:
         with reporter(progress, span.steps - span.start) as report:
             problem.map.run(problem._replace(progress=report), span, output)
@@ -240,7 +235,7 @@ def execute(
         problem.map.run(problem, span, output)
 
     _, _, final, status, failed_at, resume = output
-    if worst(status) == codes.NOT_COMPUTED:
+    if output.worst == codes.NOT_COMPUTED:
         raise RuntimeError("internal error: a kernel skipped trajectories; please report this")
     if resume:
         resume |= {"status": status, "failed_at": failed_at}

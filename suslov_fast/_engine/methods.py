@@ -23,7 +23,7 @@ import numpy as np
 from .._bodies.body_nd import is_solved
 from .._kernels import blocks, blocks_nd, codes
 from .closed_form_runs import Rows, fill_rows, fill_states, orbits_of, slices
-from .execution import NONE, Driver, Indices, Output, Problem, Span, in_turn, span_of, with_status
+from .execution import NONE, Driver, Indices, Output, Problem, Span, in_turn, span_of
 from .layout import for_kernel
 from .reduced_runs import Reduced, of_n_3, reduce
 from .stepping import iterate, iterate_nd
@@ -94,7 +94,7 @@ def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     if not span.saves_last:
         to = np.zeros(1, np.intp)
         fill_states(orbits, 1.0, np.array([last]), to, output.final[np.newaxis])
-    return with_status(output.status, codes.NEEDS_STEPS)
+    return output.with_status(codes.NEEDS_STEPS)
 
 
 def closed_form_nd(problem: Problem, span: Span, output: Output) -> Indices:
@@ -137,19 +137,17 @@ def _expand(
     last = stop == len(output.saved)
     start = (span.rows_before + row - 1) * span.every if row else span.start
     steps = span.steps if last else (span.rows_before + stop - 1) * span.every
-    states, final = np.empty((stop - row, end - begin, 2)), np.empty((end - begin, 2))
     three = problem._replace(
         batch=(end - begin,),
         omega0=reduced.state[begin:end],
         parameters=tuple(for_kernel(each) for each in reduced.three[begin:end].T),
     )
     part = span_of(steps, span.save_every, start)
+    found = Output.empty(three, part, np.empty((part.rows or 1, end - begin, 2)), None)
     status, failed_at = output.status[begin:end], output.failed_at[begin:end]
-    if part.saves_last:
-        final = states[-1]
-    found = Output(states, None, final, status, failed_at, {})
+    found = found._replace(status=status, failed_at=failed_at)
     in_turn((closed_form, canonical_steps), three, part, found, from_0=True)
-    if len(states):
-        reduced.expand(states, output.saved[row:stop], begin, problem.threads)
+    reduced.expand(found.saved, output.saved[row:stop], begin, problem.threads)
     if last:
-        reduced.expand(final[np.newaxis], output.final[np.newaxis], begin, problem.threads)
+        final = found.final[np.newaxis], output.final[np.newaxis]
+        reduced.expand(*final, begin, problem.threads)

@@ -19,7 +19,7 @@ from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from .._kernels.map_nd import LANES as LANES_ND
 from . import threads as _threads
-from .execution import NONE, Indices, Output, Problem, Span, with_status
+from .execution import NONE, Indices, Output, Problem, Span
 from .layout import alike
 from .memory import require
 
@@ -90,7 +90,7 @@ def iterate_nd(
         _threads.run(kernel, work, problem.threads, before, stretch, *after)
     if output.turns is not None and len(output.turns) and not span.rows:
         output.turns[-1] = columns.swapaxes(1, 2)
-    return with_status(output.status, NEEDS_ELIMINATION)
+    return output.with_status(NEEDS_ELIMINATION)
 
 
 def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:

@@ -15,15 +15,7 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
 from .._engine.arguments import BodyOrField
-from .._engine.execution import (
-    Output,
-    Problem,
-    execute,
-    numbers_of_saved,
-    problem_of,
-    span_of,
-    worst,
-)
+from .._engine.execution import Output, Problem, execute, numbers_of_saved, problem_of, span_of
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
@@ -226,7 +218,7 @@ class Trajectories:
     @property
     def ok(self) -> bool:
         """True if every trajectory finished."""
-        return worst(self.status) >= 0
+        return bool((self.status >= 0).all())
 
     first_integral = _quantity("conserved", "first_integral")
     energy = _quantity("conserved", "energy", with_eps=False)
@@ -453,7 +445,7 @@ def one_step(problem: Problem) -> FloatArray:
 
 def failures(output: Output, since: int) -> str:
     """Return a count of the trajectories that failed at step `since` or later, "" if none did."""
-    if worst(output.status) >= 0:
+    if output.worst >= 0:
         return ""
     failed, parts = output.failed_at >= since, []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):

@@ -61,6 +61,11 @@ def of_batch(
     return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 
+def in_3d(body: SuslovND) -> Suslov3D:
+    """Return the 3D body of a body with n = 3."""
+    return Suslov3D(*of_n_3(body.J, body.I))
+
+
 def of_n_3(J: FloatArray, I: FloatArray) -> tuple[FloatArray, ...]:
     """Return I1, I2, I13, I23 of the 3D body equivalent to a body with n = 3."""
     return J[..., 0], J[..., 1], -I[..., 1], I[..., 0]

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_3d import Suslov3D
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
@@ -178,7 +177,7 @@ def _solve(
     if isinstance(body, SuslovND):
         check_solved(body, name)
         if body.dimension == 2:
-            body = Suslov3D(*reduced_runs.of_n_3(body.J, body.I))
+            body = reduced_runs.in_3d(body)
     if not isinstance(body, SuslovND):
         return states_at(body, state, step, batch, times, flow, threads)
     reduced = reduced_runs.of_batch(body, state, step, batch, threads)

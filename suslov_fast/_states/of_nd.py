@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from .._bodies.body_3d import Suslov3D
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray
 from .._engine import reduced_runs
@@ -24,24 +23,18 @@ from .._maps import map_of
 from .twofold_derivatives import are_doubtful, improve
 
 
-def _of_solved(name: str, function: Callable[..., FloatArray], states: States) -> FloatArray:
-    """Return a quantity of solved bodies; `name` is that of the public function."""
+def _of_solved(
+    name: str, kernel: Kernel, function: Callable[..., FloatArray], states: States
+) -> FloatArray:
+    """Return a quantity of solved bodies, by the kernel for three dimensions if n = 3."""
     check_solved(states.body, name)
+    if states.body.dimension == 2:
+        return of_state(kernel, (), states._replace(body=reduced_runs.in_3d(states.body)))
     return by_slabs(function, 0, states)
-
-
-def _of_three(kernel: Kernel, body: Suslov3D, state: FloatArray, eps: FloatArray) -> FloatArray:
-    return of_state(kernel, (), States(body, state, eps, state.shape[:-1], threads=1))
-
-
-def _of_n_3(kernel: Kernel, body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    return _of_three(kernel, Suslov3D(*reduced_runs.of_n_3(body.J, body.I)), omega, eps)
 
 
 def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     """Return F = 2 E / (4 a b + eps**2 x**2)."""
-    if body.dimension == 2:
-        return _of_n_3(kernels_3d.first_integral, body, omega, eps)
     batch = omega.shape[:-1]
     _, power = np.frexp(abs(omega).max(axis=-1, keepdims=True))
     scaled = States(body, np.ldexp(omega, -power), 0.0, batch, threads=1)
@@ -57,11 +50,10 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
 
 
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    if body.dimension == 2:
-        return _of_n_3(kernels_3d.criticality, body, omega, eps)
     reduced = reduced_runs.of_batch(body, omega, eps, omega.shape[:-1], 1)
-    t = _of_three(kernels_3d.criticality, reduced.body, reduced.state, reduced.three[:, 4])
-    return t.reshape(omega.shape[:-1])
+    state, size = reduced.state, reduced.state.shape[:-1]
+    three = States(reduced.body, state, reduced.three[:, 4], size, threads=1)
+    return of_state(kernels_3d.criticality, (), three).reshape(omega.shape[:-1])
 
 
 def jacobian_by(
@@ -109,9 +101,11 @@ def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
 _SLOPES = partial(of_state_nd, kernels.slopes, 2)
 QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "energy": partial(of_state_nd, kernels.energy, 0),
-    "first_integral": partial(_of_solved, "first_integral", _first_integral),
+    "first_integral": partial(
+        _of_solved, "first_integral", kernels_3d.first_integral, _first_integral
+    ),
     "modified_energy": partial(of_state_nd, kernels.modified_energy, 0),
-    "criticality": partial(_of_solved, "criticality", _criticality),
+    "criticality": partial(_of_solved, "criticality", kernels_3d.criticality, _criticality),
     "vector_field": partial(of_state_nd, kernels.vector_field, 1),
     "reaction": partial(of_state_nd, kernels.reaction, 2),
     "discrete_reaction": partial(by_slabs, _discrete_reaction, 2, warn=True),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
-from .._checks import aligned, common_shape, instance, real_number, rotations, states, wrong
+from .._checks import FloatArray, aligned, common_shape, instance, real_number, rotations, wrong
+from .._checks import states as checked_states
+from .threads import thread_count
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -19,6 +21,17 @@ WithoutRotor = Suslov3D | SuslovND
 
 # Names of arguments that are numbers.
 _NUMBERS = "eps", "c"
+
+
+class States(NamedTuple):
+    """States of a body, checked."""
+
+    body: Any
+    omega: FloatArray  # (..., D)
+    eps: float | FloatArray  # 0 if there is no step size
+    batch: tuple[int, ...]  # to which all broadcast
+    threads: int | None = None
+    name: str = "omega"  # of the argument that holds the states
 
 
 def refuse_rotor(body: object, function: str, instead: str) -> None:
@@ -67,7 +80,21 @@ def check(
             array = rotations(name, value, body.dimension + 1)
             shapes[name] = array.shape[:-2]
         else:
-            array = states(name, value, labels, later)
+            array = checked_states(name, value, labels, later)
             shapes[name] = array.shape[:-1]
         arrays.append(array)
     return arrays, common_shape(shapes)
+
+
+def states_of(
+    body: BodyOrField,
+    kinds: Any,
+    arguments: dict[str, ArrayLike],
+    threads: int | None,
+    components: tuple[str, ...] | None = None,
+    later: bool = False,
+) -> States:
+    """Check the arguments of a public function, the states first, and `threads`; as `check`."""
+    arrays, batch = check(body, kinds, arguments, components, later)
+    omega, eps = arrays if len(arrays) > 1 else (*arrays, 0.0)
+    return States(body, omega, eps, batch, thread_count(threads), next(iter(arguments)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,6 +15,7 @@ from .._kernels import quantities_3d as kernels
 from .._kernels.lanes import LANES
 from .._kernels.quantities_nd import ROWS
 from . import threads as _threads
+from .arguments import States
 from .closed_form_runs import with_rotor
 from .layout import flat_body, flat_parameter, for_kernel
 from .status import SingularStepWarning
@@ -35,17 +36,6 @@ Index = tuple[Any, ...]
 # Arguments of a call of a kernel: the index of the first state; parameters, the last of them eps;
 # states (count, D); and the period of the bodies. A parameter is (1, ...) or (period, ...).
 _Part = tuple[int, tuple[FloatArray, ...], FloatArray, int]
-
-
-class States(NamedTuple):
-    """Checked arguments of a quantity."""
-
-    body: Any
-    omega: FloatArray  # (..., D)
-    eps: float | FloatArray  # 0 for a quantity without a step size
-    batch: tuple[int, ...]  # to which all broadcast
-    threads: int | None = None
-    name: str = "omega"  # of the argument that holds the states
 
 
 def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArray:

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
-from .arguments import BodyOrField
+from .arguments import BodyOrField, States
 from .layout import flat_arrays
 from .memory import require
 from .progress import Progress, reporter
-from .threads import thread_count
 
 if TYPE_CHECKING:
     from .._maps import Map
@@ -62,22 +61,18 @@ class Problem(NamedTuple):
 
 def problem_of(
     map: Map,
-    body: BodyOrField,
-    batch: tuple[int, ...],
-    omega0: FloatArray,
-    eps: float | FloatArray,
+    states: States,
     method: str = "auto",
     orientation: FloatArray | None = None,
-    threads: int | None = None,
     continued: bool = True,
 ) -> Problem:
-    """Return the problem of checked arguments; if it may be continued, with copies of them."""
+    """Return the problem of states at step 0; if it may be continued, with copies of all."""
+    body, omega0, eps, batch, threads, _ = states
     omega0, parameters = flat_arrays(omega0, batch), map.parameters(body, eps, batch)
     if orientation is not None:
         orientation = flat_arrays(orientation, batch, 2).copy()
     if continued:
         omega0, eps = omega0.copy(), eps if type(eps) is float else np.array(eps)
-    threads = thread_count(threads)
     return Problem(
         map, body, batch, omega0, eps, parameters, method, orientation, threads, continued
     )
@@ -110,6 +105,9 @@ def span_of(
     return Span(start, steps, save_every, save_every, before, rows, resume or {})
 
 
+ONE_STEP = span_of(1, None)
+
+
 class Output(NamedTuple):
     """The results of a span, flat for drivers, and in the shape of the batch for users."""
 
@@ -126,8 +124,8 @@ class Output(NamedTuple):
     ) -> Output:
         """Return an output that is not filled; without saved states, `states` is the last."""
         is_last = span.save_every is None or span.saves_last
-        final = states[-1] if is_last else np.empty(problem.omega0.shape)
-        status, failed_at = np.empty(problem.size, np.int8), np.empty(problem.size, np.int64)
+        final, size = states[-1] if is_last else np.empty(problem.omega0.shape), problem.size
+        status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
         status.fill(codes.NOT_COMPUTED)
         failed_at.fill(-1)
         return cls(states[: span.rows], turns, final, status, failed_at, {})
@@ -219,12 +217,12 @@ def execute(
     if span.steps > EXACT:  # numbers of steps are floats in the closed form
         raise wrong("steps", "at most 2**53", span.steps)
     states = np.empty(shape) if out is None else out
-    flat, turns, flat_turns = states.reshape(rows, size, D)[earlier:], None, None
+    flat, turns, flat_turns = states.reshape(rows, size, D), None, None
     if orientation is not None:
         turns = np.empty((rows, *batch, D + 1, D + 1))
         flat_turns = turns.reshape(rows, size, D + 1, D + 1)[earlier:]
     if before is not None:
-        states[:earlier] = before[0][:earlier]
+        states[:earlier], flat = before[0][:earlier], flat[earlier:]
         if turns is not None and before[1] is not None:
             turns[:earlier] = before[1][:earlier]
     output = Output.empty(problem, span, flat, flat_turns)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._bodies.body_3d import Suslov3D
-from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray
 from .._kernels import reduced_states
 from . import threads as _threads
+from .arguments import States
 from .layout import flat_arrays, for_kernel, for_loops
 
 # Cost of the reduction of a trajectory, in steps of the 3D map.
@@ -28,10 +28,10 @@ class Reduced(NamedTuple):
     unit: FloatArray
     fits: NDArray[np.bool_]
 
-    @property
-    def body(self) -> Suslov3D:
-        """The 3D bodies."""
-        return Suslov3D(*self.three.T[:4])
+    def states(self, threads: int | None) -> States:
+        """Return the states of the 3D bodies."""
+        body, size = Suslov3D(*self.three.T[:4]), self.state.shape[:1]
+        return States(body, self.state, self.three[:, 4], size, threads)
 
     def expand(self, states: FloatArray, out: FloatArray, begin: int, threads: int | None) -> None:
         """Convert 3D states (rows, b, 2) to `out` (rows, B, m), from trajectory `begin` on."""
@@ -51,19 +51,14 @@ def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int |
     return reduced
 
 
-def of_batch(
-    body: SuslovND,
-    omega: FloatArray,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
-    threads: int | None,
-) -> Reduced:
+def reduced_of(states: States) -> Reduced:
+    body, omega, eps, batch, threads, _ = states
     return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 
-def in_3d(body: SuslovND) -> Suslov3D:
-    """Return the 3D body of a body with n = 3."""
-    return Suslov3D(*of_n_3(body.J, body.I))
+def in_3d(states: States) -> States:
+    """Return the states of the 3D body of a body with n = 3."""
+    return states._replace(body=Suslov3D(*of_n_3(states.body.J, states.body.I)))
 
 
 def of_n_3(J: FloatArray, I: FloatArray) -> tuple[FloatArray, ...]:

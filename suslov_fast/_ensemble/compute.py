@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, instance
+from .._engine.arguments import States
 from .._engine.execution import Output, Span, execute, problem_of, span_of
 from .._engine.progress import Progress, reporter
 from .job import Job, step_work
@@ -95,9 +96,8 @@ def _pieces(
     shape, D, every = job.shape(tile), job.body.dimension, job.every
     start, resume, reduced = _left(job, tile, arrays)
     omega0 = np.where(np.isnan(starts).any(axis=-1, keepdims=True), np.nan, starts)
-    problem = problem_of(
-        job.map, job.body, shape, omega0, job.eps, job.method, job.orientation, threads
-    )
+    states = States(job.body, omega0, job.eps, shape, threads)
+    problem = problem_of(job.map, states, job.method, job.orientation)
     omega0 = problem.omega0.reshape(*shape, D)
     known = reductions_of(job.map)
     most = int(_FIRST / (math.prod(shape) * step_work(D)))

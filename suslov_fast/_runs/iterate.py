@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, check, orientations_of, refuse_rotor
+from .._engine.arguments import BodyOrField, States, check, orientations_of, refuse_rotor, states_of
 from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
+from .._engine.threads import thread_count
 from .._maps import map_named, map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step
 
@@ -44,10 +45,8 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    (state, step_size), batch = check(body, (), {"omega": omega, "eps": eps})
-    return one_step(
-        problem_of(map, body, batch, state, step_size, threads=threads, continued=False)
-    )
+    states = states_of(body, (), {"omega": omega, "eps": eps}, threads)
+    return one_step(problem_of(map, states, continued=False))
 
 
 @filled
@@ -120,7 +119,8 @@ def iterate(
     arrays, batch = check(body, (), arguments)
     state, step_size, orientation = (*arrays, None)[:3]
     one_of("method", method, map.methods)
-    problem = problem_of(map, body, batch, state, step_size, method, orientation, threads)
+    states = States(body, state, step_size, batch, thread_count(threads))
+    problem = problem_of(map, states, method, orientation)
     return finish(problem, steps, save_every, on_singular, progress, out)
 
 
@@ -219,6 +219,5 @@ def _problem(
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     map = map_named("suslov3d_full")
-    components = map.components(body)
-    (state, step_size), batch = check(body, (), {name: omega, "eps": eps}, components)
-    return problem_of(map, body, batch, state, step_size, threads=threads)
+    arguments = {name: omega, "eps": eps}
+    return problem_of(map, states_of(body, (), arguments, threads, map.components(body)))

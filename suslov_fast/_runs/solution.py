@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
-from .._engine import reduced_runs
-from .._engine.arguments import AnyBody, check
+from .._engine.arguments import AnyBody, states_of
 from .._engine.closed_form_runs import states_at
+from .._engine.reduced_runs import in_3d, reduced_of
 from .._engine.status import SingularStepWarning
-from .._engine.threads import thread_count
 
 _BEYOND = "the state or an intermediate result exceeds the range of float64"
 
@@ -172,22 +171,19 @@ def _solve(
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
-    flow, threads = name == "flow", thread_count(threads)
-    (state, step), batch = check(body, AnyBody, {"omega0": omega0, "eps": eps})
-    if isinstance(body, SuslovND):
-        check_solved(body, name)
-        if body.dimension == 2:
-            body = reduced_runs.in_3d(body)
+    flow, start = name == "flow", states_of(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
     if not isinstance(body, SuslovND):
-        return states_at(body, state, step, batch, times, flow, threads)
-    reduced = reduced_runs.of_batch(body, state, step, batch, threads)
-    step, size = reduced.three[:, 4], (len(reduced.state),)
-    of_three, missing = states_at(reduced.body, reduced.state, step, size, times, flow, threads)
-    states = np.empty((*times.shape, *batch, body.dimension))
-    flat = states.reshape((times.size, *size, body.dimension))
-    reduced.expand(of_three.reshape((times.size, *size, 2)), flat, 0, threads)
+        return states_at(start, times, flow)
+    check_solved(body, name)
+    if body.dimension == 2:
+        return states_at(in_3d(start), times, flow)
+    reduced = reduced_of(start)
+    in_three, missing = states_at(reduced.states(start.threads), times, flow)
+    states = np.empty((*times.shape, *start.batch, body.dimension))
+    flat = states.reshape((times.size, -1, body.dimension))
+    reduced.expand(in_three.reshape((times.size, -1, 2)), flat, 0, start.threads)
     # At time 0 the state is a copy of the input.
-    states[times == 0.0] = state
+    states[times == 0.0] = start.omega
     return states, missing
 
 

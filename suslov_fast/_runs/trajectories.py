@@ -14,11 +14,20 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
-from .._engine.arguments import BodyOrField
-from .._engine.execution import Output, Problem, execute, numbers_of_saved, problem_of, span_of
+from .._engine.arguments import BodyOrField, States
+from .._engine.execution import (
+    ONE_STEP,
+    Output,
+    Problem,
+    execute,
+    numbers_of_saved,
+    problem_of,
+    span_of,
+)
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
+from .._engine.threads import thread_count
 from .._maps import Map, map_of
 
 if TYPE_CHECKING:
@@ -164,9 +173,8 @@ class Trajectories:
         omega0 = self._resume["omega0"].reshape(self.final.shape)
         if R0 is not None:
             R0 = R0.reshape((*batch, *R0.shape[1:]))
-        problem = problem_of(
-            self._map, self.body, batch, omega0, self.eps, self.method, R0, threads
-        )
+        states = States(self.body, omega0, self.eps, batch, thread_count(threads))
+        problem = problem_of(self._map, states, self.method, R0)
         return finish(problem, steps, self.save_every, on_singular, progress, earlier=self)
 
     @property
@@ -436,7 +444,7 @@ def finish(
 
 def one_step(problem: Problem) -> FloatArray:
     """Return the next states, and warn of those that do not exist."""
-    output = execute(problem, span_of(1, None))
+    output = execute(problem, ONE_STEP)
     # Failures at step 0 are NaN in the input, which are not reported.
     if message := failures(output, 1):
         warn(message, SingularStepWarning)

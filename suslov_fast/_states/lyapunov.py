@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from .._checks import FloatArray, first_index, integer, spell, warn
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import BodyIn3D, BodyOrField, check
-from .._engine.evaluation import TASKS, States
+from .._engine.arguments import BodyIn3D, BodyOrField, States, states_of
+from .._engine.evaluation import TASKS
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._engine.status import SingularStepWarning
 from .._jit import LINE
@@ -65,11 +65,10 @@ def lyapunov_exponents(
     array([ 0.    , -0.0805])
     """
     map = map_of(body)
-    (state, step_size), batch = check(body, (), {"omega0": omega0, "eps": eps})
-    steps = integer("steps", steps, 1)
-    problem = problem_of(map, body, batch, state, step_size, threads=threads)
-    if 0 in batch:
-        return np.empty((*batch, body.dimension))
+    states = states_of(body, (), {"omega0": omega0, "eps": eps}, threads)
+    steps, problem = integer("steps", steps, 1), problem_of(map, states)
+    if 0 in states.batch:
+        return np.empty((*states.batch, body.dimension))
     with np.errstate(all="ignore"):
         lengths, of_det = _sums(problem, steps, body.dimension - 1)
         lost = (lengths[..., :-1] == -np.inf).any(axis=-1, keepdims=True)
@@ -79,7 +78,7 @@ def lyapunov_exponents(
             lengths = np.where(lost, _sums(problem, steps, body.dimension)[0], lengths)
     lengths[np.isnan(lengths).any(axis=-1)] = np.nan
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
-    failed = np.isnan(result).any(axis=-1) & ~np.isnan(state).any(axis=-1)
+    failed = np.isnan(result).any(axis=-1) & ~np.isnan(states.omega).any(axis=-1)
     if failed.any():
         warn(
             f"{np.count_nonzero(failed)} of {failed.size} trajectories: singular or non-finite "
@@ -97,7 +96,8 @@ def _sums(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, Float
     carried = np.zeros((size, D + 2, D))
     carried[:, :D], carried[:, D] = np.eye(D), 1.0
     for omega in _slabs(problem, steps):
-        derivatives, logarithms, invariant = log_det(body, omega, eps, invariant, threads)
+        states = States(body, omega, eps, omega.shape[:-1], threads)
+        derivatives, logarithms, invariant = log_det(states, invariant)
         arrays = derivatives.reshape(-1, size, D, D), logarithms.reshape(-1, size), carried, of_det
         work = _COST * derivatives.size * columns
         _threads.run(orthonormalise, work, threads, columns, *arrays, scratch)
@@ -117,9 +117,7 @@ def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
         yield np.concatenate([last, found.saved])
 
 
-def _canonical(
-    body: Any, omega: FloatArray, eps: float | FloatArray, G: FloatArray | None, threads: int | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return DPhi and log |det DPhi| of the steps between states in three dimensions, and 1 - t**2.
 
     With X = e l, Y and K = e k of `_formulas.closed_form`, the invariant density gives
@@ -127,6 +125,7 @@ def _canonical(
     the first numerator nearly vanishes, and follows from 1 - t**2, which is constant on an orbit:
     (1 + K X + Y) (1 + K X - Y) / (1 + X**2).
     """
+    body, omega, eps, *_ = states
     I1, I2, I13, I23, *rest = body.parameters
     k, root = rest[0] if rest else 0.0, np.sqrt(I1) * np.sqrt(I2)
     omega1, omega2 = 0.5 * omega[..., 0] * eps, 0.5 * omega[..., 1] * eps
@@ -151,15 +150,13 @@ def _canonical(
     # A state without a next one has no derivative either.
     before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
     jacobian = TABLE[map_of(body).body]["jacobian"]
-    return jacobian(States(body, before, eps, before.shape[:-1], threads)), logarithms, G
+    return jacobian(states._replace(omega=before, batch=before.shape[:-1])), logarithms, G
 
 
-def _by_slopes(
-    body: Any, omega: FloatArray, eps: float | FloatArray, _: Any, threads: int | None
-) -> tuple[FloatArray, FloatArray, None]:
-    slopes = TABLE[map_of(body).body]["slopes"]
-    found = slopes(States(body, omega, eps, omega.shape[:-1], threads))
-    return *derivatives_of(body, omega[:-1], eps, found[:-1], found[1:], threads), None
+def _by_slopes(states: States, _: Any) -> tuple[FloatArray, FloatArray, None]:
+    found, before = TABLE[map_of(states.body).body]["slopes"](states), states.omega[:-1]
+    states = states._replace(omega=before, batch=before.shape[:-1])
+    return *derivatives_of(states, found[:-1], found[1:]), None
 
 
 def _logarithm(value: FloatArray, less_1: FloatArray) -> FloatArray:

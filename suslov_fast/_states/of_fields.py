@@ -11,7 +11,8 @@ import numpy as np
 
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.evaluation import SLAB, States, by_slabs
+from .._engine.arguments import States
+from .._engine.evaluation import SLAB, by_slabs
 from .decimals import modified_energy_and_density
 from .of_nd import jacobian_by, next_states
 

@@ -10,10 +10,11 @@ import numpy as np
 
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray
-from .._engine import reduced_runs
 from .._engine import threads as _threads
-from .._engine.evaluation import TASKS, States, by_slabs, of_state, of_state_nd
-from .._engine.execution import execute, problem_of, span_of
+from .._engine.arguments import States
+from .._engine.evaluation import TASKS, by_slabs, of_state, of_state_nd
+from .._engine.execution import ONE_STEP, execute, problem_of
+from .._engine.reduced_runs import in_3d, reduced_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
@@ -29,7 +30,7 @@ def _of_solved(
     """Return a quantity of solved bodies, by the kernel for three dimensions if n = 3."""
     check_solved(states.body, name)
     if states.body.dimension == 2:
-        return of_state(kernel, (), states._replace(body=reduced_runs.in_3d(states.body)))
+        return of_state(kernel, (), in_3d(states))
     return by_slabs(function, 0, states)
 
 
@@ -39,7 +40,7 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
     _, power = np.frexp(abs(omega).max(axis=-1, keepdims=True))
     scaled = States(body, np.ldexp(omega, -power), 0.0, batch, threads=1)
     energy = of_state_nd(kernels.energy, 0, scaled)
-    reduced = reduced_runs.of_batch(body, omega, eps, batch, 1)
+    reduced = reduced_of(States(body, omega, eps, batch, threads=1))
     b, a, _, I23, step = reduced.three.T
     with np.errstate(all="ignore"):
         below = 4.0 * a * b + (step * (I23 * reduced.state[:, 1])) ** 2
@@ -50,30 +51,23 @@ def _first_integral(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Float
 
 
 def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    reduced = reduced_runs.of_batch(body, omega, eps, omega.shape[:-1], 1)
-    state, size = reduced.state, reduced.state.shape[:-1]
-    three = States(reduced.body, state, reduced.three[:, 4], size, threads=1)
-    return of_state(kernels_3d.criticality, (), three).reshape(omega.shape[:-1])
+    batch = omega.shape[:-1]
+    three = reduced_of(States(body, omega, eps, batch, threads=1)).states(threads=1)
+    return of_state(kernels_3d.criticality, (), three).reshape(batch)
 
 
 def jacobian_by(
     slopes: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
 ) -> FloatArray:
     """Return (1 - S(omega))**-1 (1 + S(omega_next)), where S = (eps/2) f'."""
-    before, after = (
-        slopes(States(body, each, eps, omega.shape[:-1]))
-        for each in (omega, next_states(body, omega, eps))
-    )
-    return derivatives_of(body, omega, eps, before, after, None)[0].reshape(before.shape)
+    states = States(body, omega, eps, omega.shape[:-1])
+    before = slopes(states)
+    after = slopes(states._replace(omega=next_states(body, omega, eps)))
+    return derivatives_of(states, before, after)[0].reshape(before.shape)
 
 
 def derivatives_of(
-    body: Any,
-    omega: FloatArray,
-    eps: float | FloatArray,
-    slopes: FloatArray,
-    following: FloatArray,
-    threads: int | None,
+    states: States, slopes: FloatArray, following: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return derivatives (count, D, D) of steps and logarithms (count,) of their determinants."""
     D = slopes.shape[-1]
@@ -81,10 +75,10 @@ def derivatives_of(
     derivatives, logarithms, ratios = np.empty(before.shape), *np.empty((2, len(before)))
     scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
     arguments = before, after, derivatives, logarithms, ratios, scratch
-    _threads.run(differentiate, 2 * before.size * D, threads, *arguments)
-    doubtful = np.flatnonzero(are_doubtful(body, ratios, omega.shape[:-1]))
+    _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
+    doubtful = np.flatnonzero(are_doubtful(states, ratios))
     if doubtful.size:
-        improve(body, omega, eps, doubtful, (derivatives, logarithms), threads)
+        improve(states, doubtful, (derivatives, logarithms))
     return derivatives, logarithms
 
 
@@ -94,8 +88,8 @@ def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> Fl
 
 
 def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    problem = problem_of(map_of(body), body, omega.shape[:-1], omega, eps, continued=False)
-    return execute(problem, span_of(1, None)).final
+    states = States(body, omega, eps, omega.shape[:-1])
+    return execute(problem_of(map_of(body), states, continued=False), ONE_STEP).final
 
 
 _SLOPES = partial(of_state_nd, kernels.slopes, 2)

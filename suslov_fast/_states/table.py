@@ -12,9 +12,8 @@ from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.arguments import check
-from .._engine.evaluation import States, of_state
-from .._engine.threads import thread_count
+from .._engine.arguments import States, states_of
+from .._engine.evaluation import of_state
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
 
@@ -50,11 +49,8 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 def evaluate(
     quantity: str, body: Any, arguments: dict[str, ArrayLike], threads: int | None
 ) -> FloatArray:
-    """Check the arguments of a public function, the states first, and evaluate a quantity."""
+    """Check the arguments of a public function, as `states_of`, and evaluate a quantity."""
     kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
-    name = next(iter(arguments))
-    components = ("x", "y") if name == "xy" else None
-    arrays, batch = check(body, kinds, arguments, components, later=True)
-    evaluation = next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))
-    state, step_size = (*arrays, 0.0)[:2]
-    return evaluation(States(body, state, step_size, batch, thread_count(threads), name))
+    components = ("x", "y") if "xy" in arguments else None
+    states = states_of(body, kinds, arguments, threads, components, later=True)
+    return next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))(states)

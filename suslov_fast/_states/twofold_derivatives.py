@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .._bodies.body_nd import SuslovND, in_units
 from .._checks import FloatArray
 from .._engine import threads as _threads
+from .._engine.arguments import States
 from .._engine.evaluation import TASKS
 from .._kernels.elimination import ACCURATE
 from .._kernels.tangent_map import differentiate_twofold
@@ -18,28 +19,23 @@ from .._kernels.tangent_map import differentiate_twofold
 _COST = 200
 
 
-def are_doubtful(body: Any, ratios: FloatArray, batch: tuple[int, ...]) -> NDArray[np.bool_]:
+def are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
     """Return where elimination with these ratios of pivots lost digits, flat."""
+    body = states.body
     doubtful: NDArray[np.bool_] = ratios <= ACCURATE
     # `min` and `max` of all numbers, which are fast, come first.
     if isinstance(body, SuslovND) and body.J.min() < ACCURATE**2 * body.J.max():
         uneven = body.J.min(axis=-1) < ACCURATE**2 * body.J.max(axis=-1)
-        doubtful |= np.broadcast_to(uneven, batch).ravel()
+        doubtful |= np.broadcast_to(uneven, states.batch).ravel()
     return doubtful
 
 
-def improve(
-    body: Any,
-    omega: FloatArray,
-    eps: float | FloatArray,
-    chosen: NDArray[np.intp],
-    found: tuple[FloatArray, FloatArray],
-    threads: int | None,
-) -> None:
+def improve(states: States, chosen: NDArray[np.intp], found: tuple[FloatArray, FloatArray]) -> None:
     """Replace chosen derivatives (count, D, D), and logarithms (count,) of their |det|."""
+    body, omega, eps, batch, threads, _ = states
     fill = _terms_nd if isinstance(body, SuslovND) else _terms_of_field
     terms, half, *vectors = fill(body, omega, np.asarray(eps))
-    batch, D = omega.shape[:-1], omega.shape[-1]
+    D = body.dimension
     some = [np.broadcast_to(half, batch).ravel()[chosen]]
     for each in vectors:
         whole = np.broadcast_to(each, (*batch, each.shape[-1]))

@@ -109,18 +109,19 @@ def by_slabs(
             absent = np.isnan(values.reshape((*some.shape[:-1], math.prod(result)))[..., 0])
             lost[part] = absent & ~np.isnan(some).any(axis=-1)
     if lost.any():
-        warn_of_missing(int(np.count_nonzero(lost)), int(np.argmax(lost)), batch)
+        warn_of_missing(int(lost.sum()), int(np.argmax(lost)), batch)
     return out[()]
 
 
-def warn_of_missing(count: int, first: int, batch: tuple[int, ...]) -> None:
+def warn_of_missing(
+    count: int,
+    first: int,
+    batch: tuple[int, ...],
+    what: str = "states: singular step or out of range",
+) -> None:
     """Warn of states without a next state; `first` counts states in C order."""
-    index = tuple(int(i) for i in np.unravel_index(first, batch))
-    warn(
-        f"{count} of {math.prod(batch)} states: singular step or out of range, first: "
-        f"{spell(index)}",
-        SingularStepWarning,
-    )
+    index = spell(tuple(map(int, np.unravel_index(first, batch))))
+    warn(f"{count} of {math.prod(batch)} {what}, first: {index}", SingularStepWarning)
 
 
 def _parts(states: States) -> Iterator[_Part]:

@@ -115,7 +115,7 @@ def _pieces(
         most, resume = int(speed * _DURATION), output.resume
         if len(output.saved):
             reduced = {
-                name: known[name].combine(
+                name: known[name].extreme(
                     reduced.get(name, np.array(np.nan)),
                     known[name].reduce(job.body, job.eps, output.saved, omega0),
                 )

@@ -14,29 +14,24 @@ from .._states.conserved import energy, first_integral, modified_energy
 
 
 class Reduction(NamedTuple):
-    """One number, or one for each component, of each trajectory."""
+    """The extreme over time of a number, or of one for each component, of each trajectory."""
 
     meaning: str
     # Of the body, eps, states (rows, ..., D) and the states at step 0 (..., D).
-    reduce: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
-    combine: Callable[[FloatArray, FloatArray], FloatArray]  # of the values of two ranges of steps
+    values: Callable[[Any, FloatArray, FloatArray, FloatArray], FloatArray]
+    extreme: np.ufunc
     of_components: bool = False
+
+    def reduce(self, *arguments: Any) -> Any:
+        return self.extreme.reduce(self.values(*arguments), axis=0)
 
 
 def _drift(meaning: str, observable: Callable[[Any, FloatArray, FloatArray], Any]) -> Reduction:
-    def reduce(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
+    def change(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
         with np.errstate(all="ignore"):
-            change = abs(observable(body, states, eps) / observable(body, first, eps) - 1.0)
-        return np.fmax.reduce(change, axis=0)
+            return abs(observable(body, states, eps) / observable(body, first, eps) - 1.0)
 
-    return Reduction(f"largest relative change of {meaning} since the start", reduce, np.fmax)
-
-
-def _extreme(meaning: str, extreme: Any) -> Reduction:
-    def reduce(body: Any, eps: FloatArray, states: FloatArray, first: FloatArray) -> Any:
-        return extreme.reduce(states, axis=0)
-
-    return Reduction(f"{meaning} value of each component", reduce, extreme, of_components=True)
+    return Reduction(f"largest relative change of {meaning} since the start", change, np.fmax)
 
 
 REDUCTIONS = {
@@ -48,10 +43,14 @@ REDUCTIONS = {
 
 def reductions_of(map: Map) -> dict[str, Reduction]:
     """Return the reductions for runs of a map, by name."""
-    name = map.variable
     extremes = {
-        f"{name}_min": _extreme("least", np.fmin),
-        f"{name}_max": _extreme("largest", np.fmax),
+        f"{map.variable}_{short}": Reduction(
+            f"{meaning} value of each component",
+            lambda body, eps, states, first: states,
+            extreme,
+            of_components=True,
+        )
+        for short, meaning, extreme in (("min", "least", np.fmin), ("max", "largest", np.fmax))
     }
     return {**REDUCTIONS, **extremes}
 

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import FloatArray, first_index, integer, spell, warn
+from .._checks import FloatArray, integer
 from .._docs import filled
 from .._engine import threads as _threads
 from .._engine.arguments import BodyIn3D, BodyOrField, States, states_of
-from .._engine.evaluation import TASKS
+from .._engine.evaluation import TASKS, warn_of_missing
 from .._engine.execution import Problem, execute, problem_of, span_of
-from .._engine.status import SingularStepWarning
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
 from .._maps import map_of
@@ -80,11 +79,8 @@ def lyapunov_exponents(
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(states.omega).any(axis=-1)
     if failed.any():
-        warn(
-            f"{np.count_nonzero(failed)} of {failed.size} trajectories: singular or non-finite "
-            f"step, first: {spell(first_index(np.asarray(failed)))}",
-            SingularStepWarning,
-        )
+        what = "trajectories: singular or non-finite step"
+        warn_of_missing(int(failed.sum()), int(np.argmax(failed)), failed.shape, what)
     return result
 
 

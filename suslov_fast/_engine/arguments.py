@@ -7,12 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import _checks
 from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray, aligned, common_shape, instance, real_number, rotations, wrong
-from .._checks import states as checked_states
-from .threads import thread_count
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -32,6 +31,7 @@ class States(NamedTuple):
     batch: tuple[int, ...]  # to which all broadcast
     threads: int | None = None
     name: str = "omega"  # of the argument that holds the states
+    orientation: FloatArray | None = None  # (..., n, n)
 
 
 def refuse_rotor(body: object, function: str, instead: str) -> None:
@@ -80,10 +80,24 @@ def check(
             array = rotations(name, value, body.dimension + 1)
             shapes[name] = array.shape[:-2]
         else:
-            array = checked_states(name, value, labels, later)
+            array = _checks.states(name, value, labels, later)
             shapes[name] = array.shape[:-1]
         arrays.append(array)
     return arrays, common_shape(shapes)
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Check the `threads` argument of a public function."""
+    if threads is None:
+        return None
+    import numba  # which the command does without until it computes
+
+    limit = int(numba.config.NUMBA_NUM_THREADS)
+    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
+    count = _checks.integer("threads", threads, 1, expected)
+    if count > limit:
+        raise ValueError(f"threads: expected {expected}, got {count}")
+    return count
 
 
 def states_of(
@@ -94,7 +108,9 @@ def states_of(
     components: tuple[str, ...] | None = None,
     later: bool = False,
 ) -> States:
-    """Check the arguments of a public function, the states first, and `threads`; as `check`."""
+    """Check `threads`, and by `check` states and, if given, step sizes and orientations."""
     arrays, batch = check(body, kinds, arguments, components, later)
-    omega, eps = arrays if len(arrays) > 1 else (*arrays, 0.0)
-    return States(body, omega, eps, batch, thread_count(threads), next(iter(arguments)))
+    absent: list[Any] = [None, 0.0, None]
+    omega, eps, orientation = arrays + absent[len(arrays) :]
+    name = next(iter(arguments))
+    return States(body, omega, eps, batch, thread_count(threads), name, orientation)

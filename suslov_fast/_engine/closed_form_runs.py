@@ -107,7 +107,7 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
 
 def states_at(start: States, times: FloatArray, flow: bool) -> tuple[FloatArray, FloatArray]:
     """Return states at times () or (N,), and the numbers missing at steps, between, and beyond."""
-    body, omega, eps, batch, threads, _ = start
+    body, omega, eps, batch, threads, *_ = start
     omega = flat_arrays(omega, batch)
     orbits = orbits_of(for_loops(body, eps, batch), omega, flow, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)

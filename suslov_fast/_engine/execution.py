@@ -59,15 +59,9 @@ class Problem(NamedTuple):
         )
 
 
-def problem_of(
-    map: Map,
-    states: States,
-    method: str = "auto",
-    orientation: FloatArray | None = None,
-    continued: bool = True,
-) -> Problem:
+def problem_of(map: Map, states: States, method: str = "auto", continued: bool = True) -> Problem:
     """Return the problem of states at step 0; if it may be continued, with copies of all."""
-    body, omega0, eps, batch, threads, _ = states
+    body, omega0, eps, batch, threads, _, orientation = states
     omega0, parameters = flat_arrays(omega0, batch), map.parameters(body, eps, batch)
     if orientation is not None:
         orientation = flat_arrays(orientation, batch, 2).copy()

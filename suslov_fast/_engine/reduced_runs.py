@@ -52,7 +52,7 @@ def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int |
 
 
 def reduced_of(states: States) -> Reduced:
-    body, omega, eps, batch, threads, _ = states
+    body, omega, eps, batch, threads, *_ = states
     return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numba
 
-from .._checks import integer
 from .._jit import Kernel
 
 # Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
@@ -23,18 +22,6 @@ CROSSOVER = 1_000_000
 _one_at_a_time = threading.RLock()
 _may_use_threads = True
 _idle_at_fork = True
-
-
-def thread_count(threads: int | None) -> int | None:
-    """Check the `threads` argument of a public function."""
-    if threads is None:
-        return None
-    limit = int(numba.config.NUMBA_NUM_THREADS)
-    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
-    count = integer("threads", threads, 1, expected)
-    if count > limit:
-        raise ValueError(f"threads: expected {expected}, got {count}")
-    return count
 
 
 def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:

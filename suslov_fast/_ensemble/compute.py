@@ -96,8 +96,8 @@ def _pieces(
     shape, D, every = job.shape(tile), job.body.dimension, job.every
     start, resume, reduced = _left(job, tile, arrays)
     omega0 = np.where(np.isnan(starts).any(axis=-1, keepdims=True), np.nan, starts)
-    states = States(job.body, omega0, job.eps, shape, threads)
-    problem = problem_of(job.map, states, job.method, job.orientation)
+    states = States(job.body, omega0, job.eps, shape, threads, orientation=job.orientation)
+    problem = problem_of(job.map, states, job.method)
     omega0 = problem.omega0.reshape(*shape, D)
     known = reductions_of(job.map)
     most = int(_FIRST / (math.prod(shape) * step_work(D)))

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike
 from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, States, check, orientations_of, refuse_rotor, states_of
+from .._engine.arguments import BodyOrField, orientations_of, refuse_rotor, states_of
 from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
-from .._engine.threads import thread_count
 from .._maps import map_named, map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step
 
@@ -116,12 +115,9 @@ def iterate(
     arguments: dict[str, ArrayLike] = {"omega0": omega0, "eps": eps}
     if attitude is not False:
         arguments |= orientations_of(body, map.carries_attitude, attitude)
-    arrays, batch = check(body, (), arguments)
-    state, step_size, orientation = (*arrays, None)[:3]
+    states = states_of(body, (), arguments, threads)
     one_of("method", method, map.methods)
-    states = States(body, state, step_size, batch, thread_count(threads))
-    problem = problem_of(map, states, method, orientation)
-    return finish(problem, steps, save_every, on_singular, progress, out)
+    return finish(problem_of(map, states, method), steps, save_every, on_singular, progress, out)
 
 
 @filled

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import common_shape, one_of, real_array, wrong
+from .._checks import one_of, real_array, wrong
 from .._engine.execution import numbers_of_saved
 from .._maps import STATUSES, Map, map_named
 
@@ -198,7 +198,10 @@ def _check_arrays(entries: Entries, map: Map, rows: int) -> None:
     for name, array in arrays.items():
         entry = schema[name]
         whole, shape = entry.axes(batch, sizes), array.shape
-        if (common_shape({"run": whole, name: shape}) if entry.varying else shape) != whole:
-            raise wrong(name, f"shape {whole}", shape)
+        lengths = zip(shape[::-1], whole[::-1], strict=False)
+        fits = len(shape) <= len(whole) and all(length in (1, most) for length, most in lengths)
+        if shape != whole and not (entry.varying and fits):
+            relation = "a shape that broadcasts to" if entry.varying else "shape"
+            raise wrong(name, f"{relation} {whole}", shape)
         if array.dtype != entry.dtype:
             raise wrong(name, f"dtype {entry.dtype}", array.dtype)

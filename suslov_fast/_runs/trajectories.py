@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
 from .._docs import filled
-from .._engine.arguments import BodyOrField, States
+from .._engine.arguments import BodyOrField, States, thread_count
 from .._engine.execution import (
     ONE_STEP,
     Output,
@@ -27,7 +27,6 @@ from .._engine.execution import (
 from .._engine.layout import checked_out
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
-from .._engine.threads import thread_count
 from .._maps import Map, map_of
 
 if TYPE_CHECKING:
@@ -173,8 +172,8 @@ class Trajectories:
         omega0 = self._resume["omega0"].reshape(self.final.shape)
         if R0 is not None:
             R0 = R0.reshape((*batch, *R0.shape[1:]))
-        states = States(self.body, omega0, self.eps, batch, thread_count(threads))
-        problem = problem_of(self._map, states, self.method, R0)
+        states = States(self.body, omega0, self.eps, batch, thread_count(threads), orientation=R0)
+        problem = problem_of(self._map, states, self.method)
         return finish(problem, steps, self.save_every, on_singular, progress, earlier=self)
 
     @property

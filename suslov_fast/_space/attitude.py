@@ -23,7 +23,7 @@ from .._checks import (
 )
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import AnyBody
+from .._engine.arguments import AnyBody, thread_count
 from .._engine.evaluation import TASKS
 from .._engine.layout import flat_parameter, for_kernel
 from .._kernels import orientations as kernels
@@ -89,7 +89,7 @@ def attitude(
         raise wrong("omega", f"shape (N + 1, ..., {m})", states.shape)
     step_size = real_array("eps", eps)
     start = np.eye(m + 1) if R0 is None else rotations("R0", R0, m + 1)
-    threads = _threads.thread_count(threads)
+    threads = thread_count(threads)
     shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
     batch = common_shape({"body": body.shape, **shapes})
     rows, size, n = len(states), math.prod(batch), m + 1

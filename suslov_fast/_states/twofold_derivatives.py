@@ -32,7 +32,7 @@ def are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
 
 def improve(states: States, chosen: NDArray[np.intp], found: tuple[FloatArray, FloatArray]) -> None:
     """Replace chosen derivatives (count, D, D), and logarithms (count,) of their |det|."""
-    body, omega, eps, batch, threads, _ = states
+    body, omega, eps, batch, threads, *_ = states
     fill = _terms_nd if isinstance(body, SuslovND) else _terms_of_field
     terms, half, *vectors = fill(body, omega, np.asarray(eps))
     D = body.dimension

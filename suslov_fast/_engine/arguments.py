@@ -18,15 +18,12 @@ BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
 WithoutRotor = Suslov3D | SuslovND
 
-# Names of arguments that are numbers.
-_NUMBERS = "eps", "c"
-
 
 class States(NamedTuple):
     """States of a body, checked."""
 
     body: Any
-    omega: FloatArray  # (..., D)
+    omega: FloatArray  # (..., D); of `multipliers` c (...)
     eps: float | FloatArray  # 0 if there is no step size
     batch: tuple[int, ...]  # to which all broadcast
     threads: int | None = None
@@ -54,38 +51,6 @@ def orientations_of(body: Any, carries_attitude: bool, attitude: Any) -> dict[st
     return {"attitude": np.eye(body.dimension + 1) if is_flag else attitude}
 
 
-def check(
-    body: BodyOrField,
-    kinds: Any,
-    arguments: dict[str, ArrayLike],
-    components: tuple[str, ...] | None = None,
-    later: bool = False,
-) -> tuple[list[Any], tuple[int, ...]]:
-    """Return all arguments as arrays, in order, and the batch shape that they broadcast to.
-
-    The body is one of `kinds`, if any are given. States have the components of the body or those
-    given, and may be NaN; `later` is that of `states`. `attitude` is a rotation, and the arguments
-    called `_NUMBERS` are numbers; scalars become floats.
-    """
-    if kinds:
-        instance("body", body, kinds)
-    labels = components or body._labels
-    arrays: list[Any] = []
-    shapes = {"body": body.shape}
-    for name, value in aligned(arguments, labels).items():
-        if name in _NUMBERS:
-            array: Any = real_number(name, value)
-            shapes[name] = () if type(array) is float else array.shape
-        elif name == "attitude":
-            array = rotations(name, value, body.dimension + 1)
-            shapes[name] = array.shape[:-2]
-        else:
-            array = _checks.states(name, value, labels, later)
-            shapes[name] = array.shape[:-1]
-        arrays.append(array)
-    return arrays, common_shape(shapes)
-
-
 def thread_count(threads: int | None) -> int | None:
     """Check the `threads` argument of a public function."""
     if threads is None:
@@ -100,17 +65,39 @@ def thread_count(threads: int | None) -> int | None:
     return count
 
 
-def states_of(
+def check(
     body: BodyOrField,
     kinds: Any,
     arguments: dict[str, ArrayLike],
-    threads: int | None,
+    threads: int | None = None,
     components: tuple[str, ...] | None = None,
     later: bool = False,
 ) -> States:
-    """Check `threads`, and by `check` states and, if given, step sizes and orientations."""
-    arrays, batch = check(body, kinds, arguments, components, later)
-    absent: list[Any] = [None, 0.0, None]
-    omega, eps, orientation = arrays + absent[len(arrays) :]
-    name = next(iter(arguments))
-    return States(body, omega, eps, batch, thread_count(threads), name, orientation)
+    """Check the arguments of a public function.
+
+    The body is one of `kinds`, if any are given. Arguments are states, which have the components of
+    the body or those given, and may be NaN, by any name; `eps`, or `c` in place of states; and the
+    rotation `attitude`. Scalars become floats; `later` is that of `_checks.states`.
+    """
+    if kinds:
+        instance("body", body, kinds)
+    labels = components or body._labels
+    omega: Any = None
+    eps: Any = 0.0
+    orientation, of_states = None, ""
+    shapes = {"body": body.shape}
+    for name, value in aligned(arguments, labels).items():
+        if name == "eps":
+            eps = real_number(name, value)
+            shapes[name] = () if type(eps) is float else eps.shape
+        elif name == "c":
+            omega = np.asarray(real_number(name, value))
+            shapes[name] = omega.shape
+        elif name == "attitude":
+            orientation = rotations(name, value, body.dimension + 1)
+            shapes[name] = orientation.shape[:-2]
+        else:
+            omega, of_states = _checks.states(name, value, labels, later), name
+            shapes[name] = omega.shape[:-1]
+    batch, threads = common_shape(shapes), thread_count(threads)
+    return States(body, omega, eps, batch, threads, of_states, orientation)

@@ -123,10 +123,12 @@ def ensemble(
     record = map_of(body)
     one_of("method", method, record.methods)
     orientations = orientations_of(body, record.carries_attitude, attitude)
-    given, batch = check(body, (), {"eps": eps} | orientations)
-    step_size, orientation = np.array(given[0]), np.array(given[1]) if orientations else None
+    given = check(body, (), {"eps": eps} | orientations)
+    step_size, orientation = np.array(given.eps), given.orientation
+    if orientation is not None:
+        orientation = orientation.copy()
     source = source_of(omega0, body._labels)
-    batch = common_shape({"omega0": source.shape, "the other arguments": batch})
+    batch = common_shape({"omega0": source.shape, "the other arguments": given.batch})
     steps = integer("steps", steps, 0)
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance, one_of
 from .._docs import filled
-from .._engine.arguments import BodyOrField, orientations_of, refuse_rotor, states_of
+from .._engine.arguments import BodyOrField, check, orientations_of, refuse_rotor
 from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
 from .._maps import map_named, map_of
@@ -44,7 +44,7 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    states = states_of(body, (), {"omega": omega, "eps": eps}, threads)
+    states = check(body, (), {"omega": omega, "eps": eps}, threads)
     return one_step(problem_of(map, states, continued=False))
 
 
@@ -115,7 +115,7 @@ def iterate(
     arguments: dict[str, ArrayLike] = {"omega0": omega0, "eps": eps}
     if attitude is not False:
         arguments |= orientations_of(body, map.carries_attitude, attitude)
-    states = states_of(body, (), arguments, threads)
+    states = check(body, (), arguments, threads)
     one_of("method", method, map.methods)
     return finish(problem_of(map, states, method), steps, save_every, on_singular, progress, out)
 
@@ -216,4 +216,4 @@ def _problem(
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     map = map_named("suslov3d_full")
     arguments = {name: omega, "eps": eps}
-    return problem_of(map, states_of(body, (), arguments, threads, map.components(body)))
+    return problem_of(map, check(body, (), arguments, threads, map.components(body)))

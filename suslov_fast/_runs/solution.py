@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
-from .._engine.arguments import AnyBody, states_of
+from .._engine.arguments import AnyBody, check
 from .._engine.closed_form_runs import states_at
 from .._engine.reduced_runs import in_3d, reduced_of
 from .._engine.status import SingularStepWarning
@@ -171,7 +171,7 @@ def _solve(
     threads: int | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
-    flow, start = name == "flow", states_of(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    flow, start = name == "flow", check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
     if not isinstance(body, SuslovND):
         return states_at(start, times, flow)
     check_solved(body, name)

@@ -42,7 +42,7 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    (state,), batch = check(body, AnyBody, {"omega": omega})
+    _, state, _, batch, *_ = check(body, AnyBody, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     column = np.broadcast_to(state, (*batch, body.dimension))
     if isinstance(body, BodyIn3D):
@@ -116,7 +116,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    (state,), batch = check(body, BodyIn3D, {"omega": omega})
+    _, state, _, batch, *_ = check(body, BodyIn3D, {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
     return _turned_vector(vector, _turn(3, rotation, attitude))
@@ -190,7 +190,7 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    (state,), _ = check(body, AnyBody, {"omega": omega})
+    state = check(body, AnyBody, {"omega": omega}).omega
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, BodyIn3D):

@@ -167,7 +167,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
            [1.      , 1.062919]])
     """
     refuse_rotor(body, "multipliers", "jacobian at the steady state")
-    (where, step_size), batch = check(body, WithoutRotor, {"c": c, "eps": eps})
+    _, where, step_size, batch, *_ = check(body, WithoutRotor, {"c": c, "eps": eps})
     J, I, _, moments, products = in_units(body)
     spectrum = _spectrum(J, I)
     with np.errstate(all="ignore"):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._checks import FloatArray, integer
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import BodyIn3D, BodyOrField, States, states_of
+from .._engine.arguments import BodyIn3D, BodyOrField, States, check
 from .._engine.evaluation import TASKS, warn_of_missing
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._jit import LINE
@@ -64,7 +64,7 @@ def lyapunov_exponents(
     array([ 0.    , -0.0805])
     """
     map = map_of(body)
-    states = states_of(body, (), {"omega0": omega0, "eps": eps}, threads)
+    states = check(body, (), {"omega0": omega0, "eps": eps}, threads)
     steps, problem = integer("steps", steps, 1), problem_of(map, states)
     if 0 in states.batch:
         return np.empty((*states.batch, body.dimension))

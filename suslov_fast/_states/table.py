@@ -12,7 +12,7 @@ from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
-from .._engine.arguments import States, states_of
+from .._engine.arguments import States, check
 from .._engine.evaluation import of_state
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
@@ -49,8 +49,8 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 def evaluate(
     quantity: str, body: Any, arguments: dict[str, ArrayLike], threads: int | None
 ) -> FloatArray:
-    """Check the arguments of a public function, as `states_of`, and evaluate a quantity."""
+    """Check the arguments of a public function, as `check`, and evaluate a quantity."""
     kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
     components = ("x", "y") if "xy" in arguments else None
-    states = states_of(body, kinds, arguments, threads, components, later=True)
+    states = check(body, kinds, arguments, threads, components, later=True)
     return next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))(states)

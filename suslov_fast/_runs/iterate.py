@@ -145,7 +145,7 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    return one_step(_problem(body, "omega", omega, eps, I3))
+    return one_step(_problem(body, {"omega": omega, "eps": eps}, I3, None))
 
 
 @filled
@@ -196,17 +196,12 @@ def iterate_full(
     >>> orbit.omega[:4, 2]
     array([ 0.1, -0.1,  0.1, -0.1])
     """
-    problem = _problem(body, "omega0", omega0, eps, I3, threads)
+    problem = _problem(body, {"omega0": omega0, "eps": eps}, I3, threads)
     return finish(problem, steps, save_every, on_singular, progress, out)
 
 
 def _problem(
-    body: Suslov3D,
-    name: str,
-    omega: ArrayLike,
-    eps: ArrayLike,
-    I3: ArrayLike | None,
-    threads: int | None = None,
+    body: Suslov3D, arguments: dict[str, ArrayLike], I3: ArrayLike | None, threads: int | None
 ) -> Problem:
     refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
@@ -215,5 +210,4 @@ def _problem(
     elif body.I3 is None:
         raise TypeError("I3: expected a number, or a body whose I3 is set, got neither")
     map = map_named("suslov3d_full")
-    arguments = {name: omega, "eps": eps}
     return problem_of(map, check(body, (), arguments, threads, map.components(body)))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray, real_number, warn, wrong
 from .._docs import filled
-from .._engine.arguments import AnyBody, check
+from .._engine.arguments import AnyBody, States, check
 from .._engine.closed_form_runs import states_at
 from .._engine.reduced_runs import in_3d, reduced_of
 from .._engine.status import SingularStepWarning
@@ -64,7 +64,8 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     times = _times("n", n)
-    states, missing = _solve("exact", body, omega0, eps, times, threads)
+    start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    states, missing = _solve("exact", start, times)
     if any(missing.tolist()):
         at_steps, between, beyond = missing
         _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
@@ -110,7 +111,8 @@ def flow(
     >>> energy(body, states).round(12)
     array([2.125, 2.125, 2.125])
     """
-    states, missing = _solve("flow", body, omega0, 1.0, _times("time", time), threads)
+    start = check(body, AnyBody, {"omega0": omega0, "eps": 1.0}, threads)
+    states, missing = _solve("flow", start, _times("time", time))
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states
 
@@ -148,7 +150,8 @@ def limits(
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    states, missing = _solve("limits", body, omega0, eps, np.array([-np.inf, np.inf]), threads)
+    start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    states, missing = _solve("limits", start, np.array([-np.inf, np.inf]))
     _warn(missing[2], states, _BEYOND, RuntimeWarning)
     return states[0], states[1]
 
@@ -162,16 +165,9 @@ def _times(name: str, value: Any) -> FloatArray:
     return times
 
 
-def _solve(
-    name: str,
-    body: AnyBody,
-    omega0: ArrayLike,
-    eps: ArrayLike,
-    times: FloatArray,
-    threads: int | None,
-) -> tuple[FloatArray, FloatArray]:
+def _solve(name: str, start: States, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and the numbers of missing states."""
-    flow, start = name == "flow", check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    body, flow = start.body, name == "flow"
     if not isinstance(body, SuslovND):
         return states_at(start, times, flow)
     check_solved(body, name)
@@ -180,8 +176,9 @@ def _solve(
     reduced = reduced_of(start)
     in_three, missing = states_at(reduced.states(start.threads), times, flow)
     states = np.empty((*times.shape, *start.batch, body.dimension))
-    flat = states.reshape((times.size, -1, body.dimension))
-    reduced.expand(in_three.reshape((times.size, -1, 2)), flat, 0, start.threads)
+    rows = times.size, len(reduced.state)
+    flat = states.reshape((*rows, body.dimension))
+    reduced.expand(in_three.reshape((*rows, 2)), flat, 0, start.threads)
     # At time 0 the state is a copy of the input.
     states[times == 0.0] = start.omega
     return states, missing

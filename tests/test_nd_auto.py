@@ -118,6 +118,15 @@ def test_few_steps_from_next_to_a_pole(J, I, omega, eps):
     assert (two.extend(3).final == five.final).all()
 
 
+def test_no_times_and_no_states():
+    for J in ([1.3, 2.1], [1.0, 1.0, 1.0]):
+        body, D = sf.SuslovND(J, np.ones(len(J))), len(J)
+        for omega, times in ((np.ones(D), []), (np.ones((0, D)), [1, 2]), (np.ones((0, D)), [])):
+            expected = (len(times), *omega.shape)
+            assert sf.exact(body, omega, 0.1, times).shape == expected
+            assert sf.flow(body, omega, times).shape == expected
+
+
 def test_orbits_past_their_pole_jump():
     """States of orbits that pass a pole after about 800 steps, against `rank2` and `exact`."""
     body = sf.SuslovND([1.0] * 4, [0.0, 1.0, 0.0, 0.0])

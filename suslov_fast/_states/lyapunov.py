@@ -18,7 +18,7 @@ from .._engine.execution import Problem, execute, problem_of, span_of
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
 from .._maps import map_of
-from .of_nd import derivatives_of
+from .step_derivatives import derivatives_of
 from .table import TABLE
 
 # Number of entries of the derivatives that are held at a time.

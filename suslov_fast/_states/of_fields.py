@@ -14,7 +14,7 @@ from .._checks import FloatArray
 from .._engine.arguments import States
 from .._engine.evaluation import SLAB, by_slabs
 from .decimals import modified_energy_and_density
-from .of_nd import jacobian_by, next_states
+from .step_derivatives import jacobian_by, next_states
 
 # Results that may be this part of their terms, or less, are computed in decimals.
 LOST = 2.0**-26

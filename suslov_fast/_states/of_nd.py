@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from .._bodies.body_nd import SuslovND, check_solved
 from .._checks import FloatArray
-from .._engine import threads as _threads
 from .._engine.arguments import States
-from .._engine.evaluation import TASKS, by_slabs, of_state, of_state_nd
-from .._engine.execution import ONE_STEP, execute, problem_of
+from .._engine.evaluation import by_slabs, of_state, of_state_nd
 from .._engine.reduced_runs import in_3d, reduced_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
-from .._kernels.elimination import WIDTH
-from .._kernels.tangent_map import differentiate
-from .._maps import map_of
-from .twofold_derivatives import are_doubtful, improve
+from .step_derivatives import jacobian_by, next_states
 
 
 def _of_solved(
@@ -56,40 +50,9 @@ def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArr
     return of_state(kernels_3d.criticality, (), three).reshape(batch)
 
 
-def jacobian_by(
-    slopes: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
-) -> FloatArray:
-    """Return (1 - S(omega))**-1 (1 + S(omega_next)), where S = (eps/2) f'."""
-    states = States(body, omega, eps, omega.shape[:-1])
-    before = slopes(states)
-    after = slopes(states._replace(omega=next_states(body, omega, eps)))
-    return derivatives_of(states, before, after)[0].reshape(before.shape)
-
-
-def derivatives_of(
-    states: States, slopes: FloatArray, following: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives (count, D, D) of steps and logarithms (count,) of their determinants."""
-    D = slopes.shape[-1]
-    before, after = slopes.reshape(-1, D, D), following.reshape(-1, D, D)
-    derivatives, logarithms, ratios = np.empty(before.shape), *np.empty((2, len(before)))
-    scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
-    arguments = before, after, derivatives, logarithms, ratios, scratch
-    _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
-    doubtful = np.flatnonzero(are_doubtful(states, ratios))
-    if doubtful.size:
-        improve(states, doubtful, (derivatives, logarithms))
-    return derivatives, logarithms
-
-
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     states = States(body, np.ascontiguousarray(omega), eps, omega.shape[:-1])
     return of_state_nd(kernels.reaction, 2, states, following=next_states(body, omega, eps))
-
-
-def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
-    states = States(body, omega, eps, omega.shape[:-1])
-    return execute(problem_of(map_of(body), states, continued=False), ONE_STEP).final
 
 
 _SLOPES = partial(of_state_nd, kernels.slopes, 2)

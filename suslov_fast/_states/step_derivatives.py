@@ -1,7 +1,8 @@
-"""Derivatives of steps with twice the digits, where elimination loses too many."""
+"""Derivatives of steps in n dimensions and of fields, with twice the digits where many are lost."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,47 @@ from .._checks import FloatArray
 from .._engine import threads as _threads
 from .._engine.arguments import States
 from .._engine.evaluation import TASKS
-from .._kernels.elimination import ACCURATE
-from .._kernels.tangent_map import differentiate_twofold
+from .._engine.execution import ONE_STEP, execute, problem_of
+from .._kernels.elimination import ACCURATE, WIDTH
+from .._kernels.tangent_map import differentiate, differentiate_twofold
+from .._maps import map_of
 
 # Cost of an entry of a derivative per equation, in steps of the 3D map.
 _COST = 200
 
 
-def are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
+def jacobian_by(
+    slopes: Callable[..., FloatArray], body: Any, omega: FloatArray, eps: FloatArray
+) -> FloatArray:
+    """Return (1 - S(omega))**-1 (1 + S(omega_next)), where S = (eps/2) f'."""
+    states = States(body, omega, eps, omega.shape[:-1])
+    before = slopes(states)
+    after = slopes(states._replace(omega=next_states(body, omega, eps)))
+    return derivatives_of(states, before, after)[0].reshape(before.shape)
+
+
+def next_states(body: Any, omega: FloatArray, eps: FloatArray) -> FloatArray:
+    states = States(body, omega, eps, omega.shape[:-1])
+    return execute(problem_of(map_of(body), states, continued=False), ONE_STEP).final
+
+
+def derivatives_of(
+    states: States, slopes: FloatArray, following: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives (count, D, D) of steps and logarithms (count,) of their determinants."""
+    D = slopes.shape[-1]
+    before, after = slopes.reshape(-1, D, D), following.reshape(-1, D, D)
+    derivatives, logarithms, ratios = np.empty(before.shape), *np.empty((2, len(before)))
+    scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
+    arguments = before, after, derivatives, logarithms, ratios, scratch
+    _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
+    doubtful = np.flatnonzero(_are_doubtful(states, ratios))
+    if doubtful.size:
+        _improve(states, doubtful, (derivatives, logarithms))
+    return derivatives, logarithms
+
+
+def _are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
     """Return where elimination with these ratios of pivots lost digits, flat."""
     body = states.body
     doubtful: NDArray[np.bool_] = ratios <= ACCURATE
@@ -30,7 +64,9 @@ def are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
     return doubtful
 
 
-def improve(states: States, chosen: NDArray[np.intp], found: tuple[FloatArray, FloatArray]) -> None:
+def _improve(
+    states: States, chosen: NDArray[np.intp], found: tuple[FloatArray, FloatArray]
+) -> None:
     """Replace chosen derivatives (count, D, D), and logarithms (count,) of their |det|."""
     body, omega, eps, batch, threads, *_ = states
     fill = _terms_nd if isinstance(body, SuslovND) else _terms_of_field

@@ -49,7 +49,7 @@ def derivatives_of(
     _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
     doubtful = np.flatnonzero(_are_doubtful(states, ratios))
     if doubtful.size:
-        _improve(states, doubtful, (derivatives, logarithms))
+        _improve(states, doubtful, derivatives, logarithms)
     return derivatives, logarithms
 
 
@@ -65,7 +65,7 @@ def _are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
 
 
 def _improve(
-    states: States, chosen: NDArray[np.intp], found: tuple[FloatArray, FloatArray]
+    states: States, chosen: NDArray[np.intp], derivatives: FloatArray, logarithms: FloatArray
 ) -> None:
     """Replace chosen derivatives (count, D, D), and logarithms (count,) of their |det|."""
     body, omega, eps, batch, threads, *_ = states
@@ -80,8 +80,7 @@ def _improve(
     scratch = np.empty((TASKS, D, 2 * D + 1, 3)), np.empty((TASKS, 3, D))
     work = _COST * len(chosen) * D**3
     _threads.run(differentiate_twofold, work, threads, terms, *some, *better, scratch)
-    for array, values in zip(found, better, strict=True):
-        array[chosen] = values
+    derivatives[chosen], logarithms[chosen] = better
 
 
 def _terms_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> tuple[Any, ...]:

@@ -44,7 +44,8 @@ class Orbits(NamedTuple):
     omega: FloatArray
     flow: bool
     ends: Ends
-    missing: FloatArray  # numbers of missing states so far, a row for each thread
+    # Numbers of missing states so far, a row for each thread: at a step, between, and out of range.
+    missing: FloatArray
     threads: int | None
 
     def run(
@@ -106,7 +107,7 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
 
 
 def states_at(start: States, times: FloatArray, flow: bool) -> tuple[FloatArray, FloatArray]:
-    """Return states at times () or (N,), and the numbers missing at steps, between, and beyond."""
+    """Return states at times () or (N,), and `Orbits.missing`."""
     body, omega, eps, batch, threads, *_ = start
     omega = flat_arrays(omega, batch)
     orbits = orbits_of(for_loops(body, eps, batch), omega, flow, threads)
@@ -119,7 +120,7 @@ def states_at(start: States, times: FloatArray, flow: bool) -> tuple[FloatArray,
     else:
         for sign, some, places in _by_sign(moments):
             fill_states(orbits, sign, some, places, states)
-    return states.reshape(shape), np.add.reduce(orbits.missing)  # faster than `sum`
+    return states.reshape(shape), orbits.missing
 
 
 def with_rotor(parameters: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:

@@ -15,7 +15,13 @@ from .._engine.closed_form_runs import states_at
 from .._engine.reduced_runs import in_3d, reduced_of
 from .._engine.status import SingularStepWarning
 
-_BEYOND = "the state or an intermediate result exceeds the range of float64"
+# Why states are missing, in the order in which kernels count them.
+_REASONS = (
+    ("no state there, a pole of the map", SingularStepWarning),
+    ("no state between two steps where t >= 1", RuntimeWarning),
+    ("the state or an intermediate result exceeds the range of float64", RuntimeWarning),
+)
+_RANGE = 2  # the last of them
 
 
 @filled
@@ -66,11 +72,7 @@ def exact(
     times = _times("n", n)
     start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
     states, missing = _solve("exact", start, times)
-    if any(missing.tolist()):
-        at_steps, between, beyond = missing
-        _warn(between, states, "no state between two steps where t >= 1", RuntimeWarning)
-        _warn(at_steps, states, "no state there, a pole of the map", SingularStepWarning)
-        _warn(beyond, states, _BEYOND, RuntimeWarning)
+    _warn(missing, states)
     return states
 
 
@@ -113,7 +115,7 @@ def flow(
     """
     start = check(body, AnyBody, {"omega0": omega0, "eps": 1.0}, threads)
     states, missing = _solve("flow", start, _times("time", time))
-    _warn(missing[2], states, _BEYOND, RuntimeWarning)
+    _warn(missing, states, _RANGE)
     return states
 
 
@@ -152,7 +154,7 @@ def limits(
     """
     start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
     states, missing = _solve("limits", start, np.array([-np.inf, np.inf]))
-    _warn(missing[2], states, _BEYOND, RuntimeWarning)
+    _warn(missing, states, _RANGE)
     return states[0], states[1]
 
 
@@ -166,7 +168,7 @@ def _times(name: str, value: Any) -> FloatArray:
 
 
 def _solve(name: str, start: States, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states of the map or the flow at given times, and the numbers of missing states."""
+    """Return states of the map or the flow at given times, and counts of missing ones."""
     body, flow = start.body, name == "flow"
     if not isinstance(body, SuslovND):
         return states_at(start, times, flow)
@@ -184,7 +186,11 @@ def _solve(name: str, start: States, times: FloatArray) -> tuple[FloatArray, Flo
     return states, missing
 
 
-def _warn(missing: float, states: FloatArray, what: str, category: type[Warning]) -> None:
-    if missing:
-        total = states.size // states.shape[-1]
-        warn(f"{missing:.0f} of {total} states: {what}", category)
+def _warn(missing: FloatArray, states: FloatArray, first: int = 0) -> None:
+    """Warn of states that are missing for one of the reasons from the first on."""
+    if not np.count_nonzero(missing):
+        return
+    counts, total = missing.sum(axis=0), states.size // states.shape[-1]
+    for count, (what, category) in zip(counts[first:], _REASONS[first:], strict=True):
+        if count:
+            warn(f"{count:.0f} of {total} states: {what}", category)

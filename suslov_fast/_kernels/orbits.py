@@ -76,8 +76,10 @@ def enter(b, lanes, motion, used):
         put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))
     for l in range(0 if flows else used):
         root, lost, r = b.levels.root[l], b.levels.root_lost[l], b.levels.r[l]
-        if b.start.order[l] > 0.0 and b.steps.log_r[l] < 0.0 and r != 0.0:
-            b.steps.log_r[l], b.steps.log_lost[l] = formulas.logarithm_of_ratio(root, lost, r)
+        high, low = formulas.logarithm_of_ratio(root, lost, r)
+        of_map = (b.start.order[l] > 0.0) & (b.steps.log_r[l] < 0.0) & (r != 0.0)
+        b.steps.log_r[l] = select(of_map, high, b.steps.log_r[l])
+        b.steps.log_lost[l] = select(of_map, low, b.steps.log_lost[l])
     for l in range(used):
         start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
         if steps.kind == formulas.RESTS:

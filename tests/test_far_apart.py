@@ -15,6 +15,7 @@ import suslov_fast as sf
 # Loss of digits beyond those that a change of all inputs by one rounding costs.
 LOST, LOST_BY_DERIVATIVES, LOST_BY_ENERGIES = 1e5, 1e6, 1e7
 DIGITS = 250
+METHODS = ("auto", "rank2", "gauss")
 # Powers of x1 and of x2 in the terms of a Hamiltonian.
 A, B = np.array([(a, b) for a in range(4) for b in range(4 - a) if a + b], dtype=object).T
 exactly = np.vectorize(mpf, otypes=[object])
@@ -39,10 +40,9 @@ def nd_problems(rng, m, size):
         I[rng.random(m) < 0.15] = 0.0
         I[0] = I[0] or 1.0
         terms = abs(I).max() * abs(omega) / J
-        eps = numbers(rng, rng.choice([0.5, 8, 30]), 1) / terms.max()
+        eps = numbers(rng, rng.choice([0.5, 8, 30]), 1)[0] / terms.max()
         problems.append((J, I, omega, eps))
-    J, I, omega, eps = map(np.array, zip(*problems, strict=True))
-    return J, I, omega, eps[:, 0]
+    return [np.array(each) for each in zip(*problems, strict=True)]
 
 
 def field_problems(rng, D, size):
@@ -55,10 +55,9 @@ def field_problems(rng, D, size):
         l, c = l * (rng.random((D, D)) < 0.5), c * (rng.random(D) < 0.5)
         x = numbers(rng, spread, D)
         terms = max(abs(q).max() * abs(x).max(), abs(l).max(), 1e-30)
-        eps = numbers(rng, rng.choice([0.5, 8, 30]), 1) / terms
+        eps = numbers(rng, rng.choice([0.5, 8, 30]), 1)[0] / terms
         problems.append((q + q.swapaxes(1, 2), l, c, x, eps))
-    q, l, c, x, eps = map(np.array, zip(*problems, strict=True))
-    return q, l, c, x, eps[:, 0]
+    return [np.array(each) for each in zip(*problems, strict=True)]
 
 
 def changed(rng, parameter):
@@ -85,7 +84,7 @@ def check(rng, results, problems, reference, weights, lost=LOST):
             size = norm(exact, of)
             others = [reference(*(changed(rng, each) for each in problem)) for _ in range(4)]
             change = max(norm(np.subtract(other, exact), of) for other in others)
-            error = norm([mpf(v) - e for v, e in zip(result.ravel(), exact, strict=True)], of)
+            error = norm(np.subtract(exactly(result).ravel(), exact), of)
             if error > lost * (change + mpf(2) ** -53 * size):
                 wrong.append((float(error / size), float(change / size), problem))
     assert not wrong
@@ -146,43 +145,48 @@ def of_torque(J, *_):
     return [mpmath.sqrt(mpf(a) * mpf(b)) / max(a, b) for a in J for b in J]
 
 
-@pytest.mark.parametrize("m", [2, 3, 5])
-@pytest.mark.parametrize("method", ["auto", "rank2", "gauss"])
-def test_steps(rng, m, method):
-    J, I, omega, eps = problems = nd_problems(rng, m, {2: 200, 3: 200, 5: 50}[m])
-    run = sf.iterate(sf.SuslovND(J, I), omega, eps, 1, method=method, on_singular="ignore")
-    assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
-    check(rng, run.final, problems, partial(step, residual_nd), of_energy)
+def bodies(rng, m, size):
+    *body, omega, eps = problems = nd_problems(rng, m, size)
+    return (sf.SuslovND(*body), omega, eps), problems, residual_nd, of_energy
 
 
-@pytest.mark.parametrize("D", [1, 2, 3])
-def test_steps_of_fields(rng, D):
-    q, l, c, x, eps = problems = field_problems(rng, D, 100)
-    run = sf.iterate(sf.QuadraticField(q, l, c), x, eps, 1, on_singular="ignore")
+def fields(rng, D, size):
+    *field, x, eps = problems = field_problems(rng, D, size)
+    return (sf.QuadraticField(*field), x, eps), problems, residual_of_field, lambda *_: [1] * D
+
+
+@pytest.mark.parametrize(
+    ("made", "D", "size", "method"),
+    [(bodies, m, size, method) for m, size in ((2, 200), (3, 200), (5, 50)) for method in METHODS]
+    + [(fields, D, 100, "auto") for D in (1, 2, 3)],
+)
+def test_steps(rng, made, D, size, method):
+    arguments, problems, residual_of, weights = made(rng, D, size)
+    run = sf.iterate(*arguments, 1, method=method, on_singular="ignore")
     assert ((run.status < 0) == np.isnan(run.final).any(axis=-1)).all()
-    check(rng, run.final, problems, partial(step, residual_of_field), lambda *_: [1] * D)
+    check(rng, run.final, problems, partial(step, residual_of), weights)
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
-@pytest.mark.parametrize("m", [2, 3])
-def test_derivatives(rng, m):
-    J, I, omega, eps = problems = nd_problems(rng, m, 300)
-    found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
-    reference = partial(derivative, residual_nd)
+@pytest.mark.parametrize(
+    ("made", "D", "size"),
+    [(bodies, 2, 300), (bodies, 3, 300), (fields, 1, 150), (fields, 2, 100), (fields, 3, 100)],
+)
+def test_derivatives_and_exponents(rng, made, D, size):
+    arguments, problems, residual_of, of = made(rng, D, size)
 
     def weights(*problem):
-        return [a / b for a in of_energy(*problem) for b in of_energy(*problem)]
+        return [a / b for a in of(*problem) for b in of(*problem)]
 
-    check(rng, found, problems, reference, weights, LOST_BY_DERIVATIVES)
+    reference = partial(derivative, residual_of)
+    check(rng, sf.jacobian(*arguments), problems, reference, weights, LOST_BY_DERIVATIVES)
 
+    def determinant(*problem):
+        found = reference(*problem)
+        return found and [abs(mpmath.det(mpmath.matrix(np.reshape(found, (D, D)))))]
 
-@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
-@pytest.mark.parametrize("D", [1, 2, 3])
-def test_derivatives_of_fields(rng, D):
-    q, l, c, x, eps = problems = field_problems(rng, D, 100)
-    found = sf.jacobian(sf.QuadraticField(q, l, c), x, eps)
-    reference = partial(derivative, residual_of_field)
-    check(rng, found, problems, reference, lambda *_: [1] * D**2, LOST_BY_DERIVATIVES)
+    products = np.exp(sf.lyapunov_exponents(*arguments, 1).sum(axis=-1))
+    check(rng, products, problems, determinant, lambda *_: [1], LOST_BY_ENERGIES)
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")

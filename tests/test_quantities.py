@@ -391,6 +391,8 @@ def test_multipliers_in_n_dimensions(rng):
     for m in (1, 1, 2, 2, 2, 3, 3, 3, 6, 6, 20):
         J, I = rng.uniform(0.5, 4, m), rng.normal(size=m) * 10 ** rng.uniform(-2, 0, m)
         problems.append((J, I, rng.normal(), rng.uniform(-1, 1)))
+        J = 10.0 ** rng.uniform(-12, 12, m)  # errors are relative to each Y
+        problems.append((J, I, -np.sqrt(J.min() * J.max()) / (I @ I), 1.0))
     for J, I, *numbers in problems:
         computed = sf.multipliers(sf.SuslovND(J, I), *numbers)
         assert computed[0] == 1
@@ -401,7 +403,7 @@ def test_multipliers_in_n_dimensions(rng):
         )
         Y = [eps * c * s / 2 for s in sorted(mpmath.eigsy(symmetric, eigvals_only=True))[1:]]
         exact = [float((1 + y) / (1 - y)) for y in Y]
-        np.testing.assert_allclose(computed[1:], exact, rtol=1e-11 if eps == 1e-9 else 1e-13)
+        np.testing.assert_allclose(computed[1:], exact, rtol=1e-13, atol=1e-15)
     assert sf.multipliers(sf.SuslovND(*STIFF), 1e3, 0.2)[0] == 1
 
 

@@ -109,7 +109,8 @@ def eliminate_twofold(matrix, tolerance):
 
     matrix      (m, m + r, 3 or more): numbers and their rounding errors, of coefficients and right
                 sides, and the sums of the magnitudes of their terms; the right sides become the
-                solutions, NaN if a pivot is not above its terms times m and the tolerance
+                solutions, NaN if a pivot is 0, or below its terms times m and the tolerance: then
+                it is NaN
     """
     m, columns, _ = matrix.shape
     power = 0.0
@@ -130,7 +131,7 @@ def eliminate_twofold(matrix, tolerance):
             for part in range(3):
                 above = matrix[k, j, part]
                 matrix[k, j, part], matrix[pivot, j, part] = matrix[pivot, j, part], above
-        if not abs(matrix[k, k, 0]) > m * tolerance * matrix[k, k, 2]:
+        if 0.0 < abs(matrix[k, k, 0]) <= m * tolerance * matrix[k, k, 2]:
             matrix[k, k, 0] = np.nan
         for i in range(k + 1, m):
             factor = quotient(twofold(matrix, i, k), twofold(matrix, k, k))

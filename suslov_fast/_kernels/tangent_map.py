@@ -9,6 +9,8 @@ from .elimination import WIDTH, eliminate, eliminate_twofold, subtract, twofold
 
 # Where terms cancel to this part of them, twice the digits may not suffice.
 UNKNOWN = 2.0**-50
+# The logarithm of a pivot above this part of its terms is known.
+NEGLIGIBLE = 2.0**-60
 
 
 @inner
@@ -155,11 +157,13 @@ def is_known(tangent):
 
 @inner
 def log_det(matrix):
-    """Eliminate, and return log |det|, -inf if the matrix is singular."""
-    log = eliminate_twofold(matrix, UNKNOWN) * np.log(2.0)
+    """Eliminate, and return log |det|, -inf if the matrix is singular, NaN if it may be."""
+    log = eliminate_twofold(matrix, NEGLIGIBLE) * np.log(2.0)
     for i in range(len(matrix)):
         pivot = abs(matrix[i, i, 0])
-        log += select(pivot > 0.0, logarithm(pivot, 1.0 - pivot), -np.inf)
+        if pivot == 0.0:
+            return -np.inf
+        log += logarithm(pivot, 1.0 - pivot)
     return log
 
 

@@ -9,6 +9,7 @@ from .._bodies.body_nd import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyOrField, WithoutRotor, check, refuse_rotor
+from .._kernels.elimination import ACCURATE
 from .table import evaluate
 
 
@@ -155,8 +156,7 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
     -----
     By equation (8) of the paper at x = 0, y = c D, the multiplier is (1 + Y) / (1 - Y) with
     Y = eps c D / (2 I1 I2), D = I13**2 I2 + I23**2 I1. In n dimensions Y = eps c s / 2 for the
-    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``; their errors are relative
-    to the largest.
+    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------
@@ -196,5 +196,25 @@ def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
         -across[..., :, np.newaxis] * across[..., np.newaxis, :],
     )
     # Each eigenvalue lies between two of the |I|**2 / J_i.
-    bounds = np.sort(square.sum(axis=-1, keepdims=True) / J, axis=-1)
-    return np.clip(np.linalg.eigvalsh(symmetric)[..., 1:], bounds[..., :-1], bounds[..., 1:])
+    poles = square.sum(axis=-1, keepdims=True) / J
+    bounds = np.sort(poles, axis=-1)
+    found = np.clip(np.linalg.eigvalsh(symmetric)[..., 1:], bounds[..., :-1], bounds[..., 1:])
+    uneven = np.asarray(bounds[..., 0] < ACCURATE**2 * bounds[..., -1])
+    if uneven.any():
+        found[uneven] = _zeros(np.broadcast_to(square, poles.shape)[uneven], poles[uneven])
+    return found
+
+
+def _zeros(square: FloatArray, poles: FloatArray) -> FloatArray:
+    """Return the s between poles for which the sum of I_i**2 / (pole_i - s) is 0, by bisection.
+
+    The errors of `eigvalsh` are relative to the largest s, those of this to each.
+    """
+    bounds, square, poles = np.sort(poles, axis=-1), square[:, np.newaxis], poles[:, np.newaxis]
+    low, high = bounds[:, :-1], bounds[:, 1:]
+    with np.errstate(all="ignore"):
+        for _ in range(80):
+            middle = np.where(high > 4.0 * low, np.sqrt(low) * np.sqrt(high), 0.5 * (low + high))
+            above = (square / (poles - middle[..., np.newaxis])).sum(axis=-1) < 0.0
+            low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return high

@@ -44,7 +44,8 @@ def lyapunov_exponents(
     -------
     ndarray(float, shape=(..., D))
         Exponents per step, the largest first; divide by eps for rates. -inf if a step is not
-        invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails.
+        invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails or all digits of a
+        determinant cancel.
 
     Notes
     -----

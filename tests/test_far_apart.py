@@ -25,8 +25,11 @@ def numbers(rng, exponent, shape):
     return 10.0 ** rng.uniform(-exponent, exponent, shape) * rng.choice([-1.0, 1.0], shape)
 
 
-def nd_problems(rng, m, size):
-    """J, I, omega (size, m), and eps; the largest eps I omega / J lies between 1e-30 and 1e30."""
+def bodies(rng, m, size):
+    """Arguments of functions; J, I, omega (size, m) and eps; equations, and weights of states.
+
+    The largest eps I omega / J lies between 1e-30 and 1e30.
+    """
     problems = []
     for _ in range(size):
         spread = rng.choice([1, 3, 10, 24])
@@ -42,11 +45,12 @@ def nd_problems(rng, m, size):
         terms = abs(I).max() * abs(omega) / J
         eps = numbers(rng, rng.choice([0.5, 8, 30]), 1)[0] / terms.max()
         problems.append((J, I, omega, eps))
-    return [np.array(each) for each in zip(*problems, strict=True)]
+    J, I, omega, eps = problems = [np.array(each) for each in zip(*problems, strict=True)]
+    return (sf.SuslovND(J, I), omega, eps), problems, residual_nd, of_energy
 
 
-def field_problems(rng, D, size):
-    """q, l, c, x and eps."""
+def fields(rng, D, size):
+    """The same of fields, with q, l, c, x and eps."""
     problems = []
     for _ in range(size):
         spread = rng.choice([1, 3, 10, 30])
@@ -57,7 +61,8 @@ def field_problems(rng, D, size):
         terms = max(abs(q).max() * abs(x).max(), abs(l).max(), 1e-30)
         eps = numbers(rng, rng.choice([0.5, 8, 30]), 1)[0] / terms
         problems.append((q + q.swapaxes(1, 2), l, c, x, eps))
-    return [np.array(each) for each in zip(*problems, strict=True)]
+    *field, x, eps = problems = [np.array(each) for each in zip(*problems, strict=True)]
+    return (sf.QuadraticField(*field), x, eps), problems, residual_of_field, lambda *_: [1] * D
 
 
 def changed(rng, parameter):
@@ -145,16 +150,6 @@ def of_torque(J, *_):
     return [mpmath.sqrt(mpf(a) * mpf(b)) / max(a, b) for a in J for b in J]
 
 
-def bodies(rng, m, size):
-    *body, omega, eps = problems = nd_problems(rng, m, size)
-    return (sf.SuslovND(*body), omega, eps), problems, residual_nd, of_energy
-
-
-def fields(rng, D, size):
-    *field, x, eps = problems = field_problems(rng, D, size)
-    return (sf.QuadraticField(*field), x, eps), problems, residual_of_field, lambda *_: [1] * D
-
-
 @pytest.mark.parametrize(
     ("made", "D", "size", "method"),
     [(bodies, m, size, method) for m, size in ((2, 200), (3, 200), (5, 50)) for method in METHODS]
@@ -192,8 +187,8 @@ def test_derivatives_and_exponents(rng, made, D, size):
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")
 @pytest.mark.parametrize("m", [3, 5])
 def test_reactions(rng, m):
-    J, I, omega, eps = problems = nd_problems(rng, m, 200)
-    check(rng, sf.reaction(sf.SuslovND(J, I), omega, eps), problems, reaction, of_torque)
+    arguments, problems, *_ = bodies(rng, m, 200)
+    check(rng, sf.reaction(*arguments), problems, reaction, of_torque)
 
 
 def test_hamiltonian_fields(rng):

@@ -199,7 +199,7 @@ def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
     poles = square.sum(axis=-1, keepdims=True) / J
     bounds = np.sort(poles, axis=-1)
     found = np.clip(np.linalg.eigvalsh(symmetric)[..., 1:], bounds[..., :-1], bounds[..., 1:])
-    uneven = np.asarray(bounds[..., 0] < ACCURATE**2 * bounds[..., -1])
+    uneven = bounds[..., 0] < ACCURATE**2 * bounds[..., -1]
     if uneven.any():
         found[uneven] = _zeros(np.broadcast_to(square, poles.shape)[uneven], poles[uneven])
     return found

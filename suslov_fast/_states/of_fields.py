@@ -18,6 +18,8 @@ from .step_derivatives import jacobian_by, next_states
 
 # Results that may be this part of their terms, or less, are computed in decimals.
 LOST = 2.0**-26
+# Terms of H below this part of the bound of all terms are small.
+UNEVEN = 2.0**-10
 
 
 def _of_states(
@@ -67,28 +69,30 @@ def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     return np.eye(body.dimension) - _slopes(body, x, eps)
 
 
-def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
+def _energy(body: QuadraticField, x: FloatArray, eps: Any, of_term: Any = np.asarray) -> FloatArray:
     total = np.zeros(x.shape[:-1])
     for powers, c in sorted(body.hamiltonian.terms.items()):
-        total += math.prod((x[..., i] for i in powers), start=float(c))
+        total += of_term(math.prod((x[..., i] for i in powers), start=float(c)))
     return total
 
 
 def _modified_energy(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return H(x) + (eps/3) grad H(x).A(x)**-1 f(x)."""
     gradient, following = _vector_field(body.gradient, x, None), next_states(body, x, eps)
-    energy: FloatArray = _energy(body, x, None)
-    energy = energy + (gradient * (following - x)).sum(axis=-1) / 3.0
+    work = gradient * (following - x)
+    energy: FloatArray = _energy(body, x, None) + work.sum(axis=-1) / 3.0
     # The first bound is the same for all states, and fast.
     largest, *others = (abs(each).max(initial=0.0) for each in (gradient, x, following))
-    accurate = LOST * largest * max(others) <= abs(energy)
-    if accurate.all():
+    doubtful = np.asarray(~(LOST * largest * max(others) <= abs(energy)))
+    if not doubtful.any():
         return energy
-    doubtful = np.asarray(~accurate)
     # The error of a next state is relative to its largest component.
     some = np.maximum(abs(x[doubtful]), abs(following[doubtful])).max(axis=-1)
     some *= abs(gradient[doubtful]).max(axis=-1)
-    doubtful[doubtful] = abs(np.asarray(energy)[doubtful]) < LOST * some
+    # Where terms of H are as large, and more than the work, the result depends as strongly on x.
+    terms = _energy(body, x[doubtful], None, abs)
+    uneven = (terms < UNEVEN * some) | (terms < abs(work[doubtful]).sum(axis=-1))
+    doubtful[doubtful] = uneven & (abs(np.asarray(energy)[doubtful]) < LOST * some)
     return _repaired(0, energy, doubtful, body, x, eps)
 
 

@@ -12,16 +12,7 @@ import distributed
 import numpy as np
 import pytest
 import xarray
-from ensemble_runs import (
-    BODY,
-    BODY_4D,
-    CUT,
-    KINDS,
-    assert_same,
-    assert_undisturbed,
-    contents,
-    made,
-)
+from ensemble_runs import BODY, BODY_4D, CUT, KINDS, assert_same, assert_undisturbed, contents, made
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble

@@ -291,20 +291,14 @@ def test_reaction(rng, k):
 
 
 @pytest.mark.parametrize("m", [2, 3, 5])
-def test_reaction_in_n_dimensions(rng, m):
+def test_continuous_reaction_in_n_dimensions(rng, m):
     for _ in range(5):
         J, I, omega = rng.uniform(0.5, 4, m), rng.normal(size=m), rng.normal(size=m)
-        eps, body, state = rng.uniform(-0.5, 0.5), sf.SuslovND(J, I), naive.exactly(*omega)
-        following = naive.step_nd(J, I, eps, state)
-        for step, after, slope in (
-            ((), state, naive.vector_field_nd(J, I, omega)),
-            ((eps,), following, naive.quotient(eps, state, following)),
-        ):
-            exact = np.array(naive.reaction_nd(J, I, state, after, slope), float)
-            computed = sf.reaction(body, omega, *step)
-            tolerance = 1e-14 + (1e-13 if step else 1e-14) * np.linalg.norm(exact)
-            np.testing.assert_allclose(computed, exact, atol=tolerance)
-            assert (computed == -computed.T).all()
+        state, slope = naive.exactly(*omega), naive.vector_field_nd(J, I, omega)
+        exact = np.array(naive.reaction_nd(J, I, state, state, slope), float)
+        computed = sf.reaction(sf.SuslovND(J, I), omega)
+        np.testing.assert_allclose(computed, exact, atol=1e-14 * (1 + np.linalg.norm(exact)))
+        assert (computed == -computed.T).all()
 
 
 def test_the_discrete_reaction_tends_to_the_continuous_one(body):
@@ -379,10 +373,7 @@ def test_multipliers_of_either_half_at_the_pole_and_beyond(body, unit):
     assert sf.multipliers(unit, 1e200, 1e200).tolist() == [1.0, -1.0]
 
 
-STIFF = (
-    [0.0059, 5012, 1185, 0.114, 82, 0.000217],
-    [-2091, -1.98, 365, -0.016, -0.102, 0.061],
-)
+STIFF = ([0.0059, 5012, 1185, 0.114, 82, 0.000217], [-2091, -1.98, 365, -0.016, -0.102, 0.061])
 
 
 def test_multipliers_in_n_dimensions(rng):
@@ -404,7 +395,6 @@ def test_multipliers_in_n_dimensions(rng):
         Y = [eps * c * s / 2 for s in sorted(mpmath.eigsy(symmetric, eigvals_only=True))[1:]]
         exact = [float((1 + y) / (1 - y)) for y in Y]
         np.testing.assert_allclose(computed[1:], exact, rtol=1e-13, atol=1e-15)
-    assert sf.multipliers(sf.SuslovND(*STIFF), 1e3, 0.2)[0] == 1
 
 
 @pytest.mark.parametrize(

@@ -22,12 +22,7 @@ SHOWN = [
     "Suslov3D(I1=np.linspace(1, 4, 200), I2=2, I13=-0.5, I23=-0.3)",
     "SuslovND(J=np.full((200, 9), 2.0), I=solved.I)",
 ]
-BAR = """
-import tqdm.auto
-from suslov_fast._engine.progress import _tqdm
-iterate(solved, omega0, eps=0.2, steps=100, progress=True)
-print(_tqdm() is tqdm.auto.tqdm)
-"""
+BAR = "run = iterate(solved, omega0, eps=0.2, steps=100, progress=True)"
 EXECUTE = """
 import sys
 import nbclient, nbformat
@@ -73,5 +68,4 @@ def test_the_notebook_runs(tmp_path):
         assert len(line) < 140
         assert "\n" not in line
         assert all(len(text) < 700 for text in output["data"].values())
-    assert "True\n" in [each.get("text") for each in bar["outputs"]]
     assert re.search("100%|widget", json.dumps(bar["outputs"]))

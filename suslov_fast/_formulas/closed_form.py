@@ -35,13 +35,7 @@ import numpy as np
 
 from .._jit import formula, select, two_product
 from . import twofold, units
-from .coordinates import (
-    dimensionless,
-    rotor_twofold,
-    sum_of_ordered,
-    sum_of_products,
-    two_sum,
-)
+from .coordinates import dimensionless, rotor_twofold, sum_of_ordered, sum_of_products, two_sum
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
@@ -94,8 +88,7 @@ Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
 # order      1, or 0 for the flow and slow orbits
 # time       exponent of the unit of X, Y and K, 0 unless `order` is 0
 Start = namedtuple(
-    "Start",
-    "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power order time fate",
+    "Start", "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power order time fate"
 )
 # R, T, L**2 (`square`), L (`root` + `root_lost`), L - |Y| (`gap`) and r. Where L**2 < 0, `root` is
 # m, and r has no meaning.

@@ -10,14 +10,7 @@ import numpy as np
 from .._jit import formula, select, two_product
 from .closed_form import NO_POWER, PASSES, PASSES_NEAR, TURNS
 from .coordinates import ZERO_TO_ROUNDING
-from .elementary import (
-    TO_INTEGER,
-    exponential,
-    is_integer,
-    of_quarter_turns,
-    scaled,
-    smaller,
-)
+from .elementary import TO_INTEGER, exponential, is_integer, of_quarter_turns, scaled, smaller
 
 # Larger numbers of steps and longer times are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990

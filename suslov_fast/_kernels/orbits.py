@@ -101,11 +101,8 @@ def enter(b, lanes, motion, used):
             lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
         for l in range(used):
             if b.steps.kind[l] == formulas.TURNS:
-                start, levels, tangent = (
-                    lane(b.start, l),
-                    lane(b.levels, l),
-                    (lanes.c[l], lanes.s[l]),
-                )
+                start, levels = lane(b.start, l), lane(b.levels, l)
+                tangent = lanes.c[l], lanes.s[l]
                 b.steps.turns[l], b.steps.turns_lost[l] = formulas.turning(start, levels, tangent)
                 b.steps.root[l], b.steps.m_square[l] = b.levels.root[l], -b.levels.square[l]
     if others > 0:

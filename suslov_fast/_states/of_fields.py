@@ -18,7 +18,7 @@ from .step_derivatives import jacobian_by, next_states
 
 # Results that may be this part of their terms, or less, are computed in decimals.
 LOST = 2.0**-26
-# Terms of H below this part of the bound of all terms are small.
+# Numbers below this part of others are small beside them.
 UNEVEN = 2.0**-10
 
 
@@ -89,9 +89,11 @@ def _modified_energy(body: QuadraticField, x: FloatArray, eps: FloatArray) -> Fl
     # The error of a next state is relative to its largest component.
     some = np.maximum(abs(x[doubtful]), abs(following[doubtful])).max(axis=-1)
     some *= abs(gradient[doubtful]).max(axis=-1)
-    # Where terms of H are as large, and more than the work, the result depends as strongly on x.
     terms = _energy(body, x[doubtful], None, abs)
-    uneven = (terms < UNEVEN * some) | (terms < abs(work[doubtful]).sum(axis=-1))
+    sizes = [abs(float(c)) for c in body.hamiltonian.terms.values()]
+    # Otherwise the result depends as strongly on the last digits of x.
+    uneven = (terms < UNEVEN * some) & (min(sizes, default=0.0) < UNEVEN * max(sizes, default=0.0))
+    uneven |= terms < abs(work[doubtful]).sum(axis=-1)
     doubtful[doubtful] = uneven & (abs(np.asarray(energy)[doubtful]) < LOST * some)
     return _repaired(0, energy, doubtful, body, x, eps)
 
@@ -106,6 +108,7 @@ def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> 
         return density
     density = np.asarray(density)
     doubtful = np.asarray(abs(matrix).sum(axis=-1).prod(axis=-1) * abs(density) * LOST > 1.0)
+    doubtful &= abs(matrix).max(axis=(-2, -1)) * UNEVEN > 1.0  # else a pole is near
     if doubtful.any():  # where small changes of entries matter
         some = matrix[doubtful]
         some *= 1.0 + LOST**1.5 * np.cos(np.arange(D * D)).reshape(D, D)

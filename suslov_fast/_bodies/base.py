@@ -105,7 +105,7 @@ class Body:
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        """What equal bodies have in common; -0.0 becomes 0.0."""
+        """The values that equal bodies share; -0.0 becomes 0.0."""
         values = self._arrays.items()
         return tuple((name, each.shape, (each + 0.0).tobytes()) for name, each in values)
 

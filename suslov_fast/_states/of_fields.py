@@ -109,7 +109,7 @@ def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> 
     density = np.asarray(density)
     doubtful = np.asarray(abs(matrix).sum(axis=-1).prod(axis=-1) * abs(density) * LOST > 1.0)
     doubtful &= abs(matrix).max(axis=(-2, -1)) * UNEVEN > 1.0  # else a pole is near
-    if doubtful.any():  # where small changes of entries matter
+    if doubtful.any():  # where small changes of entries, here of any sign and size, matter
         some = matrix[doubtful]
         some *= 1.0 + LOST**1.5 * np.cos(np.arange(D * D)).reshape(D, D)
         doubtful[doubtful] = abs(np.linalg.det(some) * density[doubtful] - 1.0) > LOST

@@ -156,7 +156,7 @@ def test_the_command(record, problem, tmp_path, capsys, monkeypatch):
     (tmp_path / "body.json").write_text(json.dumps(body.to_dict()))
     lines = [["--body", str(tmp_path / "body.json")]]
     values = {name: np.asarray(value) for name, value in body._values.items()}
-    if max(each.ndim for each in values.values()) < 2:
+    if isinstance(body, arguments.AnyBody):
         of = {name: ",".join(map(repr, each.ravel().tolist())) for name, each in values.items()}
         lines.append([f"--{name}={text}" for name, text in of.items()])
     for number, own in enumerate(lines):
@@ -174,6 +174,12 @@ def test_plots(record, problem):
     components = (0, len(symbols) - 1)
     axes = iterate(body, starts, 0.1, 6).plot(components=components)
     assert [axes.get_xlabel(), axes.get_ylabel()] == [symbols[k] for k in components]
+
+
+def test_a_map_without_slopes_has_no_exponents(monkeypatch):
+    monkeypatch.setitem(MAPS, "growth", GROWTH)
+    with pytest.raises(TypeError, match=r"body: expected Suslov3D or .*, got Growth"):
+        sf.lyapunov_exponents(GROWTH.samples[0][0], [1.0, 2.0], 0.1, 5)
 
 
 def test_objects_of_a_subclass_are_bodies():

@@ -21,6 +21,7 @@ from .._maps import map_of
 from .step_derivatives import derivatives_of
 from .table import TABLE
 
+_KINDS = tuple(k for k, own in TABLE.items() if "slopes" in own or issubclass(k, BodyIn3D))
 # Number of entries of the derivatives that are held at a time.
 _SLAB = 2**18
 # Cost of a product of two numbers, in steps of the map.
@@ -65,7 +66,7 @@ def lyapunov_exponents(
     array([ 0.    , -0.0805])
     """
     map = map_of(body)
-    states = check(body, (), {"omega0": omega0, "eps": eps}, threads)
+    states = check(body, _KINDS, {"omega0": omega0, "eps": eps}, threads)
     steps, problem = integer("steps", steps, 1), problem_of(map, states)
     if 0 in states.batch:
         return np.empty((*states.batch, body.dimension))

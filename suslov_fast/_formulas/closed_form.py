@@ -11,19 +11,19 @@ common factor:
 For e < 0, -g stands in place of g, so that T >= 0. G**2 = T**2 - K**2 = L**2. The state is
 U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates; X and K
 are those of `coordinates.dimensionless` divided by sqrt(2). On the page of the gyrostat e, g, R, T,
-L, m and K are delta, chi, rho, delta L, delta nu, delta mu and delta k. The components of state n
-are quotients of quadratic forms in (p_n, q_n), or in other coordinates (c, s) of that plane, which
-are those of the kind of the orbit, if it moves:
+L, m and K are delta, chi, rho, delta L, delta nu, delta mu and delta k, and "Back" gives the
+components of state n as quotients of quadratic forms in (p_n, q_n). Here they are forms in other
+coordinates (c, s) of that plane. Each kind of orbit that moves has its own:
 
 PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
              the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
 PASSES_NEAR  The same near L = 0 or a pole, where w cancels. (1 + G)**n = c_n + s_n G, and
              (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), up to a common factor.
 TURNS        K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
-             b = arctan(m), which is known to twice the digits, and so is the phase n b.
+             b = arctan(m). Both b and the phase n b have twice the digits of a float.
 
-The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here. The
-factor `order` of the terms of higher order in e is 1 for the map; it is 0 for the flow, and for
+The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here.
+Terms of higher order in e have the factor `discrete`: 1 for the map, and 0 for the flow and for
 states so slow that the map equals the flow to rounding.
 
 This module computes the constants of an orbit, and `closed_form_states` its states.
@@ -53,17 +53,17 @@ NO_POWER = -1e5
 # Exponents of the largest of X, Y and K: below the first the flow is as good as the map; below the
 # second nothing moves; above the third squares leave the range of float64.
 SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
-# A flow is out of range if `time` of its `Start` is larger in size.
+# A flow is out of range if `time_power` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
-# The `Forms` of an orbit include the unit of its states, 2**power, up to this exponent. The rest of
-# a larger one would take them out of the range of float64: `power_left` multiplies states last.
+# `Forms` contain the unit of states, 2**power, up to this |power|: more would take them out of the
+# range of float64. The rest, 2**power_left, multiplies states last.
 PART_OF_COEFFICIENTS = 300.0
 # Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
 # PASSES cancel.
 LARGE_ROOT = 8.0
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
-# States larger than R by this may be at a pole.
+# States larger than R by this factor may be at a pole.
 NEAR_POLE = 2.0**20
 # Values of |g| below this, in units in which k is of the order of 1, are taken for 0.
 UNCOUPLED = 1e-150
@@ -85,17 +85,19 @@ Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
 # and sums of two numbers (`_lost` is the smaller); X is 0 for a state at rest.
 #
 # coupling   |e g|, in the unit of X; 0 if g = 0
-# order      1, or 0 for the flow and slow orbits
-# time       exponent of the unit of X, Y and K, 0 unless `order` is 0
+# discrete   1, or 0 for the flow and slow orbits
+# time_power exponent of the unit of X, Y and K, 0 unless `discrete` is 0
 Start = namedtuple(
-    "Start", "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power order time fate"
+    "Start",
+    "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power discrete time_power fate",
 )
 # R, T, L**2 (`square`), L (`root` + `root_lost`), L - |Y| (`gap`) and r. Where L**2 < 0, `root` is
 # m, and r has no meaning.
 Levels = namedtuple("Levels", "R T square root root_lost gap r")
 # Constants of (c, s) after n steps.
 #
-# log_r      log |r|, as the sum of this and `log_lost`; -2 L 2**time if `order` is 0, where r is 1
+# log_r      log |r|, as the sum of this and `log_lost`; if `discrete` is 0, where r is 1,
+#            -2 L 2**time_power
 # v          of PASSES: w_n = v 2**power r**(n - lag)
 # root       L, or m of TURNS
 # m_square   m**2 of TURNS, else 0
@@ -140,7 +142,7 @@ def start(back, flows, body, omega1, omega2):
     size = exponent(larger(larger(abs(X), abs(Y)), abs(K)))
     slow = flows | (of_step + size < SLOW)
     factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
-    time = select(slow, of_step + size, 0.0)
+    time_power = select(slow, of_step + size, 0.0)
 
     # The frame, and U and V: they take the signs, so that K >= 0 and T >= 0.
     sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
@@ -160,8 +162,8 @@ def start(back, flows, body, omega1, omega2):
     # The fate.
     undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - Y_lost == 0.0)
     rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
-    rests = rests | (~flows) & slow & (time < MOTIONLESS)
-    far = (~rests) & select(slow, abs(time) > LONGEST_UNIT, of_step + size > FAST)
+    rests = rests | (~flows) & slow & (time_power < MOTIONLESS)
+    far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > FAST)
     supercritical = coupled & (~slow) & (Y * Y >= 1.0 + K * (2.0 * X - K))
     fate = select(supercritical, SUPERCRITICAL, REGULAR)
     fate = select(undefined, UNDEFINED, fate)
@@ -183,8 +185,8 @@ def start(back, flows, body, omega1, omega2):
         f21=sign_of_K * g2 * of_2,
         f22=back * g1 * of_2,
         power=unit.W,
-        order=select(slow, 0.0, 1.0),
-        time=time,
+        discrete=select(slow, 0.0, 1.0),
+        time_power=time_power,
         fate=fate,
     )
 
@@ -192,26 +194,26 @@ def start(back, flows, body, omega1, omega2):
 @formula
 def levels(start):
     """The `Levels` of an orbit."""
-    X, Y, Y_lost, K, order = start.X, start.Y, start.Y_lost, start.K, start.order
-    below = 1.0 / np.sqrt(1.0 + order * X * X)
+    X, Y, Y_lost, K, discrete = start.X, start.Y, start.Y_lost, start.K, start.discrete
+    below = 1.0 / np.sqrt(1.0 + discrete * X * X)
     R = np.sqrt(start.U * start.U + start.V * start.V) * below
     T = start.coupling * R
     X1, Y1, K1 = X * below, Y * below, K * below
-    square = Y1 * Y1 + X1 * (X1 - 2.0 * K1) - order * (K * X1) * (K * X1)
+    square = Y1 * Y1 + X1 * (X1 - 2.0 * K1) - discrete * (K * X1) * (K * X1)
     least = LEAST_ROOT * T
     square = select(abs(square) > least * least, square, least * least)
     root = np.sqrt(abs(square))
     # L - |Y| = (L**2 - Y**2) / (L + |Y|): L and |Y| do not cancel.
-    plus, minus = (1.0 + order * Y) + order * Y_lost, (1.0 - order * Y) - order * Y_lost
-    gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + order * K * X)) / (root + abs(Y))
+    plus, minus = (1.0 + discrete * Y) + discrete * Y_lost, (1.0 - discrete * Y) - discrete * Y_lost
+    gap = X1 * (X1 * (plus * minus) - K1 * (2.0 + discrete * K * X)) / (root + abs(Y))
     # If it is small beside |Y| and |1 - |Y||, L = |Y| + gap has more digits than the root.
-    near = smaller(abs(Y), select(order > 0.0, abs(1.0 - abs(Y)), abs(Y)))
+    near = smaller(abs(Y), select(discrete > 0.0, abs(1.0 - abs(Y)), abs(Y)))
     extends = (2.0 * abs(gap) <= near) & (square > 0.0)
     more = gap + select(Y > 0.0, Y_lost, -Y_lost)
     root, root_lost = sum_of_ordered(select(extends, abs(Y), root), select(extends, more, 0.0))
     # r = (1 - L**2) / (1 + L)**2, and 1 - L**2 = ((1 + K X)**2 - Y**2) / (1 + X**2).
-    share = below * (1.0 / (1.0 + order * root))
-    r = ((minus + order * K * X) * share) * ((plus + order * K * X) * share)
+    share = below * (1.0 / (1.0 + discrete * root))
+    r = ((minus + discrete * K * X) * share) * ((plus + discrete * K * X) * share)
     return Levels(R, T, square, root, root_lost, gap, r)
 
 
@@ -253,22 +255,22 @@ def larger_sum(start, levels):
 
 @formula
 def steps(start, levels):
-    """The `Steps` of an orbit, of which `logarithm` and `turning` replace some."""
-    X, T, L, r, order = start.X, levels.T, levels.root, levels.r, start.order
+    """The `Steps` of an orbit, of which `logarithm_of_ratio` and `turning` replace some."""
+    X, T, L, r, discrete = start.X, levels.T, levels.root, levels.r, start.discrete
     # w cancels next to L = 0, except for r < 0, and next to poles for large L; the coordinates of
     # PASSES_NEAR do not.
-    apart = (levels.square >= 0.25 * T * T) | (order * levels.square >= 1.0)
-    apart = apart & ((order * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
+    apart = (levels.square >= 0.25 * T * T) | (discrete * levels.square >= 1.0)
+    apart = apart & ((discrete * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
     kind = select(apart, PASSES, select(levels.square > 0.0, PASSES_NEAR, TURNS))
     kind = select((X == 0.0) | (start.fate < 0.0), RESTS, kind)
     passes, decays = kind == PASSES, (kind == PASSES) | (kind == PASSES_NEAR)
-    unit, ends = -2.0 * two_to_the(start.time), decays & (r == 0.0)
+    unit, ends = -2.0 * two_to_the(start.time_power), decays & (r == 0.0)
 
     # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
     total, from_0 = larger_sum(start, levels)
     factor = select(passes, X, 1.0)
     power = exponent(factor)
-    other = factor * two_to_the(-power) * T * (1.0 + order * L)
+    other = factor * two_to_the(-power) * T * (1.0 + discrete * L)
     v = select(from_0, other, total) / select(from_0, total, other)
     v_power = exponent(v)
     return Steps(
@@ -278,7 +280,7 @@ def steps(start, levels):
         log_lost=select(decays & ~ends, levels.root_lost * unit, 0.0),
         v=select(passes, v * two_to_the(-v_power), select(decays, 1.0, 0.0)),
         power=select(passes, select(from_0, power, -power) + v_power, 0.0),
-        lag=select(passes & ~from_0, order, 0.0),
+        lag=select(passes & ~from_0, discrete, 0.0),
         root=L,
         m_square=0.0,
         turns=0.0,
@@ -293,12 +295,12 @@ def turning_levels(start, T):
     # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
     one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
     X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
-    K, order = (start.K, start.K_lost), (start.order, 0.0)
+    K, discrete = (start.K, start.K_lost), (start.discrete, 0.0)
     KX = twofold.product(K, X)
     beyond = twofold.difference((2.0 * one * KX[0], 2.0 * one * KX[1]), twofold.square(X))
     beyond = twofold.difference(beyond, twofold.square(Y))
-    beyond = twofold.plus(beyond, twofold.product(order, twofold.square(KX)))
-    below = twofold.plus((one * one, 0.0), twofold.product(order, twofold.square(X)))
+    beyond = twofold.plus(beyond, twofold.product(discrete, twofold.square(KX)))
+    below = twofold.plus((one * one, 0.0), twofold.product(discrete, twofold.square(X)))
     square, lost = twofold.quotient(beyond, below)
     least = (LEAST_ROOT * T) * (LEAST_ROOT * T)
     known = square > least
@@ -319,7 +321,8 @@ def turning_tangent(levels):
 def turning(start, levels, tangent):
     """b of an orbit that turns in quarter turns, as a sum of two numbers."""
     # The angle of the flow is m, and of the map the arctangent.
-    m, slow, unit = (levels.root, levels.root_lost), start.order == 0.0, two_to_the(start.time)
+    m, slow = (levels.root, levels.root_lost), start.discrete == 0.0
+    unit = two_to_the(start.time_power)
     angle, lost = twofold.angle_of_eighth(tangent)
     angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
     angle, lost = twofold.product((angle, lost), TWO_OVER_PI)
@@ -358,7 +361,7 @@ def resting_forms(start, given):
 def passing_forms(start, levels):
     """The `Forms` of PASSES."""
     K, T, L, r = start.K, levels.T, levels.root, levels.r
-    inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.order * L)
+    inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.discrete * L)
     f11, f12, f21, f22 = frame(start, levels.R * inverse)
     y = 2.0 * T * of_one
     return Forms(
@@ -391,7 +394,7 @@ def near_forms(start, levels, sign):
     """
     X, Y, K, T, L = start.X, start.Y, start.K, levels.T, levels.root
     gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
-    XT = X * T * (1.0 + start.order * L)
+    XT = X * T * (1.0 + start.discrete * L)
     total, is_first = larger_sum(start, levels)
     minus = 2.0 * select(is_first, total, levels.r * (XT / total) * XT)  # 2 (S - L Y)
     more = select(sign < 0.0, 2.0 * (K * X / L), 0.0)

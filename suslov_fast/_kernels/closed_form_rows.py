@@ -48,9 +48,10 @@ TASK = 2**16
 # abreast   number of rows, or times, side by side in a block
 # shift     number of lanes by which the first block is shorter
 Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
-# The `growth` of (c, s) in 0 to BASE - 1 rows, and in as many times BASE: (_ENTRIES, LANES). The
-# (c, s) of row GROUP g + BASE a + b is seed[g] growth[BASE + a] growth[b], products as in
-# `combined`; the growth includes the offset of the lane.
+# The `growth` of (c, s), (_ENTRIES, LANES): entries b < BASE are those over b rows, and entries
+# BASE + a those over BASE a rows. The (c, s) of row GROUP g + BASE a + b is
+# seed[g] growth[BASE + a] growth[b], products as in `combined`. The growth includes the offset of
+# the lane: what is left modulo BASE is added to b, the rest to BASE a.
 Growth = namedtuple("Growth", "c s")
 
 

@@ -3,7 +3,8 @@
 A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate,
 `repair` takes the step: `bordered` if one d is small, else elimination (`eliminate_lanes`), with
 twice the digits where that is inaccurate (`eliminate_lane`). After that, `settle` ends lanes or
-renews their units. States have m = n - 1 components, and arrays of lanes M = m + m % 2 rows.
+renews their units. States have m = n - 1 components, and arrays of a block M rows: m, and if m is
+odd one more component, with J = infinity and I = omega = 0.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)
@@ -42,12 +43,9 @@ from .units_nd import unit_of, unit_of_moments
 LANES = 64
 # Outcomes in a lane.
 SOLVED = 0.0  # the increment of `solve2` is accurate
-SOLVED_IF_FAR = 1.0  # it is if no d is small
-OPEN = 2.0  # it is not
+SOLVED_IF_FAR = 1.0  # the same, provided that no d is small
+OPEN = 2.0  # neither
 DONE = 3.0  # `bordered` has taken the step
-# Components i and M/2 + i are added up in pairs, which halves the stores. (At 2 i and 2 i + 1 LLVM
-# would test for each i whether written rows overlap others.) If m is odd, the last of the M
-# components has J = infinity and I = omega = 0.
 
 
 class Components(NamedTuple):
@@ -65,7 +63,7 @@ class Lanes(NamedTuple):
     """Numbers of each lane."""
 
     eps_input: object  # 0 if all states are fixed
-    of_body: object  # exponent of the unit of I, less that of J
+    body_exponent: object  # of the unit of I / J
     near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
     reach: object  # see `bounds`
     eps: object  # in the unit of omega; 0 for fixed states and ended lanes
@@ -119,7 +117,7 @@ def advance(c, b, begin):
         repair(c, b, c.matrices)
     add(c, b)
     measure(c, b)
-    return units_serve(c, b)
+    return units_fit(c, b)
 
 
 @formula
@@ -129,12 +127,16 @@ def advance_by_elimination(c, b, begin):
         b.half[l], b.outcome[l] = 0.5 * b.eps[l] * b.p[l], OPEN
     eliminate_lanes(c, b)
     measure(c, b)
-    return units_serve(c, b)
+    return units_fit(c, b)
 
 
 @formula
 def sums(c, b):
-    """Find 1 / d and the sums of `solve2`."""
+    """Find 1 / d and the sums of `solve2`.
+
+    Terms i and M/2 + i are added in pairs, which halves the stores. (At 2 i and 2 i + 1 LLVM would
+    test for each i whether written rows overlap others.)
+    """
     half, lanes = c.omega.shape[0] // 2, c.omega.shape[1]
     for l in range(lanes):
         b.half[l] = 0.5 * b.eps[l] * b.p[l]
@@ -193,9 +195,10 @@ def measure(c, b):
 
 @inner
 def repair(c, b, matrices):
-    """Take the step in lanes that are not solved, and set their increments to 0.
+    """Take the step in lanes that are not solved, and set the increments that `add` adds to 0.
 
     Without matrices, trajectories that need elimination end; another driver restarts them.
+    `matrices` is an argument of its own so that Numba removes the branches for None.
     """
     M, lanes = c.omega.shape
     any_open = False
@@ -206,7 +209,7 @@ def repair(c, b, matrices):
     if matrices is None:
         for l in range(lanes):
             if b.outcome[l] == OPEN:
-                # By NaN `units_serve` fails, and `settle` ends the lane.
+                # By NaN `units_fit` fails, and `settle` ends the lane.
                 b.status[l], c.omega[0, l] = NEEDS_ELIMINATION, np.nan
     elif any_open:
         eliminate_lanes(c, b)
@@ -338,7 +341,7 @@ def fill_matrix(c, b):
 
 
 @formula
-def units_serve(c, b):
+def units_fit(c, b):
     """Return True if all states are finite and in the range of their units."""
     outside = 0
     for l in range(c.omega.shape[1]):
@@ -384,16 +387,16 @@ def take_unit(c, b, l, power):
         c.omega[i, l] = 0.0 if ended else scaled(c.omega[i, l], change)
         largest = larger(abs(c.omega[i, l]), largest)
     b.exponent[l], b.unit[l] = power, np.nan if ended else unit
-    b.eps[l] = 0.0 if ended else scaled(b.eps_input[l], power + b.of_body[l])
+    b.eps[l] = 0.0 if ended else scaled(b.eps_input[l], power + b.body_exponent[l])
     b.longest[l], b.low[l], b.high[l] = bounds(b.reach[l], b.eps[l], largest, unit)
 
 
 @formula
 def enter_body(c, b, l, J, I, eps):
     """Enter a body and a step size, for which 0 is stored if every state is fixed."""
-    of_J = unit_of_moments(J)
-    of_I = unit_of(I, of_J)
-    factor_J, factor_I = two_to_the(-of_J), two_to_the(-of_I)
+    exponent_J = unit_of_moments(J)
+    exponent_I = unit_of(I, exponent_J)
+    factor_J, factor_I = two_to_the(-exponent_J), two_to_the(-exponent_I)
     smallest, largest, I_square = np.inf, 0.0, 0.0
     for i in range(c.omega.shape[0]):
         J_i, I_i = np.inf, 0.0
@@ -407,7 +410,8 @@ def enter_body(c, b, l, J, I, eps):
     # With moments far apart no ratio is above this.
     b.least_ratio[l] = select(smallest > ACCURATE * ACCURATE * largest, ACCURATE, 1.0)
     b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
-    b.eps_input[l], b.of_body[l] = 0.0 if I_square == 0.0 else eps, of_I - of_J
+    b.eps_input[l] = 0.0 if I_square == 0.0 else eps
+    b.body_exponent[l] = exponent_I - exponent_J
 
 
 @inner

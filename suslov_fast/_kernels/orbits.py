@@ -23,7 +23,7 @@ LARGEST_EXPONENT = 1022.0
 Block = namedtuple("Block", "problem body start levels steps forms")
 # Numbers of each lane.
 #
-# place, offset    number of rows of the block before its own: in the output, and in time
+# place, offset    number of rows of the block before that of the lane: in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   size from which on a state is computed again
 # power_left       exponent of the factor that multiplies states last, see `closed_form`
@@ -77,7 +77,7 @@ def enter(b, lanes, motion, used):
     for l in range(0 if flows else used):
         root, lost, r = b.levels.root[l], b.levels.root_lost[l], b.levels.r[l]
         high, low = formulas.logarithm_of_ratio(root, lost, r)
-        of_map = (b.start.order[l] > 0.0) & (b.steps.log_r[l] < 0.0) & (r != 0.0)
+        of_map = (b.start.discrete[l] > 0.0) & (b.steps.log_r[l] < 0.0) & (r != 0.0)
         b.steps.log_r[l] = select(of_map, high, b.steps.log_r[l])
         b.steps.log_lost[l] = select(of_map, low, b.steps.log_lost[l])
     for l in range(used):
@@ -170,8 +170,8 @@ def end_of(orbit, power_left, stop):
         return code if fails < np.inf else codes.SUPERCRITICAL, fails
     if start.power > 0.0 and steps.kind != formulas.RESTS:
         # |z| = R sqrt(1 + X**2), and X is largest where Y = 0.
-        T = start.order * levels.T
-        X = start.order * (start.K + T) / ((1.0 - T) * (1.0 + T))
+        T = start.discrete * levels.T
+        X = start.discrete * (start.K + T) / ((1.0 - T) * (1.0 + T))
         least = min(problem.I1, problem.I2) / max(problem.I1, problem.I2)
         largest = levels.R * (1.0 + X) / np.sqrt(least)
         if exponent(largest) + 3.0 + start.power > LARGEST_EXPONENT:

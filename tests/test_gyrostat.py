@@ -238,10 +238,17 @@ def test_closed_form_of_long_steps(rng, k, eps):
         ((1.0, 1.0, 1.0, 1.0, 1.7e18, -1e8), [9e37, -9e37]),
         ((0.036, 77.0, 40.0, 0.0086, 2.6e15, -19.0), [-0.45, -3e17]),
         ((1.6e-13, 1.8e7, -7e4, 0.0, -1.8e39, -2e-29), [2.2e30, 9.4e34]),
+        ((2198.5430170585664, 0.35, 0.005855127778342371, 0.0, 0.0025005161246055988, -1.6e9),
+         [-0.42706431341341494, -1.66e-7]),
+        ((1.0, 1.0, 1.0, 0.0, 0.903013661327605, 0.5), [1.0, 0.0]),
+        ((2.5, 0.96, 3.3e-13, 0.7, 11.338983442918682, -0.0136), [-1.7e-11, 16.279]),
+        ((0.47, 0.58, -0.35, 0.0, -0.0420771362112688, -9.32), [0.1597, 0.0]),
     ],
-)
-def test_closed_form_of_very_long_steps_of_periodic_orbits(parameters, omega):
-    """(K X)**2 is large, and a step turns by nearly a quarter, whose cosine is small."""
+)  # fmt: skip
+def test_closed_form_where_squares_cancel(parameters, omega):
+    """(K X)**2 is large, and a step turns by nearly a quarter, whose cosine is small; or |k| is
+    next to A, at a steady state or where Y is 0.
+    """
     body, n = sf.SuslovGyrostat(*parameters[:5]), [-1, 1, 2, 3, 4, 15]
     with mpmath.workdps(800):
         backward = exact_step((*parameters[:5], -parameters[5]), omega)

@@ -218,6 +218,37 @@ def levels(start):
 
 
 @formula
+def cancels(start, levels):
+    """Test that L**2 = T**2 - K**2 loses digits: next to |k| = A, and where an orbit turns."""
+    return (levels.square < 0.25 * levels.T * levels.T) & (start.X != 0.0)
+
+
+@formula
+def accurate_levels(start, levels):
+    """`levels` with L, or m, to twice the digits."""
+    # L**2 = (X**2 - K X (2 + K X) + Y**2) / (1 + X**2), where X and Y are divided by a power of two
+    # if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
+    one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
+    X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
+    K, discrete = (start.K, start.K_lost), (start.discrete, 0.0)
+    KX, XX = twofold.product(K, X), twofold.square(X)
+    above = twofold.difference(XX, (2.0 * one * KX[0], 2.0 * one * KX[1]))
+    above = twofold.difference(above, twofold.product(discrete, twofold.square(KX)))
+    below = twofold.plus((one * one, 0.0), twofold.product(discrete, XX))
+    square, lost = twofold.quotient(twofold.plus(above, twofold.square(Y)), below)
+    least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
+    known = abs(square) > least
+    square, lost = select(known, square, least), select(known, lost, 0.0)
+    root, root_lost = twofold.root((abs(square), select(square < 0.0, -lost, lost)))
+    # L**2 - Y**2 = (X**2 (1 - Y**2) - K X (2 + K X)) / (1 + X**2), and r.
+    XY = twofold.product(X, (start.discrete * start.Y, start.discrete * start.Y_lost))
+    gap = twofold.difference(above, twofold.square(XY))[0] / below[0] / (root + abs(start.Y))
+    L, L_lost = start.discrete * root, start.discrete * root_lost
+    r = ((1.0 - L) - L_lost) / (1.0 + L)
+    return Levels(levels.R, levels.T, square, root, root_lost, gap, r)
+
+
+@formula
 def logarithm_of_ratio(L, L_lost, r):
     """log |r| as a sum of two numbers, r = (1 - L) / (1 + L)."""
     power = halvings(abs(r))
@@ -289,27 +320,6 @@ def steps(start, levels):
 
 
 @formula
-def turning_levels(start, T):
-    """L**2, and m as a sum of two numbers, of an orbit that turns."""
-    # m**2 = (X (2 K - X) - Y**2 + (K X)**2) / (1 + X**2), where X and Y are divided by a power of
-    # two if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
-    one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
-    X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
-    K, discrete = (start.K, start.K_lost), (start.discrete, 0.0)
-    KX = twofold.product(K, X)
-    beyond = twofold.difference((2.0 * one * KX[0], 2.0 * one * KX[1]), twofold.square(X))
-    beyond = twofold.difference(beyond, twofold.square(Y))
-    beyond = twofold.plus(beyond, twofold.product(discrete, twofold.square(KX)))
-    below = twofold.plus((one * one, 0.0), twofold.product(discrete, twofold.square(X)))
-    square, lost = twofold.quotient(beyond, below)
-    least = (LEAST_ROOT * T) * (LEAST_ROOT * T)
-    known = square > least
-    square, lost = select(known, square, least), select(known, lost, 0.0)
-    m, m_lost = twofold.root((square, lost))
-    return -square, m, m_lost
-
-
-@formula
 def turning_tangent(levels):
     """tan(b / 8) for b = arctan(m), or if m > 1 for b = arctan(1 / m), to twice the digits."""
     m, m_lost = levels.root, levels.root_lost
@@ -374,10 +384,17 @@ def passing_forms(start, levels):
 @formula
 def turning_forms(start, levels, steps):
     """The `Forms` of TURNS."""
-    X, Y, K, U, V, TR = start.X, start.Y, start.K, start.U, start.V, levels.T * levels.R
+    X, Y, K, U, V, R = start.X, start.Y, start.K, start.U, start.V, levels.R
     f11, f12, f21, f22 = frame(start, 1.0)
-    y_u, y_v = -2.0 * K * V, -2.0 * (TR + K * U)
-    z_u, z_v = -(K * K * U + TR * (X + K)), V * steps.m_square
+    # T R + K U cancels next to a steady state, unless it is formed from terms that are small there:
+    # R**2 - U**2 = V**2 - (R X)**2, and K - T = m**2 / (K + T).
+    TR, RX = levels.T * R, start.discrete * R * X
+    first = K * ((V - RX) * (V + RX) / (R + abs(U)))
+    second = R * (steps.m_square / (K + levels.T))
+    small = (U < 0.0) & (abs(first) + second < 0.01 * TR)
+    total = select(small, first - second, TR + K * U)
+    y_u, y_v = -2.0 * K * V, -2.0 * total
+    z_u, z_v = -(K * total + TR * X), V * steps.m_square
     return Forms(
         d11=1.0, d12=-2.0 * Y, d22=2.0 * K * X - steps.m_square,
         x1=f11 * U - f12 * V, y1=f11 * y_u + f12 * y_v, z1=f11 * z_u + f12 * z_v,

@@ -69,9 +69,14 @@ def enter(b, lanes, motion, used):
     for l in range(used):
         body, omega1, omega2 = lane(b.body, l), b.problem.omega1[l], b.problem.omega2[l]
         put(b.start, l, formulas.start(back, flows, body, omega1, omega2))
-    others, turning, recomputed = 0, 0, 0
+    others, turning, recomputed, cancels = 0, 0, 0, 0
     for l in range(used):
         put(b.levels, l, formulas.levels(lane(b.start, l)))
+        cancels += select(formulas.cancels(lane(b.start, l), lane(b.levels, l)), 1, 0)
+    for l in range(used if cancels > 0 else 0):
+        start, levels = lane(b.start, l), lane(b.levels, l)
+        if formulas.cancels(start, levels):
+            put(b.levels, l, formulas.accurate_levels(start, levels))
     for l in range(used):
         put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))
     for l in range(0 if flows else used):
@@ -92,11 +97,7 @@ def enter(b, lanes, motion, used):
         others += select(steps.kind > formulas.PASSES, 1, 0)
         turning += select(steps.kind == formulas.TURNS, 1, 0)
         recomputed += select((size < np.inf) | (power_left != 0.0), 1, 0)
-    if turning > 0:  # in three loops: a processor overlaps the lanes of a short one
-        for l in range(used):
-            if b.steps.kind[l] == formulas.TURNS:
-                found = formulas.turning_levels(lane(b.start, l), b.levels.T[l])
-                b.levels.square[l], b.levels.root[l], b.levels.root_lost[l] = found
+    if turning > 0:  # in two loops: a processor overlaps the lanes of a short one
         for l in range(used):  # `c` and `s` hold the tangent until there are rows
             lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
         for l in range(used):
@@ -104,7 +105,7 @@ def enter(b, lanes, motion, used):
                 start, levels = lane(b.start, l), lane(b.levels, l)
                 tangent = lanes.c[l], lanes.s[l]
                 b.steps.turns[l], b.steps.turns_lost[l] = formulas.turning(start, levels, tangent)
-                b.steps.root[l], b.steps.m_square[l] = b.levels.root[l], -b.levels.square[l]
+                b.steps.m_square[l] = -levels.square
     if others > 0:
         for l in range(used):
             start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)

@@ -349,3 +349,21 @@ def test_statuses_at_poles():
     with pytest.warns(RuntimeWarning, match="no state between two steps"):
         assert np.isnan(sf.exact(body, [0.3, -9.0], 1, 2.5)).all()
     assert np.isfinite(sf.exact(body, [0.3, -1.0], 1, 2.5)).all()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "omega"),
+    [
+        ((0.375, 1.5, -0.5, -1.0, 0.5, 2.0), [-0.5, 0.5]),  # a pole where |e| A = 1
+        ((120.75, 11.5, -1.5, 1.5, 0.0, 4.0), [3.5, 3.5]),  # X = 0 and Y = 1, which is rounded
+        ((238.0, 17.0, -2.0, -2.0, -1.0, 4.0), [-4.0, 3.5]),
+    ],
+)
+def test_singular_states(parameters, omega):
+    body, eps = sf.SuslovGyrostat(*parameters[:5]), parameters[5]
+    for method in ("auto", "canonical"):
+        found = sf.iterate(body, omega, eps, 8, method=method, on_singular="ignore")
+        assert (found.status, found.failed_at) == (sf.Status.SINGULAR, 1)
+        assert np.isnan(found.states[1:]).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.exact(body, omega, eps, 1)).all()

@@ -35,7 +35,14 @@ import numpy as np
 
 from .._jit import formula, select, two_product
 from . import twofold, units
-from .coordinates import dimensionless, rotor_twofold, sum_of_ordered, sum_of_products, two_sum
+from .coordinates import (
+    dimensionless,
+    rotor_twofold,
+    shifted,
+    sum_of_ordered,
+    sum_of_products,
+    two_sum,
+)
 from .elementary import (
     LN2_HIGH,
     LN2_LOW,
@@ -160,7 +167,8 @@ def start(back, flows, body, omega1, omega2):
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
     # The fate.
-    undefined = (~slow) & (X == 0.0) & ((1.0 - Y) - Y_lost == 0.0)
+    c, Z = shifted(Y, Y_lost)
+    undefined = (~slow) & (X == 0.0) & (c == 1.0) & (Z == 0.0)
     rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time_power < MOTIONLESS)
     far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > FAST)

@@ -10,7 +10,15 @@ import numpy as np
 from .._jit import formula, select, two_product
 from .closed_form import NO_POWER, PASSES, PASSES_NEAR, TURNS
 from .coordinates import ZERO_TO_ROUNDING
-from .elementary import TO_INTEGER, exponential, is_integer, of_quarter_turns, scaled, smaller
+from .elementary import (
+    TO_INTEGER,
+    exponential,
+    is_integer,
+    larger,
+    of_quarter_turns,
+    scaled,
+    smaller,
+)
 
 # Larger numbers of steps and longer times are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990
@@ -126,7 +134,8 @@ def step_to_pole(forms, steps, second):
     np.log suffices: the caller tries the steps beside it.
     """
     d11, half, d22 = forms.d11, 0.5 * forms.d12, forms.d22
-    total = -(half + select(half < 0.0, -1.0, 1.0) * np.sqrt(half * half - d11 * d22))
+    root = np.sqrt(larger(half * half - d11 * d22, 0.0))  # both zeros meet at T = 1
+    total = -(half + select(half < 0.0, -root, root))
     ratio = d22 / total if second else total / d11  # of c and s
     if steps.kind == PASSES_NEAR:
         return -np.log1p(2.0 * steps.root / ratio) / steps.log_r

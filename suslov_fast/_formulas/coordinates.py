@@ -7,6 +7,8 @@ from .._jit import formula, select, two_product
 # A denominator this much smaller than its own terms is zero to rounding: the state is on a pole.
 # Rounding of the body, the state and the terms may amount to four units 2**-53.
 ZERO_TO_ROUNDING = 2.0**-50
+# What the sum of Y and its rounding error may differ from 1 where it is 1.
+ROUNDING_OF_ONE = 2.0**-100
 # Numbers below this are soon subnormal if they decrease, and then at least four times slower.
 NEGLIGIBLE = 2.0**-960
 
@@ -106,7 +108,8 @@ def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
 def shifted(Y, lost):
     """Return c, 0 where Y is small and 1 where 1 - Y is, and Z = c - (Y + lost), for the maps."""
     c = select(Y > 0.5, 1.0, 0.0)
-    return c, (c - Y) - lost
+    Z = (c - Y) - lost
+    return c, select((c > 0.0) & (abs(Z) < ROUNDING_OF_ONE), 0.0, Z)
 
 
 @formula

@@ -126,8 +126,9 @@ _RECORDS = (
             Kept("columns", ("flat", "space", "space"), attitude=True),
         ),
         samples=(
-            (SuslovND([1.0, 1.5, 2.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
-            (SuslovND([1.0, 1.0, 1.0], [0.4, -0.7, 0.5]), (1.0, -3.0, 0.5)),
+            # Steps in O(n) do not suffice: J_i = eps p / 2 for two i.
+            (SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
+            (SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         ),
         conserved=_conserved_in_nd,
     ),

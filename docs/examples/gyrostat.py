@@ -17,7 +17,7 @@ body, eps = SuslovGyrostat(I1=4, I2=2, I13=-0.5, I23=-0.3, k=0.4), 0.4
 starts = np.concatenate([np.linspace(-2.2, -0.2, 7), [1.4, 1.8, 2.2]])[:, None] * [0.3, 0.8]
 runs = [iterate(body, starts, sign * eps, steps=150) for sign in (1, -1)]
 
-# The ellipse of energy E meets the line where k**2 <= L**2.
+# The ellipse of energy E meets the line where k**2 <= A**2.
 L2 = 2 * runs[0].energy()[0] * (body.I13**2 / body.I1 + body.I23**2 / body.I2)
 periodic = body.k**2 > L2
 

@@ -26,13 +26,13 @@ for panel, letter, k in zip(axes, "ab", (0.4, 2.6), strict=True):
     orbit = iterate(body, omega0, eps, steps).omega
     z = orbit @ [np.sqrt(body.I1), 1j * np.sqrt(body.I2)]
     w = z / (1 - 1j * delta * (k + (z / chi).real * abs(chi) ** 2))
-    L = abs(w[0]) * abs(chi)
+    A = abs(w[0]) * abs(chi)
     psi = np.unwrap(np.angle(w / chi))
     points = np.stack([np.sin(psi / 2), np.cos(psi / 2)])
     panel.plot(*points, "k.", markersize=5, label="states of the map")
 
     # The powers of the linear map, and the field of directions of B.
-    B = np.array([[0, L + k], [L - k, 0]])
+    B = np.array([[0, A + k], [A - k, 0]])
     powers = [points[:, 0]]
     for _ in range(steps):
         powers.append(powers[-1] + delta * B @ powers[-1])
@@ -41,13 +41,13 @@ for panel, letter, k in zip(axes, "ab", (0.4, 2.6), strict=True):
     u, v = np.meshgrid(np.linspace(-3, 3, 40), np.linspace(-3, 3, 40))
     flow = np.tensordot(B, np.stack([u, v]), 1)
     panel.streamplot(u, v, *flow, color="0.8", linewidth=0.6, density=0.7, arrowsize=0.7)
-    if abs(k) < L:
+    if abs(k) < A:
         for sign, style, name in ((1, "-", "attracting"), (-1, "--", "repelling")):
-            u_end, v_end = 9 * np.array([L + k, sign * np.sqrt(L**2 - k**2)])
+            u_end, v_end = 9 * np.array([A + k, sign * np.sqrt(A**2 - k**2)])
             panel.plot([-u_end, u_end], [-v_end, v_end], style, color="crimson", label=name)
-    compared = "<" if abs(k) < L else ">"
+    compared = "<" if abs(k) < A else ">"
     panel.set(xlim=(-3, 3), ylim=(-3, 3), aspect="equal", xlabel="$u$", ylabel="$v$")
     panel.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
-    panel.set_title(f"$|k| {compared} L$", fontsize="medium")
+    panel.set_title(f"$|k| {compared} A$", fontsize="medium")
 entries = axes[0].get_legend_handles_labels()
 figure.legend(*entries, loc="outside lower center", ncols=4, frameon=False, fontsize="small")

@@ -3,8 +3,8 @@ A rotor turns scattering into rotation
 ======================================
 
 Seven gyrostats start with the same angular velocity and differ in the momentum k of the rotor. Up
-to k = L, Omega goes from one steady state to another and stays there; L depends on the level of the
-first integral, and close to it the passage takes long. Beyond L there is no steady state to go to:
+to k = A, Omega goes from one steady state to another and stays there; A depends on the level of the
+first integral, and close to it the passage takes long. Beyond A there is no steady state to go to:
 Omega turns for ever, first in rare jumps, then evenly. On the right: the turns of the map per step,
 measured over 2,000 steps, and their exact mean, :func:`~suslov_fast.rotation_number`.
 """
@@ -18,24 +18,24 @@ moments, omega0, eps = {"I1": 4, "I2": 2, "I13": -0.5, "I23": -0.3}, [-1.2, 1.6]
 
 
 def turned(k, steps):
-    """Turns of Omega since the start, and L, for rotors of momentum k."""
+    """Turns of Omega since the start, and A, for rotors of momentum k."""
     body = SuslovGyrostat(**moments, k=k)
     run = iterate(body, omega0, eps, steps)
     phi = np.unwrap(np.arctan2(*np.moveaxis(run.omega * np.sqrt([4, 2]), -1, 0)[::-1]), axis=0)
     rho = 2 * np.sqrt(body.I1 * body.I2 * run.first_integral()[0])
-    L = rho * np.sqrt(body.I13**2 / body.I1 + body.I23**2 / body.I2)
-    return run.time, (phi - phi[0]) / (2 * np.pi), L
+    A = rho * np.sqrt(body.I13**2 / body.I1 + body.I23**2 / body.I2)
+    return run.time, (phi - phi[0]) / (2 * np.pi), A
 
 
 k = np.array([0.0, 0.5, 0.9, 1.0, 1.1, 1.3, 1.8])
-time, turns, L = turned(k, 600)
+time, turns, A = turned(k, 600)
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.6), layout="constrained")
 colours = plt.colormaps["viridis"](np.linspace(0, 0.9, len(k)))
-for each, curve, ratio, colour in zip(k, turns.T, k / L, colours, strict=True):
+for each, curve, ratio, colour in zip(k, turns.T, k / A, colours, strict=True):
     style = "-" if ratio > 1 else "--"
     axes[0].plot(time, curve, style, color=colour, label=f"{each:.1f} ({ratio:.2f})")
 axes[0].set(xlabel="time", ylabel=r"turns of $\Omega$")
-axes[0].legend(title="$k$ ($k / L$)", frameon=False, fontsize="small", title_fontsize="small")
+axes[0].legend(title="$k$ ($k / A$)", frameon=False, fontsize="small", title_fontsize="small")
 
 many = np.linspace(0, 2, 81)
 _, turns, _ = turned(many, 2000)

@@ -9,7 +9,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -47,6 +46,9 @@ def _jobs() -> Iterator[tuple[str, Callable[[], int]]]:
         function = getattr(sf, name)
         if inspect.isfunction(function) and not name.startswith(_WITHOUT):
             yield name, partial(_call, function, body, pole, count)
+        if name == "iterate":  # in n dimensions batches of bodies have kernels of their own
+            parameters = {key: np.stack([each] * count) for key, each in body._arrays.items()}
+            yield name, partial(_call, function, body._of(parameters), pole, count)
 
 
 def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int:
@@ -57,8 +59,6 @@ def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int
     if not known.keys() >= set(names):
         return 0
     arguments = {name: known[name] for name in names}
-    if names == ["body"] and "I1" in body._names():
-        arguments["body"] = replace(body, I1=np.linspace(1.0, 2.0, count))
     choices = {
         "method": map_of(body).methods,
         "save_every": (1, None),

@@ -36,6 +36,7 @@ import numpy as np
 from .._jit import formula, select, two_product
 from . import twofold, units
 from .coordinates import (
+    ZERO_TO_ROUNDING,
     dimensionless,
     rotor_twofold,
     shifted,
@@ -172,7 +173,9 @@ def start(back, flows, body, omega1, omega2):
     rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time_power < MOTIONLESS)
     far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > FAST)
-    supercritical = coupled & (~slow) & (Y * Y >= 1.0 + K * (2.0 * X - K))
+    # T**2 >= 1, to rounding with a rotor: at T = 1 poles can be met.
+    slack = select(K == 0.0, 0.0, ZERO_TO_ROUNDING * (1.0 + abs(K) * (2.0 * abs(X) + abs(K))))
+    supercritical = coupled & (~slow) & (Y * Y + slack >= 1.0 + K * (2.0 * X - K))
     fate = select(supercritical, SUPERCRITICAL, REGULAR)
     fate = select(undefined, UNDEFINED, fate)
     total = X + Y + e[0]  # not a number if a parameter is out of range

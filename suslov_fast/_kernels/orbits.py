@@ -71,11 +71,12 @@ def enter(b, lanes, motion, used):
         put(b.start, l, formulas.start(back, flows, body, omega1, omega2))
     others, turning, recomputed, cancels = 0, 0, 0, 0
     for l in range(used):
-        put(b.levels, l, formulas.levels(lane(b.start, l)))
-        cancels += select(formulas.cancels(lane(b.start, l), lane(b.levels, l)), 1, 0)
+        levels = formulas.levels(lane(b.start, l))
+        put(b.levels, l, levels)
+        cancels += select(formulas.cancels(levels), 1, 0)
     for l in range(used if cancels > 0 else 0):
         start, levels = lane(b.start, l), lane(b.levels, l)
-        if formulas.cancels(start, levels):
+        if formulas.cancels(levels):
             put(b.levels, l, formulas.accurate_levels(start, levels))
     for l in range(used):
         put(b.steps, l, formulas.steps(lane(b.start, l), lane(b.levels, l)))

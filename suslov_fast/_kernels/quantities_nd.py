@@ -24,6 +24,8 @@ from .units_nd import unit_of, unit_of_moments
 ROWS = 10
 # A change in a step that differs from that of the states by more than this part of them is wrong.
 DIFFERENT = 2.0**-40
+# A difference below this part of its terms has lost digits.
+CANCELLED = 2.0**-8
 
 # What a quantity provides: at_state(s, eps, unit, out), which fills `out` from a problem.
 quantity = namespace("quantity")
@@ -128,20 +130,35 @@ def fill_matrix(s, eps, out):
 
 
 @formula
+def driven_by(s, i, j, p, p_next):
+    """I_j slope_i - I_i slope_j without the terms with |omega|**2, which cancel if J_i = J_j."""
+    a, b, sign = (i, j, 1.0) if s.J[i] <= s.J[j] else (j, i, -1.0)
+    off = sum_of_products(s.I[b], s.omega[a], -s.I[a], s.omega[b])
+    off_next = sum_of_products(s.I[b], s.following[a], -s.I[a], s.following[b])
+    along = 0.5 * (p * off_next + p_next * off)
+    return sign * (along + s.I[b] * (s.J[b] - s.J[a]) * s.slope[a]) / s.J[b]
+
+
+@formula
 def fill_reaction(s, eps, unit, out):
     """Fill the antisymmetric matrix lambda_ij of equation (13), of terms of two dimensions.
 
     The slope is more accurate than the difference of the states, unless a long step cancels it.
     """
     find_slope(s)
-    m = s.slope.size
+    m, p, p_next, any_differs = s.slope.size, 0.0, 0.0, False
     for i in range(m):
         w, v = s.omega[i], s.following[i]
+        p, p_next = p + s.I[i] * w, p_next + s.I[i] * v
         differs = abs(eps * s.slope[i] - (v - w)) > DIFFERENT * (abs(w) + abs(v))
         s.slope[i] = select(differs, (v - w) / eps, s.slope[i])
+        any_differs |= differs
+    for i in range(m):
         out[i * m + i] = 0.0 * s.slope[i]
         for j in range(i):
             driven = s.I[j] * s.slope[i] - s.I[i] * s.slope[j]
+            if abs(driven) < CANCELLED * abs(s.I[j] * s.slope[i]) and not any_differs:
+                driven = driven_by(s, i, j, p, p_next)
             gyration = s.omega[i] * s.following[j] + s.following[i] * s.omega[j]
             gyration = 0.5 * (s.J[j] - s.J[i]) * gyration
             value = leave(driven, unit, -1, 2, 2) - leave(gyration, unit, 1, 0, 2)

@@ -105,7 +105,7 @@ def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = Fal
 def _vectors(name: str, value: ArrayLike, dimension: int, labels: Sequence[str]) -> FloatArray:
     array = _floats(name, value)
     if type(value) not in _PLAIN:
-        _check_labels(name, value, labels)
+        check_labels(name, value, labels)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise wrong(name, f"shape (..., {dimension})", array.shape)
     return array
@@ -120,9 +120,6 @@ def _floats(name: str, value: Any) -> FloatArray:
         array = np.asarray(value)
     except ValueError as error:
         raise wrong(name, "a rectangular array of real numbers", _short(value)) from error
-    # `numpy.ma` is imported only if the array may be masked.
-    if isinstance(value, np.ndarray) and type(value) is not np.ndarray and np.ma.is_masked(value):
-        raise wrong(name, "real numbers", "a masked array with missing values")
     if array.dtype is _FLOAT64:
         return array
     if array.dtype.kind == "O":
@@ -158,7 +155,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 
 def refuse_units(name: str, value: Any) -> None:
-    """Raise TypeError for tables, and for quantities with units, alone or in lists."""
+    """Raise an error for tables, masked arrays and quantities with units, alone or in lists."""
     if isinstance(value, (list, tuple)):
         for each in value:
             if type(each) is not float and type(each) is not int:
@@ -166,6 +163,9 @@ def refuse_units(name: str, value: Any) -> None:
         return
     if type(value) in _PLAIN:
         return
+    # `numpy.ma` is imported only if the array may be masked.
+    if isinstance(value, np.ndarray) and np.ma.is_masked(value):
+        raise wrong(name, "real numbers", "a masked array with missing values")
     if hasattr(value, "columns"):
         how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
         raise wrong(name, "an array", how, TypeError)
@@ -215,7 +215,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
         own = [dim for dim in value.dims if dim in _OWN_AXES]
         if own:
-            _check_labels(name, value, components)
+            check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
         absent = [dim for dim in whole[first:] if dim not in dims]
         arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *own).data
@@ -237,7 +237,7 @@ def without_labels(parameters: dict[str, Any]) -> None:
             raise wrong(name, f"the index of {first}", "another: pass values without labels")
 
 
-def _check_labels(name: str, value: Any, components: Sequence[str]) -> None:
+def check_labels(name: str, value: Any, components: Sequence[str]) -> None:
     """Raise ValueError if components are not on the last axis, or not those named, in order."""
     if _is_xarray(value):
         dims = [str(dim) for dim in value.dims]

@@ -153,6 +153,7 @@ def changed(field, **entries):
         (lambda: QuadraticField([]), ValueError, r"quadratic: .*D, D, D\), got \(0,\)"),
         (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
         (lambda: QuadraticField([[[None]]]), TypeError, "quadratic: .*floats, got NoneType"),
+        (lambda: QuadraticField(np.ma.masked_less([[[-1]]], 0)), ValueError, "quadr.*masked array"),
         (lambda: QuadraticField([[[math.nan]]]), ValueError, "quadratic: .*finite.*got nan"),
         (lambda: QuadraticField(np.full((2, 1, 1, 1), np.nan)), ValueError, "quadratic: .*nan"),
         (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, r"linear: .*1, 1\), got \(2,\)"),

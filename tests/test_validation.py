@@ -39,6 +39,7 @@ BAD_ARGUMENTS = [
     ({"omega0": [10**400, 1]}, ValueError, "omega0: expected numbers in the range of float64"),
     ({"omega0": np.array(["2020-01-01"] * 2, "M8[D]")}, TypeError, "omega0: expected real numbers"),
     ({"omega0": np.ma.masked_less([1.0, -1.0], 0)}, ValueError, "masked array with missing values"),
+    ({"omega0": [np.ma.masked_less([1.0, -1.0], 0)] * 2}, ValueError, "omega0: .* masked array"),
     ({"eps": NAN}, ValueError, "eps: expected finite real numbers, got nan"),
     ({"eps": [0.1, 0.2, 0.3]}, ValueError, r"broadcast .* body \(\), omega0 \(2,\), eps \(3,\)"),
     ({"steps": -1}, ValueError, "steps: expected an integer of at least 0, got -1"),
@@ -264,7 +265,7 @@ def test_labels_in_order(body):
     assert (sf.step(body, series, 0.2) == sf.step(body, [1.0, 2.0], 0.2)).all()
 
 
-def test_arrays_of_our_datasets_are_accepted_everywhere():
+def test_arrays_of_our_datasets_are_accepted_everywhere(tmp_path):
     """Labelled axes are matched by name, not by position."""
     body = sf.Suslov3D(4, 1, np.array([-0.5, -0.4])[:, None], -0.3)
     sizes = np.array([0.2, 0.3])[:, None, None]
@@ -276,6 +277,12 @@ def test_arrays_of_our_datasets_are_accepted_everywhere():
     again = sf.iterate(body, data.omega[0], data.eps, 6, attitude=data.attitude[0])
     assert (again.attitude == run.attitude).all()
     assert (again.omega == run.omega).all()
+    for name, starts in {"numpy": data.omega[0], "dask": data.omega[0].chunk()}.items():
+        stored = sf.ensemble(body, starts, data.eps, 6, store=tmp_path / name)
+        assert (stored.final.values == run.final).all()
+    other = data.attitude.transpose("n", "start", "I13", "eps", ...)
+    expected = sf.momentum(body, run.omega, attitude=run.attitude)
+    assert (sf.momentum(body, data.omega, attitude=other) == expected).all()
     turned = sf.attitude(body, data.omega, data.eps)
     np.testing.assert_allclose(turned, run.attitude, rtol=0, atol=1e-14)
     with pytest.raises(ValueError, match=r"eps: expected axes among .* got \('other',\)"):
@@ -292,6 +299,10 @@ def test_labels_that_cannot_be_honoured():
     assert sf.Suslov3D(ab, ab, -0.5, -0.3).shape == (2,)
     with pytest.raises(ValueError, match="I2: expected the index of I1, got another"):
         sf.Suslov3D(ab, ba, -0.5, -0.3)
+    with pytest.raises(ValueError, match="I: expected the index of J, got another"):
+        sf.SuslovND(ab, ba)
+    with pytest.raises(ValueError, match=r"constant: .* got the axes \('a',\)"):
+        sf.QuadraticField(np.ones((2, 2, 2)), constant=sizes)
     starts = labelled(("a", "component"), a=["p", "q"])
     with pytest.raises(ValueError, match="eps: expected the coordinates of omega along 'a'"):
         sf.step(body, starts, sizes.assign_coords(a=["q", "p"]))

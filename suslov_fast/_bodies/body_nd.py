@@ -8,7 +8,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._checks import FloatArray, first_index, inertia_matrix, real_array, spell, unit_axis, wrong
+from .._checks import (
+    FloatArray,
+    first_index,
+    inertia_matrix,
+    real_array,
+    spell,
+    unit_axis,
+    without_labels,
+    wrong,
+)
 from .._docs import filled
 from .base import Body
 
@@ -61,6 +70,7 @@ class SuslovND(Body):
     _positive: ClassVar[tuple[str, ...]] = ("J",)
 
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
+        without_labels({"J": J, "I": I})
         J, I = real_array("J", J), real_array("I", I)
         if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
             expected = "shapes (..., n - 1) with the same n > 1"

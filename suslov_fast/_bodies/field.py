@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, instance, integer, real_array, vectors, wrong
+from .._checks import FloatArray, instance, integer, real_array, vectors, without_labels, wrong
 from .._docs import filled
 from .base import Body
 from .body_3d import Suslov3D, SuslovGyrostat
@@ -90,6 +90,7 @@ class QuadraticField(Body):
             "linear": np.zeros((D, D)) if linear is None else linear,
             "constant": np.zeros(D) if constant is None else constant,
         }
+        without_labels(given)
         arrays = {name: numbers(name, each) for name, each in given.items()}
         for name, axes in _AXES.items():
             if D == 0 or arrays[name].shape[-axes:] != (D,) * axes:

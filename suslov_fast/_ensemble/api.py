@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._checks import common_shape, integer, one_of
+from .._checks import aligned, common_shape, integer, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of
 from .._engine.progress import Progress, check_progress
@@ -122,6 +122,8 @@ def ensemble(
     check_progress(progress)
     record = map_of(body)
     one_of("method", method, record.methods)
+    arguments = {"omega0": omega0, "eps": eps, "attitude": attitude}
+    omega0, eps, attitude = aligned(arguments, body._labels).values()
     orientations = orientations_of(body, record.carries_attitude, attitude)
     given = check(body, (), {"eps": eps} | orientations)
     step_size, orientation = np.array(given.eps), given.orientation

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import FloatArray, integer, positive, vectors, wrong
+from .._checks import FloatArray, check_labels, integer, positive, vectors, wrong
 from .._docs import filled
 from .._engine.memory import require
 
@@ -131,7 +131,8 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
         if not path.endswith(".npy"):
             raise wrong("omega0", "the name of a .npy file", repr(omega0))
         omega0 = np.load(path, mmap_mode="r", allow_pickle=False)
-    elif hasattr(omega0, "dask"):
+    elif hasattr(getattr(omega0, "data", omega0), "dask"):
+        check_labels("omega0", omega0, labels)
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
     else:
         return GivenStarts(vectors("omega0", omega0, dimension, True, labels).copy())

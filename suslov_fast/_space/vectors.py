@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import SuslovGyrostat
-from .._checks import FloatArray, common_shape, instance, square_matrices, vectors, wrong
+from .._checks import FloatArray, aligned, common_shape, instance, square_matrices, vectors, wrong
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyIn3D, check
 
@@ -42,6 +44,7 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
+    omega, rotation, attitude = _aligned(body, AnyBody, omega, rotation, attitude)
     _, state, _, batch, *_ = check(body, AnyBody, {"omega": omega})
     turn = _turn(body.dimension + 1, rotation, attitude)
     column = np.broadcast_to(state, (*batch, body.dimension))
@@ -76,6 +79,7 @@ def from_matrix(
     """
     instance("body", body, AnyBody)
     n = body.dimension + 1
+    matrix, rotation = aligned({"matrix": matrix, "rotation": rotation}).values()
     matrices = square_matrices("matrix", matrix, n, allow_nan=True)
     turn = None if rotation is None else square_matrices("rotation", rotation, n)
     size = abs(matrices).max(axis=(-2, -1), initial=0.0, keepdims=True)
@@ -116,6 +120,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
+    omega, rotation, attitude = _aligned(body, BodyIn3D, omega, rotation, attitude)
     _, state, _, batch, *_ = check(body, BodyIn3D, {"omega": omega})
     vector = np.empty((*batch, 3))
     vector[..., :2], vector[..., 2] = state, _zero(state)
@@ -148,6 +153,7 @@ def from_vector(
     (2,)
     """
     instance("body", body, BodyIn3D)
+    vector, rotation = aligned({"vector": vector, "rotation": rotation}).values()
     array = vectors("vector", vector, 3, allow_nan=True)
     turn = None if rotation is None else square_matrices("rotation", rotation, 3)
     adapted = _turned_vector(array, turn)
@@ -190,6 +196,7 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
+    omega, rotation, attitude = _aligned(body, AnyBody, omega, rotation, attitude)
     state = check(body, AnyBody, {"omega": omega}).omega
     turn = _turn(body.dimension + 1, rotation, attitude)
     with np.errstate(all="ignore"):
@@ -203,6 +210,12 @@ def momentum(
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
         matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
     return _turned(matrix, turn)
+
+
+def _aligned(body: AnyBody, kinds: Any, omega: Any, rotation: Any, attitude: Any) -> Any:
+    instance("body", body, kinds)
+    arguments = {"omega": omega, "rotation": rotation, "attitude": attitude}
+    return aligned(arguments, body._labels).values()
 
 
 def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:

@@ -127,7 +127,7 @@ def test_damaged_metadata_are_reported_or_repaired(store, finished, name, harm):
     assert contents(store) == contents(finished)
 
 
-@pytest.mark.parametrize("name", ["eps", "component"])
+@pytest.mark.parametrize("name", ["eps", "n", "component"])
 def test_a_store_without_parameters_is_refused(store, name):
     shutil.rmtree(store / name / "c")
     with pytest.raises(ValueError, match="verify=True"):

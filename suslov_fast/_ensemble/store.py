@@ -164,18 +164,22 @@ def _progress(store: Any) -> tuple[int, Any]:
     growing = {"steps": 0, "known": []}
     if not latest or latest | growing != notes | growing or latest["steps"] < notes["steps"]:
         raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
-    most = len(numbers_of_saved(latest["steps"], notes["attributes"].get("save_every")))
+    save_every = notes["attributes"].get("save_every")
+    numbers = [numbers_of_saved(each["steps"], save_every) for each in (notes, latest)]
     for name, found in arrays.items():
         expected = _metadata(copies, name)
         if "shape" in found and expected.get("dimension_names", ())[:1] == ("n",):
             rows, *shape = expected["shape"]
-            expected["shape"] = (min(max(rows, found["shape"][0]), most), *shape)
+            rows = min(max(rows, found["shape"][0]), len(numbers[1]))
+            expected["shape"] = rows, *shape
         if found != expected:
             raise ValueError(f"{name}/zarr.json is damaged or missing")
-    needed = ("eps", "component", *map_named(notes["attributes"]["map"]).body._names())
+    needed = ("eps", "n", "component", *map_named(notes["attributes"]["map"]).body._names())
     for name in notes["known"]:
         values = np.asarray(root[name][...])  # raises an error if its checksum differs
         lost = values == "" if values.dtype.kind in "OT" else values != values
+        if name == "n":  # absent numbers are 0
+            lost = np.array([not any(np.array_equal(values[: len(n)], n) for n in numbers)])
         if name in needed and lost.any():
             raise ValueError(f"a chunk of {name} is missing")
     return notes["steps"], np.asarray(root[MARKS][...])

@@ -102,6 +102,7 @@ BAD_CALLS = [
     (lambda b: sf.step_full(ROTOR, [1, 2, 0], 0.1), "without a rotor, got .*use iterate or flow"),
     (lambda b: sf.iterate_full(ROTOR, [1, 2, 0], 0.1, 3), "without a rotor, got .*use iterate or flow"),
     (lambda b: sf.multipliers(ROTOR, 1.0, 0.1), "without a rotor, got .*use jacobian"),
+    (lambda b: sf.RandomStarts(3, 1.0).states(-1), "count: expected an integer of at least 0, got -1"),
     (lambda b: sf.scattering_angle(ND), "body: expected Suslov3D, got SuslovND"),
     (lambda b: sf.lyapunov_exponents(b, [1, 2], 0.1, 0), "steps: expected an integer of at least 1, got 0"),
     (lambda b: sf.iterate_full(b, [1.0, 0.5, 0.1], 0.1, 4, 3.0, out=np.empty((3, 3))), r"out: expected shape \(5, 3\), got \(3, 3\)"),

@@ -169,8 +169,10 @@ def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
     inner = math.prod(batch[1:])
     if not batch:
         yield ()
+    elif 0 in batch:
+        return
     elif inner <= most:
-        rows = most // max(inner, 1)
+        rows = most // inner
         for first in range(0, batch[0], rows):
             yield (slice(first, first + rows),)
     else:

@@ -65,6 +65,8 @@ class RandomStarts:
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
+        count, start = integer("count", count, 0), integer("start", start, 0)
+        dimension = integer("dimension", dimension, 1)
         require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")
         # One value of the counter gives four 64-bit words.
         first, skipped = divmod(start * dimension, 4)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, first_index, integer, one_of, spell, warn
+from .._checks import FloatArray, check_labels, first_index, integer, one_of, spell, warn
 from .._docs import filled
 from .._engine.arguments import BodyOrField, States, thread_count
 from .._engine.execution import (
@@ -335,7 +335,10 @@ class Trajectories:
         from .labelled import entries_of_dataset
         from .schema import run_of
 
-        return cls(**run_of(entries_of_dataset(dataset)))
+        run = cls(**run_of(entries_of_dataset(dataset)))
+        states = dataset[run._map.variable].isel(n=0).transpose(..., "component")
+        check_labels("dataset", states, run._map.components(run.body))
+        return run
 
     @filled
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -45,9 +45,8 @@ def test_momentum_by_definition(rng):
     state = sf.from_vector(body, omega, rotation=rotation)
     np.testing.assert_allclose(sf.to_vector(body, state, rotation=rotation), omega, atol=1e-14)
     # The component along the axis does not need I3, since Omega3 = 0.
-    np.testing.assert_allclose(
-        sf.momentum(body, state, rotation=rotation), tensor @ omega, atol=1e-12
-    )
+    M = sf.momentum(body, state, rotation=rotation)
+    np.testing.assert_allclose(M, tensor @ omega, atol=1e-12)
     np.testing.assert_allclose(sf.energy(body, state), 0.5 * omega @ tensor @ omega, rtol=1e-13)
     for n in (2, 3, 5):
         _, mass = inertia(rng, n)

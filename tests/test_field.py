@@ -11,6 +11,7 @@ from functools import partial
 import naive
 import numpy as np
 import pytest
+from pandas import Series
 from test_quantities import error
 
 import suslov_fast as sf
@@ -169,6 +170,7 @@ def changed(field, **entries):
         (lambda: of_hamiltonian(lambda x: x[0], 2, [[0]]), ValueError, r"K: .*\(2, 2\).*\(1, 1\)"),
         (lambda: QuadraticField.of(3), TypeError, "body: expected Suslov3D.*got int"),
         (lambda: LORENZ([1, 2]), ValueError, r"x: expected shape \(3,\), got \(2,\)"),
+        (lambda: LORENZ(Series([1, 2, 3], ["x1", "x3", "x2"])), ValueError, "x: .*the components"),
         (lambda: changed(LORENZ, linear=[["a"]]), ValueError, 'linear: .*"p/q", got \'a\''),
         (lambda: changed(HENON, H=[[1.0, 0]]), ValueError, "H, K: expected those of the coeffic"),
         (lambda: sf.step(HUGE, [1.0], 0.1), ValueError, "body: .* in the range of float64"),
@@ -306,4 +308,6 @@ def test_a_store_holds_the_hamiltonian(tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().out
     assert "H = x1^2*x2" in said
     assert "drift of E_mod" in said
-    assert sf.Trajectories.from_xarray(sf.open_ensemble(tmp_path / "run.zarr")).body == HENON
+    data = sf.open_ensemble(tmp_path / "run.zarr")
+    assert sf.Trajectories.from_xarray(data).body == HENON
+    assert HENON(data.x).shape == data.x.shape

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._checks import FloatArray, common_shape, inertia_matrix, unit_axis, warn, wrong
+from .._checks import FloatArray, aligned, common_shape, inertia_matrix, unit_axis, warn, wrong
 from .._docs import filled
 from .base import Body
 from .body_nd import shortest_rotation_to_last
@@ -169,6 +169,7 @@ class Suslov3D(_In3D):
         >>> bool((rotation == np.eye(3)).all())
         True
         """
+        I, a = aligned({"I": I, "a": a}).values()
         tensor = inertia_matrix("I", I, 3)
         moments = np.linalg.eigvalsh(tensor)
         if not (fits := _obey_triangles(moments)).all():

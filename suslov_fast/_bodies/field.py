@@ -15,7 +15,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, instance, integer, real_array, vectors, without_labels, wrong
+from .._checks import (
+    FloatArray,
+    check_labels,
+    instance,
+    integer,
+    real_array,
+    vectors,
+    without_labels,
+    wrong,
+)
 from .._docs import filled
 from .base import Body
 from .body_3d import Suslov3D, SuslovGyrostat
@@ -285,9 +294,10 @@ class QuadraticField(Body):
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
         if not self.shape and np.ndim(x) == 1 and all(isinstance(a, Rational) for a in x):
+            check_labels("x", x, self._labels)
             point = exact_array("x", x, (self.dimension,))
             return tuple(each(point) for each in self.polynomials)
-        state = vectors("x", x, self.dimension, allow_nan=True)
+        state = vectors("x", x, self.dimension, allow_nan=True, labels=self._labels)
         q, l, c = self._arrays.values()
         with np.errstate(all="ignore"):
             slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]

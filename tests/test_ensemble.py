@@ -207,6 +207,9 @@ BAD = [
     ({"compression": "gzip"}, ValueError, "compression"),
     ({"dims": ("a", "b")}, ValueError, "dims"),
     ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),
+    ({"coords": {"a/b": 3}}, ValueError, "coords: expected names without '/', .*got .'a/b'"),
+    ({"coords": {"progress": 3}}, ValueError, "coords: expected names .*got .'progress'"),
+    ({"store": None}, TypeError, "store: expected the name of a folder.*got None"),
     ({"scheduler": 5}, TypeError, "scheduler"),
     ({"progress": 5}, TypeError, "progress"),
     ({"body": "rigid"}, TypeError, "body"),
@@ -216,14 +219,10 @@ BAD = [
 def test_bad_arguments_leave_nothing_behind(store):
     for change, error, message in BAD:
         with pytest.raises(error, match=message):
-            ensemble(**{**ASKED, **change}, store=store)
-    for error, wrong in (
-        (ValueError, [(-1, 1.0), (3, 0.0), (3, [1.0]), (3, 1.0, -1)]),
-        (TypeError, [(2.5, 1.0)]),
-    ):
-        for arguments in wrong:
-            with pytest.raises(error):
-                RandomStarts(*arguments)
+            ensemble(**{"store": store, **ASKED, **change})
+    for arguments in ((-1, 1.0), (3, 0.0), (3, [1.0]), (3, 1.0, -1), (2.5, 1.0)):
+        with pytest.raises(TypeError if 2.5 in arguments else ValueError):
+            RandomStarts(*arguments)
     assert list(store.parent.iterdir()) == []
 
 

@@ -61,6 +61,8 @@ Arrays = dict[str, Any]
 
 def resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders and their URLs as absolute paths."""
+    if store is None:
+        raise wrong("store", "the name of a folder, a URL or a Zarr store", store, TypeError)
     labelled.import_xarray("dask.array", "filelock", "zarr", extra="large")
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs
@@ -306,6 +308,8 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         if name in (*job.states, *job.results):
             entries[name] = zeros(entry.axes(batch, sizes), dtype=entry.dtype, chunks=-1)
     dataset = labelled.dataset_of(entries, job.dims, coords)
+    if unfit := [name for name in dataset.coords if name == PROGRESS or "/" in str(name)]:
+        raise wrong("coords", f"names without '/', and not {PROGRESS!r}", unfit)
     for name in job.reductions:
         meaning, *_, of_components = reductions_of(job.map)[name]
         own = {"component": D} if of_components else {}

@@ -169,7 +169,8 @@ def test_bad_values_are_answered_with_a_message(server):
         answer = json.loads(body)
         assert (reply.status, answer["fields"]) == (200, field.split())
         assert answer["error"].startswith(message)
-    for path in ("I1=4", f"{query(PICTURE_1)}&I1=4", "&".join(f"I{k}=1" for k in range(30))):
+    far = query(PICTURE_1, I2="1e-320"), query(PICTURE_1, I13="1e300")
+    for path in ("I1=4", f"{query(PICTURE_1)}&I1=4", *far, "&".join(f"I{k}=1" for k in range(30))):
         assert "error" in json.loads(ask(server, f"/scene?{path}")[1]), path
 
 

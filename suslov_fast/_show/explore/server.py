@@ -122,6 +122,9 @@ def answer(query: str) -> dict[str, Any]:
         named = str(error).partition(":")[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
+    except ArithmeticError:
+        expected = "parameters: expected numbers of which a picture can be drawn"
+        return {"error": f"{expected}, got some that are too far apart", "fields": []}
 
 
 class Page:

@@ -174,6 +174,7 @@ def changed(field, **entries):
         (lambda: changed(LORENZ, linear=[["a"]]), ValueError, 'linear: .*"p/q", got \'a\''),
         (lambda: changed(HENON, H=[[1.0, 0]]), ValueError, "H, K: expected those of the coeffic"),
         (lambda: sf.step(HUGE, [1.0], 0.1), ValueError, "body: .* in the range of float64"),
+        (lambda: HUGE([1.0]), ValueError, "body: .* in the range of float64"),
         (lambda: sf.energy(LORENZ, ONES[:3]), TypeError, "from_hamiltonian, got a field without"),
         (lambda: sf.modified_energy(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),
         (lambda: sf.invariant_density(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),

@@ -241,6 +241,12 @@ class QuadraticField(Body):
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        if not self.shape:
+            _ = self.terms  # an error if a coefficient is out of range
+        return super()._arrays
+
     @cached_property
     def terms(self) -> tuple[IntArray, FloatArray]:
         """The nonzero terms v x_j x_k of all f_i, where x_D = 1: i, j and k (3, T), and v.

@@ -55,6 +55,21 @@ def test_small_d(rng, m, equal, gap):
             assert naive.relative_error(computed, exact) < 1e-11 * max(1, size)
 
 
+@pytest.mark.parametrize("gap", [1e-5, 1e-8, 1e-11, 1e-13, 1e-15])
+@pytest.mark.parametrize(("m", "along"), [(3, False), (5, False), (4, True)])
+def test_derivatives_where_all_d_are_small(rng, m, along, gap):
+    """A is nearly singular, but the derivative of a problem that is solved is not large."""
+    J, I, eps, omega = random_problem(rng, m)
+    J[1:] = J[0]
+    if along:
+        J[0], I[1:] = 0.4 * J[0], 0.0
+    omega, body = with_small_d(J, I, eps, omega, 1, gap), sf.SuslovND(J, I)
+    exact = naive.derivative(lambda v: naive.step_nd(J, I, eps, v), omega)
+    log = naive.mpmath.log(abs(naive.mpmath.det(naive.mpmath.matrix(exact))))
+    assert naive.relative_error(sf.jacobian(body, omega, eps).ravel(), sum(exact, ())) < 2e-15
+    assert abs(sf.lyapunov_exponents(body, omega, eps, 1).sum() - log) < 1e-14 * abs(log)
+
+
 @pytest.mark.parametrize(
     ("J", "I", "omega"),
     [

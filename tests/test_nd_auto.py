@@ -83,13 +83,11 @@ AFTER_2 = np.nextafter(2.0, 3.0)
 @pytest.mark.parametrize(
     ("J", "I", "solved"),
     [
-        ([2.0, 2.0, 2.0], [0.1, 0.2, 0.3], True),
-        ([2.0, 2.0, AFTER_2], [0.1, 0.2, 0.3], False),
-        ([2.0, 2.0, 5.0], [0.0, 0.0, -0.3], True),
-        ([2.0, 2.0, 5.0], [0.0, 1e-300, 0.3], False),
+        ([2.0, 2.0, 2.0], [0.1, 0.2, 0.3], True), ([2.0, 2.0, AFTER_2], [0.1, 0.2, 0.3], False),
+        ([2.0, 2.0, 5.0], [0.0, 0.0, -0.3], True), ([2.0, 2.0, 5.0], [0.0, 1e-300, 0.3], False),
         ([2.0, AFTER_2, 5.0], [0.0, 0.0, 0.3], False),
     ],
-)
+)  # fmt: skip
 def test_iterated_bodies(rng, J, I, solved):
     """J and I are compared exactly; few steps and orientations are iterated for any body."""
     body, omega = sf.SuslovND(J, I), rng.normal(size=(9, 3))
@@ -146,9 +144,12 @@ def test_orbits_past_their_pole_jump():
 def test_singular_equations():
     """On Y = 1, with equal J, the next state is not unique; the closed form gives a solution."""
     J, I, omega = [2.0] * 4, [1.0, 0.0, 0.5, 0.25], [2.0, 1.0, 3.0, 2.0]
-    states = sf.iterate(sf.SuslovND(J, I), omega, 1.0, 1).omega
+    body = sf.SuslovND(J, I)
+    states = sf.iterate(body, omega, 1.0, 1).omega
     for residual in naive.dsn(naive.exactly(*J), naive.exactly(*I), 1, *states.tolist()):
         assert abs(residual) < 1e-14
+    there, *beside = sf.jacobian(body, np.outer([1, 1 - 1e-6, 1 + 1e-6], omega), 1.0)
+    np.testing.assert_allclose(there, sum(beside) / 2, atol=1e-9)
 
 
 @pytest.mark.parametrize("across", [1e-250, 1e-150, 1e-30])

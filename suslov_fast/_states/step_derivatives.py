@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.body_nd import SuslovND, in_units
+from .._bodies.body_nd import SuslovND, in_units, is_solved
 from .._checks import FloatArray
 from .._engine import threads as _threads
 from .._engine.arguments import States
-from .._engine.evaluation import TASKS
+from .._engine.evaluation import TASKS, of_state
 from .._engine.execution import ONE_STEP, execute, problem_of
+from .._engine.reduced_runs import Reduced, reduce
+from .._kernels import quantities_3d as kernels_3d
 from .._kernels.elimination import ACCURATE, WIDTH
 from .._kernels.tangent_map import differentiate, differentiate_twofold
 from .._maps import map_of
@@ -50,6 +52,8 @@ def derivatives_of(
     doubtful = np.flatnonzero(_are_doubtful(states, ratios))
     if doubtful.size:
         _improve(states, doubtful, derivatives, logarithms)
+        if isinstance(states.body, SuslovND) and D > 2:
+            _reduce(states, doubtful, derivatives, logarithms)
     return derivatives, logarithms
 
 
@@ -72,15 +76,70 @@ def _improve(
     fill = _terms_nd if isinstance(body, SuslovND) else _terms_of_field
     terms, half, *vectors = fill(body, omega, np.asarray(eps))
     D = body.dimension
-    some = [np.broadcast_to(half, batch).ravel()[chosen]]
-    for each in vectors:
-        whole = np.broadcast_to(each, (*batch, each.shape[-1]))
-        some.append(whole.reshape(-1, each.shape[-1])[chosen])
+    some = (
+        np.broadcast_to(half, batch).ravel()[chosen],
+        *(_rows(each, batch, chosen) for each in vectors),
+    )
     better = np.empty((len(chosen), D, D)), np.empty(len(chosen))
     scratch = np.empty((TASKS, D, 2 * D + 1, 3)), np.empty((TASKS, 3, D))
     work = _COST * len(chosen) * D**3
     _threads.run(differentiate_twofold, work, threads, terms, *some, *better, scratch)
     derivatives[chosen], logarithms[chosen] = better
+
+
+def _reduce(
+    states: States, chosen: NDArray[np.intp], derivatives: FloatArray, logarithms: FloatArray
+) -> None:
+    """Replace chosen derivatives of solved bodies with n > 3 next to Y = 1, where A is nearly
+    singular, but the derivative is not large.
+    """
+    body, batch, threads = states.body, states.batch, states.threads
+    chosen = chosen[is_solved(_rows(body.J, batch, chosen), _rows(body.I, batch, chosen))]
+    if not chosen.size:
+        return
+    J, I, omega = (_rows(each, batch, chosen) for each in (body.J, body.I, states.omega))
+    eps = np.broadcast_to(states.eps, batch).ravel()[chosen]
+    reduced = reduce((J, I, eps), omega, threads)
+    with np.errstate(all="ignore"):
+        _, a, _, I23, step = reduced.three.T
+        near = reduced.fits & (abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < ACCURATE)
+        if near.any():
+            better, logs = _of_solved(Reduced(*(each[near] for each in reduced)), threads)
+            exists, chosen = np.isfinite(logs), chosen[near]
+            derivatives[chosen[exists]], logarithms[chosen[exists]] = better[exists], logs[exists]
+
+
+def _of_solved(reduced: Reduced, threads: int | None) -> tuple[FloatArray, FloatArray]:
+    """Return derivatives and logarithms of solved bodies; not finite on the line and at poles.
+
+    In the plane of I and omega the derivative is that of the 3D map, which conserves the density
+    1 / (x (4 a b + eps**2 x**2)); a displacement orthogonal to it is multiplied by x_next / x.
+    """
+    (b, a, _, I23, step), three = reduced.three.T, reduced.states(threads)
+    m = reduced.along.shape[-1]
+    x = np.stack([three.omega, next_states(three.body, three.omega, step)])[..., 1]
+    ratio = x[1] / x[0]
+    above, below = 1.0 + (0.5 * step * I23 * x[::-1]) ** 2 / (a * b)
+    logs = (m - 1) * np.log(abs(ratio)) + np.log(above / below)
+    # The kernel warns of states without a derivative, but not of NaN.
+    known = np.where(np.isfinite(logs)[:, np.newaxis], three.omega, np.nan)
+    ratio = ratio[:, np.newaxis, np.newaxis]
+    of_plane = of_state(kernels_3d.jacobian, (2, 2), three._replace(omega=known))
+    of_plane -= ratio * np.eye(2)
+    plane = np.stack([reduced.along, reduced.across])
+    plane /= abs(plane).max(axis=-1, keepdims=True)
+    plane /= np.sqrt(sum(np.moveaxis(plane * plane, -1, 0)))[..., np.newaxis]
+    derivatives = ratio * np.eye(m)
+    for i, j in np.ndindex(2, 2):
+        product = plane[i, :, :, np.newaxis] * plane[j, :, np.newaxis]
+        derivatives += of_plane[:, i, j, np.newaxis, np.newaxis] * product
+    return derivatives, logs
+
+
+def _rows(vectors: FloatArray, batch: tuple[int, ...], chosen: NDArray[np.intp]) -> FloatArray:
+    """Return those of chosen states from vectors (..., k) that broadcast to a batch."""
+    rows: FloatArray = np.broadcast_to(vectors, (*batch, vectors.shape[-1]))
+    return rows.reshape(-1, vectors.shape[-1])[chosen]
 
 
 def _terms_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> tuple[Any, ...]:

@@ -127,11 +127,8 @@ def test_the_rotation_number_next_to_its_onset(gap):
 
 def test_the_rotation_number_counts_turns():
     """Turns of Omega in a long run, where abs(e) A < 1."""
-    body, omega, steps = (
-        sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [1.8, -1.8, 3.0]),
-        [1.1, -0.4],
-        20000,
-    )
+    body = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [1.8, -1.8, 3.0])
+    omega, steps = [1.1, -0.4], 20000
     for eps in (0.35, -0.35):
         w = sf.iterate(body, omega, eps, steps).omega
         angle = np.unwrap(np.arctan2(np.sqrt(1.4) * w[..., 1], np.sqrt(2.3) * w[..., 0]), axis=0)
@@ -257,6 +254,17 @@ def test_closed_form_where_squares_cancel(parameters, omega):
         found = sf.exact(body, omega, parameters[5], n)
         for one, other in zip(found, expected, strict=True):
             assert naive.energy_error(parameters[:2], one, other) < 2e-15
+
+
+@pytest.mark.parametrize("off", [-1, 2, 3000])
+def test_state_1_where_large_terms_cancel(off):
+    """Y and K X are large and nearly equal, and |k| is next to A."""
+    d = 2.0**-15
+    parameters, omega = (1.0, 1.0, 1.0, 0.0, 1.0, 2 / d), [d - 1, off * d * d - d - 1]
+    row = run(parameters, omega, 100, method="auto").omega[1]
+    backward = (*parameters[:5], -2 / d)
+    for found in (row, state(parameters, omega, 1), state(backward, omega, -1)):
+        assert naive.relative_error(found, exact_step(parameters, omega)) < 2e-16
 
 
 @pytest.mark.parametrize("parameters", [(4.0, 6.0, -5.0, 0.3, -3.0, 1.4), (2.0, 1.0, 1e9, 0, 1, 2)])

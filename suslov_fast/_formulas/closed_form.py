@@ -438,6 +438,13 @@ def near_forms(start, levels, sign):
 
 
 @formula
+def usual_after(start, steps):
+    """0, or 1 where `Forms` lose digits of state 1, (c, s) = (1, 1): large Y and K X cancel."""
+    cancels = 4.0 * (1.0 + abs(start.Y - start.K * start.X)) < abs(start.Y)
+    return select(cancels & (steps.kind != RESTS), start.discrete, 0.0)
+
+
+@formula
 def recompute_from(start, levels, steps):
     """The size from which on states are computed again one by one: from there on they may be at a
     pole. 0 for orbits with two forms or without states.

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from .._jit import formula, select, two_product
-from .closed_form import NO_POWER, PASSES, PASSES_NEAR, TURNS
+from .closed_form import NO_POWER, PASSES, PASSES_NEAR, TURNS, frame
 from .coordinates import ZERO_TO_ROUNDING
 from .elementary import (
     TO_INTEGER,
@@ -19,6 +19,7 @@ from .elementary import (
     scaled,
     smaller,
 )
+from .equations import denominator
 
 # Larger numbers of steps and longer times are replaced by this: `two_product` does not overflow.
 LONGEST = 2.0**990
@@ -117,6 +118,22 @@ def omega_of(c, c_or_0, s, forms):
         ((forms.x1 * c_or_0 + forms.y1 * s) * c + forms.z1 * ss) * inverse,
         ((forms.x2 * c_or_0 + forms.y2 * s) * c + forms.z2 * ss) * inverse,
     )
+
+
+@formula
+def state_1(start):
+    """State 1 by one step of the map, in the same units; NaN at a pole.
+
+    U + i V is multiplied by (1 + i X_next) / (1 - i X), of which the imaginary part is 2 X / D.
+    """
+    X, U, V = start.X, start.U, start.V
+    root = np.sqrt(2.0)
+    inverse = 1.0 / denominator(root * X, start.Y, start.Y_lost, root * start.K)
+    X_next = X * ((1.0 + start.Y) + start.K * X) * inverse
+    along, across = (1.0 - X * X_next) / (1.0 + X * X), 2.0 * X * inverse
+    f11, f12, f21, f22 = frame(start, 1.0)
+    U, V = along * U - across * V, along * V + across * U
+    return f11 * U - f12 * V, f21 * U - f22 * V
 
 
 @formula

@@ -26,13 +26,15 @@ Block = namedtuple("Block", "problem body start levels steps forms")
 # place, offset    number of rows of the block before that of the lane: in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   size from which on a state is computed again
+# usual_after      state 0 is given, and state 1 computed from it if this is 1
 # power_left       exponent of the factor that multiplies states last, see `closed_form`
 # fails            the first step without a state
 # c, s             the pair at the last multiple of BASE rows; `c_or_0` is 0 for negligible c**2
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 RowLanes = namedtuple(
     "RowLanes",
-    "place offset number recompute_from power_left fails c c_or_0 s seed_c seed_s table_c table_s",
+    "place offset number recompute_from usual_after power_left fails "
+    "c c_or_0 s seed_c seed_s table_c table_s",
 )
 
 
@@ -95,9 +97,10 @@ def enter(b, lanes, motion, used):
         size = formulas.recompute_from(start, levels, steps)
         power_left = select(steps.kind == formulas.RESTS, 0.0, formulas.power_left(start.power))
         lanes.recompute_from[l], lanes.power_left[l], lanes.fails[l] = size, power_left, np.inf
+        lanes.usual_after[l] = usual_after = formulas.usual_after(start, steps)
         others += select(steps.kind > formulas.PASSES, 1, 0)
         turning += select(steps.kind == formulas.TURNS, 1, 0)
-        recomputed += select((size < np.inf) | (power_left != 0.0), 1, 0)
+        recomputed += select((size < np.inf) | (power_left + usual_after != 0.0), 1, 0)
     if turning > 0:  # in two loops: a processor overlaps the lanes of a short one
         for l in range(used):  # `c` and `s` hold the tangent until there are rows
             lanes.c[l], lanes.s[l] = formulas.turning_tangent(lane(b.levels, l))
@@ -202,12 +205,14 @@ def write_ends(b, lanes, first, width, used, ends):
 
 @formula
 def count_unusual(lanes, used, tile):
-    """Return how many states are state 0, missing, to be computed again, or to be scaled."""
+    """Return how many states are missing, computed from state 0, or again, or to be scaled."""
     count = 0
     for l in range(used):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]
         usual = usual & (lanes.power_left[l] == 0.0)
-        usual = usual & (lanes.number[l] > 0.0) & (lanes.number[l] < lanes.fails[l])
+        usual = (
+            usual & (lanes.usual_after[l] < lanes.number[l]) & (lanes.number[l] < lanes.fails[l])
+        )
         count += select(usual, 0, 1)
     return count
 
@@ -220,6 +225,9 @@ def corrected(orbit, at, omega1, omega2):
     start, steps, n, column = orbit.start, orbit.steps, at.number, -1
     if n == 0.0:
         omega1, omega2 = orbit.problem.omega1, orbit.problem.omega2
+    elif n == at.usual_after:
+        omega1, omega2 = states.state_1(start)
+        omega1, omega2 = scaled(omega1, at.power_left), scaled(omega2, at.power_left)
     elif abs(omega1) + abs(omega2) < at.recompute_from:
         omega1, omega2 = scaled(omega1, at.power_left), scaled(omega2, at.power_left)
     elif start.fate >= 0.0 and steps.kind != formulas.RESTS:

@@ -25,13 +25,9 @@ def attempt(code, *arguments, timeout=300, **environment):
     """Run a child: code, which may be indented, or the script at a path; kill it if it hangs."""
     what = [code] if isinstance(code, Path) else ["-c", textwrap.dedent(code)]
     return subprocess.run(
-        [sys.executable, *map(str, [*what, *arguments])],
-        env=os.environ | environment,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-    )
+        [sys.executable, *map(str, [*what, *arguments])], env=os.environ | environment,
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout,
+    )  # fmt: skip
 
 
 def run(code, *arguments, **options):

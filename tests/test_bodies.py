@@ -21,14 +21,11 @@ def adapted(rotation, inertia):
 
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 BODIES = [
-    sf.Suslov3D(4, 1, -0.5, -0.3),
-    sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
-    sf.Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]),
-    sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
+    sf.Suslov3D(4, 1, -0.5, -0.3), sf.Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
+    sf.Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]), sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
     sf.SuslovND(np.ones((2, 5)), np.full((3, 1, 5), 0.1)),
-    GYROSTAT,
-    sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
-]
+    GYROSTAT, sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [[0.0], [-0.9]]),
+]  # fmt: skip
 SHAPES = [(), (2, 3), (2,), (), (3, 2), (), (2, 1)]
 each_body = pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
 

@@ -85,12 +85,9 @@ def test_quick_start():
         output, errors = process.communicate()
     assert (process.returncode, errors) == (0, ""), "no progress bar without a terminal"
     expected = {
-        "body": ["I1 = 4, I2 = 3, I13 = -0.4, I23 = -0.2"],
-        "step size": ["eps = 0.2"],
-        "trajectories": ["65,536"],
-        "steps": ["1,000"],
-        "status": ["65,536 OK: finished"],
-    }
+        "body": ["I1 = 4, I2 = 3, I13 = -0.4, I23 = -0.2"], "step size": ["eps = 0.2"],
+        "trajectories": ["65,536"], "steps": ["1,000"], "status": ["65,536 OK: finished"],
+    }  # fmt: skip
     rows = summary(output)
     assert {**rows, **expected} == rows
     assert rows.keys() - expected == {"drift of F", "threads", "wall time", "speed"}
@@ -101,12 +98,10 @@ def test_quick_start():
 @pytest.mark.parametrize(
     ("options", "unit"),
     [
-        ("", "steps"),
-        ("--save-every 10", "equivalent steps"),
-        ("--method canonical", "steps"),
+        ("", "steps"), ("--save-every 10", "equivalent steps"), ("--method canonical", "steps"),
         ("--save-every 10 --J 1,1,1 --I .4,-.7,.5 --eps .4", "equivalent steps"),
     ],
-)
+)  # fmt: skip
 def test_rates(options, unit):
     """The rate is that of steps; those that no method takes are called equivalent."""
     line = f"run --trajectories 50 --steps 30 {options}"
@@ -284,14 +279,11 @@ def bad_files(tmp_path_factory):
     np.save(folder / "good.npy", np.ones((4, 2)))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     texts = {
-        "good.npz": "precious",
-        "picture1.png": "precious",
-        "starts.txt": "1,2\n",
-        "swapped.csv": "Omega2,Omega1\n1,2\n",
-        "ragged.csv": "Omega1,Omega2\n1,2\n\n1,2,3\n",
+        "good.npz": "precious", "picture1.png": "precious", "starts.txt": "1,2\n",
+        "swapped.csv": "Omega2,Omega1\n1,2\n", "ragged.csv": "Omega1,Omega2\n1,2\n\n1,2,3\n",
         "wrong.json": json.dumps({"body": "Suslov3D", "I1": -4, "I2": 1, "I13": 0, "I23": 1}),
         "cut.json": '{"body": ',
-    }
+    }  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text)
     return folder

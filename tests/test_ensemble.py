@@ -115,11 +115,9 @@ def test_sources_of_initial_states(tmp_path):
     array = random.states(50).reshape(5, 10, 2)
     np.save(tmp_path / "starts.npy", array)
     sources = {
-        "random": random,
-        "array": array,
-        "file": tmp_path / "starts.npy",
+        "random": random, "array": array, "file": tmp_path / "starts.npy",
         "dask": dask.array.from_array(array, chunks=(2, 7, 2)),
-    }
+    }  # fmt: skip
     orbits = iterate(BODY, array, 0.2, 20, save_every=None)
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
@@ -178,16 +176,10 @@ def test_stores_of_other_runs_are_refused(store):
     ensemble(**ASKED, store=store)
     before = contents(store)
     others = {
-        "body": Suslov3D(4, 1, -0.5, -0.31),
-        "eps": -0.2,
-        "omega0": [[1.0, 0.5 + 1e-12]],
-        "save_every": None,
-        "method": "ds2",
-        "attitude": True,
-        "reductions": ["omega_min"],
-        "dims": "start",
-        "steps": 19,
-    }
+        "body": Suslov3D(4, 1, -0.5, -0.31), "eps": -0.2, "omega0": [[1.0, 0.5 + 1e-12]],
+        "save_every": None, "method": "ds2", "attitude": True, "reductions": ["omega_min"],
+        "dims": "start", "steps": 19,
+    }  # fmt: skip
     for name, value in others.items():
         with pytest.raises(ValueError, match=name):
             ensemble(**{**ASKED, name: value}, store=store)
@@ -197,10 +189,8 @@ def test_stores_of_other_runs_are_refused(store):
 FIELD_DRIFT = {"reductions": ["first_integral_drift"], "body": sf.QuadraticField.of(BODY)}
 BAD = [
     ({"omega0": "starts.txt"}, ValueError, r"omega0.*\.npy"),
-    ({"save_every": 0}, ValueError, "save_every"),
-    ({"chunk": 0}, ValueError, "chunk"),
-    ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
-    ({"chunk": "many"}, TypeError, "chunk"),
+    ({"save_every": 0}, ValueError, "save_every"), ({"chunk": 0}, ValueError, "chunk"),
+    ({"chunk": {"time": 3}}, ValueError, "chunk.*time"), ({"chunk": "many"}, TypeError, "chunk"),
     ({"reductions": ["mean"]}, ValueError, "reductions.*mean"),
     ({"reductions": "omega_min"}, TypeError, "reductions"),
     (FIELD_DRIFT, (TypeError, ValueError), "reductions: first_integral_drift"),
@@ -210,10 +200,9 @@ BAD = [
     ({"coords": {"a/b": 3}}, ValueError, "coords: expected names without '/', .*got .'a/b'"),
     ({"coords": {"progress": 3}}, ValueError, "coords: expected names .*got .'progress'"),
     ({"store": None}, TypeError, "store: expected the name of a folder.*got None"),
-    ({"scheduler": 5}, TypeError, "scheduler"),
-    ({"progress": 5}, TypeError, "progress"),
+    ({"scheduler": 5}, TypeError, "scheduler"), ({"progress": 5}, TypeError, "progress"),
     ({"body": "rigid"}, TypeError, "body"),
-]
+]  # fmt: skip
 
 
 def test_bad_arguments_leave_nothing_behind(store):

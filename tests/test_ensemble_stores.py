@@ -22,17 +22,10 @@ from suslov_fast import RandomStarts, ensemble, iterate, open_ensemble
 STARTS = RandomStarts(20, 2.0, seed=3)
 EPS = np.array([0.2, 0.3])[:, None]
 ASKED = {
-    "body": BODY,
-    "omega0": STARTS,
-    "eps": EPS,
-    "save_every": 2,
-    "method": "canonical",
-    "attitude": True,
-    "reductions": ["omega_max"],
-    "dims": ("step_size", "trajectory"),
-    "coords": {"step_size": ["a", "b"]},
-    "chunk": CUT,
-}
+    "body": BODY, "omega0": STARTS, "eps": EPS, "save_every": 2, "method": "canonical",
+    "attitude": True, "reductions": ["omega_max"], "dims": ("step_size", "trajectory"),
+    "coords": {"step_size": ["a", "b"]}, "chunk": CUT,
+}  # fmt: skip
 VARIABLES = "omega attitude final status failed_at omega_max eps I1 I13 n component step_size "
 VARIABLES = (VARIABLES + "progress/record progress/steps_done").split()
 

@@ -306,17 +306,14 @@ def test_every_case_is_drawn_without_an_error(page, server):
 
 
 def test_the_start_follows_the_mouse(page):
-    for kind, omega in (
-        ("mousePressed", [1.0, 0.5]),
-        ("mouseMoved", [-1.5, 2.0]),
-        ("mouseReleased", [-1.5, 2.0]),
-    ):
+    moves = ("Pressed", [1.0, 0.5]), ("Moved", [-1.5, 2.0]), ("Released", [-1.5, 2.0])
+    for kind, omega in moves:
         x, y = page.value(
             f"(({{x, y}}, [u, v]) => [x + u, y + v])"
             f"(byId('plane').getBoundingClientRect(), view().at({omega}))"
         )
-        where = {"x": x, "y": y, "button": "left", "buttons": int(kind != "mouseReleased")}
-        page.call("Input.dispatchMouseEvent", type=kind, clickCount=1, **where)
+        where = {"x": x, "y": y, "button": "left", "buttons": int(kind != "Released")}
+        page.call("Input.dispatchMouseEvent", type=f"mouse{kind}", clickCount=1, **where)
         settle(page)
     assert page.value("scene.omega[0]") == pytest.approx(omega, abs=0.02)
 

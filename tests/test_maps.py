@@ -50,15 +50,9 @@ def grow(problem, span, output):
 
 
 GROWTH = Map(
-    name="growth",
-    body=Growth,
-    title="Growth",
-    run=grow,
-    kept=(Kept("state", ("flat", "component")),),
-    samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
-    variable="x",
-    meaning="size",
-)
+    name="growth", body=Growth, title="Growth", run=grow, variable="x", meaning="size",
+    kept=(Kept("state", ("flat", "component")),), samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
+)  # fmt: skip
 
 
 @pytest.fixture(params=[*MAPS, "growth"])

@@ -86,11 +86,8 @@ def test_in_space(case):
     R = sf.attitude(body, run.omega, 0.1)
     Rt = R.swapaxes(-2, -1)
     vector = len(omega0) == 2
-    for function, of_vectors in (
-        (sf.to_matrix, False),
-        (sf.momentum, vector),
-        *([(sf.to_vector, True)] if vector else []),
-    ):
+    cases = (sf.to_matrix, False), (sf.momentum, vector), (sf.to_vector, True)
+    for function, of_vectors in cases if vector else cases[:2]:
         v = function(body, run.omega)
         expected = (R @ v[..., None])[..., 0] if of_vectors else R @ v @ Rt
         np.testing.assert_allclose(function(body, run.omega, attitude=R), expected, atol=1e-13)

@@ -108,10 +108,8 @@ QUANTITIES = ("first_integral", "energy", "modified_energy", "criticality", "to_
     [
         ("full", "expected a map that has it, got a run of suslov3d_full", QUANTITIES),
         ("nd", "body: expected Suslov3D, got SuslovND", ("to_xy",)),
-        ("one", "", ()),
-        ("bodies", "", ()),
-        ("empty", "", ()),
         ("gyrostat", "instead of to_xy use iterate or flow", ("to_xy",)),
+        *((name, "", ()) for name in ("one", "bodies", "empty")),
     ],
 )
 def test_a_run_has_the_quantities_of_its_map(name, message, missing):

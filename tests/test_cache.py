@@ -48,9 +48,7 @@ def whole(part, parts, x, out):
     fill(x, out)
 
 names = {"opposite_twice": twice, "half": half, "opposite": opposite}
-kernels = {
-    change: Kernel(whole, name, fill=loop_of(name, change)) for name, change in names.items()
-}
+kernels = {each: Kernel(whole, name, fill=loop_of(name, each)) for name, each in names.items()}
 """,
 }
 CALL = """

@@ -31,9 +31,8 @@ VARIABLES = (VARIABLES + "progress/record progress/steps_done").split()
 
 
 def expected(steps):
-    return iterate(
-        BODY, STARTS.states(20), EPS, steps, save_every=2, attitude=True, method="canonical"
-    )
+    settings = {"save_every": 2, "attitude": True, "method": "canonical"}
+    return iterate(BODY, STARTS.states(20), EPS, steps, **settings)
 
 
 @pytest.fixture(scope="module")

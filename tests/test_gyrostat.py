@@ -168,9 +168,8 @@ def test_steps_of_bodies_whose_moments_are_far_apart(k, root):
 
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 def test_a_body_out_of_range_has_no_next_state(method):
-    result = run(
-        (1e-80, 1e80, 0.1, 0.2, 0.3, 0.1), [1, 0.5], 3, method=method, on_singular="ignore"
-    )
+    body = 1e-80, 1e80, 0.1, 0.2, 0.3, 0.1
+    result = run(body, [1, 0.5], 3, method=method, on_singular="ignore")
     assert result.status == sf.Status.NONFINITE
     assert result.failed_at == 1
     assert np.isnan(result.states[1:]).all()

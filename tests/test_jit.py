@@ -55,9 +55,8 @@ def test_instructions(disable_jit):
     assert serial.tobytes() == parallel.tobytes()
     x = np.random.default_rng(1).random(16)
     for i, v in enumerate(x.tolist()):
-        numerators, denominators = zip(
-            v.as_integer_ratio(), (v + 1 / 3).as_integer_ratio(), strict=True
-        )
+        ratios = v.as_integer_ratio(), (v + 1 / 3).as_integer_ratio()
+        numerators, denominators = zip(*ratios, strict=True)
         above, below = np.prod(numerators, dtype=object), np.prod(denominators, dtype=object)
         product = v * (v + 1 / 3)
         n, d = product.as_integer_ratio()

@@ -23,9 +23,8 @@ def parts_of(path):
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
 FILES = {".".join(parts_of(path)).removesuffix(".__init__"): path for path in TEXTS}
 NODES = {path: list(ast.walk(ast.parse(text))) for path, text in TEXTS.items()}
-FORMULAS, KERNELS = (
-    [path for path in TEXTS if path.parent.name == layer] for layer in ("_formulas", "_kernels")
-)
+FORMULAS = [path for path in TEXTS if path.parent.name == "_formulas"]
+KERNELS = [path for path in TEXTS if path.parent.name == "_kernels"]
 PUBLIC = [getattr(suslov_fast, name) for name in suslov_fast.__all__]
 
 

@@ -22,9 +22,8 @@ def in_child(code, **environment):
     return children.run(children.SETUP + textwrap.dedent(code), **environment)
 
 
-needs_two_threads = pytest.mark.skipif(
-    numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads"
-)
+few = numba.config.NUMBA_NUM_THREADS < 2
+needs_two_threads = pytest.mark.skipif(few, reason="needs two threads")
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
@@ -109,9 +108,7 @@ thread.join()
 
 @needs_fork
 @pytest.mark.compiled
-@pytest.mark.parametrize(
-    ("layer", "count"), [("omp", 20), *((layer, 500) for layer in children.LAYERS)]
-)
+@pytest.mark.parametrize(("layer", "count"), [("omp", 20), *((k, 500) for k in children.LAYERS)])
 @pytest.mark.sampled(1)
 def test_forks(layer, count):
     """A child forked while another thread computes neither aborts nor hangs."""

@@ -139,9 +139,8 @@ def test_times(body, sweep):
 def test_repr_is_one_line():
     for run in map(run_of, RUNS):
         assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
-    assert repr(run_of("failed")) == (
-        "Trajectories(omega: (6, 2, 2), n: 0, 1 ... 5, eps: 1, failed: 1 of 2)"
-    )
+    about = "omega: (6, 2, 2), n: 0, 1 ... 5, eps: 1, failed: 1 of 2"
+    assert repr(run_of("failed")) == f"Trajectories({about})"
     assert repr(run_of("empty_axis")).endswith("eps: 0.1, failed: 0 of 0)")
 
 

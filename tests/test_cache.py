@@ -151,3 +151,12 @@ def test_numba_with_another_cache_class(folder):
     cache.write_text(cache.read_text().replace('"_cache"', '"_cache_of_another_numba"'))
     assert call(folder, "twice") == ([TWICE], 0)
     assert cached(folder)
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_after_warm_up(tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path), "timeout": 900}
+    children.run("from suslov_fast._cli import main; main(['warm-up'])", **cache)
+    compiled, tests = set(tmp_path.rglob("*.nbc")), Path(__file__).with_name("test_promises.py")
+    children.run("import pytest, sys; sys.exit(pytest.main(['-q', sys.argv[1]]))", tests, **cache)
+    assert set(tmp_path.rglob("*.nbc")) == compiled

@@ -205,6 +205,14 @@ def test_failures_of_writes(tmp_path, monkeypatch, room):
     assert left[0] < 0 or room > 60, "no write failed"
 
 
+def test_a_finished_store_in_a_read_only_folder_is_opened(finished, monkeypatch):
+    def refuse(lock, **options):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("filelock.FileLock.acquire", refuse)
+    assert_same(ensemble(**ASKED, steps=20, store=finished), expected(20))
+
+
 def test_one_writer_for_all_names_of_a_store(tmp_path):
     store, other = tmp_path / "run.zarr", tmp_path / "link.zarr"
     store.mkdir()

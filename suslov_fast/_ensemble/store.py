@@ -21,7 +21,7 @@ import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -84,10 +84,14 @@ def only_writer(store: Any) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     try:
-        locked = FileLock(f"{os.path.realpath(store)}.lock").acquire(blocking=False)
+        locked: Any = FileLock(f"{os.path.realpath(store)}.lock").acquire(blocking=False)
     except Timeout:
         message = "expected a store without another writer, got one in use"
         raise BlockingIOError(errno.EAGAIN, message, store) from None
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EROFS) or not os.path.isdir(store):
+            raise
+        locked = nullcontext()  # a finished store can be opened; nothing else can be written
     with locked:
         yield
 

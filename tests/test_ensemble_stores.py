@@ -10,6 +10,7 @@ import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -206,9 +207,7 @@ def test_failures_of_writes(tmp_path, monkeypatch, room):
 
 
 def test_a_finished_store_in_a_read_only_folder_is_opened(finished, monkeypatch):
-    def refuse(lock, **options):
-        raise OSError(errno.EROFS, "Read-only file system")
-
+    refuse = Mock(side_effect=OSError(errno.EROFS, "Read-only file system"))
     monkeypatch.setattr("filelock.FileLock.acquire", refuse)
     assert_same(ensemble(**ASKED, steps=20, store=finished), expected(20))
 

@@ -81,7 +81,7 @@ def test_other_files(tmp_path):
     path.write_bytes(b"something else" * 100)
     refused(path, r"other\.npz: expected a \.npz file that Trajectories\.save wrote, got")
     np.savez(path, omega=np.ones(3))
-    refused(path, r"other\.npz: format: expected 4, that of this version, got none")
+    refused(path, r"other\.npz: format: expected 5, that of this version, got none")
 
 
 @posix
@@ -104,7 +104,7 @@ def test_a_run_larger_than_memory(path, tmp_path, monkeypatch):
     refused(path, "the run in this file is too large", MemoryError)
 
 
-@pytest.mark.parametrize(("number", "version"), [(1, "0.2.0"), (3, "0.3.0")])
+@pytest.mark.parametrize(("number", "version"), [(1, "0.2.0"), (4, "0.4.0")])
 def test_files_of_older_versions(path, number, version):
     altered(path, format=np.array(number), version=np.array(version), map=None)
     refused(path, rf"run\.npz: .*of suslov_fast {version}: runs of older versions cannot be read")
@@ -141,8 +141,8 @@ ENTRIES = [
     ("map", np.array("suslov_nd"), "expected a run of the map suslov_nd, got one without J, I"),
     (
         "format",
-        np.array(5),
-        "format: expected 4, that of this version, got 5, of suslov_fast [^:]*$",
+        np.array(6),
+        "format: expected 5, that of this version, got 6, of suslov_fast [^:]*$",
     ),
     ("omega", np.array([print], dtype=object), "Object arrays cannot be loaded"),
 ]

@@ -39,7 +39,7 @@ from .reductions import reductions_of
 PROGRESS = "progress"
 MARKS, RECORDS = f"{PROGRESS}/steps_done", f"{PROGRESS}/record"
 # Version of this format.
-_LAYOUT = 4
+_LAYOUT = 5
 # Attributes of the root until all metadata are written for the first time.
 _UNFINISHED = {"unfinished": True}
 # What Zarr raises if metadata are damaged. Errors of access to a store are others.

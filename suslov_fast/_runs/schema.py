@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Entries = dict[str, NDArray[Any]]
 
 # Version of this format.
-FORMAT = 4
+FORMAT = 5
 RESUME = "resume/"
 # Entries of one number or one string.
 _NUMBERS, _TEXTS = ("format", "steps", "save_every"), ("version", "map", "method", "body")
@@ -160,7 +160,7 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     written = str(values.get("format", "none"))
     if written != str(FORMAT):
         of = f", of suslov_fast {values['version']}" if "version" in values else ""
-        old = ": runs of older versions cannot be read; recompute them" if written < "4" else ""
+        old = ": runs of older versions cannot be read; recompute them" if written < str(FORMAT) else ""
         raise wrong("format", f"{FORMAT}, that of this version", f"{written}{of}{old}")
     header = {name: np.asarray(values[name]).tolist() for name in HEADER if name in values}
     for name in HEADER:

@@ -160,7 +160,8 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     written = str(values.get("format", "none"))
     if written != str(FORMAT):
         of = f", of suslov_fast {values['version']}" if "version" in values else ""
-        old = ": runs of older versions cannot be read; recompute them" if written < str(FORMAT) else ""
+        is_old = written < str(FORMAT)
+        old = ": runs of older versions cannot be read; recompute them" if is_old else ""
         raise wrong("format", f"{FORMAT}, that of this version", f"{written}{of}{old}")
     header = {name: np.asarray(values[name]).tolist() for name in HEADER if name in values}
     for name in HEADER:

@@ -8,9 +8,11 @@ import re
 import shlex
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
+import naive
 import numpy as np
 import pytest
 from test_cli import succeed
@@ -135,6 +137,32 @@ def test_text(path):
     for target in re.findall(r"\]\(([^)#:]+)[^)]*\)", text):
         if "gallery" not in target and not target.startswith("http"):
             assert (path.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("omega", [(-1.0, -0.5), (1.0, -0.5), (1.0, 0.5)])
+def test_the_errata_of_section_4(omega):
+    """In 60 digits, and without squares, which do not see the sign of x."""
+    problem = *naive.exactly(4, 1, -0.5, -0.3, 0.2), omega
+    I1, I2, _, _, eps, _ = problem
+    sqrt, cosh, sinh = naive.mpmath.sqrt, naive.mpmath.cosh, naive.mpmath.sinh
+    a, (h, k1, _) = I1 * I2, naive.closed_form(*problem)
+    q = sqrt(a - h * eps**2)
+    c = 2 * eps * sqrt(a * h) / q**2
+    x, y = zip(*(naive.xy(*problem[:4], state) for state in naive.orbit(*problem, 5)), strict=True)
+    u = [v / (w * q) for v, w in zip(y, x, strict=True)]
+    sign = naive.mpmath.sign(x[0])
+    for before, after in pairwise(u):
+        root = sqrt(before**2 + 1)
+        difference = before * sqrt(after**2 + 1) - after * root  # equation (11)
+        assert abs(difference - sign * c) < 1e-50 < 0.1 < abs(difference + sign * c)
+        branch = {
+            (s, v): v * before * sqrt(c**2 + 1) - s * c * root for s in (1, -1) for v in (1, -1)
+        }  # (1, 1) and (1, -1) are those of Remark 1
+        assert [key for key in branch if abs(branch[key] - after) < 1e-50] == [(sign, 1)]
+    for n, (x_n, y_n) in enumerate(zip(x, y, strict=True)):  # Theorem 1, in x and y
+        s = naive.mpmath.asinh(sign * u[0]) + k1 * eps * n
+        assert abs(sign * 2 * sqrt(a * h) / (q * cosh(s)) - x_n) < 1e-50
+        assert abs(2 * sqrt(a * h) * sinh(s) / cosh(s) - y_n) < 1e-50
 
 
 def test_named_tests_and_files_exist():

@@ -44,7 +44,8 @@ def cells(name):
 def notebook():
     """Return the whole tutorial in the format of Jupyter."""
     texts = [cell for name in pages() for cell in cells(name)]
-    head = "# The tutorial of suslov_fast\n\nIt needs `pip install 'suslov_fast[algebra,xarray]'`."
+    install = "`pip install '.[algebra,xarray]'` in a copy of the repository"
+    head = f"# The tutorial of suslov_fast\n\nIt needs {install}."
     return {
         "nbformat": 4,
         "nbformat_minor": 5,

@@ -69,9 +69,9 @@ PARAMETERS = {
 # Lines ``%(name)s`` of docstrings.
 PARAGRAPHS = {
     "needs_xarray": """ImportError
-    If a required library is not installed: ``pip install 'suslov_fast[xarray]'``.""",
+    If a required library is not installed (extra `xarray`).""",
     "needs_large": """ImportError
-    If Dask, filelock, xarray or Zarr are not installed: ``pip install 'suslov_fast[large]'``.""",
+    If Dask, filelock, xarray or Zarr are not installed (extra `large`).""",
     "errors_of_runs": """MemoryError
     If the result does not fit in memory.
 ImportError

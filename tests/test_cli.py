@@ -419,4 +419,4 @@ def test_animate():
 
 def test_without_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    check_error(run("pictures"), 1, "pip install 'suslov_fast[plots]'")
+    check_error(run("pictures"), 1, "pip install '.[plots]'")

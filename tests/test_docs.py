@@ -139,6 +139,13 @@ def test_text(path):
             assert (path.parent / target).exists(), target
 
 
+def test_the_commands_that_install_extras():
+    """There is no index to install from: extras come from a copy of the repository."""
+    package = Path(suslov_fast.__file__).parent.rglob("*.py")
+    for path in (*PAGES, README, *package, DOCS / "as_notebook.py"):
+        assert "install 'suslov_fast" not in path.read_text(encoding="utf-8"), path
+
+
 @pytest.mark.parametrize("omega", [(-1.0, -0.5), (1.0, -0.5), (1.0, 0.5)])
 def test_the_errata_of_section_4(omega):
     """In 60 digits, and without squares, which do not see the sign of x."""

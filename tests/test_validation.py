@@ -168,7 +168,7 @@ def test_missing_libraries(body, monkeypatch, library, extra, call):
     monkeypatch.delitem(sys.modules, "suslov_fast.integrability", raising=False)
     for name in {library, *(each for each in sys.modules if each.startswith(f"{library}."))}:
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ImportError, match=rf"pip install 'suslov_fast\[{extra}\]'"):
+    with pytest.raises(ImportError, match=rf"pip install '\.\[{extra}\]'"):
         call(run)
 
 

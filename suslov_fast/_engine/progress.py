@@ -45,6 +45,7 @@ def _tqdm() -> Any:
         from tqdm.auto import tqdm  # a notebook bar in a notebook
     except ImportError as error:
         raise ImportError(
-            "progress=True needs tqdm: pip install 'suslov_fast[progress]', or pass a callable"
+            "progress=True needs tqdm: pip install '.[progress]' in a copy of the repository, "
+            "or pass a callable"
         ) from error
     return tqdm

@@ -27,7 +27,7 @@ def import_xarray(*others: str, extra: str = "xarray") -> Any:
         try:
             import_module(name)
         except ImportError as error:
-            install = f"pip install 'suslov_fast[{extra}]'"
+            install = f"pip install '.[{extra}]' in a copy of the repository"
             raise ImportError(f"expected {name}, got none: {install}") from error
     return import_module("xarray")
 

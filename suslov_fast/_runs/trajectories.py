@@ -254,7 +254,7 @@ class Trajectories:
         Raises
         ------
         ImportError
-            If Matplotlib is not installed: ``pip install 'suslov_fast[plots]'``.
+            If Matplotlib is not installed (extra `plots`).
 
         Examples
         --------

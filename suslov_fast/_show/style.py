@@ -21,7 +21,8 @@ def style() -> AbstractContextManager[None]:
     try:
         from matplotlib import rc_context, rcParams, rcParamsDefault
     except ImportError as error:
-        raise ImportError("plots need matplotlib: pip install 'suslov_fast[plots]'") from error
+        install = "pip install '.[plots]' in a copy of the repository"
+        raise ImportError(f"plots need matplotlib: {install}") from error
     settings: dict[Any, Any] = {"pdf.fonttype": 42, "ps.fonttype": 42}
     fontset = "mathtext.fontset"
     if rcParams["font.family"][0] == "serif" and rcParams[fontset] == rcParamsDefault[fontset]:

@@ -14,14 +14,15 @@ measures and first integrals, are evidence for or against integrability::
 
 All arithmetic is exact: Darboux polynomials are found over the rationals, all else modulo random
 primes of 62 bits, two of which must agree on each result. A seed determines primes, points and
-lines. The module needs python-flint: ``pip install 'suslov_fast[algebra]'``.
+lines. The module needs python-flint (extra `algebra`).
 """
 
 try:
     import flint  # noqa: F401
 except ImportError as error:
     raise ImportError(
-        "suslov_fast.integrability needs python-flint: pip install 'suslov_fast[algebra]'"
+        "suslov_fast.integrability needs python-flint: "
+        "pip install '.[algebra]' in a copy of the repository"
     ) from error
 
 from .._bodies.field import QuadraticField

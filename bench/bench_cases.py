@@ -9,11 +9,19 @@ import pytest
 CASES = [*cases.CASES, *limits.CASES, *peers.CASES]
 MOST = int(numba.config.NUMBA_NUM_THREADS)
 THREADS = {"all": [MOST], "one": [1], "both": sorted({1, MOST})}
-PAIRS = [(case, threads) for case in CASES for threads in THREADS[case.threads]]
-IDS = [f"{case.name}-{case.whose}-{threads}" for case, threads in PAIRS]
+PARAMETERS = [
+    pytest.param(
+        case,
+        threads,
+        id=case.name + "-one_thread" * (case.threads == "both" and threads == 1),
+        marks=[pytest.mark.slow] * case.slow,
+    )
+    for case in CASES
+    for threads in THREADS[case.threads]
+]
 
 
-@pytest.mark.parametrize(("case", "threads"), PAIRS, ids=IDS)
+@pytest.mark.parametrize(("case", "threads"), PARAMETERS)
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers
 def bench_case(measure, case, threads):
     measure(case, threads)

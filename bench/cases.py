@@ -45,7 +45,7 @@ def saved(method):
 for method, label, limit in (
     ("auto", "the last state by the closed form, equivalent steps", None),
     ("canonical", "iterates, one division per step", ("divisions", 1)),
-    ("ds2", "iterates the map as printed", ("divisions", 1)),
+    ("ds2", "iterates the map as printed, two divisions", ("divisions", 2)),
 ):
     label = f'`method="{method}"`: {label}'
     add("last states", method, label, work.last_states(last(method)), limit=limit)
@@ -122,11 +122,14 @@ def saved_states_nd(components, integrable):
     return make
 
 
-DIMENSIONS = (2, 4, 8, 16, 32, 64, 128)
-for components in DIMENSIONS:
-    for method in ("rank2", "gauss"):
-        make = work.dimensions(last_nd(method), components, cubic=method == "gauss")
-        add("n dimensions", method, f'`method="{method}"`', make, x=components, threads="one")
+# Numbers of components, and the part of the work that methods of the order of n**3 do.
+CUBIC = {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}
+DIMENSIONS = tuple(CUBIC)
+for components, of_cubic in CUBIC.items():
+    for method, part in (("rank2", 1), ("gauss", of_cubic)):
+        make = work.dimensions(last_nd(method), components, part)
+        more = {"x": components, "threads": "one", "part": part}
+        add("n dimensions", method, f'`method="{method}"`', make, **more)
 for components in (3, 8, 32):
     for key, whose in (("any", "any"), ("integrable", "an integrable")):
         make, limit = saved_states_nd(components, key == "integrable"), 8 * components
@@ -140,8 +143,9 @@ def last_of_field(components):
     return lambda x, steps, threads: iterate(field, x, EPS_FIELD, steps, save_every=None).final
 
 
+STEPS_OF_FIELD = 576
 for components in FIELDS:
-    make = work.fields(last_of_field(components), components, 600 // components)
+    make = work.fields(last_of_field(components), components, STEPS_OF_FIELD // components)
     add("fields", "iterate", "`iterate`", make, x=components)
 
 for what, label in (
@@ -207,9 +211,9 @@ def process(code, fresh=False):
 
 for key, (label, call) in CALLS.items():
     again, first = f"{label}, compiled before", f"{label}, nothing compiled"
-    add("processes", f"{key}-again", again, process(IMPORT + call), threads="one")
+    add("processes", f"{key}-again", again, process(IMPORT + call), threads="one", once=True)
     make = process(IMPORT + call, fresh=True)
-    add("processes", f"{key}-first", first, make, threads="one", once=True)
+    add("processes", f"{key}-first", first, make, threads="one", slow=True)
 for key, (label, code) in IMPORTS.items():
     whose = "this package" if "suslov_fast" in code else "others"
-    add("processes", key, label, process(code), whose=whose, threads="one")
+    add("processes", key, label, process(code), whose=whose, threads="one", once=True)

@@ -1,5 +1,7 @@
 """The chart of the results."""
 
+import textwrap
+
 import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -11,8 +13,8 @@ KINDS = {
     "C": ("#35507a", "s"),
     "NumPy": ("#6f8f6a", "^"),
     "others": ("#9aa7b8", "D"),
-    "the machine": ("#2c2c2c", "|"),
 }
+LABEL = 32  # letters of a line
 STYLE = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -34,36 +36,46 @@ def speed(results):
     shares = [(row, 100 * (results.share(row) or 0)) for row in results.best("saved states")]
     saved = sorted((pair for pair in shares if pair[1]), key=lambda pair: -pair[1])
     panels = [
-        ("Last states only: steps per second", last, "{:.2e}", "log"),
-        ("Saved states: % of the fastest stores", saved, "{:.0f}", "linear"),
+        ("Last states", "steps per second", last, "{:.1e}", "log"),
+        ("Saved states", "% of the rate of streaming stores", saved, "{:.0f} %", "linear"),
     ]
-    heights = [1 + len(rows) for _, rows, _, _ in panels]
-    figure = Figure(figsize=(11, 1.4 + 0.31 * sum(heights)), layout="constrained")
+    heights = [1 + len(rows) for _, _, rows, _, _ in panels]
+    figure = Figure(figsize=(10, 1.8 + 0.36 * sum(heights)), layout="constrained")
     axes = figure.subplots(len(panels), height_ratios=heights)
-    for axis, (title, rows, written, scale) in zip(axes, panels, strict=True):
-        labels = [row.label.replace("`", "").strip("*") for row, _ in rows]
-        axis.set_yticks(range(len(rows)), labels)
-        for y, (row, value) in enumerate(rows):
+    for axis, (title, unit, rows, written, scale) in zip(axes, panels, strict=True):
+        limits = [pair for pair in rows if pair[0].whose == "the machine"]
+        dots = [pair for pair in rows if pair[0].whose != "the machine"]
+        labels = [textwrap.fill(plain(row), LABEL) for row, _ in dots]
+        axis.set_yticks(range(len(dots)), labels, fontsize=8.5, linespacing=0.9)
+        # Numbers beside the axes, where no line crosses them.
+        place = {"transform": axis.get_yaxis_transform(), "va": "center", "fontsize": 9}
+        for y, (row, value) in enumerate(dots):
             colour, marker = KINDS[row.whose]
-            axis.plot(value, y, marker, color=colour, markersize=9, markeredgewidth=2)
-            # Numbers beside the axes, where no line crosses them.
-            error = f"error {row.error:.0e}" if row.error is not None else ""
-            for x, text in ((1.1, written.format(value)), (1.24, error)):
-                place = {"transform": axis.get_yaxis_transform(), "ha": "right", "va": "center"}
-                axis.text(x, y, text, fontsize=9, **place)
-            if row.whose == "the machine":
-                axis.axvline(value, color=colour, linestyle="--", linewidth=1)
-        axis.set(title=title, xscale=scale, ylim=(len(rows) - 0.4, -0.6))
+            axis.plot(value, y, marker, color=colour, markersize=9)
+            axis.text(1.02, y, written.format(value), **place)
+            axis.text(1.12, y, f"{row.error:.0e}" if row.error is not None else "", **place)
+        axis.text(1.12, -0.9, "error", **place)
+        for row, value in limits:
+            axis.axvline(value, color="#2c2c2c", linestyle="--", linewidth=1)
+            name = {"rotation": 90, "ha": "right", "va": "bottom", "fontsize": 8.5}
+            axis.text(value, len(dots) - 0.5, plain(row).removeprefix("limit: ") + " ", **name)
+        axis.set(title=title, xlabel=unit, xscale=scale, ylim=(len(dots) - 0.4, -0.6))
         axis.set_xlim(left=0 if scale == "linear" else None)
         axis.grid(alpha=0.25, which="major")
         axis.tick_params(axis="y", length=0)
-    style = {"linestyle": "", "markersize": 8, "markeredgewidth": 2}
+    style = {"linestyle": "", "markersize": 8}
     handles = [
         Line2D([], [], color=colour, marker=marker, label=name, **style)
         for name, (colour, marker) in KINDS.items()
     ]
-    axes[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.4, -0.08), ncols=5)
+    handles.append(Line2D([], [], color="#2c2c2c", linestyle="--", label="limits of the machine"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
+
+
+def plain(row):
+    """Label of a row without Markdown."""
+    return row.label.replace("`", "").strip("*")
 
 
 def draw(results, folder):

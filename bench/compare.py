@@ -100,7 +100,7 @@ def compare(workers, chosen, rounds, threshold):
     too_slow = []
     print(f"{'case':44}{'A':>11}{'B':>11} ns  medians  minima", flush=True)
     for index, case in chosen:
-        found = turns(workers, index, 1 if case.once else rounds)
+        found = turns(workers, index, 1 if case.slow else rounds)
         if any(isinstance(each, (str, float)) for each in found):
             late, verdict = isinstance(found[0], float), "; ".join(map(str, found))
         else:

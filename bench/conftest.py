@@ -27,7 +27,7 @@ def measure(benchmark):
         numba.set_num_threads(threads)
         try:
             work = case.make(lambda large, small: large if full else min(large, small), threads)
-            if not (full and case.once):
+            if not (full and case.slow):
                 work.call()  # compiles, wakes threads, touches memory
         except ImportError as error:
             pytest.skip(str(error))
@@ -38,7 +38,8 @@ def measure(benchmark):
         names = ("table", "key", "label", "x", "limit", "whose")
         row = {name: getattr(case, name) for name in names}
         benchmark.extra_info.update(row, work=work.work, error=error, threads=threads)
-        if case.once:
+        benchmark.group = case.group
+        if case.once or case.slow:
             benchmark.pedantic(work.call)
         else:
             benchmark(work.call)

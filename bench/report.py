@@ -7,7 +7,6 @@ nothing. `--write` also replaces the table in README.md.
 """
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,21 +18,20 @@ import tables
 
 README = results.BENCH.parent / "README.md"
 # Short, consecutive passes, since the speed of a shared machine varies over seconds.
-PASSES = 4
-PYTEST = "-q --benchmark-enable --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
+PASSES = 3
+PYTEST = "-q --benchmark-only --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
 
 
 def measure(passes, select):
     """Run several passes over all benchmarks, each in its own process, and merge the results."""
     several = []
-    # Linear solvers of the peers use one thread, like the rows beside them.
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
     with tempfile.TemporaryDirectory() as folder:
         for k in range(passes):
             print(f"pass {k + 1} of {passes}", flush=True)
-            more = [f"--benchmark-json={folder}/{k}.json"]
-            subprocess.run([*command, *more], env=environment, cwd=results.BENCH.parent, check=True)
+            # The slow ones, processes that compile everything, are in the first pass only.
+            more = [f"--benchmark-json={folder}/{k}.json", *(["-m", ""] if k == 0 else [])]
+            subprocess.run([*command, *more], cwd=results.BENCH.parent, check=True)
             several.append(results.load(f"{folder}/{k}.json"))
     return results.merge(several)
 

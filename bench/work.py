@@ -28,6 +28,7 @@ class Case(NamedTuple):
 
     `make` takes a function `size(full, small)`, which chooses the size of a problem, and the number
     of threads. `limit` is a limit of the machine and the amount of it that a unit of work needs.
+    A slow peer does one `part`-th of the work of its group.
     """
 
     table: str
@@ -38,11 +39,28 @@ class Case(NamedTuple):
     limit: tuple[str, float] | None = None
     whose: str = "this package"
     threads: str = "all"  # or "one" or "both"
-    once: bool = False  # slow: measured once in each pass
+    once: bool = False  # measured once in each pass
+    slow: bool = False  # measured once, without a call before, and by the report only
+    part: int = 1
 
     @property
     def name(self):
-        return "-".join(str(each) for each in (self.table, self.key, self.x) if each is not None)
+        """Name without blanks, the same on every machine."""
+        numpy = "numpy" if self.whose == "NumPy" and "numpy" not in self.key else None
+        part = f"1_in_{self.part}" if self.part > 1 else None
+        return joined(self.table, self.key, numpy, self.x, part)
+
+    @property
+    def group(self):
+        """Name of the cases that answer the same question."""
+        of_key = self.table in ("jumps", "quantities")
+        return joined(self.table, self.key if of_key else self.x)
+
+
+def joined(*words):
+    """Join words, of which some may be None, to a name without blanks."""
+    found = (str(each) for each in words if each is not None)
+    return "-".join(each.replace(",", "").replace(" ", "_") for each in found)
 
 
 def load(function):
@@ -121,15 +139,13 @@ def motions(function, batch):
     return make
 
 
-def dimensions(function, components, cubic, slow=False):
+def dimensions(function, components, part=1, batch=512):
     """Some milliseconds of steps in n dimensions by a function of (body, omega0, eps, steps)."""
 
     def make(size, threads):
         call = load(function)
-        body, omega0 = problem_nd(components, size(512, 16))
-        steps = size(max(3, 4000 // components ** (2 if cubic else 1)), 3)
-        if slow:
-            steps, omega0 = min(steps, max(1, 64 // components)), omega0[: 4096 // components]
+        body, omega0 = problem_nd(components, size(batch, 16))
+        steps = size(4096 // components // part, 3)
         few = problem_nd(components, problem.CHECKED_ND)[1]
         return Work(
             lambda: call(body, omega0, EPS / 2, steps),

@@ -1,6 +1,8 @@
 """The tools that report and compare benchmarks, on invented results: nothing is timed."""
 
 import json
+import subprocess
+import sys
 
 import compare
 import pytest
@@ -42,7 +44,41 @@ def test_the_readme_and_the_page_show_the_stored_results():
 
 def test_each_case_has_a_table_and_a_name_of_its_own():
     assert {case.table for case in CASES} == {each.name for each in tables.TABLES}
-    assert len({(case.name, case.whose) for case in CASES}) == len(CASES)
+    names = [case.name for case in CASES]
+    assert len(set(names)) == len(CASES)
+    assert not any(set(" ,[]") & set(name) for name in names + [case.group for case in CASES])
+
+
+@pytest.mark.parametrize(
+    ("options", "timed"),
+    [
+        ([], False),
+        (["-n", "1"], False),
+        (["--benchmark-only"], True),
+        (["--benchmark-autosave"], True),
+        (["--benchmark-compare"], True),  # with nothing to compare with
+    ],
+)
+def test_benchmarks_are_timed_if_an_option_asks_for_it(options, timed, tmp_path):
+    """As users run them, from the folder of the project; the smallest case stands for all."""
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "bench",
+        "-k",
+        "processes-python",
+        "-p",
+        "no:cacheprovider",
+    ]
+    storage = f"--benchmark-storage={tmp_path}" if timed else "-q"
+    run = subprocess.run(
+        [*command, *options, storage], cwd=results.BENCH.parent, capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "1 passed" in run.stdout
+    assert ("benchmark 'processes': 1 tests" in run.stdout) == timed
+    assert len(list(tmp_path.glob("*/*.json"))) == ("--benchmark-autosave" in options)
 
 
 @pytest.mark.compiled

@@ -5,7 +5,7 @@ the continuous motion at the same time.
 """
 
 import numpy as np
-from cases import DIMENSIONS, QUANTITIES
+from cases import CUBIC, DIMENSIONS, QUANTITIES, STEPS_OF_FIELD
 from formulas import Formulas
 from problem import FIELDS
 from work import Case, dimensions, fields, jumps, last_states, motions, quantities, saved_states
@@ -24,51 +24,56 @@ def add(table, function, key, label, make, on_one_thread=False, **more):
     CASES.append(Case(table, key, label, make, whose=whose, threads=threads, **more))
 
 
-# Trajectories, steps, divisions per step: slow peers do a part of the work.
-for function, key, label, batch, steps, divisions in (
-    ("c.projective", "c-projective", f"{FREE}, {FOUR}", 65_536, 1000, 0.25),
-    ("c.parameter_free", "c-free", FREE, 65_536, 1000, 1),
-    ("c.as_printed", "c-printed", "C, as printed", 65_536, 1000, 2),
-    ("blocked_numba.final", "numba-blocks", "Numba, parameter-free, in blocks", 65_536, 1000, 1),
-    ("naive_numba.final", "numba", PRANGE, 16_384, 250, None),
-    ("numpy_batch.final", "numpy", BATCH, 4096, 250, None),
-    ("numpy_batch.final_python", "python", "Python", 64, 1000, None),
+# Divisions per step, and the part of the work that slow peers do.
+for function, key, label, part, divisions in (
+    ("c.projective", "c-projective", f"{FREE}, {FOUR}", 1, 0.25),
+    ("c.parameter_free", "c-free", FREE, 1, 1),
+    ("c.as_printed", "c-printed", "C, as printed, two divisions", 1, 2),
+    ("c.as_printed_once", "c-printed-once", "C, as printed, one division", 1, 1),
+    ("blocked_numba.final", "numba-blocks", "Numba, parameter-free, in blocks", 1, 1),
+    ("naive_numba.final", "numba", PRANGE, 16, None),
+    ("numpy_batch.final", "numpy", BATCH, 64, None),
+    ("numpy_batch.final_python", "python", "Python", 1024, None),
 ):
     limit = divisions and ("divisions", divisions)
-    add("last states", function, key, label, last_states(function, batch, steps), limit=limit)
-for function, key, label, batch, saved in (
-    ("c.stored_streaming", "c-streaming", f"{FREE}, streaming stores", 65_536, 257),
-    ("c.stored", "c-plain", f"{FREE}, plain stores", 65_536, 257),
-    ("naive_numba.stored", "numba", PRANGE, 16_384, 257),
-    ("numpy_batch.stored", "numpy", BATCH, 16_384, 65),
+    make = last_states(function, 65_536 // part)
+    add("last states", function, key, label, make, limit=limit, part=part)
+for function, key, label, part in (
+    ("c.stored_streaming", "c-streaming", f"{FREE}, streaming stores", 1),
+    ("c.stored", "c-plain", f"{FREE}, plain stores", 1),
+    ("naive_numba.stored", "numba", PRANGE, 4),
+    ("numpy_batch.stored", "numpy", BATCH, 16),
 ):
-    make = saved_states(function, batch, saved)
-    add("saved states", function, key, label, make, limit=("streaming", 16))
-for function, key, label in (
-    ("heyoka_.motion", "heyoka", "heyoka, Taylor integrator, 16 at once"),
-    ("scipy_ivp.motion", "scipy", "SciPy, DOP853, all in one system"),
+    make = saved_states(function, 65_536 // part)
+    add("saved states", function, key, label, make, limit=("streaming", 16), part=part)
+for function, key, label, part in (
+    ("numpy_batch.flow", "numpy", "NumPy, Suslov's solution by `tanh` and `cosh`", 1),
+    ("heyoka_.motion", "heyoka", "heyoka, Taylor integrator, 16 at once", 16),
+    ("scipy_ivp.motion", "scipy", "SciPy, DOP853, all in one system", 16),
 ):
-    add("motion", function, key, label, motions(function, 4096))
+    add("motion", function, key, label, motions(function, 65_536 // part), part=part)
 make = jumps("numpy_batch.jump", 65_536, lambda size: 10**6, checked=True)
-add("jumps", "numpy_batch.jump", "numpy", BATCH, make)
-for function, key, label, cubic in (
-    ("c.rank2", "c-rank2", "C, rank two, 32 trajectories at once", False),
-    ("c.eliminate", "c-elimination", "C, elimination", True),
-    ("numpy_batch.solve", "numpy-solve", "NumPy, `linalg.solve`", True),
+add("jumps", "numpy_batch.jump", "far", BATCH, make)
+for function, key, label in (
+    ("c.rank2", "c-rank2", "C, rank two, 32 trajectories at once"),
+    ("c.eliminate_lanes", "c-lanes", "C, elimination, 32 systems at once"),
+    ("c.eliminate", "c-elimination", "C, elimination, one system at a time"),
+    ("numpy_batch.solve", "numpy-solve", "NumPy, `linalg.solve`"),
 ):
     for n in DIMENSIONS:
-        make = dimensions(function, n, cubic, slow=function.startswith("numpy"))
-        add("n dimensions", function, key, label, make, on_one_thread=True, x=n)
+        part, few = 1 if key == "c-rank2" else CUBIC[n], 4 if key == "numpy-solve" else 1
+        make, more = dimensions(function, n, part, 512 // few), {"x": n, "part": few * part}
+        add("n dimensions", function, key, label, make, on_one_thread=True, **more)
 
 
-for function, key, label, share in (
+for function, key, label, part in (
     ("fields.in_c", "c-field", "C: Lorenz written out, the chain by elimination", 1),
     ("fields.in_numba", "numba-solve", f"{PRANGE}, `linalg.solve`", 4),
-    ("fields.in_numpy", "numpy-solve", "NumPy, `linalg.solve`", 20),
+    ("fields.in_numpy", "numpy-solve", "NumPy, `linalg.solve`", 16),
 ):
     for components in FIELDS:
-        make = fields(function, components, 600 // components // share)
-        add("fields", function, key, label, make, x=components)
+        make = fields(function, components, STEPS_OF_FIELD // components // part)
+        add("fields", function, key, label, make, x=components, part=part)
 
 
 def in_numpy(name):

@@ -26,7 +26,8 @@ def last_states(name, *flags):
     return lambda omega0, steps, threads: states(omega0, steps, threads, np.empty_like(omega0))
 
 
-as_printed, parameter_free = last_states("as_printed"), last_states("parameter_free")
+as_printed, as_printed_once = last_states("as_printed"), last_states("as_printed_once")
+parameter_free = last_states("parameter_free")
 projective = last_states("projective", PROJECTIVE)
 stored, stored_streaming = saved_states("stored"), saved_states("stored_streaming")
 
@@ -43,4 +44,5 @@ def in_n_dimensions(name):
     return last
 
 
-eliminate, rank2 = in_n_dimensions("eliminate"), in_n_dimensions("rank2")
+eliminate, eliminate_lanes = in_n_dimensions("eliminate"), in_n_dimensions("eliminate_lanes")
+rank2 = in_n_dimensions("rank2")

@@ -45,6 +45,16 @@ def jump(omega0, n):
         return np.stack(MAP.from_xy(np.sign(x) * scale / (q * np.cosh(s)), scale * np.tanh(s)), -1)
 
 
+def flow(omega0, time, threads):
+    """State of the continuous motion by Suslov's solution, for x != 0."""
+    x, y = MAP.to_xy(*omega0.T)
+    R = np.sqrt(MAP.a * x * x + y * y)
+    angle = np.arcsinh(y / (np.sqrt(MAP.a) * np.abs(x))) - R * time / MAP.a
+    with np.errstate(over="ignore"):  # 1 / cosh(angle) is 0 if cosh overflows
+        x = np.sign(x) * R / np.sqrt(MAP.a) / np.cosh(angle)
+    return np.stack(MAP.from_xy(x, R * np.tanh(angle)), axis=-1)
+
+
 def solve(body, omega0, eps, steps):
     """Last states in n dimensions by NumPy's batched solver."""
     omega = omega0

@@ -30,25 +30,27 @@ static void unload(double *to, long first, long width, const double *u, const do
     }
 }
 
-/* The map as Section 4 prints it. */
-void as_printed(ARGUMENTS)
-{
-    const double k1 = eps * I13 / (2 * I1), k2 = eps * I23 / (2 * I2);
-    const double k3 = eps * I23 / I1, k4 = eps * I13 / I2, k5 = eps * eps / (I1 * I2);
-    FOR_BLOCKS {
-        double u[LANES], v[LANES];
-        long width = load(from, batch, first, u, v);
-        for (long n = 0; n < steps; n++)
-            FOR_LANES {
-                double p = u[l], q = v[l];
-                double delta = (1 + k1 * q) * (1 - k2 * p)
-                    + k5 * (I13 * p / 2 + I23 * q) * (I13 * p + I23 * q / 2);
-                u[l] = (p - k2 * p * p - k1 * p * q - k3 * q * q) / delta;
-                v[l] = (q + k1 * q * q + k2 * p * q + k4 * p * p) / delta;
-            }
-        unload(to, first, width, u, v);
+/* The map as Section 4 prints it: QUOTIENTS divides the numerators u[l] and v[l] by delta. */
+#define PRINTED(QUOTIENTS) \
+    const double k1 = eps * I13 / (2 * I1), k2 = eps * I23 / (2 * I2); \
+    const double k3 = eps * I23 / I1, k4 = eps * I13 / I2, k5 = eps * eps / (I1 * I2); \
+    FOR_BLOCKS { \
+        double u[LANES], v[LANES]; \
+        long width = load(from, batch, first, u, v); \
+        for (long n = 0; n < steps; n++) \
+            FOR_LANES { \
+                double p = u[l], q = v[l]; \
+                double delta = (1 + k1 * q) * (1 - k2 * p) \
+                    + k5 * (I13 * p / 2 + I23 * q) * (I13 * p + I23 * q / 2); \
+                u[l] = p - k2 * p * p - k1 * p * q - k3 * q * q; \
+                v[l] = q + k1 * q * q + k2 * p * q + k4 * p * p; \
+                QUOTIENTS \
+            } \
+        unload(to, first, width, u, v); \
     }
-}
+
+void as_printed(ARGUMENTS) { PRINTED(u[l] /= delta; v[l] /= delta;) }
+void as_printed_once(ARGUMENTS) { PRINTED(double r = 1 / delta; u[l] *= r; v[l] *= r;) }
 
 /* X = eps x / sqrt(2a), Y = eps y / (2a): the parameter-free map. */
 typedef struct { double x1, x2, y1, y2, w1x, w1y, w2x, w2y; } Frame;
@@ -167,7 +169,8 @@ void stored(ARGUMENTS) { STORED(PLAIN) }
 void stored_streaming(ARGUMENTS) { STORED(STREAM) }
 #endif
 
-/* The map in n dimensions: the matrix A, Gaussian elimination with partial pivoting, one trajectory. */
+/* The map in n dimensions: the matrix A, Gaussian elimination with partial pivoting, one trajectory
+   at a time. */
 void eliminate(const double *from, double *to, long batch, long m, long steps,
                const double *J, const double *I, double eps)
 {
@@ -208,10 +211,63 @@ void eliminate(const double *from, double *to, long batch, long m, long steps,
     }
 }
 
-/* The map in n dimensions in O(n), 32 trajectories at once: A is diagonal plus rank two, so that
-   alpha = Omega.Omega~ and beta = I.Omega~ solve two equations. */
 #define WIDE 32
 #define FOR_WIDE for (int l = 0; l < WIDE; l++)
+
+/* The same of 32 trajectories at once: an entry of A is a row of lanes. */
+void eliminate_lanes(const double *from, double *to, long batch, long m, long steps,
+                     const double *J, const double *I, double eps)
+{
+    static double A[128][129][WIDE], w[128][WIDE];
+    for (long first = 0; first < batch; first += WIDE) {
+        long width = batch - first < WIDE ? batch - first : WIDE;
+        for (long i = 0; i < m; i++)
+            FOR_WIDE w[i][l] = l < width ? from[(first + l) * m + i] : 0;
+        for (long n = 0; n < steps; n++) {
+            double p[WIDE] = {0}, r[WIDE], f[WIDE];
+            for (long i = 0; i < m; i++)
+                FOR_WIDE p[l] += I[i] * w[i][l];
+            for (long i = 0; i < m; i++) {
+                double h = eps / (2 * J[i]);
+                for (long j = 0; j < m; j++)
+                    FOR_WIDE A[i][j][l] = h * (2 * I[i] * w[j][l] - I[j] * w[i][l]);
+                FOR_WIDE A[i][i][l] += 1 - h * p[l];
+                FOR_WIDE A[i][m][l] = w[i][l];
+            }
+            for (long k = 0; k < m; k++) {
+                FOR_WIDE {
+                    long row = k;
+                    for (long i = k + 1; i < m; i++)
+                        if (fabs(A[i][k][l]) > fabs(A[row][k][l])) row = i;
+                    if (row != k)
+                        for (long j = k; j <= m; j++) {
+                            double other = A[k][j][l];
+                            A[k][j][l] = A[row][j][l];
+                            A[row][j][l] = other;
+                        }
+                }
+                FOR_WIDE r[l] = 1 / A[k][k][l];
+                for (long i = k + 1; i < m; i++) {
+                    FOR_WIDE f[l] = A[i][k][l] * r[l];
+                    for (long j = k + 1; j <= m; j++)
+                        FOR_WIDE A[i][j][l] -= f[l] * A[k][j][l];
+                }
+            }
+            for (long i = m - 1; i >= 0; i--) {
+                double s[WIDE];
+                FOR_WIDE s[l] = A[i][m][l];
+                for (long j = i + 1; j < m; j++)
+                    FOR_WIDE s[l] -= A[i][j][l] * w[j][l];
+                FOR_WIDE w[i][l] = s[l] / A[i][i][l];
+            }
+        }
+        for (long i = 0; i < m; i++)
+            for (int l = 0; l < width; l++) to[(first + l) * m + i] = w[i][l];
+    }
+}
+
+/* The map in n dimensions in O(n), 32 trajectories at once: A is diagonal plus rank two, so that
+   alpha = Omega.Omega~ and beta = I.Omega~ solve two equations. */
 void rank2(const double *from, double *to, long batch, long m, long steps,
            const double *J, const double *I, double eps)
 {

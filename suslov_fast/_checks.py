@@ -10,7 +10,7 @@ import operator
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import CodeType
 from typing import Any, get_args
 
@@ -104,7 +104,7 @@ def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = Fal
 
 def _vectors(name: str, value: ArrayLike, dimension: int, labels: Sequence[str]) -> FloatArray:
     array = _floats(name, value)
-    if type(value) not in _PLAIN:
+    if type(value) is not np.ndarray:
         check_labels(name, value, labels)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise wrong(name, f"shape (..., {dimension})", array.shape)
@@ -156,11 +156,21 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 def refuse_units(name: str, value: Any) -> None:
     """Raise an error for tables, masked arrays and quantities with units, alone or in lists."""
-    if isinstance(value, (list, tuple)):
-        for each in value:
-            if type(each) is not float and type(each) is not int:
-                refuse_units(name, each)
+    for each in _unpacked(value):
+        _refuse_units(name, each)
+
+
+def _unpacked(value: Any) -> Iterator[Any]:
+    """Yield the items of nested lists that are not plain numbers, or the value itself."""
+    if not isinstance(value, (list, tuple)):
+        yield value
         return
+    for each in value:
+        if type(each) is not float and type(each) is not int:
+            yield from _unpacked(each)
+
+
+def _refuse_units(name: str, value: Any) -> None:
     if type(value) in _PLAIN:
         return
     # `numpy.ma` is imported only if the array may be masked.
@@ -169,6 +179,8 @@ def refuse_units(name: str, value: Any) -> None:
     if hasattr(value, "columns"):
         how = f"{type(value).__name__}, whose labels would be ignored: pass its to_numpy()"
         raise wrong(name, "an array", how, TypeError)
+    if hasattr(value, "data_vars"):
+        raise wrong(name, "an array", "Dataset: pass one variable, as dataset.omega", TypeError)
     if _is_xarray(value):
         value = getattr(value, "data", None)  # its attributes are annotations only
     for attribute in ("unit", "units"):
@@ -193,7 +205,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
     if _PLAIN.issuperset(map(type, arguments.values())):
         return arguments
     labelled = {
-        name: [dim for dim in value.dims if dim not in _OWN_AXES]
+        name: [dim for dim in value.dims if dim not in _own_axes(value, components)]
         for name, value in arguments.items()
         if _is_xarray(value)
     }
@@ -213,8 +225,8 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
         if not set(dims) <= set(whole):
             expected = f"axes among {tuple(whole)}, those of {longest}"
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
-        own = [dim for dim in value.dims if dim in _OWN_AXES]
-        if own:
+        own = _own_axes(value, components)
+        if own or name not in ("eps", "c"):
             check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
         absent = [dim for dim in whole[first:] if dim not in dims]
@@ -225,35 +237,81 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
 def without_labels(parameters: dict[str, Any]) -> None:
     """Raise ValueError for named axes, and for series of pandas whose indices differ."""
     indices: dict[str, Any] = {}
-    for name, value in parameters.items():
-        if type(value) not in _PLAIN and _is_xarray(value) and value.dims:
+    items = [(name, each) for name, value in parameters.items() for each in _unpacked(value)]
+    for name, value in items:
+        if _is_xarray(value) and value.dims:
             expected = "an array without labels, as a body has none"
             raise wrong(name, expected, f"the axes {value.dims}: pass its values")
         if type(value).__name__ == "Series":
-            indices[name] = value.index
-    for name, index in indices.items():
-        first = next(iter(indices))
-        if not index.equals(indices[first]):
-            raise wrong(name, f"the index of {first}", "another: pass values without labels")
+            first = next(iter(indices), name)
+            if not value.index.equals(indices.setdefault(first, value.index)):
+                expected = f"the index of {first}" if name != first else "one index"
+                raise wrong(name, expected, "another: pass values without labels")
 
 
 def check_labels(name: str, value: Any, components: Sequence[str]) -> None:
     """Raise ValueError if components are not on the last axis, or not those named, in order."""
-    if _is_xarray(value):
-        dims = [str(dim) for dim in value.dims]
-        own = [dim for dim in _OWN_AXES if dim in dims]
-        if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
-            order = f"the axes {tuple(own)} in this order at the end, and 'n' first"
-            how = f"{tuple(dims)}: pass it transposed, {name}.transpose('n', ..., 'component')"
-            raise wrong(name, order, how)
-        coords = getattr(value, "coords", {})
-        labels = coords[dims[-1]].values if dims and dims[-1] in coords else ()
-    else:
-        labels = getattr(value, "index", ()) if np.ndim(value) == 1 else ()
-        labels = () if callable(labels) else labels
-    if not len(labels):
+    if isinstance(value, (list, tuple)):
+        _check_list(name, value, components)
+    elif _is_xarray(value):
+        _check_axes(name, value, components)
+    elif hasattr(value, "index") and not callable(value.index) and np.ndim(value) == 1:
+        _check_order(name, value.index, components)
+
+
+def _check_list(name: str, values: Sequence[Any], components: Sequence[str]) -> None:
+    """Check the labels of the items of a list, which must agree."""
+    first = None
+    for k, value in enumerate(values):
+        if type(value) is float or type(value) is int:
+            continue
+        check_labels(name, value, components)
+        if _is_xarray(value):
+            coords = getattr(value, "coords", {})
+            labels = [each.item() for each in coords.values() if value.ndim == each.ndim == 0]
+            for place, label in enumerate(components):
+                if label in labels and place != k:
+                    raise wrong(name, f"{label} at [{place}]", f"it at [{k}]: pass its values")
+            batch = [(dim, dim in coords and coords[dim].values.tolist()) for dim in value.dims]
+            if batch != (first := batch if first is None else first):
+                received = f"others at [{k}]: pass values without labels"
+                raise wrong(name, "the axes and coordinates of its first labelled item", received)
+
+
+def _own_axes(value: Any, components: Sequence[str]) -> list[Any]:
+    """Return the axes of components, by their names or by their labels."""
+    coords = getattr(value, "coords", {})
+    return [
+        dim
+        for dim in value.dims
+        if dim in _OWN_AXES
+        or (components and dim in coords and {*coords[dim].values.tolist()} == {*components})
+    ]
+
+
+def _check_axes(name: str, value: Any, components: Sequence[str]) -> None:
+    dims, own = list(value.dims), _own_axes(value, components)
+    if not dims:
         return
+    if not own and dims[-1] != f"dim_{len(dims) - 1}":  # the name that xarray gives by default
+        expected = "a last axis 'component'"
+        if components:
+            expected += f", or one with the labels {_short([*components])}"
+        how = f"the axes {tuple(dims)}: if the last one holds the components, pass {name}.values"
+        raise wrong(name, expected, how)
+    if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
+        order = f"the axes {tuple(own)} in this order at the end, and 'n' first"
+        named = ", ".join([*(["'n'"] if "n" in dims else []), "...", *map(repr, own)])
+        raise wrong(name, order, f"{tuple(dims)}: pass {name}.transpose({named})")
+    coords = getattr(value, "coords", {})
+    if dims[-1] in coords:
+        _check_order(name, coords[dims[-1]].values, components)
+
+
+def _check_order(name: str, labels: Any, components: Sequence[str]) -> None:
     received = np.asarray(labels).tolist()
+    if not received:
+        return
     expected = list(components) if isinstance(received[0], str) else sorted(received)
     if received != expected:
         how = f"{_short(received)}: pass values in this order, without labels"

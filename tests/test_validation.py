@@ -234,12 +234,24 @@ def labelled(dims, **coords):
     return xarray.DataArray(OMEGA, dims=dims, coords=coords, attrs={"units": "1/s"})
 
 
+IN_ORDER = labelled(("start", "component"), start=["p", "q"], component=["Omega1", "Omega2"])
+SERIES = Series([1.0, 0.5], index=["Omega2", "Omega1"])
 LABELS = [
-    (lambda: labelled(("component", "start")), r"got \('component', 'start'\): .*tran"),
-    (lambda: labelled(("start", "n"), n=[0, 1]), r"got \('start', 'n'\)"),
+    (lambda: labelled(("component", "start")), r"got .*: pass omega\.transpose\(\.\.\., 'component'\)$"),
+    (lambda: labelled(("component", "n")), r"pass omega\.transpose\('n', \.\.\., 'component'\)$"),
+    (lambda: labelled(("Omega", "start"), Omega=["Omega1", "Omega2"]), r"pass omega\.transpose\(\.\.\., 'Omega'\)$"),
+    (lambda: labelled(("Omega", "start"), Omega=[1, 2]), r"got the axes \('Omega', 'start'\): .* pass omega\.values$"),
+    (lambda: labelled(("start", "foo")), "expected a last axis 'component', or one with the labels .'Omega1', 'Omega2'., got"),
+    (lambda: labelled(("start", "foo")).to_dataset(name="omega"), "got Dataset: pass one variable"),
+    (lambda: [SERIES], "in order, got .'Omega2', 'Omega1'."),
+    (lambda: ([1.0, 0.5], SERIES), "in order, got .'Omega2', 'Omega1'."),
+    (lambda: [IN_ORDER[0], IN_ORDER[1, ::-1]], "in order, got .'Omega2', 'Omega1'."),
+    (lambda: [IN_ORDER, IN_ORDER[::-1]], r"coordinates of its first labelled item, got others at \[1\]"),
+    (lambda: [IN_ORDER[0, 1], 2.0], r"expected Omega2 at \[1\], got it at \[0\]"),
+    (lambda: xarray.DataArray([OMEGA], dims=("start", "n", "component")), r"got \('start', 'n', 'component'\): pass omega\.transpose\('n', \.\.\., 'component'\)$"),
     (lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]), "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'."),
     (lambda: labelled(("start", "component"), component=[1, 0]), "in order, got"),
-    (lambda: labelled(("start", "axis"), axis=["y", "x"]), "in order, got .'y', 'x'."),
+    (lambda: labelled(("start", "axis"), axis=["y", "x"]), r"got the axes \('start', 'axis'\)"),
     (lambda: DataFrame({"Omega2": [1.0, 2.0], "Omega1": [2.0, 3.0]}), "got DataFrame, .*to_numpy"),
     (lambda: DataFrame({"a": [1.0, 2.0]}).set_index([["Omega2", "Omega1"]])["a"], "in order, got"),
 ]  # fmt: skip
@@ -258,8 +270,11 @@ def test_labels_in_order(body):
     for value in (
         labelled(("start", "component"), component=["Omega1", "Omega2"]),
         labelled(("n", "component"), component=[0, 1]),
-        labelled(("a", "b")),
-        labelled(("a", "b")).variable,
+        labelled(("start", "Omega"), Omega=["Omega1", "Omega2"]),
+        labelled(("start", "component")).variable,
+        xarray.DataArray(OMEGA),
+        [IN_ORDER[0], IN_ORDER[1]],
+        (IN_ORDER[0], [IN_ORDER[1, 0], 0.3]),
     ):
         assert (sf.step(body, value, 0.2) == expected).all()
     series = Series([1.0, 2.0])
@@ -302,6 +317,10 @@ def test_labels_that_cannot_be_honoured():
         sf.Suslov3D(ab, ba, -0.5, -0.3)
     with pytest.raises(ValueError, match="I: expected the index of J, got another"):
         sf.SuslovND(ab, ba)
+    with pytest.raises(ValueError, match="I: expected the index of J, got another"):
+        sf.SuslovND([ab], (ba,))
+    with pytest.raises(ValueError, match=r"I1: .* got the axes \('a',\): pass its values"):
+        sf.Suslov3D([sizes], 1, -0.5, -0.3)
     with pytest.raises(ValueError, match=r"constant: .* got the axes \('a',\)"):
         sf.QuadraticField(np.ones((2, 2, 2)), constant=sizes)
     tensors = xarray.DataArray([np.eye(3)] * 2, dims=("a", "space", "body"))

@@ -69,7 +69,7 @@ def query_of_link(link: str) -> str:
 
 def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     """Return the query of a page that shows an orbit of a single body."""
-    state = vectors("omega0", omega0, 2)
+    state = vectors("omega0", omega0, 2, labels=body._labels)
     if body.shape or state.ndim != 1:
         raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
     extent = 1.5 * float(abs(state).max()) or 1.0

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._bodies.base import Body
 from ._bodies.body_3d import Suslov3D, SuslovGyrostat
 from ._bodies.body_nd import SuslovND, are_solved
 from ._bodies.field import QuadraticField
@@ -85,11 +86,9 @@ def _with_I3(body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]) ->
     return *for_loops(body, eps, batch), flat_parameter(body.I3, batch)
 
 
-def _of_field(
-    body: QuadraticField, eps: float | FloatArray, batch: tuple[int, ...]
-) -> tuple[Any, ...]:
-    """Return the terms of the field, the step size, and the largest quadratic coefficient."""
-    indices, values = body.terms
+def of_field(body: Body, eps: float | FloatArray, batch: tuple[int, ...]) -> tuple[Any, ...]:
+    """Return the terms of a body's field, the step size, and the largest quadratic coefficient."""
+    indices, values = body.field().terms
     quadratic = values[..., indices[2] < body.dimension]
     largest = np.abs(quadratic).max(axis=-1, initial=0.0)
     if body.shape:
@@ -156,7 +155,7 @@ _RECORDS = (
         name="quadratic",
         body=QuadraticField,
         title="Kahan map of a quadratic field",
-        parameters=_of_field,
+        parameters=of_field,
         run=iterate_field,
         kept=(Kept("state", ("flat", "component")),),
         # x' = x**2, whose map has a pole at 1 / eps.

@@ -1,12 +1,15 @@
 import copy
 import json
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import suslov_fast as sf
+from suslov_fast._bodies.base import Body
 
 
 def random_inertia(rng, shape=()):
@@ -182,3 +185,53 @@ def test_admissible_I3(rng):
     # For I1 = I2 the ends s obey s (2 I1 - s) = 4 (I13**2 + I23**2): for a thin rod one is small.
     low, high = sf.Suslov3D(3, 3, 3e-9, 4e-9).admissible_I3()
     assert (low, high) == pytest.approx((1e-16 / 6, 6), rel=1e-15)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Top(Body):
+    """A free rigid body, whose field is all that the package knows of it."""
+
+    A: Any
+    B: Any
+    C: Any
+
+    _positive: ClassVar = ("A", "B", "C")
+    _meanings: ClassVar = dict.fromkeys(_positive, "moment of inertia")
+    dimension, _labels = 3, ("p", "q", "r")
+
+    def __post_init__(self):
+        self._set(A=self.A, B=self.B, C=self.C)
+
+    def field(self):
+        return sf.QuadraticField.from_function(self.equations, 3)
+
+    def equations(self, x):
+        A, B, C = self.parameters
+        p, q, r = x
+        return (B - C) / A * q * r, (C - A) / B * r * p, (A - B) / C * p * q
+
+
+@pytest.mark.parametrize("pole", [False, True])
+def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
+    """Next to a pole, too, whose eps is that of a real eigenvalue of f'."""
+    top, x = Top(1.0, 2.0, 4.0), np.array([1.5, -0.5, 2.0])
+    field = sf.QuadraticField.of(top)
+    assert field == top.field()
+    identity = sf.matrix(field, x, 0.0)
+    slopes = 2 * (identity - sf.matrix(field, x, 1.0))
+    real = max(np.linalg.eigvals(slopes), key=lambda value: value.real).real
+    eps = 2 / real * (1 + 1e-9) if pole else 0.1
+    states = xr.DataArray(x, dims="component", coords={"component": [*"pqr"]})
+    assert (sf.vector_field(top, states) == sf.vector_field(field, x)).all()
+    for function in (sf.matrix, sf.jacobian):
+        assert (function(top, states, eps) == function(field, x, eps)).all()
+    exponents = sf.lyapunov_exponents(top, states, eps, 5)
+    assert (exponents == sf.lyapunov_exponents(field, x, eps, 5)).all()
+    assert np.isfinite(exponents).all()
+    with pytest.raises(ValueError, match="the components"):
+        sf.jacobian(top, states[::-1], eps)
+    for function in (sf.first_integral, sf.criticality):
+        with pytest.raises(TypeError, match=r"body: expected Suslov3D or .*, got Quadratic"):
+            function(top, x, eps)
+    with pytest.raises(TypeError, match="body: expected one with a quadratic vector field, got"):
+        sf.jacobian(Body(), x, eps)

@@ -5,6 +5,7 @@ import math
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction as F
 from functools import partial
 
@@ -99,6 +100,7 @@ def test_fields_of_bodies():
 def test_copies_are_equal(field):
     written = json.loads(json.dumps(field.to_dict()))
     copies = QuadraticField.from_dict(written), pickle.loads(pickle.dumps(field))
+    copies += replace(field), *(pickle.loads(pickle.dumps(field, k)) for k in (0, 1))
     for copy in copies:
         assert copy == field
         assert hash(copy) == hash(field)
@@ -107,6 +109,22 @@ def test_copies_are_equal(field):
     assert field != QuadraticField(field.quadratic)
     plain = QuadraticField(field.quadratic, field.linear, field.constant)
     assert (field == plain) == (field.H is None)
+    if field.H is not None:
+        with pytest.raises(ValueError, match="H, K: expected those of the coeff"):
+            replace(field, constant=np.arange(field.dimension))
+
+
+def test_equal_fields_have_equal_hamiltonians_and_matrices():
+    K = np.zeros((3, 3), int)
+    K[1, 0], K[0, 1], K[1, 2], K[2, 1] = 1, -1, 5, -5
+    others = K * [[1, 1, 1], [1, 1, 2], [1, 2, 1]], K
+    one, two = (of_hamiltonian(lambda x: x[0] ** 2, 3, K) for K in others)
+    assert one.polynomials == two.polynomials
+    assert one != two
+    assert one != of_hamiltonian(lambda x: x[0] ** 2 + 1, 3, others[0])
+    with pytest.raises(ValueError, match="dimension: expected an even number without K, got 1"):
+        of_hamiltonian(lambda x: x[0] ** 2, 1)
+    assert not of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]]).linear.any()
 
 
 def test_what_is_printed():

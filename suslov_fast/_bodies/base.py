@@ -64,6 +64,10 @@ class Body:
         """The parameters of a single body with an axis for the batch, as kernels take them."""
         return tuple(np.array(each, ndmin=1 + self._own_axes) for each in self.parameters)
 
+    def field(self) -> Any:
+        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        raise wrong("body", "one with a quadratic vector field", type(self).__name__, TypeError)
+
     @property
     def dimension(self) -> int:
         """The number of components of a state."""
@@ -164,7 +168,7 @@ class Body:
         >>> Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
-        names = cls._names()
+        names = [field.name for field in fields(cls)]
         instance("parameters", parameters, Mapping)
         parameters = dict(parameters)
         kind = parameters.pop("body", None)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._checks import FloatArray, aligned, common_shape, inertia_matrix, unit_axis, warn, wrong
 from .._docs import filled
-from .base import Body
-from .body_nd import shortest_rotation_to_last
+from .rigid import RigidBody, shortest_rotation_to_last
 
 # Largest exponent of I1 / I2 for which products with each other and with states are in range.
 _APART = 1800
@@ -21,7 +20,7 @@ _ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class _In3D(Body):
+class _In3D(RigidBody):
     """A rigid body in three dimensions, whose subclasses have I3 as last parameter."""
 
     I1: float | FloatArray
@@ -52,6 +51,13 @@ class _In3D(Body):
         if not (fits := _obey_triangles(moments)).all():
             expected = "one that a body with these parameters can have (see admissible_I3)"
             warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
+
+    def J_I_k(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the parameters as those of a body in n dimensions with states (Omega1, Omega2)."""
+        I1, I2, I13, I23, *k = self.parameters
+        J = np.stack(np.broadcast_arrays(I1, I2), axis=-1)
+        I = np.stack(np.broadcast_arrays(I23, np.negative(I13)), axis=-1)
+        return J, I, np.asarray(k[0] if k else 0.0)[..., np.newaxis]
 
 
 def _obey_triangles(moments: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:

@@ -1,9 +1,9 @@
-"""The n-dimensional body, the test whether its problem is solved, and all bodies in its form."""
+"""The n-dimensional body, and the test whether its problem is solved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +19,8 @@ from .._checks import (
     wrong,
 )
 from .._docs import filled
-from .base import Body
+from .rigid import RigidBody, shortest_rotation_to_last
 
-IntArray = NDArray[np.intc]
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
 # What to use for bodies that are not solved.
@@ -36,7 +35,7 @@ _INSTEAD = {
 
 @filled
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class SuslovND(Body):
+class SuslovND(RigidBody):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis Omega_ij = 0 for i, j < n, and the inertia matrix is diagonal except for its last
@@ -81,6 +80,10 @@ class SuslovND(Body):
     def dimension(self) -> int:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
+
+    def J_I_k(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return J, I and no momentum of a rotor."""
+        return self.J, self.I, np.zeros(1)
 
     @property
     def _labels(self) -> tuple[str, ...]:
@@ -140,21 +143,6 @@ class SuslovND(Body):
         return cls(diagonal[:-1] + diagonal[-1], adapted[:-1, -1]), rotation
 
 
-def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
-    n = axis.shape[-1]
-    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
-    half_turn = np.eye(n)
-    half_turn[0, 0] = half_turn[-1, -1] = -1.0
-    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
-    first = np.where(down, half_turn, np.eye(n))
-    up = first @ axis[..., np.newaxis]
-    s = up + np.eye(n)[:, -1:]
-    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
-    rotation[..., -1, :] += 2.0 * up[..., 0]
-    return rotation @ first
-
-
 def _principal_axes(block: FloatArray) -> FloatArray:
     """Return the rotation that makes a symmetric matrix diagonal, near the identity if one is."""
     from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
@@ -166,26 +154,6 @@ def _principal_axes(block: FloatArray) -> FloatArray:
     if np.linalg.det(axes) < 0:
         axes[:, np.argmin(abs(np.diag(axes)))] *= -1.0
     return axes.T
-
-
-def J_I_rotor(body: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return J and I (..., m), as in n dimensions, and the momentum (..., 1) of a rotor."""
-    if isinstance(body, SuslovND):
-        return *body.parameters, np.zeros(1)
-    I1, I2, I13, I23, *k = body.parameters
-    J = np.stack(np.broadcast_arrays(I1, I2), axis=-1)
-    I = np.stack(np.broadcast_arrays(I23, np.negative(I13)), axis=-1)
-    return J, I, np.asarray(k[0] if k else 0.0)[..., np.newaxis]
-
-
-def in_units(body: Any) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
-    """Return J, I and k of a body, of the order of 1, and the exponents of J, and of I and k."""
-    J, I, rotor = J_I_rotor(body)
-    ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))
-    moments = sum(ends) // 2
-    products = np.frexp(np.maximum(abs(I).max(axis=-1, keepdims=True), abs(rotor)))[1]
-    J, I, rotor = np.ldexp(J, -moments), np.ldexp(I, -products), np.ldexp(rotor, -products)
-    return J, I, rotor, moments, products
 
 
 class NotIntegrableError(ValueError):

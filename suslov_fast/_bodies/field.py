@@ -1,4 +1,4 @@
-"""Quadratic vector fields."""
+"""Quadratic vector fields as bodies of Kahan maps."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import json
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
-from itertools import permutations
 from numbers import Rational
 from typing import Any, ClassVar
 
@@ -26,10 +24,21 @@ from .._checks import (
     wrong,
 )
 from .._docs import filled
+from .algebra import (
+    Monomial,
+    Polynomial,
+    antisymmetric,
+    coefficients_of,
+    exact_array,
+    from_plain,
+    numbers,
+    plain,
+    plain_lists,
+    polynomials_of,
+    rational,
+    values_of,
+)
 from .base import Body
-from .body_3d import Suslov3D, SuslovGyrostat
-from .body_nd import J_I_rotor, SuslovND
-from .polynomial import Monomial, Polynomial, exact_array, numbers, plain, rational
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -56,14 +65,16 @@ class QuadraticField(Body):
         l, by default 0.
     constant : array_like(shape=(..., D)), optional
         c, by default 0.
+    H, K : optional
+        The Hamiltonian and the matrix that :meth:`from_hamiltonian` takes, and from which it makes
+        these coefficients.
 
     Attributes
     ----------
     quadratic, linear, constant : ndarray
         The coefficients, read-only: of fractions for a single field, of floats for a batch.
     H, K
-        The Hamiltonian, which can be called, and the matrix (D, D), if the field was made by
-        :meth:`from_hamiltonian`, else None.
+        The Hamiltonian, which can be called, and the matrix (D, D), or None.
 
     Examples
     --------
@@ -79,6 +90,8 @@ class QuadraticField(Body):
     quadratic: Any
     linear: Any
     constant: Any
+    H: Polynomial | None = None
+    K: Any = None
 
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
     # What messages say of fields in place of bodies.
@@ -89,10 +102,10 @@ class QuadraticField(Body):
     )
     # Its components, if it is a single one.
     polynomials: ClassVar[tuple[Polynomial, ...]] = ()
-    H: ClassVar[Polynomial | None] = None
-    K: ClassVar[Any] = None
 
-    def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
+    def __init__(
+        self, quadratic: Any, linear: Any = None, constant: Any = None, H: Any = None, K: Any = None
+    ) -> None:
         D = (0, *numbers("quadratic", quadratic).shape)[-1]
         given = {
             "quadratic": quadratic,
@@ -107,16 +120,22 @@ class QuadraticField(Body):
                 shape = f"shape (..., {', '.join([letter] * axes)})"
                 raise wrong(name, shape, arrays[name].shape)
         if any(arrays[name].ndim > axes for name, axes in _AXES.items()):
+            if H is not None or K is not None:
+                raise wrong("H, K", "None for a batch of fields", "others")
             half = 0.5 * real_array("quadratic", quadratic)
             self._set(**given | {"quadratic": half + half.swapaxes(-2, -1)})
             return
-        terms: list[dict[Any, Fraction]] = [{} for _ in range(D)]
-        for name, array in arrays.items():
-            exact = exact_array(name, array, array.shape)
-            for i, *powers in np.argwhere(array).tolist():
-                monomial = tuple(sorted(powers))
-                terms[i][monomial] = terms[i].get(monomial, Fraction(0)) + exact[(i, *powers)]
-        vars(self).update(vars(self._of_components(tuple(map(Polynomial, terms)))))
+        made = self._of_components(polynomials_of(arrays))
+        if H is not None or K is not None:
+            whole = self.from_hamiltonian(H, D, K)
+            if whole.polynomials != made.polynomials:
+                raise ValueError("H, K: expected those of the coefficients, got others")
+            made = whole
+        vars(self).update(vars(made))
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        return [*_AXES]
 
     @classmethod
     @filled
@@ -136,7 +155,7 @@ class QuadraticField(Body):
         QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
         """
         n = integer("dimension", dimension, 1)
-        return cls._of_components(_values_of("f", f, n, n, 2))
+        return cls._of_components(values_of("f", f, n, n, 2))
 
     @classmethod
     @filled
@@ -161,16 +180,8 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         n = integer("dimension", dimension, 1)
-        if K is None:
-            if n % 2:
-                raise wrong("dimension", "an even number without K", n)
-            K = np.eye(n, k=n // 2, dtype=np.int64) - np.eye(n, k=-n // 2, dtype=np.int64)
-        K = exact_array("K", K, (n, n))
-        if (K != -K.T).any():
-            i, j = np.argwhere(K != -K.T)[0]
-            received = f"{K[i, j]} at [{i}, {j}] and {K[j, i]} at [{j}, {i}]"
-            raise wrong("K", "an antisymmetric matrix", received)
-        (energy,) = _values_of("H", lambda x: (H(x),), n, 1, 3)
+        K = antisymmetric(K, n)
+        (energy,) = values_of("H", lambda x: (H(x),), n, 1, 3)
         gradient = [energy.derivative(i) for i in range(n)]
         components = (
             sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({})) for row in K
@@ -179,41 +190,27 @@ class QuadraticField(Body):
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, or of a batch of bodies.
+        """Return the equations of motion of a body, or of a batch of bodies: its `field()`.
 
-        The variables are Omega_1 and Omega_2, or Omega_1n, ..., Omega_(n-1)n; the parameters of a
-        single body are taken exactly. Raises TypeError for anything else.
+        The variables are the components of a state; the parameters of a single body are taken
+        exactly. Raises TypeError for anything else.
         """
-        if isinstance(body, cls):
-            return body
-        instance("body", body, (Suslov3D, SuslovND, SuslovGyrostat))
+        if not isinstance(body, Body):
+            expected = "Suslov3D, SuslovND or another body"
+            raise wrong("body", expected, type(body).__name__, TypeError)
+        field: QuadraticField = body.field()
+        return field
 
-        J, I, rotor = J_I_rotor(body)
-        if not body.shape:
-            J, I, rotor = (exact_array("body", each, each.shape) for each in (J, I, rotor))
-        unit = np.eye(body.dimension, dtype=np.int64)
-        # J_i x_i' = sum_j I_j x_j x_i - I_i sum_j x_j x_j
-        q = unit[:, :, np.newaxis] * I[..., np.newaxis, np.newaxis, :]
-        q = (q - I[..., np.newaxis, np.newaxis] * unit) / J[..., np.newaxis, np.newaxis]
-        if not isinstance(body, SuslovGyrostat):
-            return cls(q)
-        turn = np.array([[0, -1], [1, 0]])
-        return cls(q, turn * (rotor / J)[..., np.newaxis])
+    def field(self) -> QuadraticField:
+        """Return the field itself."""
+        return self
 
     @classmethod
     def _of_components(
         cls, components: tuple[Polynomial, ...], H: Polynomial | None = None, K: Any = None
     ) -> QuadraticField:
-        self, n = object.__new__(cls), len(components)
-        arrays = [np.full((n,) * k, Fraction(0)) for k in (1, 2, 3)]
-        for i, each in enumerate(components):
-            for powers, c in each.terms.items():
-                places = {*permutations(powers)}
-                for place in places:
-                    arrays[len(powers)][(i, *place)] = c / len(places)
-        for array in arrays if K is None else (*arrays, K):
-            array.flags.writeable = False
-        vars(self).update(zip(_AXES, reversed(arrays), strict=True))
+        self = object.__new__(cls)
+        vars(self).update(zip(_AXES, reversed(coefficients_of(components)), strict=True))
         vars(self).update(polynomials=components, H=H, K=K)
         return self
 
@@ -337,57 +334,17 @@ class QuadraticField(Body):
         if self.shape:
             return super().to_dict()
         values: dict[str, Any] = {"body": type(self).__name__}
-        values |= {name: _plain(each) for name, each in self._values.items()}
+        values |= {name: plain_lists(each) for name, each in self._values.items()}
         if self.H is not None:
             values["H"] = [[plain(c), *powers] for powers, c in self.H.terms.items()]
-            values["K"] = _plain(self.K)
+            values["K"] = plain_lists(self.K)
         return values
 
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
         """Return the field that :meth:`to_dict` describes."""
         instance("parameters", parameters, Mapping)
-        given = {k: each if k == "body" else _read(k, each) for k, each in parameters.items()}
-        H, K = given.pop("H", None), given.pop("K", None)
-        field = super().from_dict({"linear": None, "constant": None} | given)
-        if H is None:
-            return field
-        terms = {tuple(powers): rational("H", c) for c, *powers in H}
-        made = cls.from_hamiltonian(Polynomial(terms), field.dimension, K)
-        if made.polynomials != field.polynomials:
-            raise ValueError("H, K: expected those of the coefficients, got others")
-        return made
-
-
-def _values_of(
-    name: str, f: Callable[[Any], Any], n: int, count: int, degree: int
-) -> tuple[Polynomial, ...]:
-    """Return the polynomials in n variables that a function of the user returns."""
-    kinds = f"polynomials of degree at most {degree}"
-    try:
-        found = [*f(Polynomial.variables(n))]
-    except TypeError as error:
-        how = f"{kinds}, by +, -, * and divisions by numbers"
-        raise wrong(name, how, f"an error: {error}", TypeError) from error
-    if len(found) != count:
-        raise wrong(name, f"{count} components", len(found))
-    polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
-    if (highest := max(each.degree for each in polynomials)) > degree:
-        raise wrong(name, kinds, f"degree {highest}")
-    return polynomials
-
-
-def _plain(array: Any) -> Any:
-    return np.vectorize(plain, "O")(array).tolist()
-
-
-def _read(name: str, value: Any) -> Any:
-    """Return nested lists of numbers whose strings "p/q" are fractions."""
-    if isinstance(value, list):
-        return [_read(name, each) for each in value]
-    if not isinstance(value, str):
-        return value
-    try:
-        return Fraction(value)
-    except (ValueError, ZeroDivisionError):
-        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None
+        given = {k: each if k == "body" else from_plain(k, each) for k, each in parameters.items()}
+        if "H" in given:
+            given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in given["H"]})
+        return super().from_dict({"linear": None, "constant": None} | given)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_nd import SuslovND, in_units
+from .._bodies.body_nd import SuslovND
+from .._bodies.rigid import in_units
 from .._checks import (
     FloatArray,
     aligned,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._bodies.body_nd import in_units
+from .._bodies.rigid import in_units
 from .._checks import FloatArray
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyOrField, WithoutRotor, check, refuse_rotor

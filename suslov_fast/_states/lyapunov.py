@@ -12,16 +12,15 @@ from numpy.typing import ArrayLike
 from .._checks import FloatArray, integer
 from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import BodyIn3D, BodyOrField, States, check
+from .._engine.arguments import BodyOrField, States, check
 from .._engine.evaluation import TASKS, warn_of_missing
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
 from .._maps import map_of
 from .step_derivatives import derivatives_of
-from .table import TABLE
+from .table import evaluation_of, kinds_with, with_table
 
-_KINDS = tuple(k for k, own in TABLE.items() if "slopes" in own or issubclass(k, BodyIn3D))
 # Number of entries of the derivatives that are held at a time.
 _SLAB = 2**18
 # Cost of a product of two numbers, in steps of the map.
@@ -65,9 +64,10 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    map = map_of(body)
-    states = check(body, _KINDS, {"omega0": omega0, "eps": eps}, threads)
-    steps, problem = integer("steps", steps, 1), problem_of(map, states)
+    components, body = getattr(body, "_labels", None), with_table(body)
+    arguments = {"omega0": omega0, "eps": eps}
+    states = check(body, kinds_with("jacobian"), arguments, threads, components)
+    steps, problem = integer("steps", steps, 1), problem_of(map_of(body), states)
     if 0 in states.batch:
         return np.empty((*states.batch, body.dimension))
     with np.errstate(all="ignore"):
@@ -90,7 +90,7 @@ def _sums(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, Float
     """Return the sums of logarithms of the first diagonal entries of R, and of |det DPhi|."""
     body, eps, threads, (size, D) = problem.body, problem.eps, problem.threads, problem.omega0.shape
     scratch, of_det, invariant = np.empty((TASKS, 2 * D + 3, D, LINE)), np.zeros(size), None
-    log_det = _canonical if isinstance(body, BodyIn3D) else _by_slopes
+    log_det = _by_slopes if isinstance(body, kinds_with("slopes")) else _canonical
     carried = np.zeros((size, D + 2, D))
     carried[:, :D], carried[:, D] = np.eye(D), 1.0
     for omega in _slabs(problem, steps):
@@ -147,12 +147,12 @@ def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatA
     logarithms = _logarithm(above[:-1] / ahead * ratio, less_1)
     # A state without a next one has no derivative either.
     before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
-    jacobian = TABLE[map_of(body).body]["jacobian"]
+    jacobian = evaluation_of("jacobian", body)
     return jacobian(states._replace(omega=before, batch=before.shape[:-1])), logarithms, G
 
 
 def _by_slopes(states: States, _: Any) -> tuple[FloatArray, FloatArray, None]:
-    found, before = TABLE[map_of(states.body).body]["slopes"](states), states.omega[:-1]
+    found, before = evaluation_of("slopes", states.body)(states), states.omega[:-1]
     states = states._replace(omega=before, batch=before.shape[:-1])
     return *derivatives_of(states, found[:-1], found[1:]), None
 

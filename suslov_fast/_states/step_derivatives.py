@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._bodies.body_nd import SuslovND, in_units, is_solved
+from .._bodies.body_nd import SuslovND, is_solved
+from .._bodies.rigid import in_units
 from .._checks import FloatArray
 from .._engine import threads as _threads
 from .._engine.arguments import States

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from .._bodies.base import Body
 from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
@@ -46,11 +47,27 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 }
 
 
+def kinds_with(quantity: str) -> tuple[type[Any], ...]:
+    """Return the classes of bodies that have a quantity."""
+    return tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
+
+
+def with_table(body: Any) -> Any:
+    """Return a body whose class is in the table: the body, or its field."""
+    is_other = isinstance(body, Body) and not isinstance(body, tuple(TABLE))
+    return body.field() if is_other else body
+
+
+def evaluation_of(quantity: str, body: Any) -> Evaluation:
+    """Return the evaluation of a quantity that a body has."""
+    return next(TABLE[kind][quantity] for kind in kinds_with(quantity) if isinstance(body, kind))
+
+
 def evaluate(
     quantity: str, body: Any, arguments: dict[str, ArrayLike], threads: int | None
 ) -> FloatArray:
     """Check the arguments of a public function, as `check`, and evaluate a quantity."""
-    kinds = tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
-    components = ("x", "y") if "xy" in arguments else None
-    states = check(body, kinds, arguments, threads, components, later=True)
-    return next(TABLE[kind][quantity] for kind in kinds if isinstance(body, kind))(states)
+    components = ("x", "y") if "xy" in arguments else getattr(body, "_labels", None)
+    body = with_table(body)
+    states = check(body, kinds_with(quantity), arguments, threads, components, later=True)
+    return evaluation_of(quantity, body)(states)

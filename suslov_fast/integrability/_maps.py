@@ -12,8 +12,8 @@ from typing import Any
 import flint
 import numpy as np
 
+from .._bodies.algebra import exact_array
 from .._bodies.field import QuadraticField
-from .._bodies.polynomial import exact_array
 from .._checks import instance, wrong
 from .._docs import filled
 from ._exact import Matrix, Point, fmpq, fraction

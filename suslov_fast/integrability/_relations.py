@@ -14,7 +14,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from .._bodies.polynomial import exact_array
+from .._bodies.algebra import exact_array
 from .._checks import instance, integer, wrong
 from .._docs import filled
 from . import _exact

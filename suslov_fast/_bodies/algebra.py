@@ -1,9 +1,11 @@
-"""Rational numbers and polynomials with rational coefficients, without other libraries."""
+"""Rational numbers, polynomials, and arrays of their coefficients, without other libraries."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from fractions import Fraction
+from itertools import permutations
 from numbers import Rational
 from typing import Any
 
@@ -134,6 +136,9 @@ class Polynomial:
             raise wrong("power", "a small integer of at least 0", power)
         return math.prod([self] * int(power), start=Polynomial({(): Fraction(1)}))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Polynomial, (self.terms,)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Polynomial) and self.terms == other.terms
 
@@ -152,3 +157,79 @@ class Polynomial:
             terms.append((" - " if c < 0 else " + ") + "*".join(factors))
         whole = "".join(terms) or " + 0"
         return whole[3:] if whole[1] == "+" else f"-{whole[3:]}"
+
+
+def polynomials_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Polynomial, ...]:
+    """Return the polynomials f_i with coefficients (D, ...), an array for each degree, by name."""
+    terms: dict[int, dict[Monomial, Fraction]] = {}
+    for name, array in arrays.items():
+        exact = exact_array(name, array, array.shape)
+        of = [terms.setdefault(i, {}) for i in range(len(array))]
+        for i, *powers in np.argwhere(array).tolist():
+            monomial = tuple(sorted(powers))
+            of[i][monomial] = of[i].get(monomial, Fraction(0)) + exact[(i, *powers)]
+    return tuple(map(Polynomial, terms.values()))
+
+
+def coefficients_of(polynomials: tuple[Polynomial, ...]) -> list[NDArray[Any]]:
+    """Return c_i, l_ij and q_ijk = q_ikj of polynomials f_i of degree at most 2, read-only."""
+    D = len(polynomials)
+    arrays = [np.full((D,) * axes, Fraction(0)) for axes in (1, 2, 3)]
+    for i, each in enumerate(polynomials):
+        for powers, c in each.terms.items():
+            places = {*permutations(powers)}
+            for place in places:
+                arrays[len(powers)][(i, *place)] = c / len(places)
+    for array in arrays:
+        array.flags.writeable = False
+    return arrays
+
+
+def values_of(
+    name: str, f: Callable[[Any], Any], n: int, count: int, degree: int
+) -> tuple[Polynomial, ...]:
+    """Return the polynomials in n variables that a function of the user returns."""
+    kinds = f"polynomials of degree at most {degree}"
+    try:
+        found = [*f(Polynomial.variables(n))]
+    except TypeError as error:
+        how = f"{kinds}, by +, -, * and divisions by numbers"
+        raise wrong(name, how, f"an error: {error}", TypeError) from error
+    if len(found) != count:
+        raise wrong(name, f"{count} components", len(found))
+    polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
+    if (highest := max(each.degree for each in polynomials)) > degree:
+        raise wrong(name, kinds, f"degree {highest}")
+    return polynomials
+
+
+def antisymmetric(K: Any, n: int) -> NDArray[Any]:
+    """Return the exact antisymmetric matrix (n, n), read-only; the canonical one for None."""
+    if K is None:
+        if n % 2:
+            raise wrong("dimension", "an even number without K", n)
+        K = np.eye(n, k=n // 2, dtype=np.int64) - np.eye(n, k=-n // 2, dtype=np.int64)
+    matrix = exact_array("K", K, (n, n))
+    if (matrix != -matrix.T).any():
+        i, j = np.argwhere(matrix != -matrix.T)[0]
+        received = f"{matrix[i, j]} at [{i}, {j}] and {matrix[j, i]} at [{j}, {i}]"
+        raise wrong("K", "an antisymmetric matrix", received)
+    matrix.flags.writeable = False
+    return matrix
+
+
+def plain_lists(array: Any) -> Any:
+    """Return an array of numbers as nested lists of floats and strings "p/q"."""
+    return np.vectorize(plain, "O")(array).tolist()
+
+
+def from_plain(name: str, value: Any) -> Any:
+    """Return nested lists of numbers whose strings "p/q" are fractions."""
+    if isinstance(value, list):
+        return [from_plain(name, each) for each in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        return Fraction(value)
+    except (ValueError, ZeroDivisionError):
+        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None

@@ -165,7 +165,7 @@ SHRINKING = sf.Suslov3D(1, 1, 0, 1)
 
 
 def shrinking_start(decay, size):
-    """State of this body of which each step divides Omega2 by 2**decay; X = Omega2 / sqrt(2)."""
+    """State of this body of which each step divides Omega2 by 2**decay; X = Omega2 / 2."""
     r = 2.0**-decay
     return [-2 * (1 - r) / (1 + r), size]
 

@@ -9,11 +9,10 @@ common factor:
 (p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
 
 For e < 0, -g stands in place of g, so that T >= 0. G**2 = T**2 - K**2 = L**2. The state is
-U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates; X and K
-are those of `coordinates.dimensionless` divided by sqrt(2). The components of state n are quotients
-of quadratic forms in coordinates (c, s) of the plane of (p, q). docs/theory/gyrostat.md derives
-them under "The forms that are computed"; its delta, chi and A are e, g and R |g|. Each kind of
-orbit that moves has its own:
+U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates. The
+components of state n are quotients of quadratic forms in coordinates (c, s) of the plane of (p, q).
+docs/theory/gyrostat.md derives them under "The forms that are computed"; its delta, chi and A are
+e, g and R |g|. Each kind of orbit that moves has its own:
 
 PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
              the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).

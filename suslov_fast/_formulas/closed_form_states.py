@@ -9,7 +9,7 @@ import numpy as np
 
 from .._jit import formula, select, two_product
 from .closed_form import NO_POWER, PASSES, PASSES_NEAR, TURNS, frame
-from .coordinates import ZERO_TO_ROUNDING
+from .coordinates import ZERO_TO_ROUNDING, shifted
 from .elementary import (
     TO_INTEGER,
     exponential,
@@ -127,8 +127,7 @@ def state_1(start):
     U + i V is multiplied by (1 + i X_next) / (1 - i X), of which the imaginary part is 2 X / D.
     """
     X, U, V = start.X, start.U, start.V
-    root = np.sqrt(2.0)
-    inverse = 1.0 / denominator(root * X, start.Y, start.Y_lost, root * start.K)
+    inverse = 1.0 / denominator(X, *shifted(start.Y, start.Y_lost), start.K)
     X_next = X * ((1.0 + start.Y) + start.K * X) * inverse
     along, across = (1.0 - X * X_next) / (1.0 + X * X), 2.0 * X * inverse
     f11, f12, f21, f22 = frame(start, 1.0)

@@ -73,8 +73,8 @@ def from_xy(I1, I2, I13, I23, x, y):
 
 @formula
 def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
-    """X = eps l / sqrt(2 I1 I2), Y = eps y / (2 I1 I2) with its rounding error, and
-    K = eps k / sqrt(2 I1 I2).
+    """X = e l, Y = eps y / (2 I1 I2) with its rounding error, and K = e k, where
+    e = eps / (2 sqrt(I1 I2)).
 
     In (X, Y) the map of a body without a rotor has no parameter. Near Y = 1 it amplifies the
     relative error of 1 - Y, which is (1 - Y) - lost to a few ulps.
@@ -83,7 +83,7 @@ def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
     c1, c1_lost = two_product(I23, I1)
     c2, c2_lost = two_product(-I13, I2)
     inverse = 1.0 / a2
-    root = np.sqrt(inverse)
+    e = eps * np.sqrt(0.5 * inverse)
     # y in 160 bits: all of the first 53 may cancel for parameters of few decimal digits.
     y1, y1_lost = two_product(c1, omega1)
     y2, y2_lost = two_product(c2, omega2)
@@ -101,7 +101,7 @@ def dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2):
     Y = n * inverse
     back, back_lost = two_product(Y, a2)
     lost = (((n - back) - back_lost) + (n_lost + eps * y_lost - Y * a2_lost)) * inverse
-    return eps * rotor(I13, I23, k, omega1, omega2) * root, Y, lost, eps * k * root
+    return e * rotor(I13, I23, k, omega1, omega2), Y, lost, e * k
 
 
 @formula
@@ -116,6 +116,6 @@ def shifted(Y, lost):
 def from_canonical(I1, I2, I13, I23, eps):
     """Matrix (m11, m12, m21, m22) from (X, Y) to (Omega1, Omega2)."""
     a2 = 2.0 * I1 * I2
-    m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(a2) / eps, 0.0)
+    m11, m21 = from_xy(I1, I2, I13, I23, np.sqrt(2.0 * a2) / eps, 0.0)
     m12, m22 = from_xy(I1, I2, I13, I23, 0.0, a2 / eps)
     return m11, m12, m21, m22

@@ -33,14 +33,13 @@ def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 
 @formula
-def denominator(X, Y, lost, K):
-    """D = 1 - Y + X (X - K / 2) of the next state; NaN where it is 0 to rounding.
+def denominator(X, c, Z, K):
+    """D = 1 - Y + X (2 X - K) of the next state, Y = c - Z; NaN where it is 0 to rounding.
 
-    As in `map_canonical` the threshold decreases towards X = 0.
+    The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
     """
-    c, Z = shifted(Y, lost)
-    size = abs(X) * (abs(X) + 0.5 * abs(K))
-    D = ((1.0 - c) + Z) + X * (X - 0.5 * K)
+    size = abs(X) * (2.0 * abs(X) + abs(K))
+    D = ((1.0 - c) + Z) + X * (2.0 * X - K)
     return select(abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size), D, np.nan)
 
 
@@ -53,14 +52,14 @@ def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
     no terms cancel that do not cancel in the result.
     """
     X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
-    D = denominator(X, Y, lost, K)
+    D = denominator(X, *shifted(Y, lost), K)
     a, half = I1 * I2, 0.5 * eps
     l, x = rotor(I13, I23, k, omega1, omega2), sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
     slope = l * ((y - half * l * x) / a) / D
     of_1 = I1 * omega1 * omega1 * sum_of_products(I13, omega1, k, 1.0)
     of_2 = I2 * omega2 * omega2 * sum_of_products(I23, omega2, k, 1.0)
-    mean = (omega1 * omega2 * (1.0 - 0.5 * K * X) + half * (of_1 - of_2) / a) / D
+    mean = (omega1 * omega2 * (1.0 - K * X) + half * (of_1 - of_2) / a) / D
     return slope, (I1 - I2) * mean
 
 
@@ -80,18 +79,22 @@ def matrix(I1, I2, I13, I23, k, eps, omega1, omega2):
 def derivative(X, Y, lost, K):
     """Derivative of the next (X, Y) by (X, Y), minus the last result (0 or 1) times the identity.
 
-    X_next = X (1 + Y + K X / 2) / D,  Y_next = Y - X X_next + K (X + X_next) / 2.
+    X_next = X (1 + Y + K X) / D,  Y_next = Y - 2 X X_next + K (X + X_next).
     """
-    r = 1.0 / denominator(X, Y, lost, K)
-    below, above, square, turn = (1.0 - Y) - lost, (1.0 + Y) + lost, X * X, 0.5 * K * X
-    less, more = below - turn, (2.0 + square) * r
-    d11 = ((above + turn) * r) * ((less - square) * r) + (turn * r) * more
+    r = 1.0 / denominator(X, *shifted(Y, lost), K)
+    below, above, square, KX = (1.0 - Y) - lost, (1.0 + Y) + lost, X * X, K * X
+    less, more = below - KX, 2.0 * (1.0 + square) * r
+    d11 = ((above + KX) * r) * ((less - 2.0 * square) * r) + (KX * r) * more
     d12 = (X * r) * more
-    d21 = (below * r) * ((K * (1.0 - 0.5 * square) - 2.0 * X * above) * r)
-    d22 = (less * r) * (less * r) - (2.0 * Y * X * r) * (X * r) - (turn * r) * ((square - 2.0) * r)
+    d21 = 2.0 * (below * r) * ((K * (1.0 - square) - 2.0 * X * above) * r)
+    d22 = (
+        (less * r) * (less * r)
+        - (4.0 * Y * X * r) * (X * r)
+        - 2.0 * (KX * r) * ((square - 1.0) * r)
+    )
     # The same minus 1, without cancellation.
-    e11 = 2.0 * below * (Y + 2.0 * turn) - square * (3.0 - Y + 0.5 * K * K + X * (X - K))
-    e11, e22 = e11 * (r * r), -d12 * (X - 0.5 * K)
+    e11 = below * (Y + 2.0 * KX) - square * (3.0 - Y + K * K + 2.0 * X * (X - K))
+    e11, e22 = 2.0 * e11 * (r * r), -d12 * (2.0 * X - K)
     near = abs(X) + abs(Y) + abs(K) < NEAR_IDENTITY
     return select(near, e11, d11), d12, d21, select(near, e22, d22), select(near, 1.0, 0.0)
 
@@ -101,8 +104,7 @@ def jacobian(I1, I2, I13, I23, k, eps, omega1, omega2):
     """Entries (11, 12, 21, 22) of the derivative of the map; NaN at its poles."""
     X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
     d11, d12, d21, d22, identity = derivative(X, Y, lost, K)
-    # From (X, sqrt(2) Y) to sqrt(I1) Omega1 and sqrt(I2) Omega2: a rotation, and a common factor.
-    d12, d21 = d12 * np.sqrt(0.5), d21 * np.sqrt(2.0)
+    # From (X, Y) to sqrt(I1) Omega1 and sqrt(I2) Omega2: a rotation, and a common factor.
     D = I13 * I13 * I2 + I23 * I23 * I1
     inverse = select(D > 0.0, 1.0 / D, 0.0)
     along = select(D > 0.0, I13 * I13 * I2 * inverse, 1.0)

@@ -65,9 +65,9 @@ def criticality(I1, I2, I13, I23, k, eps, omega1, omega2):
     X, Y, _, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
     z = np.sqrt(I1 * omega1 * omega1 + I2 * omega2 * omega2)
     gz = length_of_products(I1, I2, I13, I23) * z
-    T = 0.5 * abs(eps) * gz / np.sqrt((I1 * I2) * (1.0 + 0.5 * X * X))
+    T = 0.5 * abs(eps) * gz / np.sqrt((I1 * I2) * (1.0 + X * X))
     # Rounding must not move an orbit to the other regime.
-    subcritical = (1.0 - Y) * (1.0 + Y) > K * (0.5 * K - X)
+    subcritical = (1.0 - Y) * (1.0 + Y) > K * (K - 2.0 * X)
     within, beyond = select(T < 1.0, T, BELOW_ONE), select(T > 1.0, T, 1.0)
     T = select(T == T, select(subcritical, within, beyond), T)
     return select(eps < 0.0, -T, T)
@@ -118,7 +118,7 @@ def constants(I1, I2, I13, I23, k, eps, omega1, omega2):
     t = criticality(I1, I2, I13, I23, k, eps, omega1, omega2)
     T, (x, y) = abs(t), to_xy(I1, I2, I13, I23, k, eps, omega1, omega2)
     X, Y, lost, _ = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
-    below = 1.0 + 0.5 * X * X
+    below = 1.0 + X * X
     h = 0.25 * (x * x + y / I1 * (y / I2)) / below
     complement = ((1.0 - Y) - lost) * ((1.0 + Y) + lost) / below  # 1 - T**2
     inverse = 1.0 / (1.0 + T)

@@ -1,8 +1,9 @@
 """The map in three dimensions in the dimensionless coordinates (X, Y), for `blocks`.
 
-In these, one map serves every body and step size: equation (8), solved, is
+X = e l and Y are those of `coordinates.dimensionless`. In these, one map serves every body and step
+size: equation (8), solved, is
 
-X_next = X (1 + Y) / (1 - Y + X**2),  Y_next = Y - X X_next.
+X_next = X (1 + Y) / (1 - Y + 2 X**2),  Y_next = Y - 2 X X_next.
 
 A state is stored as (X, Z) with Z = c - Y. The constant c of an orbit is 0 where Y is small, and 1
 where 1 - Y is small, so that neither is a difference of rounded numbers.
@@ -13,8 +14,9 @@ from collections import namedtuple
 import numpy as np
 
 from .._formulas import coordinates, units
-from .._formulas.coordinates import NEGLIGIBLE, ZERO_TO_ROUNDING
-from .._formulas.elementary import larger, smaller, two_to_the
+from .._formulas.coordinates import NEGLIGIBLE
+from .._formulas.elementary import larger, two_to_the
+from .._formulas.equations import denominator
 from .._jit import formula, select
 from . import codes
 from .lanes import body_at
@@ -24,12 +26,12 @@ D = 2
 MOTIONLESS = 1e-150
 # Above this |X|, in the first state of an orbit or near a pole, the new Y is not a small change of
 # the old one.
-LARGE = 2.0
+LARGE = 1.5
 # Below this |X|, X**2 is subnormal. It is negligible relative to a state that moves.
 SMALLEST_SQUARED = 2.0**-510
 # Bound of |X| + |Z| of orbits with c = 0, -1 < Y <= 1/2 and |X| < LARGE, which reach no pole: by
-# H = (X**2 + 2 Y**2)/(2 + X**2), which is conserved, X**2 is below 6 and |Y| below 1.
-LARGEST_BOUNDED = 5.0
+# T**2 = (X**2 + Y**2)/(1 + X**2), which is conserved, X**2 is below 4 and |Y| below 1.
+LARGEST_BOUNDED = 3.0
 
 State = namedtuple("State", "X Z")
 # omega = (m (X, Z) + rest) scale, which is finite if |X| + |Z| < bound.
@@ -72,32 +74,20 @@ def squarable(X):
 @formula
 def advance(k, s):
     """Equation (8), with c = 0."""
-    X0 = squarable(s.X)
-    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + X0 * s.X)
-    return X, s.Z + X0 * X
-
-
-@formula
-def denominator(k, s):
-    """Return 1 - Y + X**2, and True if it is finite and differs from 0 beyond rounding.
-
-    The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
-    For |Y| < 1 nothing is taken for 0.
-    """
-    square = squarable(s.X) * s.X
-    d = ((1.0 - k.c) + s.Z) + square
-    return d, abs(d) > ZERO_TO_ROUNDING * smaller(1.0 + square, 2.0**20 * square)
+    double = 2.0 * squarable(s.X)
+    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + double * s.X)
+    return X, s.Z + double * X
 
 
 @formula
 def guarded(k, s):
-    d, regular = denominator(k, s)
     X0 = squarable(s.X)
+    d, double = denominator(X0, k.c, s.Z, 0.0), 2.0 * X0
     X = s.X * ((1.0 + k.c) - s.Z) / d
-    # c - (Y (1 - Y) - X**2) / (1 - Y + X**2), which then cancels nowhere.
-    quotient = ((1.0 + k.c) * (X0 * s.X) + s.Z * ((1.0 - k.c) + s.Z)) / d
-    Z = select(abs(s.X) > LARGE, quotient, s.Z + X0 * X)
-    exists = regular & (abs(X) + abs(Z) < k.bound)
+    # c - (Y (1 - Y) - 2 X**2) / (1 - Y + 2 X**2), which then cancels nowhere.
+    quotient = ((1.0 + k.c) * (double * s.X) + s.Z * ((1.0 - k.c) + s.Z)) / d
+    Z = select(abs(s.X) > LARGE, quotient, s.Z + double * X)
+    exists = abs(X) + abs(Z) < k.bound
     return select(exists, X, np.nan), select(exists, Z, np.nan)
 
 
@@ -110,8 +100,8 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    d, regular = denominator(k, s)
-    return codes.SINGULAR if np.isfinite(d) and not regular else codes.NONFINITE
+    is_pole = np.isnan(denominator(squarable(s.X), k.c, s.Z, 0.0))
+    return codes.SINGULAR if is_pole and np.isfinite(s.X * s.X + s.Z) else codes.NONFINITE
 
 
 @formula

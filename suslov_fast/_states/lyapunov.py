@@ -121,14 +121,15 @@ def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatA
     With X = e l, Y and K = e k of `_formulas.closed_form`, the invariant density gives
     det DPhi = (1 + Y + K X) / (1 - Y + 2 X**2 - K X) (1 + X_next**2) / (1 + X**2). Next to t = 1
     the first numerator nearly vanishes, and follows from 1 - t**2, which is constant on an orbit:
-    (1 + K X + Y) (1 + K X - Y) / (1 + X**2).
+    (1 + K X + Y) (1 + K X - Y) / (1 + X**2). Where K is large, u = X - K has digits that X lost.
     """
     body, omega, eps, *_ = states
     I1, I2, I13, I23, *rest = body.parameters
     k, root = rest[0] if rest else 0.0, np.sqrt(I1) * np.sqrt(I2)
     omega1, omega2 = 0.5 * omega[..., 0] * eps, 0.5 * omega[..., 1] * eps
     K = 0.5 * (k / root) * eps
-    X = I13 / root * omega1 + I23 / root * omega2 + K
+    u = I13 / root * omega1 + I23 / root * omega2
+    X = u + K
     Y, KX, square = I23 / I2 * omega1 - I13 / I1 * omega2, K * X, X * X
     if G is None:
         G = np.array(((1.0 + KX + Y) * (1.0 + KX - Y) / (1.0 + square))[0])
@@ -139,10 +140,11 @@ def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatA
     above, below, product = 1.0 + KX + Y, 1.0 + KX - Y, G * (1.0 + square)
     first = abs(above) < abs(below)  # the smaller one follows from the other
     above, below = np.where(first, product / below, above), np.where(first, below, product / above)
-    wide = 2.0 * (X * (X - K))
+    wide = 2.0 * (X * u)
     # The factors above / ahead and ratio, and what they have more than 1.
     ahead, before = (below + wide)[:-1], 1.0 + square[:-1]
-    more, change = (2.0 * Y - wide)[:-1] / ahead, (square[1:] - square[:-1]) / before
+    more = (2.0 * Y - wide)[:-1] / ahead
+    change = (u[1:] - u[:-1]) * (X[1:] + X[:-1]) / before
     ratio, less_1 = (1.0 + square[1:]) / before, more + change + more * change
     logarithms = _logarithm(above[:-1] / ahead * ratio, less_1)
     # A state without a next one has no derivative either.

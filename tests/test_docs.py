@@ -192,11 +192,24 @@ def test_the_table_of_discretizations():
     assert without_rounding[0] == without_rounding[1]
 
 
-def zoo():
-    """The script of the table, and the rows on the page."""
-    spec = importlib.util.spec_from_file_location("zoo_table", DOCS / "zoo_table.py")
+def script_of(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
+    return script
+
+
+@pytest.mark.compiled
+def test_the_table_of_bodies():
+    """The home page has what `python docs/features.py` writes."""
+    script = script_of("features")
+    (shown,) = script.TABLE.findall(script.PAGE.read_text(encoding="utf-8"))
+    assert shown == script.table()
+
+
+def zoo():
+    """The script of the table, and the rows on the page."""
+    script = script_of("zoo_table")
     (table,) = script.TABLE.finditer(script.PAGE.read_text(encoding="utf-8"))
     return *script.rows(), table.group(0).splitlines()
 

@@ -22,7 +22,7 @@ _LINE = "crimson"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
 _NEAR, _LONGEST = 0.03, 1000
-# A realizable body: admissible_I3() is (2.27, 5.68).
+# A realizable body: admissible_I3() contains 2.28 to 5.68.
 _BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 

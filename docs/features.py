@@ -1,0 +1,99 @@
+"""Write the table "Which of these bodies" of the home page: `python docs/features.py`.
+
+Methods and orientations are those of the record of a map; in the other cells the functions have
+been called for samples of the bodies, and what they return compared before and after steps.
+"""
+
+import re
+import warnings
+from inspect import signature
+from pathlib import Path
+
+import numpy as np
+
+import suslov_fast as sf
+from suslov_fast._maps import map_of
+
+PAGE = Path(__file__).parent / "index.md"
+TABLE = re.compile(
+    r"(?<=<!-- begin of the features -->\n\n).*?(?=\n\n<!-- end of the features)", re.S
+)
+J, I = [1.3, 2.1, 3.7], [0.4, -0.7, 0.5]
+BODIES = {
+    "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
+    "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],
+    "`SuslovND`, solved": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],
+    "`SuslovND`, other": [sf.SuslovND(J, I), sf.SuslovND(J, [0.4, 0, 0])],
+    "`QuadraticField` from a Hamiltonian": [
+        sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
+    ],
+    "other `QuadraticField`": [
+        sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    ],
+}
+# What a row has, and its functions, which exist for the same bodies.
+ROWS = (
+    ("", ("step", "vector_field", "matrix", "jacobian", "lyapunov_exponents")),
+    ("state n and limits, without steps", ("exact", "limits", "criticality")),
+    ("the continuous motion, exactly", ("flow",)),
+    ("", ("energy",)),
+    ("", ("modified_energy",)),
+    ("", ("first_integral",)),
+    ("an invariant measure", ("invariant_density",)),
+    ("turns per step", ("rotation_number",)),
+    ("", ("reaction", "momentum", "to_matrix")),
+    ("", ("to_vector", "plot_phase")),
+    ("letters of the paper", ("to_xy", "closed_form")),
+    ("limits in space", ("scattering_angle",)),
+)
+CONSERVED = {"energy", "modified_energy", "first_integral"}
+GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}
+
+
+def call(name, body, state):
+    """Call a function of the package; None if it does not exist for this body."""
+    function = getattr(sf, name)
+    _, *parameters = signature(function).parameters.values()
+    needed = [each.name for each in parameters if each.default is each.empty]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return function(body, *(GIVEN.get(each, state) for each in needed))
+        except (TypeError, sf.NotIntegrableError):
+            return None
+
+
+def answer(name, body):
+    """Cell of a function and a body."""
+    state = np.array([0.3, 0.9, -0.6])[: body.dimension]
+    first = call(name, body, state)
+    if first is None or name not in CONSERVED:
+        return "no" if first is None else "yes"
+    last = call(name, body, sf.iterate(body, state, GIVEN["eps"], 20).final)
+    return "conserved" if abs(last / first - 1) < 1e-13 else "varies"
+
+
+def table():
+    """The table of all bodies, in Markdown."""
+    lines = [["", *BODIES], ["---"] * (1 + len(BODIES))]
+    for title, names in ROWS:
+        cells = []
+        for bodies in BODIES.values():
+            found = [{answer(name, body) for name in names} for body in bodies]
+            assert all(len(each) == 1 for each in found), (title, found)
+            found = [each.pop() for each in found]
+            cells.append(found[0] if len({*found}) == 1 else "some")
+        functions = ", ".join(f"`{name}`" for name in names)
+        lines.append([f"{title}: {functions}" if title else functions, *cells])
+    records = [map_of(body) for body, *_ in BODIES.values()]
+    lines.append(
+        ["`attitude=True`", *("yes" if each.carries_attitude else "no" for each in records)]
+    )
+    methods = [", ".join(f'`"{method}"`' for method in each.methods) for each in records]
+    lines.append(["methods of `iterate`", *methods])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(TABLE.sub(lambda _: table(), page), encoding="utf-8")

@@ -196,10 +196,14 @@ def _classes() -> dict[str, Any]:
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     """Return the body that its method `to_dict` described, of any class.
 
+    %(Parameters: parameters)s
+
     Returns
     -------
     body
         A body or a field.
+
+    %(Raises: invalid)s
 
     Examples
     --------

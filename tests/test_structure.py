@@ -7,11 +7,14 @@ import importlib
 import inspect
 import re
 from pathlib import Path
+from types import NoneType
+from typing import get_args
 
 import children
 import pytest
 
 import suslov_fast
+from suslov_fast._bodies.base import Body
 
 PACKAGE = Path(suslov_fast.__file__).parent
 
@@ -154,6 +157,43 @@ def test_public_docstrings(thing):
             assert f"\n{parameter} : " in text or f"\n{parameter}, " in text or parameter == "self"
     for of_parameter in re.findall(r"^\w+ : .*\n(.*)", text, re.MULTILINE):
         assert of_parameter.startswith(("    ", "Returns")) or not of_parameter, of_parameter
+
+
+ORDER = ["Suslov3D", "SuslovND", "SuslovGyrostat", "QuadraticField"]
+
+
+def test_docstrings_name_the_bodies_of_annotations():
+    """Where the annotation is `Body`, they name those that the table of quantities has."""
+    for thing in filter(inspect.isfunction, PUBLIC):
+        function = inspect.unwrap(thing)
+        hint = eval(function.__annotations__.get("body", "None"), function.__globals__)
+        if hint not in (None, Body):
+            classes = {*(get_args(hint) or [hint])} - {NoneType}
+            *others, last = sorted((each.__name__ for each in classes), key=ORDER.index)
+            kinds = f"{', '.join(others)} or {last}" if others else last
+            assert f"\nbody : {kinds}" in inspect.getdoc(thing), thing
+    assert "\nbody : Suslov3D, SuslovND or SuslovGyrostat\n" in suslov_fast.criticality.__doc__
+
+
+def test_without_docstrings(tmp_path):
+    """`python -OO`, where `assert` does nothing, either."""
+    code = """
+        import sys, suslov_fast, suslov_fast.integrability as lab
+        from suslov_fast._cli import main
+        for module in (suslov_fast, lab):
+            print([getattr(module, name).__doc__ for name in module.__all__ if name != "PICTURES"])
+        try:
+            main(sys.argv[1:])
+        except SystemExit as end:
+            print("status", end.code)
+    """
+    body = "--I1=4 --I2=1 --I13=-0.5 --I23=-0.3 --omega0=1,0.5 --eps=0.2 --steps=40"
+    lines = ["--help"], ["run", "--help"], ["run", *body.split(), "-o", tmp_path / "run.npz"]
+    for words in lines:
+        text = children.run(code, *words, PYTHONOPTIMIZE="2")
+        assert text.count("None") > len(PUBLIC) // 2, text
+        assert "status 0" in text
+    assert (tmp_path / "run.npz").exists()
 
 
 def test_typed():

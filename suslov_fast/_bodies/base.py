@@ -158,9 +158,13 @@ class Body:
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
         """Return the body of this class that :meth:`to_dict` describes.
 
+        %(Parameters: parameters)s
+
         Returns
         -------
         body
+
+        %(Raises: invalid)s
 
         Examples
         --------

@@ -87,6 +87,8 @@ class Suslov3D(_In3D):
         :func:`animate_body` take it from the body. A warning is given if no rigid body has it; see
         :meth:`admissible_I3`.
 
+    %(Raises: invalid)s
+
     Notes
     -----
     Section 2 of Dragovic and Gajic, equation (2).
@@ -164,6 +166,8 @@ class Suslov3D(_In3D):
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
             It is the identity where the given basis is adapted already.
 
+        %(Raises: invalid)s
+
         Examples
         --------
         >>> import numpy as np
@@ -218,6 +222,8 @@ class SuslovGyrostat(_In3D):
         Momentum of the rotor, of either sign, in units of inertia times angular velocity.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive, as in :class:`Suslov3D`.
+
+    %(Raises: invalid)s
 
     Notes
     -----

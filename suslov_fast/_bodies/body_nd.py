@@ -48,6 +48,8 @@ class SuslovND(RigidBody):
     I : array_like(float, shape=(..., n - 1))
         The couplings I_in. Where all are 0 every angular velocity is constant.
 
+    %(Raises: invalid)s
+
     Notes
     -----
     Section 5 of Dragovic and Gajic, equation (13). For n = 3 this is :class:`Suslov3D` with
@@ -113,6 +115,8 @@ class SuslovND(RigidBody):
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
             adapted already.
+
+        %(Raises: invalid)s
 
         Examples
         --------

@@ -69,6 +69,8 @@ class QuadraticField(Body):
         The Hamiltonian and the matrix that :meth:`from_hamiltonian` takes, and from which it makes
         these coefficients.
 
+    %(Raises: invalid)s
+
     Attributes
     ----------
     quadratic, linear, constant : ndarray
@@ -147,6 +149,13 @@ class QuadraticField(Body):
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
             symbolic variables, so its coefficients remain exact; floats are binary numbers.
+        %(dimension)s
+
+        Returns
+        -------
+        QuadraticField
+
+        %(Raises: invalid)s
 
         Examples
         --------
@@ -169,9 +178,16 @@ class QuadraticField(Body):
         H : callable
             It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
             of :meth:`from_function` does.
+        %(dimension)s
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
+
+        Returns
+        -------
+        QuadraticField
+
+        %(Raises: invalid)s
 
         Examples
         --------

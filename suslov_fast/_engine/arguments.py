@@ -66,7 +66,7 @@ def thread_count(threads: int | None) -> int | None:
 
 
 def check(
-    body: BodyOrField,
+    body: Any,
     kinds: Any,
     arguments: dict[str, ArrayLike],
     threads: int | None = None,

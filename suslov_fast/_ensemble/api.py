@@ -58,23 +58,27 @@ def ensemble(
 
     Parameters
     ----------
+    %(body)s
     omega0 : array_like(float, shape=(..., D)), str or path-like, RandomStarts, dask.array.Array
         Initial states, as in :func:`iterate`; also the name of a .npy file or a Dask array, both
         read in parts, or :class:`RandomStarts`. All but random ones are read twice, the first time
         for a digest that identifies them.
+    %(eps)s
     steps : int
         Number of steps, at least 0 and at least those of the store.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
+    %(save_every)s
+    method : str
+        As in :func:`iterate`.
+    attitude : bool or array_like(float, shape=(..., n, n))
+        As in :func:`iterate`.
     reductions : sequence of str, optional
         Quantities of each trajectory over the saved states, or, with ``save_every=None``, over all
         states, of which only the last is stored: "first_integral_drift", "modified_energy_drift",
         "energy_drift" (the largest relative change since the start), "omega_min", "omega_max" (the
         extrema of each component, named by the variable of the states).
-    method : str
-        As in :func:`iterate`.
-    attitude : bool or array_like(float, shape=(..., n, n))
-        As in :func:`iterate`.
+    %(dims, coords)s
     chunk : int or mapping, optional
         Number of trajectories computed together, or sizes along `dims` and "n", the saved states.
         By default the states of a chunk take 16 MiB, or the size of 64 trajectories if that is

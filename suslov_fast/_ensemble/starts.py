@@ -36,6 +36,8 @@ class RandomStarts:
     seed : int
         0 or more.
 
+    %(Raises: invalid)s
+
     Examples
     --------
     >>> from suslov_fast import RandomStarts

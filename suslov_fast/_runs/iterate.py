@@ -27,10 +27,14 @@ def step(
 
     For a :class:`QuadraticField` it is a step of Kahan's map, and omega is the state x.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(..., D))
         %(next_states)s
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -70,9 +74,11 @@ def iterate(
 
     Parameters
     ----------
+    %(body)s
     omega0 : array_like(float, shape=(..., D))
         State 0: (Omega1, Omega2), or the n - 1 components Omega_in. If it is NaN, the trajectory
         fails at step 0.
+    %(eps, steps)s
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last, in memory that
         `omega` and `final` of the result share.
@@ -92,10 +98,13 @@ def iterate(
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or the initial rotation matrix (by default the identity), to compute the orientation
         of the body at every step, for any `save_every`; see :func:`attitude`.
+    %(out, threads, on_singular, progress)s
 
-    Raises
-    ------
-    %(errors_of_runs)s
+    Returns
+    -------
+    Trajectories
+
+    %(Raises: invalid, errors_of_runs)s
 
     Notes
     -----
@@ -130,13 +139,17 @@ def step_full(
 
     Parameters
     ----------
+    %(body_3d)s
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
+    %(eps, I3)s
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
         %(next_states)s
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -168,17 +181,17 @@ def iterate_full(
 
     Parameters
     ----------
+    %(body_3d)s
     omega0 : array_like(float, shape=(..., 3))
         Initial angular velocities (Omega1, Omega2, Omega3).
+    %(eps, steps, I3, save_every, out, threads, on_singular, progress)s
 
     Returns
     -------
     Trajectories
         Quantities of the two-component problem, such as :func:`first_integral`, do not apply.
 
-    Raises
-    ------
-    %(errors_of_runs)s
+    %(Raises: invalid, errors_of_runs)s
 
     Notes
     -----

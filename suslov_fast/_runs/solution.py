@@ -32,9 +32,11 @@ def exact(
 
     Parameters
     ----------
+    %(rigid_body, omega0, eps)s
     n : array_like(float, shape=() or (N,))
         Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
         real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
+    %(threads)s
 
     Returns
     -------
@@ -45,6 +47,7 @@ def exact(
 
     Raises
     ------
+    %(invalid)s
     MemoryError
         If the states do not fit in memory.
     %(not_solved)s
@@ -84,8 +87,10 @@ def flow(
 
     Parameters
     ----------
+    %(rigid_body, omega0)s
     time : array_like(float, shape=() or (N,))
         Times, positive or negative, in the unit of time of omega0.
+    %(threads)s
 
     Returns
     -------
@@ -93,9 +98,7 @@ def flow(
         The angular velocities; NaN if omega0 is NaN, and, with a `RuntimeWarning`, if they leave
         the range of float64.
 
-    Raises
-    ------
-    %(not_solved)s
+    %(Raises: invalid, not_solved)s
 
     Notes
     -----
@@ -125,6 +128,8 @@ def limits(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map for n to minus and to plus infinity.
 
+    %(Parameters: rigid_body, omega0, eps, threads)s
+
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
@@ -133,9 +138,7 @@ def limits(
         periodic, if omega0 is NaN, and for the one state of a body at which the map, or its
         inverse, is undefined.
 
-    Raises
-    ------
-    %(not_solved)s
+    %(Raises: invalid, not_solved)s
 
     Notes
     -----

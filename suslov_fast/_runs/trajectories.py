@@ -144,15 +144,14 @@ class Trajectories:
         ----------
         steps : int
             Number of additional steps, 0 or more. Failures before them are not reported again.
+        %(threads, on_singular, progress)s
 
         Returns
         -------
         Trajectories
             A new object, whose arrays also hold the states of this one.
 
-        Raises
-        ------
-        %(errors_of_runs)s
+        %(Raises: invalid, errors_of_runs)s
 
         Examples
         --------
@@ -246,6 +245,7 @@ class Trajectories:
         ----------
         components : tuple of int
             Indices of the components on the horizontal and the vertical axis.
+        %(ax)s
 
         Returns
         -------
@@ -253,6 +253,7 @@ class Trajectories:
 
         Raises
         ------
+        %(invalid)s
         ImportError
             If Matplotlib is not installed (extra `plots`).
 
@@ -292,15 +293,15 @@ class Trajectories:
         Parameters are not repeated along axes on which they do not vary, `final` is a variable only
         if the last state is not saved, and no array is copied.
 
+        %(Parameters: dims, coords)s
+
         Returns
         -------
         xarray.Dataset
             Its dimensions are "n", those of the batch, and "component". Its methods `to_netcdf` and
             `to_zarr` write it without loss; only files of :meth:`save` can be extended.
 
-        Raises
-        ------
-        %(needs_xarray)s
+        %(Raises: invalid, needs_xarray)s
 
         Examples
         --------
@@ -328,9 +329,11 @@ class Trajectories:
         dataset : xarray.Dataset
             The dataset, or a selection of trajectories from it.
 
-        Raises
-        ------
-        %(needs_xarray)s
+        Returns
+        -------
+        Trajectories
+
+        %(Raises: invalid, needs_xarray)s
         """
         from .labelled import entries_of_dataset
         from .schema import run_of
@@ -346,6 +349,8 @@ class Trajectories:
 
         The file appears under its name only when it is complete. It replaces an existing file with
         the same mode, or the target of a link.
+
+        %(Parameters: path)s
 
         Raises
         ------
@@ -365,6 +370,12 @@ class Trajectories:
     @filled
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
         """Read a run written by :meth:`save`.
+
+        %(Parameters: path)s
+
+        Returns
+        -------
+        Trajectories
 
         Raises
         ------

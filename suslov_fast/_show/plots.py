@@ -49,12 +49,16 @@ def plot_phase(
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
         Number of level curves, at least 1.
+    %(letter)s
     legend : bool
         Draw a legend below the axes.
+    %(ax)s
 
     Returns
     -------
     matplotlib.axes.Axes
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -143,6 +147,7 @@ def animate_body(
 
     Raises
     ------
+    %(invalid)s
     SingularStepError
         If the orbit meets a pole of the map.
 

@@ -48,11 +48,14 @@ def attitude(
 
     Parameters
     ----------
+    %(rigid_body)s
     omega : array_like(float, shape=(N + 1, ..., D))
         Consecutive states of trajectories, as :func:`iterate` returns them, including NaN after a
         failure. States that do not follow each other, as every k-th state, are an error.
+    %(eps)s
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix, the orientation at the first state; by default the identity.
+    %(threads)s
 
     Returns
     -------
@@ -60,6 +63,8 @@ def attitude(
         Matrices R that take components in the body frame to components in space, orthogonal to
         rounding; NaN from the first NaN state on. In three dimensions
         ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` converts them.
+
+    %(Raises: invalid)s
 
     Notes
     -----

@@ -17,11 +17,15 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     In the continuous problem every motion leaves one steady rotation and tends to another. The
     angle between them in space depends on the body, not on the energy.
 
+    %(Parameters: body_3d)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
         the initial one; NaN if I13 = I23 = 0, because then every state is steady.
+
+    %(Raises: invalid)s
 
     Notes
     -----

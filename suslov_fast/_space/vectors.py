@@ -26,11 +26,15 @@ def to_matrix(
 ) -> FloatArray:
     """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
 
+    %(Parameters: rigid_body, omega, rotation, attitude)s
+
     Returns
     -------
     ndarray(float, shape=(..., n, n))
         In three dimensions, the matrix whose product with a vector v is the vector product of
         (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -61,14 +65,18 @@ def from_matrix(
 
     Parameters
     ----------
+    %(rigid_body)s
     matrix : array_like(float, shape=(..., n, n))
         Antisymmetric matrices that obey the constraint, Omega_ij = 0 for i, j < n in the adapted
         basis, to 1e-12 of the largest component. Where one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         Components in the adapted basis, as all functions take them.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -109,10 +117,14 @@ def to_vector(
 ) -> FloatArray:
     """Angular velocity as a vector, in three dimensions.
 
+    %(Parameters: body_in_3d, omega, rotation, attitude)s
+
     Returns
     -------
     ndarray(float, shape=(..., 3))
         (Omega1, Omega2, 0), or its components in the other basis.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -135,14 +147,18 @@ def from_vector(
 
     Parameters
     ----------
+    %(body_in_3d)s
     vector : array_like(float, shape=(..., 3))
         Angular velocities normal to the constrained axis, to 1e-12 of the largest component. Where
         one is NaN, so is the result.
+    %(rotation)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
         (Omega1, Omega2) in the adapted basis, as all functions take them.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -178,11 +194,15 @@ def momentum(
 
     With a rotor it is I Omega + k e3.
 
+    %(Parameters: rigid_body, omega, rotation, attitude)s
+
     Returns
     -------
     ndarray(float, shape=(..., 3) or (..., n, n))
         A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
         that of omega.
+
+    %(Raises: invalid)s
 
     Notes
     -----

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from .._bodies.field import QuadraticField
+from .._bodies.base import Body
 from .._checks import FloatArray
-from .._docs import filled
-from .._engine.arguments import AnyBody, BodyIn3D, BodyOrField
-from .table import evaluate
+from .table import described, evaluate
 
 
-@filled
-def energy(body: BodyOrField, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
+@described
+def energy(body: Body, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
 
     In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2. The map conserves
     :func:`first_integral` instead.
 
+    %(Parameters: body, omega, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of inertia times that of omega squared.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -32,9 +34,9 @@ def energy(body: BodyOrField, omega: ArrayLike, *, threads: int | None = None) -
     return evaluate("energy", body, {"omega": omega}, threads)
 
 
-@filled
+@described
 def first_integral(
-    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """First integral F of the map.
 
@@ -43,14 +45,14 @@ def first_integral(
     J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
     the length of the component of omega orthogonal to I.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of omega squared over that of inertia.
 
-    Raises
-    ------
-    %(not_integrable)s
+    %(Raises: invalid, not_integrable)s
 
     Notes
     -----
@@ -68,9 +70,9 @@ def first_integral(
     return evaluate("first_integral", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def modified_energy(
-    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
@@ -78,10 +80,14 @@ def modified_energy(
     error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F,
     also with a rotor.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of inertia times that of omega squared.
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -94,9 +100,9 @@ def modified_energy(
     return evaluate("modified_energy", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def criticality(
-    body: AnyBody, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
@@ -105,14 +111,14 @@ def criticality(
     a gyrostat, with the same for k = 0, t = e A with e = eps / (2 sqrt(I1 I2)) and
     A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2).
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         t, dimensionless.
 
-    Raises
-    ------
-    %(not_integrable)s
+    %(Raises: invalid, not_integrable)s
 
     Notes
     -----
@@ -129,19 +135,23 @@ def criticality(
     return evaluate("criticality", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def rotation_number(
-    body: BodyIn3D, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
     It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
     body without a rotor, and for a gyrostat where abs(k) <= A.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         Between -1/2 and 1/2, with the sign of k eps.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -159,9 +169,9 @@ def rotation_number(
     return evaluate("rotation_number", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def invariant_density(
-    body: BodyIn3D | QuadraticField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Density of the invariant measure of the map, in (Omega1, Omega2).
 
@@ -169,11 +179,15 @@ def invariant_density(
     With the :func:`jacobian` J at omega, rho(next omega) det J = rho(omega), signs included. For
     eps = 0 it is a density of the continuous motion.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of 1 / omega over that of inertia to the third power. It has the sign of x, and
         is infinite on the line x = 0 of steady states.
+
+    %(Raises: invalid)s
 
     Notes
     -----

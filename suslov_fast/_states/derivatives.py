@@ -5,22 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._bodies.base import Body
 from .._bodies.rigid import in_units
 from .._checks import FloatArray
 from .._docs import filled
-from .._engine.arguments import AnyBody, BodyOrField, WithoutRotor, check, refuse_rotor
+from .._engine.arguments import WithoutRotor, check, refuse_rotor
 from .._kernels.elimination import ACCURATE
-from .table import evaluate
+from .table import described, evaluate
 
 
-@filled
-def vector_field(body: BodyOrField, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
+@described
+def vector_field(body: Body, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Time derivative of omega in the continuous motion.
+
+    %(Parameters: body, omega, threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         In the unit of omega squared.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -36,17 +41,19 @@ def vector_field(body: BodyOrField, omega: ArrayLike, *, threads: int | None = N
     return evaluate("vector_field", body, {"omega": omega}, threads)
 
 
-@filled
+@described
 def reaction(
-    body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike | None = None, *, threads: int | None = None
 ) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
     Parameters
     ----------
+    %(body, omega)s
     eps : array_like(float, shape=(...)), optional
         Step size, in the unit of time of omega. With it the multiplier is that of the discrete
         equations between each state and its next one, without it that of the continuous equations.
+    %(threads)s
 
     Returns
     -------
@@ -54,6 +61,8 @@ def reaction(
         In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
         matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
         given and a state has no next state.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -75,17 +84,21 @@ def reaction(
     return evaluate("discrete_reaction", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def jacobian(
-    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
+
+    %(Parameters: body, omega, eps, threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
         with one :class:`SingularStepWarning`, where a state has no next state.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -104,18 +117,22 @@ def jacobian(
     return evaluate("jacobian", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
+@described
 def matrix(
-    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     For a gyrostat A(omega; eps) next_omega = A(0; -eps) omega.
 
+    %(Parameters: body, omega, eps, threads)s
+
     Returns
     -------
     ndarray(float, shape=(..., D, D))
         A, dimensionless.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -143,14 +160,19 @@ def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
+    body : Suslov3D or SuslovND
+        A single one, or a batch.
     c : array_like(float, shape=(...))
         Position on the line of steady states, in the unit of omega over that of inertia.
+    %(eps)s
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         Dimensionless. The first is 1, for the direction along the line; the others multiply the
         distance from it, and are infinite at a pole.
+
+    %(Raises: invalid)s
 
     Notes
     -----

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .._bodies.base import Body
 from .._checks import FloatArray, integer
-from .._docs import filled
 from .._engine import threads as _threads
-from .._engine.arguments import BodyOrField, States, check
+from .._engine.arguments import States, check
 from .._engine.evaluation import TASKS, warn_of_missing
 from .._engine.execution import Problem, execute, problem_of, span_of
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
 from .._maps import map_of
 from .step_derivatives import derivatives_of
-from .table import evaluation_of, kinds_with, with_table
+from .table import described, evaluation_of, kinds_with, with_table
 
 # Number of entries of the derivatives that are held at a time.
 _SLAB = 2**18
@@ -29,16 +30,18 @@ _COST = 2
 _NEXT_TO_1 = 0.1
 
 
-@filled
+@partial(described, quantity="jacobian")
 def lyapunov_exponents(
-    body: BodyOrField, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
+    body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
     Parameters
     ----------
+    %(body, omega0, eps)s
     steps : int
         Number of steps, 1 or more.
+    %(threads)s
 
     Returns
     -------
@@ -46,6 +49,8 @@ def lyapunov_exponents(
         Exponents per step, the largest first; divide by eps for rates. -inf if a step is not
         invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails or all digits of a
         determinant cancel.
+
+    %(Raises: invalid)s
 
     Notes
     -----

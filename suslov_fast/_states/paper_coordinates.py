@@ -9,22 +9,25 @@ from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray
-from .._docs import filled
 from .._engine.arguments import refuse_rotor
-from .table import evaluate
+from .table import described, evaluate
 
 
-@filled
+@described
 def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
     The steady states are the line x = 0. x is accurate to rounding near that line too.
+
+    %(Parameters: body, omega, threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
         x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
         of omega.
+
+    %(Raises: invalid)s
 
     Notes
     -----
@@ -40,7 +43,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, *, threads: int | None = None) -> Fl
     return evaluate("to_xy", body, {"omega": omega}, threads)
 
 
-@filled
+@described
 def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> FloatArray:
     """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
 
@@ -48,13 +51,17 @@ def from_xy(body: Suslov3D, xy: ArrayLike, *, threads: int | None = None) -> Flo
 
     Parameters
     ----------
+    %(body)s
     xy : array_like(float, shape=(..., 2))
         Coordinates (x, y). Where one is NaN, so is the result.
+    %(threads)s
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
         (Omega1, Omega2).
+
+    %(Raises: invalid)s
 
     Examples
     --------
@@ -79,7 +86,7 @@ class ClosedForm(NamedTuple):
     t: FloatArray
 
 
-@filled
+@described
 def closed_form(
     body: Suslov3D, omega0: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> ClosedForm:
@@ -90,6 +97,8 @@ def closed_form(
     y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2. eps = 0 gives the constants of the
     continuous motion.
 
+    %(Parameters: body, omega0, eps, threads)s
+
     Returns
     -------
     ClosedForm
@@ -97,6 +106,8 @@ def closed_form(
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
         -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
         0 at rest.
+
+    %(Raises: invalid)s
 
     Notes
     -----

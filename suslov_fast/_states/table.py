@@ -13,6 +13,7 @@ from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray
+from .._docs import F, filled
 from .._engine.arguments import States, check
 from .._engine.evaluation import of_state
 from .._kernels import quantities_3d as kernels
@@ -50,6 +51,13 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 def kinds_with(quantity: str) -> tuple[type[Any], ...]:
     """Return the classes of bodies that have a quantity."""
     return tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)
+
+
+def described(function: F, quantity: str = "") -> F:
+    """Fill in a docstring; the bodies are those that have the quantity, by default of its name."""
+    *others, last = (kind.__name__ for kind in kinds_with(quantity or function.__name__))
+    kinds = f"{', '.join(others)} or {last}" if others else last
+    return filled(function, body=f"body : {kinds}\n    A single one, or a batch.")
 
 
 def with_table(body: Any) -> Any:

@@ -27,8 +27,10 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Parameters
     ----------
+    %(map)s
     n : int
         Number of iterates.
+    %(seed)s
 
     Returns
     -------
@@ -37,6 +39,7 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Raises
     ------
+    %(invalid)s
     ArithmeticError
         If every line runs into points without an image.
 
@@ -105,6 +108,8 @@ def growth(degrees: Sequence[int]) -> Growth:
     Growth
         A named tuple `kind, entropy, based_on`. kind may also be "cubic", "polynomial of degree 4"
         and so on; it is "unclear", and the entropy NaN, if the sequence is too short to tell.
+
+    %(Raises: invalid)s
 
     Examples
     --------

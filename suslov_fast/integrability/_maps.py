@@ -137,6 +137,8 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     KahanMap
         It is callable, and has `inverse`, `jacobian`, `determinant`, `dimension`, `field`, `eps`.
 
+    %(Raises: invalid)s
+
     Examples
     --------
     >>> from suslov_fast import QuadraticField

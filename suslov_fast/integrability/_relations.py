@@ -63,11 +63,13 @@ def hk_bases(
 
     Parameters
     ----------
+    %(map)s
     monomials : int or sequence of exponents
         All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
         100.
+    %(seed)s
 
     Returns
     -------
@@ -77,6 +79,7 @@ def hk_bases(
 
     Raises
     ------
+    %(invalid)s
     ArithmeticError
         If the orbit of `point`, or of most points, ends at a pole.
 
@@ -181,11 +184,13 @@ def darboux_polynomials(
 
     Parameters
     ----------
+    %(map)s
     degree : int
         Largest degree of P.
     cofactor : number or callable, optional
         C: a rational number, or a function that takes a point, a tuple of fractions, and returns
         a rational number, exactly. By default it is ``map.determinant``.
+    %(seed)s
 
     Returns
     -------
@@ -195,6 +200,7 @@ def darboux_polynomials(
 
     Raises
     ------
+    %(invalid)s
     ArithmeticError
         If the map or the cofactor is undefined at most points.
 

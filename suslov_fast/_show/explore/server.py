@@ -173,6 +173,8 @@ def explore(
         Its attribute `url` is the address of the page, and its method `close` ends the server,
         which otherwise ends with the process.
 
+    %(Raises: invalid)s
+
     Examples
     --------
     >>> from suslov_fast import Suslov3D, explore

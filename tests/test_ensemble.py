@@ -4,7 +4,9 @@ import os
 import signal
 import sys
 import threading
+from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import children
 import dask.array
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 import xarray
 from ensemble_runs import BODY, BODY_4D, CUT, KINDS, assert_same, assert_undisturbed, contents, made
+from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
@@ -35,6 +38,7 @@ def compare(store, body, omega0, eps, steps, *, ours=None, **settings):
 
 CHUNK, LZ4 = {"chunk": {"trajectory": 7, "n": 8}}, {"compression": "lz4"}
 TURNING = {"attitude": True}
+TURNS = Rotation.random(20, random_state=1).as_matrix()
 
 
 @pytest.mark.parametrize(
@@ -53,6 +57,8 @@ TURNING = {"attitude": True}
         (GYROSTAT, 20, 0.3, CHUNK, {"save_every": None}),
         (BODY, 20, [[0.2], [0.3]], {}, {"save_every": 1}),
         (BODY, 20, np.linspace(0.1, 0.3, 20), {"chunk": 7}, {"save_every": None}),
+        (BODY, 20, 0.3, CHUNK, {"save_every": 4, "attitude": TURNS}),
+        (BODY, 20, 0.3, {"chunk": {"n": 10**18}}, {"save_every": 4}),
         (BODY, 20, [0.2], {"chunk": {"n": 1}}, {"save_every": 1, "method": "ds2"} | TURNING),
         *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (0,), (1,), (3, 0))],
     ],
@@ -122,6 +128,9 @@ def test_sources_of_initial_states(tmp_path):
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
         assert_same(ensemble(BODY, omega0, 0.2, 20, store=store, chunk=9), orbits)
+    cube = RandomStarts((2, 3, 4), 2.0, seed=5)
+    stored = ensemble(BODY, cube, 0.2, 0, store=tmp_path / "cube.zarr", chunk=2)
+    assert np.array_equal(stored.final, array.reshape(-1, 2)[:24].reshape(2, 3, 4, 2))
     # A run is identified by its initial states, not by their source.
     ensemble(BODY, array, 0.2, 20, store=tmp_path / "file.zarr")
     array[-1, -1, -1] += 1e-9
@@ -186,6 +195,26 @@ def test_stores_of_other_runs_are_refused(store):
     assert contents(store) == before
 
 
+def oscillator(constant, half=Fraction(1, 2), K=None):
+    H = lambda x: half * (x[0] ** 2 + x[1] ** 2) + constant  # noqa: E731
+    return sf.QuadraticField.from_hamiltonian(H, 2, K)
+
+
+def test_a_store_of_a_field_is_that_of_its_H_and_K(store):
+    asked = {**ASKED, "reductions": ["energy_drift"], "store": store}
+    ensemble(**asked | {"body": oscillator(0)})
+    before = contents(store)
+    ensemble(**asked | {"body": oscillator(0.0, half=0.5)})
+    with pytest.raises(ValueError, match=r"with body H .* instead of .*9\.0"):
+        ensemble(**asked | {"body": oscillator(9)})
+    K = [[0, 2], [-2, 0]]
+    with pytest.raises(ValueError, match=r"with body H .* body K .* instead of .*2\.0"):
+        ensemble(**asked | {"body": oscillator(0, Fraction(1, 4), K)})  # the same coefficients
+    assert contents(store) == before
+
+
+UNKNOWN = dask.array.ones((5, 2))
+UNKNOWN = UNKNOWN[UNKNOWN[:, 0] > 0]
 FIELD_DRIFT = {"reductions": ["first_integral_drift"], "body": sf.QuadraticField.of(BODY)}
 BAD = [
     ({"omega0": "starts.txt"}, ValueError, r"omega0.*\.npy"),
@@ -197,8 +226,17 @@ BAD = [
     ({"compression": "gzip"}, ValueError, "compression"),
     ({"dims": ("a", "b")}, ValueError, "dims"),
     ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),
-    ({"coords": {"a/b": 3}}, ValueError, "coords: expected names without '/', .*got .'a/b'"),
-    ({"coords": {"progress": 3}}, ValueError, "coords: expected names .*got .'progress'"),
+    *[
+        ({"coords": {name: 3}}, ValueError, f"coords: expected names without '/'.*got {name!r}")
+        for name in ("a/b", "progress", "zarr.json", "", ".", "..", "__a", "a" * 256, 5)
+    ],
+    ({"dims": "a/b"}, ValueError, "dims: .*got 'a/b'"),
+    ({"dims": "energy_drift"}, ValueError, "dims: .*got 'energy_drift'"),
+    ({"coords": {"a": Fraction(1, 3)}}, ValueError, "coords: expected values that Zarr can store"),
+    ({"omega0": UNKNOWN}, ValueError, r"omega0: .*\(nan, 2\): call its compute_chunk_sizes"),
+    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"space for the run.* [\d,]+ .*[\d,]{18} bytes"),
+    ({"store": "memory://large", "omega0": RandomStarts(10**15, 1)}, MemoryError, "bytes"),
+    ({"store": "memory://large", "steps": 10**15}, MemoryError, "raise save_every"),
     ({"store": None}, TypeError, "store: expected the name of a folder.*got None"),
     ({"scheduler": 5}, TypeError, "scheduler"), ({"progress": 5}, TypeError, "progress"),
     ({"body": "rigid"}, TypeError, "body"),
@@ -241,6 +279,35 @@ def test_a_signal_stops_after_the_current_chunks(store, rng, number):
         stored = unfinished.omega.values[:, ~missing]
         _, orbits = compare(store, BODY, omega0, 0.2, steps, ours=ours, save_every=2)
         assert np.array_equal(stored, orbits.omega[:, ~missing])
+
+
+def test_a_run_larger_than_its_disk_is_refused(store, monkeypatch):
+    """A finished store needs no space, compressed or not; an extended one that of what is added."""
+    free = 0
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=free))
+    asked = {**ASKED, "omega0": RandomStarts(1000, 1.0), "store": store, "compression": "zstd"}
+    size = 1000 * (16 * 11 + 16 + 1 + 8 + 8 + 16 + 9)  # with the records of a tile
+    with pytest.raises(OSError, match=f" 0 bytes are free, got {size:,} bytes"):
+        ensemble(**asked)
+    assert list(store.parent.iterdir()) == []
+    free = size
+    ensemble(**asked)
+    free = 0
+    ensemble(**asked)
+    free = 95_999
+    with pytest.raises(OSError, match=r" 95,999 bytes are free, got 96,000 bytes"):
+        ensemble(**asked | {"steps": 22})  # half of the chunks of states
+    free = 96_000
+    ensemble(**asked | {"steps": 22, "verify": True})
+    assert [path.name for path in store.parent.iterdir()] == [store.name]  # no lock is left
+
+
+def test_an_absent_scheduler_is_named(store, caplog):
+    at_once = dask.config.set({"distributed.comm.timeouts.connect": "10ms"})
+    with at_once, pytest.raises(OSError, match=r"scheduler: .* at 127\.0\.0\.1:1, got none"):
+        ensemble(**ASKED, store=store, scheduler="127.0.0.1:1")
+    assert caplog.messages == ["waiting for the scheduler 127.0.0.1:1"]
+    assert list(store.parent.iterdir()) == []
 
 
 def test_progress_reaches_the_end_in_a_thread(store):

@@ -54,6 +54,11 @@ class Body:
         """The body as JSON, if `_arrays` are not all of it."""
         return None
 
+    @property
+    def _besides(self) -> dict[str, Any]:
+        """Plain values on which results depend besides `_arrays`, by name."""
+        return {}
+
     @cached_property
     def parameters(self) -> tuple[Any, ...]:
         """The parameters of the map, in order."""

@@ -246,6 +246,13 @@ class QuadraticField(Body):
         return json.dumps(self.to_dict())
 
     @property
+    def _besides(self) -> dict[str, Any]:
+        if self.H is None:
+            return {}
+        terms = sorted(self.H.terms.items())
+        return {"H": [[plain(c), *powers] for powers, c in terms], "K": plain_lists(self.K)}
+
+    @property
     def dimension(self) -> int:
         """The number of variables."""
         return int(self.constant.shape[-1])
@@ -351,10 +358,7 @@ class QuadraticField(Body):
             return super().to_dict()
         values: dict[str, Any] = {"body": type(self).__name__}
         values |= {name: plain_lists(each) for name, each in self._values.items()}
-        if self.H is not None:
-            values["H"] = [[plain(c), *powers] for powers, c in self.H.terms.items()]
-            values["K"] = plain_lists(self.K)
-        return values
+        return values | self._besides
 
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:

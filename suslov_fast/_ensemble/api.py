@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from .._checks import aligned, common_shape, integer, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of
+from .._engine.memory import require
 from .._engine.progress import Progress, check_progress
 from .._maps import map_of
 from .._runs.iterate import Method
@@ -20,7 +22,15 @@ from .compute import client_of, finish
 from .job import Job, cut
 from .reductions import checked
 from .starts import RandomStarts, source_of
-from .store import dataset_of, only_writer, open_dataset, prepare, resolved
+from .store import (
+    check_names,
+    dataset_of,
+    only_writer,
+    open_dataset,
+    prepare,
+    require_space,
+    resolved,
+)
 
 if TYPE_CHECKING:
     import dask.array
@@ -143,6 +153,11 @@ def ensemble(
     names, dims = checked(body, reductions), batch_names(dims, len(batch))
     run = body, step_size, source, orientation, batch, steps, save_every, method, names, dims
     job = cut(Job(*run, store, compression), chunk)
+    check_names("dims", job, job.dims)
+    if not os.path.lexists(store):
+        require_space(job)
+    advice = "raise save_every or chunk, or divide the batch"
+    require(8 * job.saved + 64 * math.prod(job.grid), advice)
     identity, dataset = job.identity(), dataset_of(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)

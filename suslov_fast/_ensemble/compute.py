@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 import signal
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from itertools import islice
+from logging import getLogger
 from threading import Event
 from types import FrameType
 from typing import Any
@@ -24,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, instance
+from .._checks import FloatArray, instance, wrong
 from .._engine.arguments import States
 from .._engine.execution import Output, Span, execute, problem_of, span_of
 from .._engine.progress import Progress, reporter
@@ -44,6 +46,8 @@ _DURATION, _FIRST = 20.0, 2**30
 # Number of times that Dask recomputes a tile after an error, and tiles queued per thread of a
 # worker: no thread is idle, and few initial states are in memory.
 _RETRIES, _WAITING = 2, 2
+# Seconds between attempts to reach a scheduler.
+_PAUSE = 0.05
 
 
 def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
@@ -242,8 +246,42 @@ def client_of(scheduler: Any) -> AbstractContextManager[Any]:
     from distributed import Client
 
     instance("scheduler", scheduler, (Client, str))
-    made = isinstance(scheduler, str)
-    return Client(scheduler, set_as_default=False) if made else nullcontext(scheduler)
+    if not isinstance(scheduler, str):
+        return nullcontext(scheduler)
+    _wait_for(scheduler)
+    made: AbstractContextManager[Any] = Client(scheduler, set_as_default=False)
+    return made
+
+
+def _wait_for(address: str) -> None:
+    """Return when something answers at an address; OSError after the time that Dask allows.
+
+    `Client` would wait in a thread that Ctrl-C does not end.
+    """
+    import dask
+    from dask.utils import parse_timedelta
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    protocol, location = parse_address(address)
+    if protocol not in ("tcp", "tls"):
+        return
+    place, answered = parse_host_port(location), Event()
+    seconds = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect", "30s"))
+
+    def attempt() -> None:
+        while not answered.wait(_PAUSE):
+            with suppress(OSError), socket.create_connection(place, seconds):
+                answered.set()
+
+    threading.Thread(target=attempt, daemon=True).start()
+    try:
+        if not answered.wait(10.0 * _PAUSE):
+            getLogger("suslov_fast").warning("waiting for the scheduler %s", address)
+            if not answered.wait(seconds):
+                received = f"none within {seconds:g} s"
+                raise wrong("scheduler", f"a Dask scheduler at {address}", received, OSError)
+    finally:
+        answered.set()  # ends the thread
 
 
 def _run_on_workers(

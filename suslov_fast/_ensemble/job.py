@@ -73,6 +73,11 @@ class Job:
         return ("final", "status", "failed_at", *self.reductions)
 
     @property
+    def saved(self) -> int:
+        """Number of stored states."""
+        return 1 if self.save_every is None else self.steps // self.save_every + 1
+
+    @property
     def numbers(self) -> NDArray[np.int64]:
         """Step numbers of the stored states."""
         return numbers_of_saved(self.steps, self.save_every)
@@ -135,7 +140,7 @@ class Job:
         assert self.source is not None
         parameters = {name: described(value) for name, value in self.body._arrays.items()}
         return {
-            "body": {"map": self.map.name, **parameters},
+            "body": {"map": self.map.name, **parameters, **self.body._besides},
             "eps": described(self.eps),
             "omega0": self.source._identity(),
             "batch": list(self.batch),
@@ -172,8 +177,9 @@ def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
         # Parts of about equal size: a small part takes as much space as others.
         tile = (alike(length, part, 1) if chunk is None and length else part, *tile)
         count = count if sizes else count // part
-    fit = max(1, min(saved, _BYTES // (state_bytes * math.prod(tile))))
-    return replace(job, tile=tile, rows=sizes.get("n") or alike(saved, fit, 1))
+    fit = max(1, _BYTES // (state_bytes * math.prod(tile)))
+    rows = min(sizes["n"], max(saved, fit)) if "n" in sizes else alike(saved, min(saved, fit), 1)
+    return replace(job, tile=tile, rows=rows)
 
 
 def step_work(dimension: int) -> float:
@@ -183,10 +189,15 @@ def step_work(dimension: int) -> float:
 
 def require_same(asked: dict[str, Any], stored: dict[str, Any], store: object) -> None:
     """Raise a ValueError that names the difference if the store holds another run."""
+    asked, stored = (
+        {f"body {name}": value for name, value in each["body"].items()}
+        | {name: value for name, value in each.items() if name != "body"}
+        for each in (asked, stored)
+    )
     differing = [
-        f"{name} {stored.get(name)!s:.99} instead of {asked[name]!s:.99}"
-        for name in asked
-        if stored.get(name) != asked[name]
+        f"{name} {stored.get(name)!s:.99} instead of {asked.get(name)!s:.99}"
+        for name in dict.fromkeys([*asked, *stored])
+        if stored.get(name) != asked.get(name)
     ]
     if differing:
         received = f"{store} of another run, with {'; '.join(differing)}"

@@ -138,6 +138,9 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
     elif hasattr(getattr(omega0, "data", omega0), "dask"):
         check_labels("omega0", omega0, labels)
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
+        if any(length != length for length in omega0.shape):
+            known = "an array of known shape"
+            raise wrong("omega0", known, f"{omega0.shape}: call its compute_chunk_sizes()")
     else:
         return GivenStarts(vectors("omega0", omega0, dimension, True, labels).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:

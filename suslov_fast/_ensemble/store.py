@@ -19,9 +19,10 @@ import hashlib
 import json
 import math
 import os
+import shutil
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -83,8 +84,9 @@ def only_writer(store: Any) -> Iterator[None]:
         return
     from filelock import FileLock, Timeout
 
+    name = f"{os.path.realpath(store)}.lock"
     try:
-        locked: Any = FileLock(f"{os.path.realpath(store)}.lock").acquire(blocking=False)
+        locked: Any = FileLock(name).acquire(blocking=False)
     except Timeout:
         message = "expected a store without another writer, got one in use"
         raise BlockingIOError(errno.EAGAIN, message, store) from None
@@ -93,7 +95,11 @@ def only_writer(store: Any) -> Iterator[None]:
             raise
         locked = nullcontext()  # a finished store can be opened; nothing else can be written
     with locked:
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # Windows removes it later, a read-only folder has none
+                os.unlink(name)
 
 
 def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") -> Any:
@@ -202,12 +208,14 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
     store = job.store
     notes = _described(store)
     if not notes:
+        notes = {"layout": _LAYOUT, "run": identity, "known": [], "tile": list(job.tile)}
+        notes |= {"rows": job.rows, "compression": job.compression}
+        made = _in_memory(job, dataset, notes)  # may raise an error, before anything is written
         options = {"zarr_format": 3, "use_consolidated": False, "attributes": _UNFINISHED}
         group = zarr.open_group(store, mode="a", **options)
         for name in list(group):
             del group[name]
-        notes = {"layout": _LAYOUT, "run": identity, "known": [], "tile": list(job.tile)}
-        _write(job, dataset, notes | {"rows": job.rows, "compression": job.compression})
+        _write(job, made)
         return job
     require_same(identity, notes["run"], store)
     if notes["steps"] > job.steps:
@@ -220,27 +228,43 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
             records = _group(store)[RECORDS]
             for each in np.flatnonzero(done != job.steps).tolist():
                 records[job.where(each)]  # raises an error if its checksum differs
+        require_space(job)
     if shown != job.steps:
-        _write(job, dataset, notes)
+        _write(job, _in_memory(job, _kept(job, dataset, notes), notes))
     return job
 
 
-def _write(job: Job, dataset: Any, notes: dict[str, Any]) -> None:
-    """Write all metadata, and all values that are not computed; chunks of results remain."""
+def _kept(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
+    """Return the dataset with the coordinates in the store that this call does not repeat."""
     import zarr
 
-    groups = (_group(job.store, path, mode="r+") for path in ("", PROGRESS))
-    group = next(each for each in groups if each is not None)
-    place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
     for name in sorted(set(notes["known"]) - set(dataset.variables)):
         try:
-            array = zarr.open_array(place / name, mode="r", zarr_format=3)
+            array = zarr.open_array(_place(job.store) / name, mode="r", zarr_format=3)
             variable = array.metadata.dimension_names, array[...], dict(array.attrs)
         except (FileNotFoundError, *_DAMAGE) as error:
             raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error
         dataset = dataset.assign_coords({name: variable})
-    # All is made in memory first, since Zarr removes the chunks of an array that it creates.
-    made = _in_memory(job, dataset, notes)
+    return dataset
+
+
+def _place(store: Any) -> Any:
+    """Return the path of a store for Zarr."""
+    import zarr
+
+    groups = (_group(store, path, mode="r+") for path in ("", PROGRESS))
+    group = next(each for each in groups if each is not None)
+    return zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
+
+
+def _write(job: Job, made: Any) -> None:
+    """Write all metadata, and all values that are not computed; chunks of results remain.
+
+    All was made in memory, since Zarr removes the chunks of an array that it creates.
+    """
+    import zarr
+
+    place = _place(job.store)
     nodes = sorted(made.members(max_depth=None), key=lambda node: node[0] != PROGRESS)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
@@ -280,7 +304,10 @@ def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
         elif name == "n":  # the same chunks for any number of steps
             options["chunks"] = (_TOGETHER,)
     store = zarr.storage.MemoryStore()
-    dataset.to_zarr(store, compute=False, consolidated=False, encoding=encoding, zarr_format=3)
+    try:
+        dataset.to_zarr(store, compute=False, consolidated=False, encoding=encoding, zarr_format=3)
+    except _DAMAGE as error:
+        raise wrong("coords", "values that Zarr can store", error) from error
     group = zarr.open_group(store, mode="r+", use_consolidated=False)
     attributes = {name: value for name, value in group.attrs.items() if name != "steps"}
     known = sorted(set(map(str, dataset.variables)) - set(computed))
@@ -298,6 +325,55 @@ def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     return group
 
 
+def check_names(argument: str, job: Job, names: Iterable[Any]) -> None:
+    """Raise ValueError for names of axes or coordinates that cannot be those of arrays."""
+    taken = {PROGRESS, *reductions_of(job.map), *job.reductions, "", ".", "..", "zarr.json"}
+    for name in names:
+        fits = isinstance(name, str) and name.isprintable() and len(name.encode()) < 256
+        if not fits or name in taken or "/" in name or name.startswith("__"):
+            expected = "names without '/', and not those of files, groups and reductions in a store"
+            raise wrong(argument, expected, repr(name))
+
+
+def _sizes(job: Job) -> dict[str, int]:
+    """Return the bytes of each computed array, by name."""
+    D, count, itemsize = job.body.dimension, math.prod(job.batch), 8
+    of_components = {name: reductions_of(job.map)[name].of_components for name in job.reductions}
+    numbers = {
+        job.map.variable: job.saved * D,
+        "attitude": job.saved * (D + 1) ** 2,
+        "final": D,
+        "failed_at": 1,
+        **{name: D if wide else 1 for name, wide in of_components.items()},
+    }
+    names = [name for name in (*job.states, *job.results) if name != "status"]
+    sizes = {name: itemsize * numbers[name] * count for name in names}
+    return {**sizes, "status": count, RECORDS: job.record.itemsize * count}
+
+
+def require_space(job: Job) -> None:
+    """Raise an OSError if the missing chunks of a folder may not fit on its disk."""
+    if not _is_folder(job.store):
+        return
+    folder, sizes = os.path.realpath(job.store), _sizes(job)
+    while not os.path.exists(folder):
+        folder = os.path.dirname(folder)
+    free, needed = shutil.disk_usage(folder).free, sum(sizes.values())
+    if needed <= free:
+        return
+    for name, size in sizes.items():  # compressed or not
+        chunks = math.prod(job.grid) * (-(-job.saved // job.rows) if name in job.states else 1)
+        found = sum(len(files) for *_, files in os.walk(os.path.join(job.store, name, "c")))
+        needed -= size * min(found, chunks) // chunks
+    if needed > free:
+        raise OSError(
+            errno.ENOSPC,
+            f"expected a disk with space for the run, of which {free:,} bytes are free, got "
+            f"{needed:,} bytes to store; raise save_every or divide the batch",
+            os.fspath(job.store),
+        )
+
+
 def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with placeholders without memory for results."""
     from dask.array import zeros
@@ -312,8 +388,8 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
         if name in (*job.states, *job.results):
             entries[name] = zeros(entry.axes(batch, sizes), dtype=entry.dtype, chunks=-1)
     dataset = labelled.dataset_of(entries, job.dims, coords)
-    if unfit := [name for name in dataset.coords if name == PROGRESS or "/" in str(name)]:
-        raise wrong("coords", f"names without '/', and not {PROGRESS!r}", unfit)
+    check_names("coords", job, dataset.coords)
+    dataset = dataset.assign_coords({name: each.load() for name, each in dataset.coords.items()})
     for name in job.reductions:
         meaning, *_, of_components = reductions_of(job.map)[name]
         own = {"component": D} if of_components else {}

@@ -91,6 +91,31 @@ def test_axes_are_taken_and_returned(body):
             run.plot(ax=wrong)
 
 
+@pytest.mark.parametrize(
+    ("orbits", "arguments", "lines", "drawn"),
+    [
+        (200, {"steps": 300}, None, "-"),
+        (200, {"steps": 300, "save_every": 10}, None, "None"),
+        (200, {"steps": 300, "save_every": 10}, True, "-"),
+        (1, {"steps": 6, "eps": 2.0}, None, "None"),  # few and long steps
+        (1, {"steps": 6, "eps": 2.0, "save_every": None}, None, "None"),
+        (1, {"steps": 300}, False, "None"),
+    ],
+)
+def test_lines_and_colours_of_a_run(body, orbits, arguments, lines, drawn):
+    omega0 = np.random.default_rng(0).uniform(-2, 2, (orbits, 2))
+    run = sf.iterate(body, omega0, **({"eps": 0.2} | arguments))
+    axes = run.plot(lines=lines)
+    assert {line.get_linestyle() for line in axes.lines} == {drawn}
+    assert {line.get_marker() for line in axes.lines} == {"."}
+    np.testing.assert_array_equal(axes.lines[-1].get_xydata(), run.omega[:, -1])
+    bars = [each for each in axes.figure.axes if each is not axes]
+    assert [each.get_ylabel() for each in bars] == ["size of the first state"] * (orbits > 1)
+    size = np.linalg.norm(run.omega[0], axis=-1)
+    for bar in bars:
+        np.testing.assert_allclose(bar.get_ylim(), [size.min(), size.max()])
+
+
 def test_animation(body):
     animation = sf.animate_body(steps=6, every=3)
     frames = list(animation.new_frame_seq())

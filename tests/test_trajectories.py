@@ -276,7 +276,7 @@ def test_plot(components):
     orbits = sf.iterate(BODY_ND, [[[0.3, 0.9, -0.6]], [[0.1, 0.2, 0.3]]], 0.4, 30)
     axes = orbits.plot(components=components)
     shown = "1 and 2" if components == (0, 1) else "3 and 1"
-    assert axes.get_title() == f"components {shown} of 3; colour: size of the first state"
+    assert axes.get_title() == f"components {shown} of 3"
     assert (axes.lines[0].get_color() != axes.lines[1].get_color()).any()
     assert orbits.plot(ax=axes) is axes
     for k, line in enumerate(axes.lines[:2]):

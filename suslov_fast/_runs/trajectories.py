@@ -236,15 +236,21 @@ class Trajectories:
     )
 
     @filled
-    def plot(self, *, components: tuple[int, int] = (0, 1), ax: Any = None) -> Any:
+    def plot(
+        self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
+    ) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
 
-        Colours follow the size of the first state.
+        States are dots. If there are several trajectories, colours show the size of the first
+        state, and a colour bar its values.
 
         Parameters
         ----------
         components : tuple of int
             Indices of the components on the horizontal and the vertical axis.
+        lines : bool, optional
+            Draw lines from each saved state to the next. By default only if every state is saved
+            and the median of their lengths is below 1/20 of the extent of all states shown.
         %(ax)s
 
         Returns
@@ -273,15 +279,18 @@ class Trajectories:
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
         states = self.states.reshape(len(self), -1, D)
+        if lines is None and (np.diff(self.n) > 1).any():
+            lines = False
         symbols = self._map.symbols(self.body)
         with style():
             from .._show.figures import axes_for, plot_orbits
 
             axes = axes_for(ax, (5.0, 5.0))
-            plot_orbits(axes, states, (first, second))
+            plot_orbits(axes, states, (first, second), lines)
             axes.set_xlabel(symbols[first])
             axes.set_ylabel(symbols[second])
-            axes.set_aspect("equal", adjustable="datalim")
+            if self._map.variable == "omega":  # the components of a field may have different units
+                axes.set_aspect("equal", adjustable="datalim")
         return axes
 
     @filled

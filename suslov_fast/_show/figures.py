@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import LightSource
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LightSource, ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from .._engine.arguments import BodyIn3D
 from .geometry import ellipsoid
 from .style import style, styled
 
+# Without the lightest colours, which are faint on white.
+_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 _AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 # Lengths, relative to an ellipsoid in a sphere of radius 0.85.
 _BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
@@ -46,19 +49,35 @@ def axes_for(ax: Any, size: tuple[float, float], letter: str | None = None) -> A
     return ax
 
 
-def plot_orbits(axes: Any, states: FloatArray, components: tuple[int, int]) -> None:
+def plot_orbits(
+    axes: Any, states: FloatArray, components: tuple[int, int], lines: bool | None
+) -> None:
     """Draw orbits, states (N, batch, D), in a plane, coloured by the size of the first state."""
-    size = np.sqrt((states[0] ** 2).sum(axis=-1))
-    rank = size.argsort().argsort() / max(1, len(size) - 1)
-    colours = colormaps["viridis"](0.05 + 0.85 * rank)
-    if len(size):
-        axes.set_prop_cycle(color=colours)
-    axes.plot(*(states[..., k] for k in components), ".-", markersize=3, linewidth=0.6)
-    notes = ["colour: size of the first state"] * (len(size) > 1)
+    plane = states[..., components]
+    plane = np.where(np.isfinite(plane), plane, np.nan)
+    if lines is None:
+        lines = _are_near(plane)
+    size = np.linalg.norm(states[0], axis=-1)
+    known = size[np.isfinite(size)]
+    if known.size and known.min() < known.max():
+        colours = ScalarMappable(Normalize(known.min(), known.max()), _COLOURS)
+        axes.set_prop_cycle(color=colours.to_rgba(size))
+        axes.figure.colorbar(colours, ax=axes, label="size of the first state", shrink=0.8)
+    look = {"linestyle": "-", "markersize": 3.0} if lines else {"linestyle": "none"}
+    look = {"marker": ".", "markersize": 5.0, "markeredgewidth": 0.0, "linewidth": 0.6} | look
+    axes.plot(plane[..., 0], plane[..., 1], **look)
     if states.shape[-1] > 2:
         shown = " and ".join(str(k + 1) for k in components)
-        notes.insert(0, f"components {shown} of {states.shape[-1]}")
-    axes.set_title("; ".join(notes), fontsize="small")
+        axes.set_title(f"components {shown} of {states.shape[-1]}", fontsize="small")
+
+
+def _are_near(plane: FloatArray) -> bool:
+    """True if the median of steps is below 1/20 of the extent of all states (N, batch, 2)."""
+    points = plane.reshape(-1, 2)
+    points = points[~np.isnan(points).any(axis=-1)]
+    lengths = np.hypot(*np.moveaxis(np.diff(plane, axis=0), -1, 0))
+    lengths = lengths[~np.isnan(lengths)]
+    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(points, axis=0).max())
 
 
 def turning_body(

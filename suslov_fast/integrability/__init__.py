@@ -27,7 +27,9 @@ except ImportError as error:
 
 from .._bodies.field import QuadraticField
 from ._growth import Growth, degrees, growth
+from ._integrals import cofactors
 from ._maps import KahanMap, kahan
+from ._projective import RationalFunction
 from ._relations import HKBasis, darboux_polynomials, hk_bases
 
 __all__ = [
@@ -35,6 +37,8 @@ __all__ = [
     "HKBasis",
     "KahanMap",
     "QuadraticField",
+    "RationalFunction",
+    "cofactors",
     "darboux_polynomials",
     "degrees",
     "growth",

@@ -7,6 +7,7 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import combinations_with_replacement
 from typing import Any
 
 import flint
@@ -49,6 +50,21 @@ def polynomials_with(rows: Any, exponents: Exponents) -> Polynomials:
         P = ring.from_dict(dict(zip(exponents, short, strict=True))).primitive()[1]
         polynomials.append(-P if P.leading_coefficient() < 0 else P)
     return tuple(polynomials)
+
+
+def exponents_up_to(degree: int, n: int) -> Exponents:
+    """Return the exponents of all monomials in n variables up to a degree, in ascending order."""
+    return tuple(
+        tuple(chosen.count(i) for i in range(n))
+        for d in range(degree + 1)
+        for chosen in combinations_with_replacement(range(n), d)
+    )
+
+
+def modulo(P: Any, p: int) -> Any:
+    """Return a polynomial with integer coefficients modulo a prime."""
+    ring = polynomial_ring(P.context().nvars(), flint.nmod_mpoly_ctx, modulus=p)
+    return ring.from_dict({e: int(c) % p for e, c in P.to_dict().items()})
 
 
 def monomial_values(exponents: Exponents, x: Any) -> Any:
@@ -108,11 +124,11 @@ def over_rationals(rng: random.Random, matrix: Callable[[int], Residues]) -> Mat
             residues = residues + modulus * ((new - residues) * pow(modulus, -1, p) % p)
             modulus, used = modulus * p, used + 1
             if used & (used - 1) == 0:  # a power of two
-                candidate = [_reconstructed(r, modulus) for r in residues.flat]
+                candidate = [reconstructed(r, modulus) for r in residues.flat]
     return None
 
 
-def _reconstructed(residue: int, modulus: int) -> Fraction:
+def reconstructed(residue: int, modulus: int) -> Fraction:
     """Return the simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))

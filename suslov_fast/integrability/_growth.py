@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from itertools import islice
+from itertools import islice, product
 from typing import Any, NamedTuple
 
 import flint
@@ -15,7 +15,7 @@ import numpy as np
 from .._checks import instance, integer, wrong
 from .._docs import filled
 from ._exact import confirmed
-from ._maps import Arithmetic, KahanMap, evaluate
+from ._maps import Arithmetic, KahanMap, cramer, evaluate
 
 
 @filled
@@ -60,43 +60,33 @@ def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[in
     line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
     x = [flint.nmod_poly(each, p) for each in ([1], *line)]
     while True:
-        x = _cramer(evaluate(forms, x))
+        x = cramer(evaluate(forms, x))
         common = reduce(lambda a, b: a.gcd(b), x)
         x = [each // common for each in x]
         yield max(each.degree() for each in x)
 
 
-def _cramer(system: list[list[Any]]) -> list[Any]:
-    """Return det A and the numerators of the solution of (A | b), without fractions (Bareiss)."""
-    n, previous = len(system), 1
-    for k in range(n):
-        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
-        if pivot is None:
-            raise ZeroDivisionError
-        system[k], system[pivot] = system[pivot], system[k]
-        top = system[k]
-        for row in system[:k] + system[k + 1 :]:
-            for j in range(k + 1, n + 1):
-                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
-        previous = top[k]
-    return [previous, *(row[n] for row in system)]
-
-
 class Growth(NamedTuple):
     """Growth of a sequence of degrees, as `growth` returns it."""
 
-    kind: str  # "bounded", "linear", "quadratic", "exponential" or "unclear"
+    kind: str  # "bounded", "linear", "quadratic", "cubic", "exponential" or "unclear"
     entropy: float  # the log of the limit of d_(k+1) / d_k
+    entropy_error: float  # 0 if a recurrence holds, else the spread of the fit
     based_on: str  # the recurrence or fit from which kind and entropy follow
+
+
+_SPARE = 3  # degrees more than determine a recurrence
+_PERIODS = 6  # longest period of the coefficients of a quasi-polynomial
 
 
 @filled
 def growth(degrees: Sequence[int]) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
-    If all degrees satisfy a linear recurrence with integer coefficients, and there are at least two
-    more of them than are needed to find it, the result follows from its characteristic polynomial:
-    it is exact if the recurrence continues to hold. Otherwise it is a fit to the last half.
+    If all degrees satisfy a linear recurrence with integer coefficients, and there are at least
+    three more of them than are needed to find it, the result follows from its characteristic
+    polynomial: it is exact if the recurrence continues to hold. Otherwise it is a fit to the last
+    degrees.
 
     Parameters
     ----------
@@ -106,19 +96,22 @@ def growth(degrees: Sequence[int]) -> Growth:
     Returns
     -------
     Growth
-        A named tuple `kind, entropy, based_on`. kind may also be "cubic", "polynomial of degree 4"
-        and so on; it is "unclear", and the entropy NaN, if the sequence is too short to tell.
+        A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
+        degree 4" and so on. If the sequence is too short, or no model fits, kind is "unclear" and
+        the entropy NaN.
 
     %(Raises: invalid)s
 
     Examples
     --------
     >>> from suslov_fast.integrability import growth
-    >>> growth([2, 4, 6, 8, 10, 12])
-    Growth(kind='linear', entropy=0.0, based_on='d(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees')
-    >>> kind, entropy, _ = growth([2, 3, 5, 8, 13, 21])
-    >>> kind, round(entropy, 6)  # the log of the golden ratio
-    ('exponential', 0.481212)
+    >>> growth([2, 4, 6, 8, 10, 12]).based_on
+    'd(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees'
+    >>> kind, entropy, error, _ = growth([2, 3, 5, 8, 13, 21, 34])
+    >>> kind, round(entropy, 6), error  # the log of the golden ratio
+    ('exponential', 0.481212, 0.0)
+    >>> growth([1, 5, 2, 7, 9, 1, 1, 1]).kind
+    'unclear'
     """
     instance("degrees", degrees, Iterable)
     d = []
@@ -127,37 +120,54 @@ def growth(degrees: Sequence[int]) -> Growth:
         if each < 0:
             raise wrong("degrees", "integers of at least 0", each)
         d.append(int(each))
-    half = len(d) // 2
-    power, rate = 0, 0.0
-    if recurrence := _recurrence(d):
-        *c, _ = recurrence.coeffs()
-        terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
-        what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {len(d)} degrees"
-        what = what.replace("+ -", "- ").replace("k+0", "k")
-        for factor, multiplicity in recurrence.factor()[1]:
-            if factor.is_cyclotomic():
-                power = max(power, multiplicity - 1)
-            else:
-                sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
-                rate = max(rate, math.log(max(1.0, *sizes)))
-    elif len(d) < 6 or min(d) == 0:
-        return Growth("unclear", math.nan, f"{len(d)} degrees without a short recurrence")
-    else:
-        what = f"a fit to the last {len(d) - half} of {len(d)} degrees, without a short recurrence"
-        if max(d[half:]) > max(d[:half]):
-            k, logs = np.arange(half + 1, len(d) + 1), np.log(d[half:])
-            (exponent, _), [of_power], *_ = np.polyfit(np.log(k), logs, 1, full=True)
-            (slope, _), [of_rate], *_ = np.polyfit(k, logs, 1, full=True)
-            power, rate = max(round(exponent), 1), float(slope) if of_rate < of_power else 0.0
-    if rate > 0:
-        return Growth("exponential", rate, what)
+    recurrence = _recurrence(d)
+    return _by_fit(d) if recurrence is None else _by_recurrence(recurrence, len(d))
+
+
+def _kind(power: int) -> str:
     kinds = dict(enumerate(("bounded", "linear", "quadratic", "cubic")))
-    return Growth(kinds.get(power, f"polynomial of degree {power}"), 0.0, what)
+    return kinds.get(power, f"polynomial of degree {power}")
+
+
+def _by_recurrence(recurrence: Any, count: int) -> Growth:
+    *c, _ = recurrence.coeffs()
+    terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
+    what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {count} degrees"
+    what = what.replace("+ -", "- ").replace("k+0", "k")
+    power, rate = 0, 0.0
+    for factor, multiplicity in recurrence.factor()[1]:
+        if factor.is_cyclotomic():
+            power = max(power, multiplicity - 1)
+        else:
+            sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
+            rate = max(rate, math.log(max(1.0, *sizes)))
+    return Growth("exponential" if rate > 0 else _kind(power), rate, 0.0, what)
+
+
+def _by_fit(d: list[int]) -> Growth:
+    n, what = len(d), f"{len(d)} degrees without a short recurrence"
+    unclear = Growth("unclear", math.nan, math.nan, what)
+    if n < 6 or min(d) == 0:
+        return unclear
+    last = max(4, n // 2)
+    what = f"a fit to the last {last} of {n} degrees, without a short recurrence"
+    rates = np.diff(np.log(d[-last:]))
+    rate, spread = float(rates.mean()), float(np.ptp(rates))
+    # The slope of a long line looks the same, but does not double.
+    if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
+        return Growth("exponential", rate, spread, what)
+    what = f"a fit to all {n} degrees, without a short recurrence"
+    k, extent = np.arange(n), max(d) - min(d)
+    for power in range(1, min(4, n - _SPARE)):
+        residuals = np.polyval(np.polyfit(k, d, power), k) - d
+        if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
+            return Growth(_kind(power), 0.0, float(rates[-1]), what)
+    return unclear
 
 
 def _recurrence(d: list[int]) -> Any:
     """Return the characteristic polynomial of the shortest recurrence; None if none is certain."""
-    for order in range(len(d) // 2):
+    for order in range((len(d) - _SPARE) // 2 + 1):
         hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
         reduced, _ = flint.fmpq_mat(hankel).rref()
         coefficients = [-reduced[i, order] for i in range(order)]
@@ -165,5 +175,14 @@ def _recurrence(d: list[int]) -> Any:
         if all(a.q == 1 for a in coefficients):
             c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
             if not any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()):
+                return c
+    # Quasi-polynomials after a transient need no coefficients, and so fewer terms.
+    E = flint.fmpz_poly([0, 1])
+    for first in range(len(d) // 3 + 1):
+        for period, power in product(range(1, _PERIODS + 1), range(4)):
+            c = E**first * (E - 1) ** power * (E**period - 1)
+            windows = range(len(d) - c.degree())
+            zeros = [sum(a * d[i + j] for j, a in enumerate(c.coeffs())) == 0 for i in windows]
+            if len(zeros) >= _SPARE + first and all(zeros):
                 return c
     return None

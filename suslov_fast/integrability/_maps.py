@@ -121,6 +121,22 @@ def evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
 
 
+def cramer(system: list[list[Any]]) -> list[Any]:
+    """Return det A and the numerators of the solution of (A | b), without fractions (Bareiss)."""
+    n, previous = len(system), 1
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
+        if pivot is None:
+            raise ZeroDivisionError
+        system[k], system[pivot] = system[pivot], system[k]
+        top = system[k]
+        for row in system[:k] + system[k + 1 :]:
+            for j in range(k + 1, n + 1):
+                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
+        previous = top[k]
+    return [previous, *(row[n] for row in system)]
+
+
 @filled
 def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.

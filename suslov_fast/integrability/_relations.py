@@ -8,7 +8,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import combinations_with_replacement
+from functools import cache, partial
 from typing import Any
 
 import flint
@@ -19,6 +19,7 @@ from .._checks import instance, integer, wrong
 from .._docs import filled
 from . import _exact
 from ._exact import Exponents, Matrix, Point, Polynomials, Residues, confirmed
+from ._integrals import Invariants, common_denominator, factored, rank_of_quotients
 from ._maps import Arithmetic, KahanMap
 
 _MORE = 10  # equations more than unknowns
@@ -31,15 +32,16 @@ class HKBasis:
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
     too long to reconstruct. On random orbits, `independent` of the coefficients are independent
-    first integrals. The quotients of the polynomials `integrals` are first integrals too. There are
-    such polynomials only for the smallest set of monomials that has relations: with more monomials
-    the multiples of a relation are relations of the same orbit.
+    first integrals. The quotients of the polynomials `integrals` are first integrals too, and
+    `complete` is True if as many of these are independent. `degree` is that of the monomials.
     """
 
+    degree: int
     monomials: Exponents = field(repr=False)
     dimension: int
     independent: int
     integrals: Polynomials
+    complete: bool
     point: Point = field(repr=False)
     basis: Matrix | None = field(repr=False)
 
@@ -47,6 +49,16 @@ class HKBasis:
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
         return _exact.polynomials_with(self.basis, self.monomials)
+
+    def __repr__(self) -> str:
+        text = (
+            f"HKBasis(degree={self.degree}, dimension={self.dimension}, "
+            f"independent={self.independent}, integrals={self.integrals}, complete={self.complete})"
+        )
+        if self.complete:
+            return text
+        missing = self.independent - rank_of_quotients(self.integrals)
+        return f"{text}; {missing} more independent: try a higher degree, or `report`"
 
 
 @filled
@@ -59,13 +71,16 @@ def hk_bases(
     relations remains constant. The coefficients of a relation in the form of `HKBasis.basis` are
     first integrals; the rank of their derivatives is the number of independent ones. If the
     relations of all orbits together span one dimension more than those of one orbit, then quotients
-    of these polynomials are first integrals, too.
+    of these polynomials are first integrals, too; otherwise, Darboux polynomials of equal cofactor
+    are sought.
 
     Parameters
     ----------
     %(map)s
     monomials : int or sequence of exponents
-        All monomials up to a degree, 1 included, or the exponents (e1, ..., eD) of each.
+        A degree, or the exponents (e1, ..., eD) of each monomial. For a degree, all monomials up
+        to it are examined; the basis is that of the lowest degree that shows as many independent
+        integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
         100.
@@ -88,46 +103,87 @@ def hk_bases(
     >>> from suslov_fast import QuadraticField, Suslov3D
     >>> from suslov_fast.integrability import hk_bases, kahan
     >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
-    >>> hk_bases(map, 1).dimension, hk_bases(map, 2).dimension
+    >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
     (0, 1)
-    >>> hk_bases(map, 2).integrals
+    >>> hk_bases(map, 4).integrals
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     instance("map", map, KahanMap)
     exponents, rng = _exponents("monomials", monomials, map.dimension), random.Random(seed)
-
-    def relations(p: int, point: Any = None) -> Residues:
-        modular = Arithmetic(map, p)
-        x = modular.random_point(rng) if point is None else [modular.number(a) for a in point]
-        return _relations(modular, exponents, x)
-
-    def span(p: int) -> Residues:
-        rows = [row for _ in range(3) for row in relations(p)]
-        reduced, rank = flint.nmod_mat(rows, p).rref()
-        return _exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
-
     small = rng.sample(range(2, 100), map.dimension)
     start = exact_array("point", small if point is None else point, (map.dimension,))
-    dimension = of_point = confirmed(rng, lambda p: len(relations(p)))
+    degree = max(sum(e) for e in exponents)
+    sets = [exponents]
+    if isinstance(monomials, int | np.integer):
+        sets = [_exact.exponents_up_to(d, map.dimension) for d in range(1, degree + 1)] or sets
+    search = _Relations(map, rng)
+    independent = search.independent(exponents)
+    integrals: Polynomials = ()
+    for exponents in sets if independent else sets[-1:]:
+        found = search.integrals(exponents)
+        if rank_of_quotients(found) > rank_of_quotients(integrals):
+            integrals = found
+        if search.independent(exponents) == independent:
+            break
+    degree = max(sum(e) for e in exponents)
+    if rank_of_quotients(integrals) < independent and sets[0] is not sets[-1]:
+        with contextlib.suppress(ArithmeticError):  # too long
+            found = common_denominator(Invariants(factored(map), degree).integrals)
+            if rank_of_quotients(found) > rank_of_quotients(integrals):
+                integrals = found
     basis: Matrix | None = ()
+    dimension = search.dimension(exponents)
     if dimension > 0 or point is not None:
-        basis = _exact.over_rationals(rng, lambda p: relations(p, start))
-        of_point = dimension if basis is None else len(basis)
-    independent, integrals = 0, ()
-    if dimension > 0:
-        independent = confirmed(rng, lambda p: _independent(Arithmetic(map, p), exponents, rng))
-        integrals = _exact.polynomials_with(_exact.over_rationals(rng, span), exponents)
-    return HKBasis(exponents, of_point, independent, integrals, tuple(start), basis)
+        basis = _exact.over_rationals(rng, lambda p: search.relations(p, exponents, start))
+        dimension = dimension if basis is None else len(basis)
+    complete = rank_of_quotients(integrals) == independent
+    return HKBasis(
+        degree, exponents, dimension, independent, integrals, complete, tuple(start), basis
+    )
+
+
+class _Relations:
+    """Relations between monomials along random orbits."""
+
+    def __init__(self, map: KahanMap, rng: random.Random) -> None:
+        self.map, self.rng = map, rng
+        self.dimension = cache(self._dimension)
+        self.independent = cache(self._independent)
+
+    def relations(self, p: int, exponents: Exponents, point: Any = None) -> Residues:
+        modular = Arithmetic(self.map, p)
+        x = modular.random_point(self.rng)
+        if point is not None:
+            x = [modular.number(a) for a in point]
+        return _relations(modular, exponents, x)
+
+    def _dimension(self, exponents: Exponents) -> int:
+        return int(confirmed(self.rng, lambda p: len(self.relations(p, exponents))))
+
+    def _independent(self, exponents: Exponents) -> int:
+        """Return the number of independent first integrals that the relations show."""
+        if self.dimension(exponents) == 0:
+            return 0
+        modular = partial(Arithmetic, self.map)
+        return int(confirmed(self.rng, lambda p: _independent(modular(p), exponents, self.rng)))
+
+    def integrals(self, exponents: Exponents) -> Polynomials:
+        """Return the polynomials of all relations if their quotients are first integrals."""
+        if (dimension := self.dimension(exponents)) == 0:
+            return ()
+
+        def span(p: int) -> Residues:
+            rows = [row for _ in range(3) for row in self.relations(p, exponents)]
+            reduced, rank = flint.nmod_mat(rows, p).rref()
+            return _exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+
+        return _exact.polynomials_with(_exact.over_rationals(self.rng, span), exponents)
 
 
 def _exponents(name: str, monomials: Any, n: int) -> Exponents:
     """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
     if isinstance(monomials, int | np.integer):
-        return tuple(
-            tuple(chosen.count(i) for i in range(n))
-            for degree in range(integer(name, monomials, 0) + 1)
-            for chosen in combinations_with_replacement(range(n), degree)
-        )
+        return _exact.exponents_up_to(integer(name, monomials, 0), n)
     try:
         exponents = tuple(tuple(integer(name, e, 0) for e in each) for each in monomials)
     except TypeError:

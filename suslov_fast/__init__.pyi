@@ -6,11 +6,11 @@ from ._bodies.body_3d import SuslovGyrostat as SuslovGyrostat
 from ._bodies.body_nd import NotIntegrableError as NotIntegrableError
 from ._bodies.body_nd import SuslovND as SuslovND
 from ._bodies.field import QuadraticField as QuadraticField
+from ._engine.random_starts import RandomStarts as RandomStarts
 from ._engine.status import SingularStepWarning as SingularStepWarning
 from ._engine.status import Status as Status
 from ._ensemble.api import ensemble as ensemble
 from ._ensemble.api import open_ensemble as open_ensemble
-from ._ensemble.starts import RandomStarts as RandomStarts
 from ._maps import body_from_dict as body_from_dict
 from ._runs.iterate import iterate as iterate
 from ._runs.iterate import iterate_full as iterate_full

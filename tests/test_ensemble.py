@@ -18,7 +18,7 @@ from ensemble_runs import BODY, BODY_4D, CUT, KINDS, assert_same, assert_undistu
 from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
-from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
+from suslov_fast import RandomStarts, Status, Suslov3D, ensemble, iterate, open_ensemble
 
 GYROSTAT = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 0.7)
 
@@ -124,7 +124,8 @@ def test_sources_of_initial_states(tmp_path):
         "random": random, "array": array, "file": tmp_path / "starts.npy",
         "dask": dask.array.from_array(array, chunks=(2, 7, 2)),
     }  # fmt: skip
-    orbits = iterate(BODY, array, 0.2, 20, save_every=None)
+    orbits = iterate(BODY, random, 0.2, 20, save_every=None)
+    assert orbits == iterate(BODY, array, 0.2, 20, save_every=None)
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
         assert_same(ensemble(BODY, omega0, 0.2, 20, store=store, chunk=9), orbits)
@@ -176,6 +177,56 @@ def test_reductions(store, rng, body, save_every):
         for name, observable in observables.items():
             change = abs(observable(body, orbits.omega, 0.3) / observable(body, omega0, 0.3) - 1.0)
             assert np.array_equal(dataset[name], change.max(axis=0))
+
+
+def distance(centre):
+    return lambda x: np.hypot(*np.moveaxis(x - centre, -1, 0))
+
+
+def total(omega):
+    return omega.sum()
+
+
+def test_functions_of_the_user(store, rng):
+    """Values at all saved states, NaN too; another source or another carried value is refused."""
+    omega0 = rng.uniform(-2.0, 2.0, (20, 2))
+    chosen = {"log": lambda x: np.log(x[..., 0]), "up": lambda x: x[..., 1] > 0}
+    chosen["distance"] = distance(1.0)
+    settings = {"save_every": 3, "reductions": chosen}
+    for steps, verify in ((30, False), (50, False), (50, True)):
+        ours = {"store": store, "chunk": CUT, "verify": verify}
+        dataset = ensemble(BODY, omega0, 0.3, steps, **ours, **settings)
+        orbits = iterate(BODY, omega0, 0.3, steps, save_every=3)
+        assert_same(dataset, orbits)
+        for name, function in chosen.items():
+            with np.errstate(invalid="ignore"):
+                assert np.array_equal(dataset[name], function(orbits.omega), equal_nan=True)
+    for other in (distance(2.0), lambda x: np.hypot(x[..., 0] - 1.0, x[..., 1] - 1.0)):
+        others = settings | {"reductions": {**chosen, "distance": other}}
+        with pytest.raises(ValueError, match=r"reductions .* instead of"):
+            ensemble(BODY, omega0, 0.3, 50, store=store, **others)
+    (store / "up" / "c" / "0" / "0").unlink()
+    again = ensemble(BODY, omega0, 0.3, 50, **ours, **settings)
+    assert np.array_equal(again.up, dataset.up)
+
+
+BAD_FUNCTIONS = [
+    (np.sin, "whose Python source can be read, .*sin"), (eval("lambda x: x[..., 0]"), "source"),
+    (Status(0).__reduce__, "source"), (total, r"values \(...\), here \(3, 2\), got r with .* \(\)"),
+    (lambda x: x[..., 0] * 1j, "real values, got r .* complex128"),
+    (lambda x: np.cumsum(x[..., 0], axis=0), "one state, got r"),
+    (lambda x: x[..., 9], "got r, which raises IndexError"),
+]  # fmt: skip
+
+
+def test_functions_that_cannot_be_stored(store):
+    for function, message in BAD_FUNCTIONS:
+        with pytest.raises((TypeError, ValueError), match=f"reductions: expected .*{message}"):
+            ensemble(**ASKED, store=store, reductions={"r": function})
+    for name in ("omega", "time", "energy_drift", "eps", "a/b", 5):
+        with pytest.raises(ValueError, match="reductions: expected"):
+            ensemble(**ASKED, store=store, reductions={name: distance(1.0)})
+    assert list(store.parent.iterdir()) == []
 
 
 ASKED = {"body": BODY, "omega0": [[1.0, 0.5]], "eps": 0.2, "steps": 20, "save_every": 2}

@@ -41,6 +41,19 @@ def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance)
     np.testing.assert_allclose(exponents.sum(), of_det / steps, atol=tolerance)
 
 
+def test_a_transient_is_left_out():
+    starts, run = sf.RandomStarts(3, 5.0), (1 / 64, 40)
+    starts = starts.states(3, dimension=3)
+    starts[2] = np.nan
+    later = sf.iterate(LORENZ, starts, 1 / 64, 30, on_singular="ignore").final
+    expected = sf.lyapunov_exponents(LORENZ, later, *run)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(LORENZ, starts, *run, 30), expected)
+    with pytest.raises(ValueError, match="transient: expected an integer of at least 0, got -1"):
+        sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1"):  # a pole in the transient
+        sf.lyapunov_exponents(sf.QuadraticField([[[1]]]), [1.0], 1.0, 5, 3)
+
+
 def test_the_identity_map(rng):
     still, nd = sf.SuslovND([1, 2, 3], [0, 0, 0]), sf.SuslovND([1, 2, 3], [0.4, -0.7, 0.5])
     for body, eps in ((THREE, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2), (still, 0.2), (nd, 0.0)):

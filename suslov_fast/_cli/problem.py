@@ -92,7 +92,7 @@ def starts_of(options: argparse.Namespace, body: Any) -> Any:
         return options.omega0
     if options.initial is not None:
         return np.atleast_2d(read_table(options.initial, map_of(body).components(body)))
-    from .._ensemble.starts import RandomStarts
+    from .._engine.random_starts import RandomStarts
 
     count, extent = options.trajectories or TRAJECTORIES, options.extent
     with about("argument --extent"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.body_nd import SuslovND
 from .._bodies.field import QuadraticField
 from .._checks import FloatArray, aligned, common_shape, instance, real_number, rotations, wrong
+from .random_starts import RandomStarts
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -97,6 +99,9 @@ def check(
             orientation = rotations(name, value, body.dimension + 1)
             shapes[name] = orientation.shape[:-2]
         else:
+            if isinstance(value, RandomStarts):
+                whole = tuple(map(slice, repeat(0), value.shape))
+                value = value._part(whole, len(labels))
             omega, of_states = _checks.states(name, value, labels, later), name
             shapes[name] = omega.shape[:-1]
     batch, threads = common_shape(shapes), thread_count(threads)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,13 +16,14 @@ from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of
 from .._engine.memory import require
 from .._engine.progress import Progress, check_progress
+from .._engine.random_starts import RandomStarts
 from .._maps import map_of
 from .._runs.iterate import Method
 from .._runs.labelled import batch_names
 from .compute import client_of, finish
 from .job import Job, cut
 from .reductions import checked
-from .starts import RandomStarts, source_of
+from .starts import source_of
 from .store import (
     check_names,
     dataset_of,
@@ -51,7 +53,7 @@ def ensemble(
     save_every: int | None = None,
     method: Method = "auto",
     attitude: bool | ArrayLike = False,
-    reductions: Sequence[str] | None = None,
+    reductions: Sequence[str] | Mapping[str, Callable[[Any], Any]] | None = None,
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
@@ -83,11 +85,14 @@ def ensemble(
         As in :func:`iterate`.
     attitude : bool or array_like(float, shape=(..., n, n))
         As in :func:`iterate`.
-    reductions : sequence of str, optional
+    reductions : sequence of str or mapping, optional
         Quantities of each trajectory over the saved states, or, with ``save_every=None``, over all
         states, of which only the last is stored: "first_integral_drift", "modified_energy_drift",
         "energy_drift" (the largest relative change since the start), "omega_min", "omega_max" (the
-        extrema of each component, named by the variable of the states).
+        extrema of each component, named by the variable of the states). Or functions of states
+        (..., D) with real values (...), by name, whose values at the saved states are stored as
+        variables with these names. Their source, and the values that they carry, are part of the
+        identity of the store.
     %(dims, coords)s
     chunk : int or mapping, optional
         Number of trajectories computed together, or sizes along `dims` and "n", the saved states.
@@ -150,10 +155,12 @@ def ensemble(
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
-    names, dims = checked(body, reductions), batch_names(dims, len(batch))
-    run = body, step_size, source, orientation, batch, steps, save_every, method, names, dims
-    job = cut(Job(*run, store, compression), chunk)
+    names, monitors = checked(body, reductions)
+    dims = batch_names(dims, len(batch), monitors)
+    run = body, step_size, source, orientation, batch, steps, save_every, method, names, monitors
+    job = cut(Job(*run, dims, store, compression), chunk)
     check_names("dims", job, job.dims)
+    check_names("reductions", replace(job, monitors={}), monitors)
     if not os.path.lexists(store):
         require_space(job)
     advice = "raise save_every or chunk, or divide the batch"

@@ -30,9 +30,9 @@ from .._checks import FloatArray, instance, wrong
 from .._engine.arguments import States
 from .._engine.execution import Output, Span, execute, problem_of, span_of
 from .._engine.progress import Progress, reporter
+from .._engine.random_starts import RandomStarts
 from .job import Job, step_work
-from .reductions import reductions_of
-from .starts import RandomStarts
+from .reductions import evaluated, reductions_of
 from .store import MARKS, RECORDS, Arrays, advice, open_arrays, withdraw
 
 # Called with a tile and the number of its stored steps.
@@ -136,6 +136,8 @@ def _write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     rows = slice(span.rows_before, span.rows_before + len(output.saved))
     if len(output.saved) and (job.save_every is not None or last):
         states = {job.map.variable: output.saved, "attitude": output.turns}
+        for name, function in job.monitors.items():
+            states[name] = evaluated(name, function, output.saved)
         for name in job.states:
             arrays[name][(rows, *where)] = states[name]
     if last:
@@ -188,8 +190,13 @@ def _steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
             n = np.reshape(numbers[first : first + job.rows], (-1, *(1,) * failed.ndim))
             rows = slice(first, first + len(n))
             for name in job.states:
-                absent = np.isnan(arrays[name][(rows, *where)])
-                absent = absent.reshape(len(n), *failed.shape, -1).any(axis=-1)
+                values = arrays[name][(rows, *where)]
+                if name in job.monitors:  # whose values may be NaN at states that are not
+                    states = np.asarray(arrays[job.map.variable][(rows, *where)])
+                    known = np.isnan(evaluated(name, job.monitors[name], states))
+                    whole &= np.array_equal(np.isnan(values), known)
+                    continue
+                absent = np.isnan(values).reshape(len(n), *failed.shape, -1).any(axis=-1)
                 whole &= np.array_equal(absent, failed & (n >= failed_at))
     except (ValueError, RuntimeError, OSError):  # of checksums and codecs
         return -1

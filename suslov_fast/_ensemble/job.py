@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from .._checks import FloatArray, integer, wrong
 from .._engine.execution import numbers_of_saved
 from .._engine.layout import alike
+from .._engine.random_starts import Slices
 from .._maps import Map, map_of
-from .reductions import reductions_of
-from .starts import Slices, Source, described, part_of
+from .reductions import Monitors, reductions_of
+from .reductions import described as monitor_described
+from .starts import Source, described, part_of
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
@@ -39,6 +41,7 @@ class Job:
     save_every: int | None
     method: str
     reductions: tuple[str, ...]
+    monitors: Monitors
     dims: tuple[str, ...]
     store: Any
     compression: str | None
@@ -62,10 +65,8 @@ class Job:
     @property
     def states(self) -> tuple[str, ...]:
         """Stored arrays with an axis of time."""
-        return (
-            self.map.variable,
-            *("attitude",) * (self.orientation is not None),
-        ) * self.keeps_states
+        turns = ("attitude",) * (self.orientation is not None)
+        return (self.map.variable, *turns, *self.monitors) * self.keeps_states
 
     @property
     def results(self) -> tuple[str, ...]:
@@ -148,7 +149,8 @@ class Job:
             "method": self.method,
             "save_every": self.save_every,
             "attitude": None if self.orientation is None else described(self.orientation),
-            "reductions": list(self.reductions),
+            "reductions": list(self.reductions)
+            or {name: monitor_described(each) for name, each in self.monitors.items()},
             "version": __version__,
         }
 

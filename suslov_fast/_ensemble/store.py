@@ -327,7 +327,7 @@ def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
 
 def check_names(argument: str, job: Job, names: Iterable[Any]) -> None:
     """Raise ValueError for names of axes or coordinates that cannot be those of arrays."""
-    taken = {PROGRESS, *reductions_of(job.map), *job.reductions, "", ".", "..", "zarr.json"}
+    taken = {PROGRESS, *reductions_of(job.map), *job.monitors, "", ".", "..", "zarr.json"}
     for name in names:
         fits = isinstance(name, str) and name.isprintable() and len(name.encode()) < 256
         if not fits or name in taken or "/" in name or name.startswith("__"):
@@ -345,6 +345,7 @@ def _sizes(job: Job) -> dict[str, int]:
         "final": D,
         "failed_at": 1,
         **{name: D if wide else 1 for name, wide in of_components.items()},
+        **dict.fromkeys(job.monitors, job.saved),
     }
     names = [name for name in (*job.states, *job.results) if name != "status"]
     sizes = {name: itemsize * numbers[name] * count for name in names}
@@ -390,6 +391,9 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     dataset = labelled.dataset_of(entries, job.dims, coords)
     check_names("coords", job, dataset.coords)
     dataset = dataset.assign_coords({name: each.load() for name, each in dataset.coords.items()})
+    for name in job.monitors:
+        nothing = zeros((len(job.numbers), *batch), chunks=-1)
+        dataset[name] = (("n", *job.dims), nothing, {"long_name": name})
     for name in job.reductions:
         meaning, *_, of_components = reductions_of(job.map)[name]
         own = {"component": D} if of_components else {}

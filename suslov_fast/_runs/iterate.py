@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -13,6 +13,7 @@ from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of, refuse_rotor
 from .._engine.execution import Problem, problem_of
 from .._engine.progress import Progress
+from .._engine.random_starts import RandomStarts
 from .._maps import map_named, map_of
 from .trajectories import OnSingular, Trajectories, finish, one_step
 
@@ -55,7 +56,7 @@ def step(
 @filled
 def iterate(
     body: BodyOrField,
-    omega0: ArrayLike,
+    omega0: ArrayLike | RandomStarts,
     eps: ArrayLike,
     steps: int,
     *,
@@ -75,7 +76,7 @@ def iterate(
     Parameters
     ----------
     %(body)s
-    omega0 : array_like(float, shape=(..., D))
+    omega0 : array_like(float, shape=(..., D)) or RandomStarts
         State 0: (Omega1, Omega2), or the n - 1 components Omega_in. If it is NaN, the trajectory
         fails at step 0.
     %(eps, steps)s
@@ -121,7 +122,7 @@ def iterate(
     array([ 0.873325, -1.093093])
     """
     map = map_of(body)
-    arguments: dict[str, ArrayLike] = {"omega0": omega0, "eps": eps}
+    arguments: dict[str, Any] = {"omega0": omega0, "eps": eps}
     if attitude is not False:
         arguments |= orientations_of(body, map.carries_attitude, attitude)
     states = check(body, (), arguments, threads)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Names not available for axes of the batch.
-_TAKEN = ("n", "time", *COMPONENTS, "space", "body", "flat")
+TAKEN = ("n", "time", *COMPONENTS, "space", "body", "flat")
 
 
 def import_xarray(*others: str, extra: str = "xarray") -> Any:
@@ -98,7 +98,7 @@ def batch_names(
     names = (dims,) if isinstance(dims, str) else tuple(dims)
     if not all(isinstance(name, str) for name in names):
         raise wrong("dims", "names", repr(dims), TypeError)
-    clashing = sorted({*_TAKEN, *HEADER, *taken} & set(names))
+    clashing = sorted({*TAKEN, *HEADER, *taken} & set(names))
     if len(names) != axes or len(set(names)) != axes or clashing:
         but = f", of which {', '.join(clashing)} is taken" if clashing else ""
         expected = f"a distinct name for each of the {axes} axes of the batch"
@@ -129,7 +129,7 @@ def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None)
         return dataset
     if not isinstance(coords, Mapping):
         raise wrong("coords", "a mapping of names to values", type(coords).__name__, TypeError)
-    if taken := [str(name) for name in coords if name in {*dataset.variables, *_TAKEN}]:
+    if taken := [str(name) for name in coords if name in {*dataset.variables, *TAKEN}]:
         raise wrong("coords", "names not in use", ", ".join(taken))
     try:
         labelled = dataset.assign_coords(coords)

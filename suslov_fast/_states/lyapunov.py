@@ -32,7 +32,13 @@ _NEXT_TO_1 = 0.1
 
 @partial(described, quantity="jacobian")
 def lyapunov_exponents(
-    body: Body, omega0: ArrayLike, eps: ArrayLike, steps: int, *, threads: int | None = None
+    body: Body,
+    omega0: ArrayLike,
+    eps: ArrayLike,
+    steps: int,
+    transient: int = 0,
+    *,
+    threads: int | None = None,
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
@@ -40,7 +46,10 @@ def lyapunov_exponents(
     ----------
     %(body, omega0, eps)s
     steps : int
-        Number of steps, 1 or more.
+        Number of steps of the mean, 1 or more.
+    transient : int
+        Number of steps before the mean begins: the exponents are those of the orbit that starts at
+        the state after them.
     %(threads)s
 
     Returns
@@ -73,8 +82,12 @@ def lyapunov_exponents(
     arguments = {"omega0": omega0, "eps": eps}
     states = check(body, kinds_with("jacobian"), arguments, threads, components)
     steps, problem = integer("steps", steps, 1), problem_of(map_of(body), states)
+    transient = integer("transient", transient, 0)
     if 0 in states.batch:
         return np.empty((*states.batch, body.dimension))
+    if transient:
+        later = execute(problem, span_of(transient, None)).final
+        problem = problem_of(map_of(body), states._replace(omega=later))
     with np.errstate(all="ignore"):
         lengths, of_det = _sums(problem, steps, body.dimension - 1)
         lost = (lengths[..., :-1] == -np.inf).any(axis=-1, keepdims=True)

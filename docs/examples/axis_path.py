@@ -4,7 +4,7 @@ Path of the constrained axis
 
 The axis about which the body cannot turn, seen from space, while the body passes from one steady
 rotation to the other. At both ends the axis moves along a great circle, orthogonal to the axis of
-that rotation. The hidden half of the path is faint.
+that rotation. The sphere has radius 1, and the hidden half of the path is faint.
 """
 
 import matplotlib.pyplot as plt
@@ -37,9 +37,10 @@ for end, style, name in zip(rotation, ("--", "-"), ("first", "last"), strict=Tru
 front = axis @ eye > 0
 axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
 path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
-axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$", box_aspect=(1, 1, 1))
+axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$")
 axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])
+axes.set_aspect("equal")  # after all artists, whose extent it uses
 axes.legend(
     loc="upper center", bbox_to_anchor=(0.5, 1.05), ncols=2, frameon=False, fontsize="small"
 )
-figure.colorbar(path, label="time", shrink=0.7, pad=0.1)
+figure.colorbar(path, label=r"time, in steps of $\epsilon = 0.02$", shrink=0.7, pad=0.1)

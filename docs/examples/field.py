@@ -2,10 +2,10 @@
 Portraits of two quadratic fields
 =================================
 
-On the left a run of the Lorenz system, drawn by the run itself. On the right the system of Henon
-and Heiles at the energy 1/8: the points where 17 orbits of the map cross the plane q1 = 0 upwards.
-Most of them lie on curves; orbits whose largest Lyapunov exponent exceeds 0.01 per unit of time are
-red.
+On the left a run of the Lorenz system with eps = 1/64, drawn by the run itself. On the right the
+system of Henon and Heiles at the energy 1/8, with eps = 1/16: the points where 17 orbits of the map
+cross the plane q1 = 0 upwards. Most of them lie on curves; orbits whose largest Lyapunov exponent
+exceeds 0.01 per unit of time are red.
 """
 
 import matplotlib.pyplot as plt

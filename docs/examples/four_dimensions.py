@@ -24,7 +24,7 @@ starts /= np.sqrt(energy(body, starts))[:, None]
 orbits = iterate(body, starts, eps=0.2, steps=150).omega
 
 figure = plt.figure(figsize=(7.2, 3.6))
-space = figure.add_axes((0.02, 0.02, 0.46, 0.96), projection="3d")
+space = figure.add_axes((0.09, 0.05, 0.4, 0.9), projection="3d")
 space.computed_zorder = False
 space.set_proj_type("ortho")
 space.view_init(elev=18, azim=40)
@@ -52,7 +52,8 @@ for sign, name in ((1, "repelling"), (-1, "attracting")):
 names = {f"{name}label": rf"$\Omega_{{{k}4}}$" for k, name in enumerate("xyz", start=1)}
 space.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1], **names)
 space.zaxis.set_rotate_label(False)
-space.set_box_aspect(radii, zoom=0.8)
+space.set_box_aspect(radii, zoom=0.7)
+space.set_aspect("equal")
 
 # The drift of the energy and of the modified energy.
 drift = figure.add_axes((0.62, 0.15, 0.36, 0.8))

@@ -4,8 +4,8 @@ The gyrostat
 
 A rotor along the constrained axis moves the line of steady states off the origin. Orbits whose
 ellipse of energy meets the line go from its repelling (dashed) to its attracting (solid) half, on
-both sides of it; orbits on smaller ellipses are periodic. Symbols are states of the map, thin lines
-the levels of its first integral.
+both sides of it; orbits on smaller ellipses are periodic. The step size is 0.4. Symbols are states
+of the map, thin lines the levels of its first integral.
 """
 
 import matplotlib.pyplot as plt
@@ -18,8 +18,8 @@ starts = np.concatenate([np.linspace(-2.2, -0.2, 7), [1.4, 1.8, 2.2]])[:, None] 
 runs = [iterate(body, starts, sign * eps, steps=150) for sign in (1, -1)]
 
 # The ellipse of energy E meets the line where k**2 <= A**2.
-L2 = 2 * runs[0].energy()[0] * (body.I13**2 / body.I1 + body.I23**2 / body.I2)
-periodic = body.k**2 > L2
+A2 = 2 * runs[0].energy()[0] * (body.I13**2 / body.I1 + body.I23**2 / body.I2)
+periodic = body.k**2 > A2
 
 figure, axes = plt.subplots(figsize=(6, 5.6), layout="constrained")
 grid = np.linspace(-2.6, 2.6, 300)

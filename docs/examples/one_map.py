@@ -2,9 +2,9 @@
 One map for all bodies
 ======================
 
-In X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
-random realizable bodies with twelve step sizes lie on the conics
-(X**2 + 2 Y**2) / (2 + X**2) = t**2; the thin lines are the levels t = 0.2, 0.4, 0.6, 0.8.
+In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
+random realizable bodies with twelve step sizes from 0.2 to 1.9 lie on the conics (X**2 + Y**2) / (1
++ X**2) = t**2; thin lines are four of these levels.
 """
 
 import matplotlib.pyplot as plt
@@ -26,11 +26,10 @@ x, y = np.moveaxis(to_xy(body, orbits.omega), -1, 0)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
 t = np.broadcast_to(orbits.criticality()[0], x.shape)
-states = axes.scatter(eps * x / np.sqrt(2 * a), eps * y / (2 * a), c=t, s=8, vmin=0, vmax=1)
-X, Y = np.meshgrid(np.linspace(-1.5, 1.5, 200), np.linspace(-1, 1, 200))
-level = np.sqrt((X**2 + 2 * Y**2) / (2 + X**2))
-axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
-axes.plot([], [], color="gray", linewidth=0.6, label="$t = 0.2, 0.4, 0.6, 0.8$")
-axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1))
-axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.5, 1.5), ylim=(-1, 1))
+states = axes.scatter(eps * x / (2 * np.sqrt(a)), eps * y / (2 * a), c=t, s=8, vmin=0, vmax=1)
+X, Y = np.meshgrid(np.linspace(-1.1, 1.1, 200), np.linspace(-1, 1, 200))
+level = np.sqrt((X**2 + Y**2) / (1 + X**2))
+lines = axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
+axes.clabel(lines, fmt="$t = %g$", fontsize=7)
+axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.1, 1.1), ylim=(-1, 1), aspect="equal")
 figure.colorbar(states, label="criticality $t$")

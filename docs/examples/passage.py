@@ -3,9 +3,9 @@ Time of passage
 ===============
 
 The number of steps until an orbit is half way between its two steady states, where y = 0 and, in
-the closed form, theta = k1 n eps + k2 vanishes. It diverges at the dashed, repelling half of the
-line, and is negative for states past the middle. Outside the black lines,
-t >= 1, and orbits jump instead of passing.
+the closed form, theta = k1 n eps + k2 vanishes; here eps = 1.5. It diverges at the dashed,
+repelling half of the line, and is negative for states past the middle. Outside the black lines, t
+>= 1, and orbits jump instead of passing.
 """
 
 import matplotlib.pyplot as plt

@@ -5,7 +5,7 @@ Three regimes
 The criticality t (:func:`~suslov_fast.criticality`) determines the regime of an orbit. For t < 1 it
 follows the continuous motion along an ellipse. At t = 1 it reaches a steady state in one or two
 steps. For t > 1 it jumps from one side of the line of steady states to the other, on a hyperbola.
-In X = eps x / sqrt(2 I1 I2) and Y = eps y / (2 I1 I2) the picture is the same for every body and
+In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the picture is the same for every body and
 step size. Numbers count steps.
 """
 
@@ -16,13 +16,13 @@ from suslov_fast import Suslov3D, criticality, exact, from_xy, iterate, to_xy
 
 body, eps = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), 1.0
 a = body.I1 * body.I2
-units = np.array([np.sqrt(2 * a), 2 * a]) / eps  # of x and y
+units = np.array([2 * np.sqrt(a), 2 * a]) / eps  # of x and y
 
 # Initial (X, Y), steps, the largest X and Y shown, and the last step with a number.
 panels = [
-    ([(0.06, 0.4), (-0.06, 0.4)], 9, (0.8, 0.6), 5),
-    ([(0.75, 1.0), (-1.6, 1.0), (-2.4, -1.0)], 2, (3.2, 2.2), 1),
-    ([(0.33, 1.53)], 5, (3.2, 3.6), 4),
+    ([(0.04, 0.4), (-0.04, 0.4)], 9, (0.6, 0.6), 5),
+    ([(0.55, 1.0), (-1.1, 1.0), (-1.7, -1.0)], 2, (2.2, 2.2), 1),
+    ([(0.23, 1.53)], 5, (2.3, 3.6), 4),
 ]
 figure, axes = plt.subplots(1, 3, figsize=(7.2, 3.6), layout="constrained")
 for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", panels, strict=True):
@@ -31,9 +31,9 @@ for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", pa
     closed = to_xy(body, exact(body, omega0, eps, np.arange(steps + 1))) / units
     t = criticality(body, omega0[0], eps)
 
-    # The level of the first integral, X**2 (1 - t**2) + 2 Y**2 = 2 t**2, as a contour.
+    # The level of the first integral, X**2 (1 - t**2) + Y**2 = t**2, as a contour.
     X, Y = np.meshgrid(np.linspace(-width, width, 201), np.linspace(-height, height, 201))
-    level = X**2 * (1 - t**2) + 2 * Y**2 - 2 * t**2
+    level = X**2 * (1 - t**2) + Y**2 - t**2
     panel.contour(X, Y, level, levels=[0], colors="steelblue", linewidths=1)
     for k in range(len(starts)):
         panel.plot(*iterated[:, k].T, ":", color="grey", linewidth=0.8)

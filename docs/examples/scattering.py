@@ -5,8 +5,8 @@ Scattering angle
 At time minus infinity and at plus infinity the body turns steadily, about two axes in space. The
 angle between them (:func:`~suslov_fast.scattering_angle`) depends on the body alone. The picture
 shows it as a function of the products of inertia, for all bodies with two ratios of I1 and I2;
-black lines are at 1, 10 and 30 degrees. Where :meth:`~suslov_fast.Suslov3D.admissible_I3` is NaN,
-no rigid body has the parameters.
+black lines, also in the colour bar, are at 1, 10 and 30 degrees. Where
+:meth:`~suslov_fast.Suslov3D.admissible_I3` is NaN, no rigid body has the parameters.
 """
 
 import matplotlib.pyplot as plt
@@ -26,11 +26,12 @@ for panel, ratio in zip(axes, (1, 4), strict=True):
     degrees = np.rad2deg(scattering_angle(body))
     degrees[np.isnan(body.admissible_I3()[0])] = np.nan
     shades = panel.contourf(I13, I23, degrees, bounds, **style)
-    panel.contour(I13, I23, degrees, [1, 10, 30], colors="black", linewidths=0.7)
+    lines = panel.contour(I13, I23, degrees, [1, 10, 30], colors="black", linewidths=0.7)
     panel.set_facecolor("0.9")
     panel.text(0.04, 0.04, "no body", color="0.35", transform=panel.transAxes)
     panel.set(title=rf"$I_1 / I_2 = {ratio:g}$", xlabel=r"$I_{13} / \sqrt{I_1 I_2}$")
-    panel.set_aspect("equal")
+    panel.set(xticks=[-0.5, 0, 0.5], aspect="equal")
 axes[0].set_ylabel(r"$I_{23} / \sqrt{I_1 I_2}$")
 bar = figure.colorbar(shades, ax=axes, ticks=bounds, format="%g")
+bar.add_lines(lines)  # at 1, 10 and 30 degrees
 bar.set_label("scattering angle (degrees)")

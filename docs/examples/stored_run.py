@@ -3,8 +3,8 @@ A run from a Zarr store
 =======================
 
 :func:`~suslov_fast.ensemble` writes a run to a Zarr store and opens it as an xarray dataset, from
-which it is drawn. A second call with more steps continues the run in the store. Colours show the
-initial energy.
+which it is drawn; eps = 0.2. A second call with more steps continues the run in the store. Colours
+show the initial energy.
 """
 
 import tempfile

@@ -2,9 +2,9 @@
 Sweep over bodies and step sizes
 ================================
 
-A sweep is an ordinary batch. For each of 60 bodies and 48 step sizes, 2,000 random states are
-drawn; the colour is the fraction of them with t >= 1, whose orbits do not follow the continuous
-motion.
+A sweep is an ordinary batch. For each of 60 bodies and 48 step sizes, 2,000 random states with
+components between -2 and 2 are drawn; the colour is the fraction of them with t >= 1, whose orbits
+do not follow the continuous motion.
 """
 
 import matplotlib.pyplot as plt

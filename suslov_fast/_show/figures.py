@@ -53,11 +53,8 @@ def plot_orbits(
     axes: Any, states: FloatArray, components: tuple[int, int], lines: bool | None
 ) -> None:
     """Draw orbits, states (N, batch, D), in a plane, coloured by the size of the first state."""
-    plane = states[..., components]
-    plane = np.where(np.isfinite(plane), plane, np.nan)
-    if lines is None:
-        lines = _are_near(plane)
-    size = np.linalg.norm(states[0], axis=-1)
+    plane, size = states[..., components], np.linalg.norm(states[0], axis=-1)
+    lines = _are_near(plane) if lines is None else lines
     known = size[np.isfinite(size)]
     if known.size and known.min() < known.max():
         colours = ScalarMappable(Normalize(known.min(), known.max()), _COLOURS)
@@ -73,11 +70,10 @@ def plot_orbits(
 
 def _are_near(plane: FloatArray) -> bool:
     """True if the median of steps is below 1/20 of the extent of all states (N, batch, 2)."""
-    points = plane.reshape(-1, 2)
-    points = points[~np.isnan(points).any(axis=-1)]
-    lengths = np.hypot(*np.moveaxis(np.diff(plane, axis=0), -1, 0))
+    lengths = np.hypot(*np.diff(plane, axis=0).T)
     lengths = lengths[~np.isnan(lengths)]
-    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(points, axis=0).max())
+    known = plane[~np.isnan(plane).any(axis=-1)]
+    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
 
 
 def turning_body(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .flags import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, parse
 
@@ -16,9 +17,15 @@ from .flags import CLOSED_PIPE, COMMANDS, FAILURE, INTERRUPTED, CommandError, pa
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit with its status; errors are one line on stderr."""
     _stop_like_ctrl_c("SIGTERM", "SIGHUP")
+    with warnings.catch_warnings():
+        warnings.showwarning = _print_warning
+        _run(sys.argv[1:] if arguments is None else arguments)
+
+
+def _run(arguments: Sequence[str]) -> NoReturn:
     try:
         try:
-            options = parse(sys.argv[1:] if arguments is None else arguments)
+            options = parse(arguments)
         finally:  # a help text that cannot be written is an error of the output, too
             print(end="", flush=True)
         # Imported here: the modules import Numba, which would delay `--help`.
@@ -27,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             print(text, flush=True)
     except CommandError as error:
         _fail(error.status, str(error))
-    except (ImportError, MemoryError) as error:
+    except (ImportError, MemoryError, Warning) as error:
         _fail(FAILURE, str(error) or "not enough memory")
     except KeyboardInterrupt as error:
         _fail(INTERRUPTED, str(error) or "interrupted")
@@ -38,6 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             sys.exit(CLOSED_PIPE)
         _fail(FAILURE, f"standard output: {error.strerror or error}")
     sys.exit(0)
+
+
+def _print_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    print("suslov-fast: warning:", *str(message).split(), file=sys.stderr)
 
 
 def _stop_like_ctrl_c(*names: str) -> None:

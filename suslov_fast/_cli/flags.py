@@ -6,8 +6,10 @@ This module has no slow imports, so `--help` and usage errors are fast.
 from __future__ import annotations
 
 import argparse
+import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, get_args
@@ -47,14 +49,21 @@ def _value(expected: str, convert: Callable[[str], Any]) -> Callable[[str], Any]
     return read
 
 
-def _integer(low: int) -> Callable[[str], int]:
+def _integer(low: int, high: int = 2**62 - 1) -> Callable[[str], int]:
     def convert(text: str) -> int:
         value = int(text) if re.fullmatch(r"[+-]?\d{1,99}", text) else float(text)
-        if not (low <= value < 2**62 and value == int(value)):
+        if not (low <= value <= high and value == int(value)):
             raise ValueError
         return int(value)
 
-    return _value(f"an integer of at least {low} and below 2**62", convert)
+    most = "below 2**62" if high == 2**62 - 1 else f"at most {high}"
+    return _value(f"an integer of at least {low} and {most}", convert)
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(value := float(text)):
+        raise ValueError
+    return value
 
 
 def _file(*suffixes: str) -> Callable[[str], Path]:
@@ -69,7 +78,7 @@ def _file(*suffixes: str) -> Callable[[str], Path]:
 def _split_sweep(text: str) -> tuple[str, float, float, int]:
     name, _, values = text.partition("=")
     low, high, count = values.split(":")
-    return name, float(low), float(high), _integer(1)(count)
+    return name, _finite(low), _finite(high), _integer(1)(count)
 
 
 def _check_address(text: str) -> str:
@@ -84,9 +93,10 @@ def _list_or_table(text: str) -> Any:
 _SWEEP = "NAME=LOW:HIGH:COUNT"
 _sweep = _value(_SWEEP, _split_sweep)
 _address = _value("an address such as tcp://127.0.0.1:8786", _check_address)
-_number = _value("a number", float)
+_number = _value("a finite number", _finite)
 _list = _value(
-    "numbers separated by commas without spaces", lambda text: [*map(float, text.split(","))]
+    "finite numbers separated by commas without spaces",
+    lambda text: [*map(_finite, text.split(","))],
 )
 _table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
 
@@ -139,10 +149,10 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "verify": _flag("verify the store and recompute damaged data"),
     "file": _option(".npz or .zarr files", _result, "FILE", nargs="+"),
     "format": _option("format (%(default)s)", choices=("png", "pdf", "svg"), default="png"),
-    "dpi": _option("dots per inch (%(default)s)", _integer(1), "N", default=160),
+    "dpi": _option("dots per inch (%(default)s)", _integer(1, 2400), "N", default=160),
     "letters": _flag("label the panels (a), (b) ..."),
     "link": _option("link copied from the page", metavar="LINK", nargs="?"),
-    "port": _option("port of 127.0.0.1 (a free one)", _integer(0), default=0),
+    "port": _option("port of 127.0.0.1 (a free one)", _integer(0, 65535), default=0),
     "no_browser": _flag("print the address, open no browser"),
 }
 # Names on the command line other than those of the table with two dashes.
@@ -162,7 +172,8 @@ class Command(NamedTuple):
     changes: dict[str, dict[str, Any]] = {}  # noqa: RUF012
 
 
-# Options of runs that are larger than memory.
+# Options of what is written, and of runs that are larger than memory.
+SAVED = "save_every attitude orientation force"
 STORE = "chunk scheduler sweep compression reduce verify"
 _BODY = {
     "body (a picture, all parameters, a file or a tensor; tables are .npy or .csv)": (
@@ -256,11 +267,54 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     title = "commands, each with a --help of its own"
     parsers = parser.add_subparsers(title=title, dest="command", metavar="COMMAND", required=True)
+    options = {}
     for name, command in COMMANDS.items():
         first = command.text.partition(".")[0]
         own = parsers.add_parser(name, help=first, description=command.text, allow_abbrev=False)
-        _fill(own, command)
-    return parser.parse_args(_with_negative_values(words))
+        actions = _fill(own, command)
+        options[name] = {word: each for each in actions for word in each.option_strings or [""]}
+    words = _with_negative_values(words) or ["--help"]
+    if words[0] not in ("-h", "--help", "-V", "--version"):
+        _check_words(words, options)
+    return parser.parse_args(words)
+
+
+def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Action]]) -> None:
+    """Raise UsageError for an unknown command or option, and for words that belong to none."""
+    command, *rest = words
+    if owners := [name for name in options if command.partition("=")[0] in options[name]]:
+        line = f"suslov-fast {owners[0]} {' '.join(words)}"
+        raise UsageError(f"expected a command before {command}, got none; did you mean: {line}")
+    if command not in options:
+        choices = [*options, "--help", "--version", "-V"]
+        expected = f"expected a command, {', '.join(options)}, got {command}"
+        raise UsageError(expected + _meant(command, choices))
+    if {"-h", "--help", "--"} & {*rest}:
+        return
+    known, groups = options[command], [("", [""][:0])]
+    for word in rest:
+        if not re.match(r"-[A-Za-z-]", word):
+            groups[-1][1].append(word)
+            continue
+        length = word.find("=") if "=" in word else len(word) if word.startswith("--") else 2
+        if (name := word[:length]) not in known:
+            hint = _meant(name, known) or f"; suslov-fast {command} --help lists all"
+            raise UsageError(f"{command}: expected one of its options, got {name}{hint}")
+        groups.append((name, [word[length:]] if word[length:] else []))
+    for name, values in () if "" in known else groups:
+        takes = int(bool(name) and known[name].nargs != 0)
+        if takes and len(values) > 1 and known[name].type in (_list, _list_or_table):
+            line = f"{name} {','.join(each.strip('=,') for each in values)}"
+            raise UsageError(f"argument {name}: expected numbers separated by commas, as {line}")
+        if len(values) > takes:
+            raise UsageError(f"{command}: expected options, got {values[takes]!r}")
+
+
+def _meant(word: str, choices: Iterable[str]) -> str:
+    """Return a question for the most similar of some words, if there is one."""
+    lower = {each.lower(): each for each in choices}
+    close = get_close_matches(word.lower(), lower, 1)
+    return f"; did you mean {lower[close[0]]}?" if close else ""
 
 
 def _with_negative_values(words: Sequence[str]) -> list[str]:
@@ -274,29 +328,34 @@ def _with_negative_values(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def _fill(parser: argparse.ArgumentParser, command: Command) -> None:
-    """Add the options of a subcommand."""
+def _fill(parser: argparse.ArgumentParser, command: Command) -> list[argparse.Action]:
+    """Add the arguments of a subcommand, and return them."""
+    actions: list[argparse.Action] = []
     for title, words in command.groups.items():
         group: Any = parser.add_argument_group(title) if title else parser
         for word in words.split():
             if word == "PARAMETERS":
-                _add_parameters(group)
+                actions += _add_parameters(group)
                 continue
             names = word.split("|")
             place = group.add_mutually_exclusive_group() if len(names) > 1 else group
             for name in names:
                 settings = {**OPTIONS[name], **command.changes.get(name, {})}
-                place.add_argument(*_NAMES.get(name, [flag(name)]), **settings)
+                actions.append(place.add_argument(*_NAMES.get(name, [flag(name)]), **settings))
+    return actions
 
 
-def _add_parameters(group: Any) -> None:
-    """Add an option for each name of a parameter; the body decides whether it is a number."""
+def _add_parameters(group: Any) -> list[argparse.Action]:
+    """Add an option for each name of a parameter, a number or a list of numbers."""
     classes: dict[str, list[Any]] = {}
     for kind in body_classes():
         for name in kind._names():
             classes.setdefault(name, []).append(kind)
+    actions = []
     for name, kinds in classes.items():
         form = f"{name}1,..." if kinds[0]._axes(name) else name.upper()
         meanings = "; ".join(dict.fromkeys(kind._meanings[name] for kind in kinds))
         meanings += f" ({', '.join(kind.__name__ for kind in kinds)})"
-        group.add_argument(f"--{name}", type=_list, metavar=form, help=meanings)
+        kind = _list if kinds[0]._axes(name) else _number
+        actions.append(group.add_argument(f"--{name}", type=kind, metavar=form, help=meanings))
+    return actions

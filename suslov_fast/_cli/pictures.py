@@ -27,8 +27,8 @@ def pictures(options: argparse.Namespace) -> str:
         options.output.mkdir(parents=True, exist_ok=True)
         for k, (path, picture) in enumerate(zip(paths, PICTURES.values(), strict=True)):
             progress(k, len(paths))
-            axes = plots.plot_phase(*picture, letter="abcd"[k] if options.letters else None)
             with replacing(path) as new:
+                axes = plots.plot_phase(*picture, letter="abcd"[k] if options.letters else None)
                 axes.figure.savefig(new, format=options.format, dpi=options.dpi)
     return "\n".join(map(str, paths))
 
@@ -60,15 +60,14 @@ def explore(options: argparse.Namespace) -> None:
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""
     try:
         server = Server(options.port)
-    except (OSError, OverflowError) as error:
-        expected = f"expected a free port, got {options.port}: {error}"
+    except OSError as error:
+        expected = f"expected a free port, got {options.port}: {error.strerror or error}"
         raise CommandError(f"argument --port: {expected}") from error
     try:
         with server:
             address = server.url + query
             print(address, flush=True)
-            if sys.stderr is not None and sys.stderr.isatty():
-                print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
+            print("suslov-fast: Ctrl-C ends the server", file=sys.stderr, flush=True)
             if not options.no_browser:  # which may block its thread
                 threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
             server.serve_forever(poll_interval=0.1)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,15 @@ import numpy as np
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_nd import SuslovND
 from .._bodies.paper import PICTURES
-from .._checks import FloatArray, inertia_matrix, wrong
+from .._checks import FloatArray, first_index, inertia_matrix, wrong
+from .._engine.random_starts import RandomStarts
+from .._ensemble.starts import open_npy
 from .._maps import body_from_dict, map_of
 from .flags import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about
+
+# Number of states that are examined at a time.
+_READ = 2**20
 
 
 def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
@@ -27,16 +34,17 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
         raise UsageError(f"argument --sweep: expected {twice.pop()} given once, got it twice")
     if options.axis is not None and not (options.inertia or options.mass_tensor):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
+    _require_positive(given)
     body, rotation, eps = None, None, options.eps if options.eps is not None else swept.get("eps")
     if options.body:
         with about(options.body):
-            body = body_from_dict(json.loads(options.body.read_text(encoding="utf-8-sig")))
+            body = body_from_dict(_json(options.body))
     elif options.inertia or options.mass_tensor:
         body, rotation = _of_tensor(options)
     elif options.picture or not given:
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
         body, eps = picture.body, picture.eps if eps is None else eps
-    given |= {name: [low] for name, low in swept.items() if name in names}
+    given |= {name: low for name, low in swept.items() if name in names}
     if given:
         body = _with_parameters(body, given)
     if eps is None:
@@ -45,21 +53,50 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     return body, eps, rotation
 
 
-def _with_parameters(base: Any, given: dict[str, list[float]]) -> Any:
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(_text(path))
+    except json.JSONDecodeError as error:
+        received = f"an error in line {error.lineno}, column {error.colno}"
+        raise ValueError(f"expected JSON, as json.dumps(body.to_dict()), got {received}") from error
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
+    except UnicodeDecodeError as error:
+        raise ValueError(f"expected text in UTF-8, got another byte at {error.start}") from error
+
+
+def _require_positive(given: dict[str, Any]) -> None:
+    """Raise UsageError for numbers that no body can have, whichever parameters are missing."""
+    for kind in body_classes():
+        for name in given.keys() & {*kind._positive}:
+            if np.min(given[name]) <= 0:
+                expected = f"expected a positive {kind._meanings[name]}, got {given[name]}"
+                raise UsageError(f"argument {flag(name)}: {expected}")
+
+
+def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
     """Return the first body that has the given parameters and those of a base, if any."""
     values: dict[str, Any] = (base._values if base is not None else {}) | given
-    needed = {kind: {*kind._required()} for kind in body_classes()}
+    required = {kind: kind._required() for kind in body_classes()}
+    having = [kind for kind in required if values.keys() <= {*kind._names()}]
     # A picture with --k is a gyrostat.
-    kinds = [kind for kind in needed if needed[kind] <= values.keys() <= {*kind._names()}]
+    kinds = [kind for kind in having if {*required[kind]} <= values.keys()]
+    if not kinds and having:
+        missing = [flag(name) for name in required[having[0]] if name not in values]
+        hint = f"those of {having[0].__name__}, missing: {' '.join(missing)}"
+        if {*given} <= PICTURES[DEFAULT_PICTURE].body._values.keys():
+            words = (f"{flag(name)} {value:g}" for name, value in given.items())
+            hint += (
+                f"; or those of a picture, changed: --picture {DEFAULT_PICTURE} {' '.join(words)}"
+            )
+        raise UsageError(f"expected all parameters of a body, {hint}")
     if not kinds:
-        known = " or ".join(" ".join(map(flag, sorted(names))) for names in needed.values())
-        received = " ".join(map(flag, sorted(values)))
+        known = " or ".join(" ".join(map(flag, names)) for names in required.values())
+        received = " ".join(map(flag, values))
         raise UsageError(f"expected the parameters of one body, {known}, got {received}")
-    for name, value in given.items():
-        if not kinds[0]._axes(name):
-            if len(value) > 1:
-                raise UsageError(f"argument {flag(name)}: expected one number, got {len(value)}")
-            values[name] = value[0]
     with about("body"):
         return kinds[0](**values)
 
@@ -91,9 +128,7 @@ def starts_of(options: argparse.Namespace, body: Any) -> Any:
     if options.omega0 is not None:
         return options.omega0
     if options.initial is not None:
-        return np.atleast_2d(read_table(options.initial, map_of(body).components(body)))
-    from .._engine.random_starts import RandomStarts
-
+        return read_table(options.initial, map_of(body).components(body))
     count, extent = options.trajectories or TRAJECTORIES, options.extent
     with about("argument --extent"):
         return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
@@ -107,33 +142,58 @@ def orientation_of(options: argparse.Namespace) -> FloatArray | None:
         return read_table(source)
     from scipy.spatial.transform import Rotation
 
-    with about("argument --orientation"):
-        matrix: FloatArray = Rotation.from_rotvec(source, degrees=True).as_matrix()
-        return matrix
+    if len(source) != 3:
+        raise UsageError(f"argument --orientation: expected three numbers, got {len(source)}")
+    matrix: FloatArray = Rotation.from_rotvec(source, degrees=True).as_matrix()
+    return matrix
 
 
 def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
     """Return the numbers in a .npy, memory-mapped, or a .csv; a header must be `components`."""
     with about(path):
         if path.suffix.lower() == ".npy":
-            array: FloatArray = np.load(path, mmap_mode="r", allow_pickle=False)
+            array: FloatArray = np.atleast_2d(open_npy(path))
+            _require_finite(array)
             return array
-        # Spreadsheets begin files with a byte order mark.
-        lines = [*filter(str.strip, path.read_text(encoding="utf-8-sig").splitlines())]
-        if lines and components and _has_names(lines[0]):
-            header, expected = lines.pop(0), ",".join(components)
+        lines = [*enumerate(_text(path).splitlines(), start=1)]
+        lines = [(number, line) for number, line in lines if line.strip()]
+        if lines and components and _has_names(lines[0][1]):
+            header, expected = lines.pop(0)[1], ",".join(components)
             if "".join(header.lstrip("#").split()).lower() != expected.lower():
                 raise wrong("header", f"{expected} or none", header)
-        rows = [line for line in lines if not line.lstrip().startswith("#")]
+        rows = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
         if not rows:
             raise ValueError("expected at least one row of numbers, got none")
-        return np.loadtxt(rows, delimiter=",", ndmin=2)
+        width = len(components) or rows[0][1].count(",") + 1
+        return np.array([_row(number, line, width) for number, line in rows])
+
+
+def _require_finite(array: FloatArray) -> None:
+    for k in range(0, len(array) if array.dtype.kind == "f" else 0, _READ):
+        finite = np.isfinite(array[k : k + _READ])
+        if not finite.all():
+            row, *others = first_index(~finite)
+            index = row + k, *others
+            raise ValueError(f"expected finite numbers, got {array[index]} at index {index}")
+
+
+def _row(number: int, line: str, width: int) -> list[float]:
+    """Return the numbers in a line of a .csv."""
+    try:
+        row = [*map(float, line.partition("#")[0].split(","))]
+    except ValueError:
+        row = []
+    if len(row) == width and all(map(math.isfinite, row)):
+        return row
+    kind = f"{width} finite numbers separated by commas" if width > 1 else "a finite number"
+    comma = " without a comma" if width > 1 and "," not in line else ""
+    raise ValueError(f"line {number}: expected {kind}, got {line.strip()!r:.60}{comma}")
 
 
 def _has_names(line: str) -> bool:
     """Return True for the names of columns, which NumPy writes after a #."""
     try:
-        float(line.partition(",")[0])
+        float(re.split(r"[,;\s]", line.strip())[0])
     except ValueError:
         return "," in line or not line.lstrip().startswith("#")
     return False

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import shutil
 import time
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from inspect import signature
@@ -19,7 +20,7 @@ import suslov_fast as sf
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
-from .flags import STORE, CommandError, UsageError, flag
+from .flags import SAVED, STORE, CommandError, UsageError, flag
 from .problem import orientation_of, problem_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, progress_bar, require_new
@@ -31,14 +32,20 @@ _LONG = 0.5
 
 def run(options: argparse.Namespace) -> str:
     in_store = options.output is not None and options.output.suffix.lower() == ".zarr"
-    for name in () if in_store else STORE.split():
+    required = {} if in_store else dict.fromkeys(STORE.split(), "-o FILE.zarr")
+    if options.output is None:
+        required |= dict.fromkeys(SAVED.split(), "-o FILE")
+    for name, output in required.items():
         if getattr(options, name):
             given = options.output or "none"
-            raise UsageError(f"argument {flag(name)}: expected -o FILE.zarr with it, got {given}")
+            raise UsageError(f"argument {flag(name)}: expected {output} with it, got {given}")
     body, eps, rotation = problem_of(options)
     if options.threads is not None:
-        with about(f"argument --threads: got {options.threads}"):
-            numba.set_num_threads(options.threads)
+        most = numba.config.NUMBA_NUM_THREADS
+        if options.threads > most:
+            expected = f"expected at most {most}, that of the processors or NUMBA_NUM_THREADS"
+            raise UsageError(f"argument --threads: {expected}, got {options.threads}")
+        numba.set_num_threads(options.threads)
     starts = starts_of(options, body)
     facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
     facts |= {
@@ -58,16 +65,25 @@ def _settings(function: Any, options: argparse.Namespace) -> Facts:
     return settings if orientation is None else {**settings, "attitude": orientation}
 
 
+@contextmanager
+def _in_parts_instead() -> Iterator[None]:
+    """Name the output that holds runs of any size if memory does not suffice."""
+    try:
+        yield
+    except MemoryError as error:
+        raise CommandError(f"run: {error}; -o FILE.zarr writes a run of any size") from error
+
+
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     path = options.output
     if path is not None:
         require_new(path, options.force)
-    if isinstance(starts, sf.RandomStarts):
-        starts = starts.states(starts.shape[0], dimension=body.dimension)
-    settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
     # A file that cannot be written is detected before the run.
     with about(path), nullcontext() if path is None else place_for(path) as put:
-        with about("run"), progress_bar("iterating") as progress:
+        with about("run"), _in_parts_instead(), progress_bar("iterating") as progress:
+            if isinstance(starts, sf.RandomStarts):
+                starts = starts.states(starts.shape[0], dimension=body.dimension)
+            settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
             for _ in range(2):
                 with compile_timer() as compiling:
                     begin = time.perf_counter()

@@ -20,6 +20,7 @@ from .._ensemble.store import open_dataset, resolved
 from .._maps import map_named
 from .._runs.labelled import unvarying
 from .._runs.schema import body_of
+from .flags import CommandError
 from .terminal import about, progress_bar
 
 Facts = dict[str, Any]
@@ -31,15 +32,26 @@ _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
 def info(options: argparse.Namespace) -> str:
-    """Return the summaries of saved runs; of several, each has the name of its file."""
-    texts = []
+    """Return the summaries of saved runs; of several, each has the name of its file.
+
+    Files that cannot be read are one error, after the summaries of the others.
+    """
+    texts, errors = [], []
     for path in options.file:
         facts: Facts = {"file": str(path)} if len(options.file) > 1 else {}
-        with about(path):
-            in_store = path.suffix.lower() == ".zarr"
-            facts |= facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
-        texts.append(text_of(facts, options.json))
-    return ("\n" if options.json else "\n\n").join(texts)
+        try:
+            with about(path):
+                in_store = path.suffix.lower() == ".zarr"
+                facts |= facts_of_store(path) if in_store else facts_of(sf.Trajectories.load(path))
+            texts.append(text_of(facts, options.json))
+        except CommandError as error:
+            errors.append(str(error))
+    text = ("\n" if options.json else "\n\n").join(texts)
+    if errors:
+        if texts:
+            print(text, flush=True)
+        raise CommandError("; ".join(errors))
+    return text
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:

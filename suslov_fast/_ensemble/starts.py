@@ -57,7 +57,7 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
         path = os.fspath(omega0)
         if not path.endswith(".npy"):
             raise wrong("omega0", "the name of a .npy file", repr(omega0))
-        omega0 = np.load(path, mmap_mode="r", allow_pickle=False)
+        omega0 = open_npy(path)
     elif hasattr(getattr(omega0, "data", omega0), "dask"):
         check_labels("omega0", omega0, labels)
         omega0 = getattr(omega0, "data", omega0)  # the data of a labelled array
@@ -69,6 +69,15 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
         raise wrong("omega0", f"shape (..., {dimension})", omega0.shape)
     return GivenStarts(omega0)
+
+
+def open_npy(path: str | os.PathLike[str]) -> Any:
+    """Return the array in a .npy file, memory-mapped."""
+    try:
+        return np.lib.format.open_memmap(path, mode="r")
+    except ValueError as error:
+        expected = "a .npy file with an array of numbers"
+        raise wrong(os.fspath(path), expected, "another file, or a damaged one") from error
 
 
 def part_of(shape: tuple[int, ...], where: Slices) -> Slices:

@@ -90,6 +90,11 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._send(404, b"suslov-fast: no such page\n")
 
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Answer other methods than GET, and requests that are not HTTP, in one line."""
+        self.close_connection = True
+        self._send(code, b"suslov-fast: expected a GET request\n")
+
     def _from_own_page(self) -> bool:
         """Return False for requests from pages of other sites.
 
